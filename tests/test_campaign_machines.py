@@ -10,10 +10,13 @@ import pytest
 
 import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.estimate.registry import KINDS
 from ambkit.show.plots.campaign import in_words
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.many_machines import FIGURES, figures_of
+from ambkit.simulation.sequence import LiftOff
+from ambkit.simulation.waveforms import Constant, Ramp
 from ambkit.workflow.campaign.compute import compute
 from ambkit.workflow.campaign.keys import changed, key_in, nested
 from ambkit.workflow.campaign.machine_margins import peak_of
@@ -100,6 +103,24 @@ def test_a_filter_that_followed_other_speeds_is_as_one_that_did_not() -> None:
         turning = machine.model_copy(update={"speed": speed})
         been = simulate_machine(turning, flight, estimator=one).estimate
         fresh = simulate_machine(turning, flight, estimator=ambkit.KalmanFilter(machine)).estimate
+        assert been is not None
+        assert fresh is not None
+        np.testing.assert_array_equal(been.mean, fresh.mean)
+
+
+@pytest.mark.parametrize("kind", ["linear", "linear-adaptive-noise"])
+def test_a_filter_that_followed_a_run_up_is_as_one_that_did_not(kind: str) -> None:
+    machine = ambkit.Machine.preset("tum_mlps")
+    sequence = LiftOff(start=1e-3, wait=2e-3, lift=0.02)
+    one = KINDS[kind].make(machine, None, synchronous=("unbalance",), precision="float32")
+    for slope in (3000.0, -3000.0, 1000.0):
+        speed = Constant(value=machine.speed) + Ramp(slope=slope)
+        flight = ambkit.Flight(
+            duration=0.03, start="rest", feedback="estimate", speed=speed, sequence=sequence
+        )
+        new = KINDS[kind].make(machine, None, synchronous=("unbalance",), precision="float32")
+        been = simulate_machine(machine, flight, estimator=one).estimate
+        fresh = simulate_machine(machine, flight, estimator=new).estimate
         assert been is not None
         assert fresh is not None
         np.testing.assert_array_equal(been.mean, fresh.mean)

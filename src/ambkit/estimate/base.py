@@ -483,11 +483,10 @@ class Estimator(Copyable):
         if own is None:
             return None
         given = np.full(n, own) if speed is None else np.asarray(speed, float)
+        self.engine.stand(self.core)  # nothing is left of a speed that it followed before
         if bool((given == own).all()):
-            self.engine.stand(self.core)
             return None
         self.engine.let_turn(float(given.min()), float(given.max()))
-        # From the first sample on: nothing is left of where the model was before.
         self.engine.model_of_core.turn(float(given[0]), 0.0)
         return np.ascontiguousarray(given, self.precision)
 

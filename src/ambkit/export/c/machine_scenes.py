@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from copy import deepcopy
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -98,12 +97,10 @@ def vectors(
     machine = estimator.whole.machine
     parts = []
     for scene in _scenes(machine, flight):
-        fresh = deepcopy(estimator)  # what has followed another speed may keep a trace of it
         run = simulate_machine(
-            machine, scene.flight, estimator=fresh, controllers=controllers,
+            machine, scene.flight, estimator=estimator, controllers=controllers,
             readings=scene.readings, references=scene.references, from_readings=True,
-            fly=scene.fly,
-            other=None if flight.sequence is None else _quick(estimator),
+            fly=scene.fly, other=None if flight.sequence is None else _quick(estimator),
         )  # fmt: skip
         record = run.record
         y = np.column_stack([record[f"y_{r.name}"] for r in machine.readings])
