@@ -120,17 +120,17 @@ def _find_rotor(found: list[Candidate]) -> Rotor | None:
     moves = rotor(
         rows[kept], places.get(id(y)) if y else None, places.get(id(control)) if control else None
     )
-    misnamed = moves is None and y is None and control is not None
-    if misnamed:  # a "command" may be the reference's
-        moves = rotor(rows[kept])
+    misnamed = None
+    if moves is None and y is None and control is not None:  # a "command" may be the reference's
+        moves, misnamed = rotor(rows[kept]), control
     if moves is None:
         return None
     of = [compared[k] for k in kept]
     position, mover = of[moves.position], of[moves.control]
-    if misnamed and control is not None and control is not mover and control is not position:
-        control.role = ""
+    if misnamed is not None and misnamed is not mover and misnamed is not position:
+        misnamed.role = ""
         moved = f"{position.label} moves with {mover.label}"
-        control.why[-1] = f"named like a control signal, but {moved}"
+        misnamed.why[-1] = f"named like a control signal, but {moved}"
     how = f"{100 * moves.fit.explained:.0f} % of its acceleration explained"
     how += "" if moves.fit.sure else ", in two bands of frequency only: look twice"
     if not position.role:

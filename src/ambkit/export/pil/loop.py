@@ -16,7 +16,7 @@ from ambkit.export.c.model import states
 from ambkit.export.pil import boards, build, path
 from ambkit.export.pil.build import AXIS_STATES, PREFIX
 from ambkit.export.pil.processor import Processor
-from ambkit.export.pil.result import Pil, in_flight, largest_and_rms, modes_of, others_sent
+from ambkit.export.pil.result import Pil, judged, others_sent
 from ambkit.export.pil.whole import fly_whole
 from ambkit.machine.machine import Machine
 from ambkit.simulation.control import Controller
@@ -162,31 +162,11 @@ def _judged(
     if estimator.inputs.y.gain == 1.0 and not estimator.inputs.y.zero:
         same = simulate_run(bearing, scenario, estimator=estimator).record
         flight = int((same["x"] != record["x"]).sum())
-    mode = told["mode"].astype(int)
-    flying, settled = in_flight(mode)
-    worst, rms = largest_and_rms((record["x"] - record["r"])[settled])
     names = [state.name for state in estimator.states][:AXIS_STATES]
-    counted = told["instructions"][told["instructions"] > 0]
-    travel = bearing.rotor.travel_limit
-    return Pil(
-        record=record,
-        answers=told,
-        samples=len(mode),
-        unequal=unequal,
-        unequal_flight=flight,
-        selftest=int(greeting["unequal"] + greeting["wrong_status"] + greeting["wrong"]),
-        modes=modes_of(mode, record.t),
-        worst=worst,
-        rms=rms,
-        touched=int((np.abs(record["x"][flying]) >= travel).sum()),
-        instructions=int(np.median(counted)),
-        most=int(counted.max()),
-        bound=bound,
-        frames=frames,
-        unequal_frames=others_sent(told, frames, names, coils=True),
-        stack_seen=int(told["stack"].max()),
-        state=int(greeting["state"]),
-        run=None,
-        board=board.about,
-        built=built,
-    )
+    x = record["x"][:, None]
+    return judged(
+        told, greeting, off=x - record["r"][:, None], moved=x, travel=bearing.rotor.travel_limit,
+        record=record, run=None, unequal=unequal, unequal_flight=flight, frames=frames,
+        unequal_frames=others_sent(told, frames, names, coils=True), bound=bound,
+        board=board.about, built=built,
+    )  # fmt: skip

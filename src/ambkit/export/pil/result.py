@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.simulation.machine import MachineRun
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class Pil:
@@ -123,22 +125,46 @@ def others_sent(told: NDArray[np.void], frames: Record, names: list[str], coils:
     return sum(int((there != sent).sum()) for there, sent in pairs)
 
 
-def modes_of(
-    mode: NDArray[np.integer[Any]], t: NDArray[np.float64]
-) -> tuple[tuple[float, str], ...]:
-    """Return when it began to do what [s]."""
+def judged(
+    told: NDArray[np.void],
+    greeting: np.void,
+    *,
+    off: Array,
+    moved: Array,
+    travel: Array | float,
+    **given: Any,
+) -> Pil:
+    """Return what the answers say of flight and cost, with what else there is.
+
+    Parameters
+    ----------
+    told : ndarray (n,)
+        The answers.
+    greeting : void
+        What it said of itself, `processor.GREETING`.
+    off, moved : ndarray (n, axes)
+        Distance from the reference, and from the middle [m].
+    travel : ndarray (axes,) or float
+        Of the stops [m].
+    **given
+        All other fields of `Pil`.
+    """
+    mode = told["mode"].astype(int)
     begins = np.flatnonzero(np.diff(mode, prepend=-1))
-    return tuple((float(t[k]), Mode(mode[k]).name) for k in begins)
-
-
-def in_flight(mode: NDArray[np.integer[Any]]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the samples in which it flew, and these without their first tenth."""
     flying = np.flatnonzero(mode == Mode.FLYING)
-    return flying, flying[len(flying) // 10 :]
-
-
-def largest_and_rms(off: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the largest of distances [m], and their root mean square; NaN where there are none."""
-    if not off.size:
-        return float("nan"), float("nan")
-    return float(np.abs(off).max()), float(np.sqrt((off**2).mean()))
+    settled = off[flying[len(flying) // 10 :]]
+    counted = told["instructions"][told["instructions"] > 0]
+    return Pil(
+        answers=told,
+        samples=len(told),
+        selftest=int(greeting["unequal"] + greeting["wrong_status"] + greeting["wrong"]),
+        modes=tuple((float(given["record"].t[k]), Mode(mode[k]).name) for k in begins),
+        worst=float(np.abs(settled).max()) if settled.size else float("nan"),
+        rms=float(np.sqrt((settled**2).mean())) if settled.size else float("nan"),
+        touched=int((np.abs(moved[flying]) >= travel).any(axis=1).sum()),
+        instructions=int(np.median(counted)),
+        most=int(counted.max()),
+        stack_seen=int(told["stack"].max()),
+        state=int(greeting["state"]),
+        **given,
+    )

@@ -16,7 +16,7 @@ from ambkit.export.pil import build, path
 from ambkit.export.pil.boards import QEMU_BOARD, Board
 from ambkit.export.pil.build import PREFIX
 from ambkit.export.pil.processor import Processor
-from ambkit.export.pil.result import Pil, in_flight, largest_and_rms, modes_of, others_sent
+from ambkit.export.pil.result import Pil, judged, others_sent
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.sequence import LiftOff
 
@@ -81,34 +81,15 @@ def fly_whole(
             told = processor.answers
         frames = read_telemetry(folder / "pipes" / "frames", export / "telemetry.json")
     others = _others(run, told)
-    mode = told["mode"].astype(int)
-    flying, settled = in_flight(mode)
     s = np.column_stack([run.record[f"s_{axis.name}"] for axis in machine.axes])
     travel = np.array([axis.bearing.travel_limit for axis in machine.axes])
-    worst, rms = largest_and_rms((s - r)[settled])
-    counted = told["instructions"][told["instructions"] > 0]
-    return Pil(
-        record=run.record,
-        answers=told,
-        samples=len(told),
-        unequal=int(others.sum()),
-        frames=frames,
-        unequal_frames=others_sent(told, frames, [s.name for s in estimator.states], coils=False),
-        unequal_flight=int((others > 0).sum()),
-        selftest=int(greeting["unequal"] + greeting["wrong_status"] + greeting["wrong"]),
-        modes=modes_of(mode, run.record.t),
-        worst=worst,
-        rms=rms,
-        touched=int((np.abs(s[flying]) >= travel).any(axis=1).sum()),
-        instructions=int(np.median(counted)),
-        most=int(counted.max()),
-        bound=bound,
-        stack_seen=int(told["stack"].max()),
-        state=int(greeting["state"]),
-        run=run,
-        board=board.about,
-        built=built,
-    )
+    names = [state.name for state in estimator.states]
+    return judged(
+        told, greeting, off=s - r, moved=s, travel=travel, record=run.record, run=run,
+        unequal=int(others.sum()), unequal_flight=int((others > 0).sum()), frames=frames,
+        unequal_frames=others_sent(told, frames, names, coils=False), bound=bound,
+        board=board.about, built=built,
+    )  # fmt: skip
 
 
 def _others(run: MachineRun, told: NDArray[np.void]) -> NDArray[np.intp]:
@@ -123,6 +104,7 @@ def _others(run: MachineRun, told: NDArray[np.void]) -> NDArray[np.intp]:
     coil = np.stack([bias + told["iu"], np.where(away, bias - told["iu"], 0)], axis=2)
     assert run.estimate is not None
     others = (told["mode"] != record["mode"]).astype(int)
+    others += (told["status"] != run.status).astype(int) + (told["usable"] != run.usable)
     others += (told["u"] != u).sum(1) + (told["u"] != told["iu"] / gain).sum(1)
     others += (told["coil"] != coil.astype(single)).sum((1, 2))
     others += (told["mean"] != run.estimate.mean).sum(1)
