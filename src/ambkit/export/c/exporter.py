@@ -161,11 +161,7 @@ def export_c(
         magnet = table
     elif force_bound is not None:
         raise AmbkitError("force_bound is for an expert in tabulated form")
-    if filter_file is None:
-        estimator = made(kind, bearing, magnet, options)
-    else:
-        estimator = filter_file.make(precision=options["precision"], magnet=magnet)
-        called(estimator)
+    estimator = made(kind, bearing, magnet, filter_file, options)
     _check_nodes(estimator)
     spent = cost.of(estimator) if precision == "float" and not editable else None
     controller = None
@@ -207,6 +203,7 @@ def made(
     kind: str | None,
     bearing: Bearing | Machine,
     magnet: MagnetModel | None,
+    filter_file: FilterFile | None,
     options: dict[str, Any],
 ) -> Estimator:
     """Return the estimator that is exported.
@@ -219,6 +216,8 @@ def made(
         What is filtered.
     magnet : optional
         What it asks of its magnet.
+    filter_file : FilterFile or None
+        The filter, in the place of `kind` and all options but the ``precision``.
     options : dict
         Of the kind.
 
@@ -227,6 +226,10 @@ def made(
     AmbkitError
         There is no such kind, or it is of one axis, or is more than the core has room for.
     """
+    if filter_file is not None:
+        estimator = filter_file.make(precision=options["precision"], magnet=magnet)
+        called(estimator)
+        return estimator
     if kind is None:
         kind = "linear" if magnet is None else "adaptive"
     if kind not in KINDS:

@@ -74,8 +74,9 @@ def pil(
         flight = scenario or Flight(duration=1.0)
         if not isinstance(flight, Flight):
             raise AmbkitError(f"{bearing.name}: a machine flies a Flight, this is a Scenario")
+        estimator = made(kind, bearing, magnet, filter_file, {"precision": "float32"})
         return fly_whole(
-            bearing, _estimator(bearing, magnet, kind, filter_file), flight, for_board,
+            bearing, estimator, flight, for_board,
             magnet=magnet, kind=kind, filter_file=filter_file,
         )  # fmt: skip
     scenario = scenario or Scenario(duration=1.0)
@@ -88,7 +89,7 @@ def pil(
             bearing, magnet, folder / "export", kind=kind, filter_file=filter_file, prefix=PREFIX,
             scenario=flown, telemetry=True,
         ).folder  # fmt: skip
-        estimator = _estimator(bearing, magnet, kind, filter_file)
+        estimator = made(kind, bearing, magnet, filter_file, {"precision": "float32"})
         fields = [state.field for state in states(estimator.states)][:AXIS_STATES]
         image = build.firmware(export, "axis", fields, boards.QEMU_BOARD, folder / "qemu")
         built = build.size(export, PREFIX, for_board, folder / "board")
@@ -109,18 +110,6 @@ def pil(
 def _from_rest(scenario: Scenario) -> Scenario:
     update = {"start": "rest", "sequence": scenario.sequence or LiftOff()}
     return scenario.model_copy(update=update)
-
-
-def _estimator(
-    bearing: Bearing | Machine,
-    magnet: MagnetModel | None,
-    kind: str | None,
-    file: FilterFile | None,
-) -> Estimator:
-    """Return what is exported, in Python."""
-    if file is not None:
-        return file.make(precision="float32", magnet=magnet)
-    return made(kind, bearing, magnet, {"precision": "float32"})
 
 
 def _fly(
