@@ -78,6 +78,19 @@ static void begin_anew(const amb_kalman *kf, int models, amb_multiple_model_stat
   agree(n, models, s);
 }
 
+/* Each model by itself is within what is left to a rotor; else all begin anew. */
+static amb_status hold_each(const amb_kalman *kf, int models, amb_multiple_model_state *s)
+{
+  for (int j = 0; j < models; j++) {
+    if (!amb_envelope_bounds(kf, AMB_BOUNDLESS, s->model[j].mean, s->model[j].cov)) {
+      begin_anew(kf, models, s);
+      return AMB_RESTARTED;
+    }
+  }
+  amb_excitation_hold(&s->excitation, kf);
+  return AMB_OK;
+}
+
 /* As amb_step_contain. */
 static amb_status contain(const amb_kalman *kf, int models, amb_multiple_model_state *s)
 {
@@ -353,11 +366,13 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
     }
   }
   amb_status status = amb_step_each(take_in, kf, own, &h, s->base.mean, y, result);
+  const amb_status held = hold_each(kf, own->n, s);
   bool taken = false;
   for (int r = 0; r < amb_sensors(model); r++) {
     taken = taken || h.taken[r];
   }
-  if (taken) {
+  status |= held;
+  if (taken && (held == AMB_OK)) {
     s->excited =
         amb_excitation_learns(&s->excitation, &own->learn, kf, s->model[nearest(own, s)].mean);
     if (s->excited) {
@@ -372,7 +387,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
       }
     }
   }
-  if (!amb_step_tells(model, result)) {
+  if (!amb_step_tells(model, result) || (held != AMB_OK)) {
     amb_excitation_miss(&s->excitation);
     s->excited = false;
   }
