@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
+from quick import quick
 from scipy.integrate import solve_ivp
 
 from ambkit import Machine, Recorded
@@ -20,12 +20,12 @@ Array = NDArray[np.float64]
 
 PRESETS = presets.machine_names()
 RIGS = ["hindawi_2011", "tum_mlps", "ufu_flexible", "ufu_rig"]
-AND_LONG = [
-    name if name in RIGS else pytest.param(name, marks=pytest.mark.long) for name in PRESETS
-]
+RIGID = [name for name in RIGS if name != "ufu_flexible"]
+AND_LONG = quick(PRESETS, RIGS)
 """All presets, those that are not among the first ones in the long tests alone."""
-OF_KILOGRAMS = [*RIGS, *(pytest.param(name, marks=pytest.mark.long)
-                         for name in ("compressor", "tum_mlps_flexible"))]  # fmt: skip
+RIGID_AND_LONG = quick(PRESETS, RIGID)
+"""The same, where a flexible rotor takes ten seconds."""
+OF_KILOGRAMS = quick([*RIGS, "compressor", "tum_mlps_flexible"], RIGID)
 """Those that loads of some newtons do not throw into their backup bearings."""
 
 UFU = Machine.preset("ufu_rig")

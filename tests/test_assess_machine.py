@@ -244,6 +244,7 @@ def test_lqg_of_a_machine_stands_beside_the_loops():
 # ---- the page, and the command
 
 
+@pytest.mark.long
 def test_the_verdict_on_a_machine(tmp_path):
     found = ambkit.assess(UFU, "linear")
     over = assess_over_speed(UFU, "linear", fastest="6000 rpm", count=3)

@@ -8,7 +8,10 @@ from ambkit.workflow.assessing import MEASUREMENT
 
 @pytest.mark.parametrize(("arguments", "said"), [
     (["ufu_rig"], "Each axis with all other loops closed"),
-    (["ufu_rig", "--filter", "none", "--over-speed", "3000 rpm"], "to 3000 rpm"),
+    pytest.param(
+        ["ufu_rig", "--filter", "none", "--over-speed", "3000 rpm"], "to 3000 rpm",
+        marks=pytest.mark.long,
+    ),
     (["ufu_rig", "--filter", "none", "--sweep", "1 um", "--axis", "A1"], "ufu_rig A1"),
 ])  # fmt: skip
 def test_command(call, tmp_path, arguments, said):

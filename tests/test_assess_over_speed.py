@@ -20,6 +20,7 @@ UFU = Machine.preset("ufu_rig")
 # ---- over speed
 
 
+@pytest.mark.long
 def test_over_speed_goes_through_the_machines_own():
     own = UFU.model_copy(update={"speed": 600.0})
     over = assess_over_speed(own, "linear", fastest=1200.0, count=3)

@@ -9,11 +9,14 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
 from objects import object_of
+from quick import quick
 
 ROOT = Path(__file__).resolve().parent.parent
 PROGRAMS = sorted(path.stem for path in (ROOT / "tests" / "c").glob("test_*.c"))
@@ -39,19 +42,23 @@ class Build:
         return [f"-D{self.precision}", *(["-DAMB_MODEL_LOOPS"] if self.loops else [])]
 
 
+Compiled = Callable[[Build], list[Path]]
 BUILDS = [
     Build(precision, loops) for precision in ("AMB_DOUBLE", "AMB_FLOAT") for loops in (False, True)
 ]
 ONLY_IN_LOOPS = {"test_loops"}
-# Loops only where nothing else can be, and in the long part: test_loops holds them.
-CASES = [
-    pytest.param(name, build, marks=pytest.mark.long)
-    if build.loops and name not in ONLY_IN_LOOPS
-    else (name, build)
+ALL = [
+    (name, build)
     for name in PROGRAMS
     for build in BUILDS
     if build.loops or name not in ONLY_IN_LOOPS
 ]
+# Of the axis in the precision that flies, and of loops where nothing else can be; all others, which
+# are the same text, in the long part.
+CASES = quick(ALL, [
+    (name, build) for name, build in ALL
+    if build == (BUILDS[1] if name in ONLY_IN_LOOPS else Build("AMB_FLOAT", loops=False))
+])  # fmt: skip
 # What core and simulation may ask for that is not theirs, and what compilers write themselves.
 LIBC = {"memcpy", "memset", "memcmp", "memmove", "sqrt", "sqrtf"}
 OF_COMPILERS = {"_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}
@@ -74,8 +81,8 @@ def run(program: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture(scope="session")
-def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[Build, list[Path]]:
-    """The core and the simulation, compiled once for each build."""
+def objects(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
+    """The core and the simulation, compiled once for each build that is asked for."""
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not installed")
     folder = tmp_path_factory.mktemp("c")
@@ -83,23 +90,26 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[Build, list[Path]]
     probe = gcc(folder / "empty.c", "-o", folder / "empty")
     if probe.returncode or run(folder / "empty").returncode:
         pytest.skip(f"gcc has no working sanitizers: {probe.stderr.strip()}")
-    compiled: dict[Build, list[Path]] = {}
-    for build in BUILDS:
-        compiled[build] = []
+
+    @cache
+    def compiled(build: Build) -> list[Path]:
         # The axis of the tests takes its numbers from the model that is built in.
         built_in = Build(build.precision, loops=False)
+        objects = []
         for source in [*SOURCES, ROOT / "tests" / "c" / "axis.c"]:
             flags = built_in.flags if source.stem == "axis" else build.flags
             made, done = object_of([*GCC, *flags, *INCLUDES], source, ROOT)
             assert (done.returncode, done.stderr) == (0, "")
-            compiled[build].append(made)
+            objects.append(made)
+        return objects
+
     return compiled
 
 
 @pytest.mark.parametrize(("name", "build"), CASES, ids=str)
-def test_c(name: str, build: Build, objects: dict[Build, list[Path]], tmp_path: Path) -> None:
+def test_c(name: str, build: Build, objects: Compiled, tmp_path: Path) -> None:
     source, program = ROOT / "tests" / "c" / f"{name}.c", tmp_path / name
-    built = gcc(*build.flags, *INCLUDES, source, *objects[build], "-lm", "-o", program)
+    built = gcc(*build.flags, *INCLUDES, source, *objects(build), "-lm", "-o", program)
     assert built.returncode == 0, built.stderr
     done = run(program)
     assert done.returncode == 0, done.stderr
@@ -128,7 +138,7 @@ def foreign(folder: Path, build: Build, sources: list[Path]) -> set[str]:
 @pytest.mark.skipif(
     shutil.which("gcc") is None or shutil.which("nm") is None, reason="there is no gcc or no nm"
 )
-@pytest.mark.parametrize("build", BUILDS, ids=str)
+@pytest.mark.parametrize("build", quick(BUILDS, BUILDS[:1]), ids=str)
 def test_of_libm_there_is_only_the_root(build: Build, tmp_path: Path) -> None:
     """A controller's libm is another one: what rounds differently there may not be used."""
     assert foreign(tmp_path, build, SOURCES) - OF_COMPILERS <= LIBC
@@ -138,9 +148,7 @@ def test_of_libm_there_is_only_the_root(build: Build, tmp_path: Path) -> None:
     assert foreign(wrong.parent, build, [wrong]) - OF_COMPILERS == {"exp"}
 
 
-def test_the_sanitizers_would_stop_a_program(
-    objects: dict[Build, list[Path]], tmp_path: Path
-) -> None:
+def test_the_sanitizers_would_stop_a_program(objects: Compiled, tmp_path: Path) -> None:
     """An overflow, an index beyond an array, NaN made an integer: each must be fatal."""
     faults = {
         "overflow": "int i = 2147483647; i += argc; return i == 0;",
@@ -155,7 +163,7 @@ def test_the_sanitizers_would_stop_a_program(
         assert run(tmp_path / name).returncode != 0, name
 
 
-def test_a_failed_check_fails_the_program(objects: dict[Build, list[Path]], tmp_path: Path) -> None:
+def test_a_failed_check_fails_the_program(objects: Compiled, tmp_path: Path) -> None:
     source = tmp_path / "wrong.c"
     checks = "CHECK(1 < 0);\n  CHECK_NEAR(1, 2);\n  CHECK(same(1, 1));"
     source.write_text(f'#include "check.h"\nint main(void)\n{{\n  {checks}\n'

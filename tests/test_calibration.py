@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import objects
 import pytest
 from export_cases import INCLUDES, SAME_BITS, STRICT
 
@@ -89,11 +90,9 @@ def flown(
     source.write_text(PROGRAM % numbers)
     files = [made.folder / file for file in made.sources]
     flags = [flag for flag in STRICT if flag != "-Wdouble-promotion"]
-    subprocess.run(
-        ["gcc", "-std=c99", *flags, *SAME_BITS, *INCLUDES, str(source), *map(str, files),
-         "-o", str(program)],
-        cwd=made.folder, check=True,
-    )  # fmt: skip
+    command = ["gcc", "-std=c99", *flags, *SAME_BITS, *INCLUDES]
+    done = objects.build(command, [source, *files], program, made.folder)
+    assert (done.returncode, done.stderr) == (0, "")
     rows = subprocess.run([program], capture_output=True, text=True, check=True).stdout.split("\n")
     told = np.array([row.split() for row in rows[:-1]], np.float32).astype(float)
     last = rows[-1].split()

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from export_cases import BEARING, SAME_BITS, program
+from quick import quick
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.registry import KINDS
@@ -60,7 +61,7 @@ def printed_by(folder: Path) -> str:
 
 
 @compiled
-@pytest.mark.parametrize("kind", ESTIMATORS)
+@pytest.mark.parametrize("kind", quick(ESTIMATORS, {"linear", "augmented", "observer"}))
 def test_an_axis_of_all_parts_has_python_s_bits(kind: str, tmp_path: Path) -> None:
     for precision, loops in (("double", False), ("double", True), ("float", None)):
         out = tmp_path / f"{precision}{loops}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import subprocess
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from export_cases import BEARING, INCLUDES, SAME_BITS, STRICT, command
 from machine_cases import machine
+from quick import quick
 from test_machine_export import compiled
 from typer.testing import CliRunner
 
@@ -46,8 +48,17 @@ def run(folder: Path, *defines: str) -> str:
 
 
 @compiled
-@pytest.mark.parametrize("name", FLIGHTS)
-@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize(
+    ("name", "precision"),
+    quick(
+        product(FLIGHTS, ["float", "double"]),
+        {
+            ("cross feedback", "float"),
+            ("force-free, from a speed", "float"),
+            ("lqg, still", "double"),
+        },
+    ),
+)
 def test_currents_are_those_of_the_simulation(name: str, precision: Any, tmp_path: Path) -> None:
     flight, options = FLIGHTS[name]
     one = machine(speed=600.0)

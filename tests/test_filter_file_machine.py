@@ -126,7 +126,8 @@ def run(arguments, capsys):
 
 
 @pytest.mark.parametrize("arguments", [
-    ["assess", "f.toml"], ["assess", "tum_mlps", "--filter", "f.toml"],
+    ["assess", "f.toml"],
+    pytest.param(["assess", "tum_mlps", "--filter", "f.toml"], marks=pytest.mark.long),
 ])  # fmt: skip
 def test_assess_takes_it(arguments, folder, capsys, monkeypatch):
     monkeypatch.chdir(folder)

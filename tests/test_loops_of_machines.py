@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from machine_cases import AND_LONG, made
+from machine_cases import AND_LONG, RIGID_AND_LONG, made
 
 from ambkit import PID, Machine
 from ambkit.judge.loop.bounds import least_peak_of_delay, least_peaks
@@ -130,7 +130,7 @@ def test_least_peak_by_the_dead_time_is_that_of_the_fastest_pole():
 # ---- Bode's integral
 
 
-@pytest.mark.parametrize("name", AND_LONG)
+@pytest.mark.parametrize("name", RIGID_AND_LONG)
 @pytest.mark.parametrize("rpm", [0.0, 30_000.0])
 def test_bodes_integral_of_presets(name, rpm):
     preset = Machine.preset(name).model_copy(update={"speed": rpm * RPM, "unbalance": ()})

@@ -253,6 +253,7 @@ def test_a_run_up_is_followed_by_the_filter() -> None:
     assert 0.9 < np.nanmean(estimate.nis[5000:]) < 1.1
 
 
+@pytest.mark.long
 def test_judged_with_more_modes_and_residual_shapes() -> None:
     """Four modes and residual shapes: 52 states in the core, as good as can be."""
     one = flexible(rotor__modes_up_to=1200.0, rotor__residual=True)

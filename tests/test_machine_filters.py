@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from machine_cases import AND_LONG, PRESETS, machine, uncoupled
+from machine_cases import PRESETS, RIGID_AND_LONG, machine, uncoupled
 
 from ambkit import (
     AmbkitError,
@@ -32,7 +32,7 @@ LEARNED = ("table", "adaptive")
 TAKEN = [name for name in KINDS if name not in OF_ONE_AXIS + LEARNED]
 
 
-@pytest.mark.parametrize("name", AND_LONG)
+@pytest.mark.parametrize("name", RIGID_AND_LONG)
 @pytest.mark.parametrize("speed", [0.0, 2000.0])
 def test_filters_are_as_good_as_can_be(name: str, speed: float) -> None:
     """20 seeds, vague starts: in all quantities together and in each, the bound; and honest."""

@@ -211,7 +211,8 @@ SMALL = [(2, 1, 1, 4), (5, 1, 2, 4), (8, 2, 2, 3), (11, 3, 1, 2), (16, 4, 4, 2)]
 
 @compiled
 @pytest.mark.parametrize(("n", "p", "m", "seeds", "controlled"), [
-    *((*size, controlled) for size in SMALL for controlled in (False, True)), (40, 8, 10, 1, True),
+    *((*size, controlled) for size in SMALL for controlled in (False, True)),
+    pytest.param(40, 8, 10, 1, True, marks=pytest.mark.long),
 ])  # fmt: skip
 def test_random_patterns_have_the_bits_of_the_loops(
     n: int, p: int, m: int, seeds: int, controlled: bool, tmp_path: Path

@@ -13,6 +13,7 @@ import portability
 import pytest
 from export_cases import BEARING, CASES, INCLUDES, SAME_BITS, STRICT, flight_files, program
 from machine_cases import machine
+from quick import quick
 
 import ambkit
 from ambkit.base.errors import AmbkitError
@@ -22,7 +23,10 @@ needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C 
 
 
 @needs_cc
-@pytest.mark.parametrize(("kind", "precision"), CASES)
+@pytest.mark.parametrize(
+    ("kind", "precision"),
+    quick(CASES, {("linear", "float"), ("adaptive", "double"), ("unscented", "float")}),
+)
 def test_nothing_is_assumed_of_the_machine(
     exported: Callable[..., CExport], kind: str, precision: str
 ) -> None:

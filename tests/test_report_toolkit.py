@@ -669,6 +669,7 @@ def test_lines_that_would_lose_what_is_seen_stay_whole():
         assert "ticks" in line["x"]
 
 
+@pytest.mark.long
 def test_a_page_of_many_pictures_has_them_packed(monkeypatch, tmp_path):
     monkeypatch.setattr("ambkit.show.report.page.HEAVY", 1000)
     made = write_report(report(), tmp_path)

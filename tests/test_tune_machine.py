@@ -54,6 +54,7 @@ def test_the_likelihood_is_that_of_all_readings(record):
     assert 0.7 < scales[int(np.argmax(told))] < 1.5
 
 
+@pytest.mark.long
 def test_a_records_likelihood_tunes_below_a_ceiling(record):
     free = ambkit.tune(TUM, record, "linear", budget=8)
     assert free.peak > free.peaks[0]  # a load that rests: slower, and with less margin
