@@ -19,13 +19,14 @@ import ambkit
 from ambkit.base.errors import AmbkitError
 from ambkit.export.c import CExport, export_c
 
+FEW = [("linear", "float"), ("adaptive", "double"), ("unscented", "float")]
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 
 
 @needs_cc
 @pytest.mark.parametrize(
     ("kind", "precision"),
-    quick(CASES, {("linear", "float"), ("adaptive", "double"), ("unscented", "float")}),
+    quick(CASES, FEW),
 )
 def test_nothing_is_assumed_of_the_machine(
     exported: Callable[..., CExport], kind: str, precision: str
