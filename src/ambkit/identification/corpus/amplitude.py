@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -88,10 +89,34 @@ class Weakened:
         return f"{said}; {way} the larger the amplitude: {seen}"
 
 
+def _in_flight(
+    records: Sequence[Record], found: MaximumLikelihood, start: LoopModel
+) -> InFlight | None:
+    """Search a log with the gap as described; None where it does not tell the magnet."""
+    described = start.bearing.magnet
+    free = [p.name for p in found.parameters if p.name != "air_gap"]
+    known = {
+        at: (value, std * (LOOSE if at == "current_offset" else 1.0))
+        for at, (value, std) in start.known.items()
+    }
+    magnet = found.model.bearing.magnet
+    as_strong = magnet.magnet_constant * (described.air_gap / magnet.air_gap) ** 2  # at rest
+    begin = found.model.replace(
+        magnet__air_gap=described.air_gap, magnet__magnet_constant=as_strong, known=known
+    )
+    try:
+        held = maximum_likelihood(list(records), begin, free, improve_start=False, profile=False)
+        k, error = held["magnet_constant"], held.standard_error("magnet_constant")
+    except AmbkitError:
+        return None
+    return InFlight(_amplitude(records, found.model), described.magnet_constant / k, error / k)
+
+
 def weakened(
     flown: Mapping[str, Sequence[Record]],
     found: Mapping[str, MaximumLikelihood],
     start: LoopModel,
+    threads: int = 1,
 ) -> Weakened | None:
     """Say how much weaker a one-sided magnet is in flight than it is described.
 
@@ -103,6 +128,8 @@ def weakened(
         What each log tells alone; the lines in its position are taken for known.
     start : LoopModel
         The description.
+    threads : int
+        Logs that are searched at a time.
 
     Returns
     -------
@@ -111,25 +138,13 @@ def weakened(
     """
     if start.bearing.magnet.type != "one-sided":
         return None
-    described = start.bearing.magnet.magnet_constant
-    flights = {}
-    for name, one in found.items():
-        if not any(p.name == "magnet_constant" for p in one.parameters):
-            continue
-        free = [p.name for p in one.parameters if p.name != "air_gap"]
-        known = {
-            at: (value, std * (LOOSE if at == "current_offset" else 1.0))
-            for at, (value, std) in start.known.items()
-        }
-        begin = one.model.replace(magnet__air_gap=start.bearing.magnet.air_gap, known=known)
-        try:
-            held = maximum_likelihood(
-                list(flown[name]), begin, free, improve_start=False, profile=False
-            )
-            k, error = held["magnet_constant"], held.standard_error("magnet_constant")
-        except AmbkitError:
-            continue
-        flights[name] = InFlight(_amplitude(flown[name], one.model), described / k, error / k)
+    told = [
+        name for name, one in found.items()
+        if any(p.name == "magnet_constant" for p in one.parameters)
+    ]  # fmt: skip
+    with ThreadPoolExecutor(threads) as workers:
+        each = workers.map(lambda name: _in_flight(flown[name], found[name], start), told)
+        flights = {name: one for name, one in zip(told, each, strict=True) if one is not None}
     if not flights:
         return None
     a, y, e = np.array([

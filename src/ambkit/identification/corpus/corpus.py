@@ -228,16 +228,20 @@ def identify_corpus(
     if len(names) < FEWEST:
         raise AmbkitError(f"a corpus needs {FEWEST} logs that tell something: {left_out}")
     baselines = {name: Baselines.of(flown[name]) for name in names}
-    foretold = []
-    for at, name in enumerate(names):
-        note(f"foretelling {at + 1} of {len(names)}: {name}")
+
+    def by_the_others(name: str) -> Foretold:
+        note(f"foretelling {name}")
         rest = [other for other in names if other != name]
         _, model = _together([likelihoods[other] for other in rest], start)
-        others = Baselines.together([baselines[other] for other in rest])
-        foretold.append(foretell(name, flown[name], model, others))
+        return foretell(
+            name, flown[name], model, Baselines.together([baselines[other] for other in rest])
+        )
+
+    with ThreadPoolExecutor(threads) as workers:
+        foretold = list(workers.map(by_the_others, names))
     together, model = _together(list(likelihoods.values()), start)
     note("the magnet in flight and as described")
-    weaker = weakened(flown, likelihoods, start)
+    weaker = weakened(flown, likelihoods, start, threads)
     return Corpus(start, model, together, likelihoods, foretold, stretches, left_out, weaker)
 
 
