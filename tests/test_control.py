@@ -344,7 +344,7 @@ def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["tum_mlps", "--calibration"], "calibration is for a whole controller"),
+        (["tum_mlps", "--calibration"], "calibration is of the whole controller of one axis"),
         (["zittau_axial", "--synchronous", "unbalance"], "--synchronous is of a whole machine"),
         (["zittau_axial", "--editable"], "editable is for a filter alone"),
         (["zittau_axial", "--cost"], "ambkit pil"),

@@ -126,8 +126,8 @@ def export_c(
         Of a whole machine: its controllers are written too, and estimator and controllers together
         as one step from readings to currents, equal to the last bit to what the simulation flies.
     calibrated : bool
-        Whether noise, gate, mass, magnet constant and gains of such a controller can be changed
-        while it runs.
+        Whether noise, gate, mass, magnet constant and gains of a scenario's controller can be
+        changed while it runs. Of one axis.
     telemetry : bool
         Whether a small ring of frames is written too: states, innovations and status of each
         sample, which :func:`ambkit.read_telemetry` reads as they were sent.
@@ -168,6 +168,11 @@ def export_c(
     if scenario is not None:
         controller, spent = _controller(estimator, scenario, editable=editable), None
     if calibrated:
+        if isinstance(bearing, Machine):
+            raise AmbkitError(
+                f"{bearing.name}: calibration is of the whole controller of one axis; "
+                "this is a machine"
+            )
         if controller is None:
             raise AmbkitError("calibration is for a whole controller; give a scenario")
         calibration.check(controller)
