@@ -40,6 +40,11 @@ FLIGHTS = {
 }  # fmt: skip
 
 
+QUICKLY = [
+    ("cross feedback", "float"), ("force-free, from a speed", "float"), ("lqg, still", "double"),
+]  # fmt: skip
+
+
 def run(folder: Path, *defines: str) -> str:
     sources = [str(path.relative_to(folder)) for path in folder.rglob("*.c")]
     build = [*command("gcc"), *defines, *sources, "-o", "test.out"]
@@ -49,15 +54,7 @@ def run(folder: Path, *defines: str) -> str:
 
 @compiled
 @pytest.mark.parametrize(
-    ("name", "precision"),
-    quick(
-        product(FLIGHTS, ["float", "double"]),
-        {
-            ("cross feedback", "float"),
-            ("force-free, from a speed", "float"),
-            ("lqg, still", "double"),
-        },
-    ),
+    ("name", "precision"), quick(product(FLIGHTS, ["float", "double"]), QUICKLY)
 )
 def test_currents_are_those_of_the_simulation(name: str, precision: Any, tmp_path: Path) -> None:
     flight, options = FLIGHTS[name]

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from export_cases import SAME_BITS, command, program
 from machine_cases import AND_LONG, PRESETS, Array
+from quick import quick
 
 from ambkit import AmbkitError, Flight, KalmanFilter, Machine, Record, harmonics
 from ambkit.estimate.registry import KINDS
@@ -194,10 +195,7 @@ FLIGHTS = {
 
 
 QUICKLY = [("all", "float"), ("lift-off", "double")]
-AND_OTHERS = [
-    each if each in QUICKLY else pytest.param(*each, marks=pytest.mark.long)
-    for each in product(FLIGHTS, ("float", "double"))
-]
+AND_OTHERS = quick(product(FLIGHTS, ("float", "double")), QUICKLY)
 
 
 @compiled
@@ -259,10 +257,7 @@ RIGID_AND_FLEXIBLE = ["tum_mlps", "ufu_flexible"]
 
 
 @compiled
-@pytest.mark.parametrize("name", [
-    name if name in RIGID_AND_FLEXIBLE else pytest.param(name, marks=pytest.mark.long)
-    for name in PRESETS
-])  # fmt: skip
+@pytest.mark.parametrize("name", quick(PRESETS, RIGID_AND_FLEXIBLE))
 def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name: str, tmp_path: Path) -> None:
     """The exported controller, fed with the readings of a simulated flight: 0 samples differ."""
     machine = Machine.preset(name)

@@ -24,10 +24,7 @@ needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C 
 
 
 @needs_cc
-@pytest.mark.parametrize(
-    ("kind", "precision"),
-    quick(CASES, FEW),
-)
+@pytest.mark.parametrize(("kind", "precision"), quick(CASES, FEW))
 def test_nothing_is_assumed_of_the_machine(
     exported: Callable[..., CExport], kind: str, precision: str
 ) -> None:

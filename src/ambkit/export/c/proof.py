@@ -24,7 +24,7 @@ STORED = Path(__file__).with_name("proof.json")
 
 OPTIONS = (
     "-eva-slevel 6 -eva-subdivide-non-linear 8"
-    " -eva-slevel-function amb_{tag}_envelope_bounds:200,rest_in_the_middle:40{more}"
+    " -eva-slevel-function amb_{tag}_envelope_bounds:200,rest_in_the_middle:40{of_each}"
     " -eva-auto-loop-unroll 128 -eva-split-return auto -eva-widening-delay 10"
 )
 """How finely Eva looks: squares are not negative, loops unrolled, and the ways through the bounds
@@ -53,12 +53,7 @@ class Proof:
     @property
     def whole(self) -> bool:
         """Whether nothing was left."""
-        return self.contained and self.finite == 0
-
-    @property
-    def contained(self) -> bool:
-        """Whether what comes out is finite, though what is in between may not be."""
-        return self.any == self.open == 0
+        return self.finite == self.any == self.open == 0
 
 
 def recorded(estimator: Estimator, precision: CPrecision, *, editable: bool) -> Proof | None:
@@ -121,10 +116,10 @@ def context(
     by_contract = f" -eva-use-spec {','.join(contracts)}" if contracts else ""
     models = estimator.core.own.get("n", 0)  # their number is data, no constant that Eva sees
     by_model = f" -eva-min-loop-unroll {models + 1}" if models else ""
-    each_model = ",hold_each:60" if models else ""  # the ways through the bounds of each
+    of_each = ",hold_each:60" if models else ""  # the ways through the bounds of each model
     return {
         "outputs": outputs(fields, axes, sensors),
-        "options": OPTIONS.format(tag=context["tag"], more=each_model) + by_model + by_contract,
+        "options": OPTIONS.format(tag=context["tag"], of_each=of_each) + by_model + by_contract,
         "recorded": recorded(estimator, context["precision"], editable=bool(context["editable"])),
         "uses_exponential": uses["amb_exp_negative"],
         "uses_root": uses["amb_root"],

@@ -99,11 +99,7 @@ def _in_flight(
         at: (value, std * (LOOSE if at == "current_offset" else 1.0))
         for at, (value, std) in start.known.items()
     }
-    magnet = found.model.bearing.magnet
-    as_strong = magnet.magnet_constant * (described.air_gap / magnet.air_gap) ** 2  # at rest
-    begin = found.model.replace(
-        magnet__air_gap=described.air_gap, magnet__magnet_constant=as_strong, known=known
-    )
+    begin = found.model.replace(magnet__air_gap=described.air_gap, known=known)
     try:
         held = maximum_likelihood(list(records), begin, free, improve_start=False, profile=False)
         k, error = held["magnet_constant"], held.standard_error("magnet_constant")

@@ -230,7 +230,7 @@ def identify_corpus(
     baselines = {name: Baselines.of(flown[name]) for name in names}
 
     def by_the_others(name: str) -> Foretold:
-        note(f"foretelling {name}")
+        note(f"foretelling {names.index(name) + 1} of {len(names)}: {name}")
         rest = [other for other in names if other != name]
         _, model = _together([likelihoods[other] for other in rest], start)
         return foretell(
