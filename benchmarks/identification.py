@@ -21,7 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit import Bearing, Record
 from ambkit.identification.maximum_likelihood import MaximumLikelihood, maximum_likelihood
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter, named
 from ambkit.machine.parts import ColouredNoise
 
 Array = NDArray[np.float64]
@@ -206,7 +208,8 @@ def study(
         ``standard_error_of_mean``, of the logarithm for a positive one, and their ratio ``bias``;
         ``bias_of_value``, the same ratio of the value itself; ``coverage``, share of the 95 %
         intervals that hold the truth; ``error``, a typical standard error; ``ratio``, of the
-        scatter over the seeds to it.
+        scatter over the seeds to it; ``beyond_luck``, the mean error in parts of a standard error
+        without what `steps_at_the_truth` foretells of each seed, and ``beyond_luck_error``.
     """
 
     # Drawn as it is known beforehand: one truth for all seeds would draw them all one way.
@@ -222,7 +225,55 @@ def study(
         return maximum_likelihood(group, begin, improve_start=False)
 
     with ThreadPoolExecutor(threads) as pool:
-        return judged(list(pool.map(identified, groups, truths)), truths)
+        found = list(pool.map(identified, groups, truths))
+    out = judged(found, truths)
+    for name, (mean, error) in beyond_luck(found, groups, truths).items():
+        out[name] |= {"beyond_luck": mean, "beyond_luck_error": error}
+    return out
+
+
+def steps_at_the_truth(
+    groups: list[list[Record]], truths: list[LoopModel], parameters: list[Parameter]
+) -> Array:
+    """Newton's step from the truth in each of some groups of records: their luck.
+
+    The score at the truth is nothing in the mean, where the model is right, and so is this step
+    with an information that is the same for all: what is found has no bias of it, but most of its
+    scatter.
+
+    Returns
+    -------
+    ndarray (groups, p)
+        As errors are given: of the logarithm for a positive parameter.
+    """
+    places = [Coordinates(truth, parameters) for truth in truths]
+    locals_ = [
+        Likelihood(group, place, settling_time(truth.bearing)).local(np.zeros(len(parameters)))
+        for group, place, truth in zip(groups, places, truths, strict=True)
+    ]
+    information = np.mean([local.information for local in locals_], axis=0)
+    steps = np.linalg.solve(information, np.array([local.score for local in locals_]).T).T
+    return np.asarray(steps * places[0].unit_steps())
+
+
+def beyond_luck(
+    found: list[MaximumLikelihood], groups: list[list[Record]], truths: list[LoopModel]
+) -> dict[str, tuple[float, float]]:
+    """Mean error and its standard error, both in a parameter's own, without the seeds' luck.
+
+    Of the identifications that found the parameters which most of them did.
+    """
+    sets = [tuple(p.name for p in one.parameters) for one in found]
+    usual = max(set(sets), key=sets.count)
+    which = [i for i, names in enumerate(sets) if names == usual]
+    parameters = named(usual)
+    steps = steps_at_the_truth([groups[i] for i in which], [truths[i] for i in which], parameters)
+    out = {}
+    for k, p in enumerate(parameters):
+        off = np.array([_off(p, found[i][p.name], p.of(truths[i])) for i in which])
+        left = (off - steps[:, k]) / np.median([found[i].errors[k] for i in which])
+        out[p.name] = (float(left.mean()), float(left.std(ddof=1) / math.sqrt(left.size)))
+    return out
 
 
 def judged(
@@ -238,7 +289,7 @@ def judged(
         errors = np.array([f.errors[f.parameters.index(parameter)] for f in some])
         values = np.array([f[parameter.name] for f in some])
         ends = np.array([f.interval(parameter.name) for f in some])
-        off = np.log(values / truth) if parameter.positive else values - truth
+        off = np.array([_off(parameter, *each) for each in zip(values, truth, strict=True)])
         out[parameter.name] = {
             "truth": float(truth.mean()),
             "found": len(some),
@@ -251,6 +302,10 @@ def judged(
             "ratio": float(off.std(ddof=1) / np.sqrt(np.mean(errors**2))),
         }
     return out
+
+
+def _off(parameter: Parameter, value: float, truth: float) -> float:
+    return math.log(value / truth) if parameter.positive else value - truth
 
 
 def _in_its_errors(off: Array) -> float:
@@ -269,7 +324,7 @@ def main() -> None:
         return
     heads = (
         "found", "mean error", "its s.e.", "in s.e.", "own unit", "95 % hold", "s.e.",
-        "scatter/s.e.",
+        "scatter/s.e.", "beyond luck",
     )  # fmt: skip
     print(f"{'parameter':18}" + "".join(f"{head:>13}" for head in heads))
     if which == "quiet":
@@ -288,6 +343,9 @@ def main() -> None:
             f"{100 * row['coverage']:.1f} %",
             f"{row['error']:.3g}",
             f"{row['ratio']:.2f}",
+            f"{row['beyond_luck']:+.2f} ± {row['beyond_luck_error']:.2f}"
+            if "beyond_luck" in row
+            else "",
         )
         print(f"{name:18}" + "".join(f"{figure:>13}" for figure in figures))
 

@@ -92,16 +92,23 @@ class Weakened:
 def _in_flight(
     records: Sequence[Record], found: MaximumLikelihood, start: LoopModel
 ) -> InFlight | None:
-    """Search a log with the gap as described; None where it does not tell the magnet."""
+    """Search a log with the gap as described; None where it does not tell the magnet.
+
+    A current that flows is the one that was found, with the coil that it was found with.
+    """
     described = start.bearing.magnet
     free = [p.name for p in found.parameters if p.name != "air_gap"]
     known = {
         at: (value, std * (LOOSE if at == "current_offset" else 1.0))
         for at, (value, std) in start.known.items()
     }
-    begin = found.model.replace(magnet__air_gap=described.air_gap, known=known)
+    begin, several = found.model.replace(magnet__air_gap=described.air_gap, known=known), records
+    if found.current is not None:
+        begin, several = found.current.driving(begin), found.current.records
     try:
-        held = maximum_likelihood(list(records), begin, free, improve_start=False, profile=False)
+        held = maximum_likelihood(
+            list(several), begin, free, improve_start=False, profile=False, use_control=False
+        )
         k, error = held["magnet_constant"], held.standard_error("magnet_constant")
     except AmbkitError:
         return None

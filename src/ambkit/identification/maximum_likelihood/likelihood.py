@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.data.record import Record
+from ambkit.estimate.batch import processors
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, log_prior
 
 if TYPE_CHECKING:
@@ -108,13 +110,17 @@ class Likelihood:
             return -math.inf
         return _log_likelihood(e[used], S[used]) + log_prior(model)
 
-    def slopes(self, z: Array) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
+    def slopes(
+        self, z: Array, *, rough: bool = False
+    ) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
         """Differentiate the innovations, by central differences.
 
         Parameters
         ----------
         z : ndarray (p,)
             Point of the search.
+        rough : bool
+            By differences to one side, in half of the time.
 
         Returns
         -------
@@ -132,13 +138,16 @@ class Likelihood:
         AmbkitError
             No measurement could be taken in.
         """
-        e, S, used = self.innovations(z)
+        steps = STEP * np.eye(z.size)
+        with ThreadPoolExecutor(processors()) as pool:  # the filter runs outside of Python's lock
+            ups = pool.map(lambda step: self._beside(z, step), steps)
+            downs = pool.map(lambda step: self._beside(z, -step), () if rough else steps)
+            e, S, used = here = self.innovations(z)
         if not used.any():
             raise AmbkitError("the filter could take in no measurement: do bearing and record fit?")
         slopes_e, slopes_S = [], []
-        for direction in np.eye(z.size):
-            e_up, S_up, up, above = self._beside(z, STEP * direction)
-            e_down, S_down, down, below = self._beside(z, -STEP * direction)
+        for e_up, S_up, up, above in ups:
+            e_down, S_down, down, below = next(downs, (*here, 0.0))
             used = used & up & down
             slopes_e.append((e_up - e_down) / max(above + below, STEP))
             slopes_S.append((S_up - S_down) / max(above + below, STEP))
@@ -154,15 +163,15 @@ class Likelihood:
         except ConfigError:
             return *self.innovations(z), 0.0
 
-    def local(self, z: Array) -> Local:
-        """Value, score and information, by central differences of the innovations.
+    def local(self, z: Array, *, rough: bool = False) -> Local:
+        """Value, score and information, by differences of the innovations, see `slopes`.
 
         Raises
         ------
         AmbkitError
             No measurement could be taken in.
         """
-        e, S, by_e, by_S, _ = self.slopes(z)
+        e, S, by_e, by_S, _ = self.slopes(z, rough=rough)
         r = e / np.sqrt(S)
         scores = -(by_e * r + 0.5 * by_S * (1 - r**2))
         model, told = self.coordinates.model_at(z), by_e @ by_e.T + 0.5 * by_S @ by_S.T

@@ -40,6 +40,9 @@ LONGEST = 16384
 BY_CHANCE = 1e-3
 """Probability with which noise alone shows a line somewhere."""
 
+ENOUGH = 0.1
+"""Newton's decrement that ends a search beside a line: who asks for lines searches once more."""
+
 FIGURES = 3
 """Of a line: frequency, amplitude, bandwidth."""
 
@@ -86,7 +89,7 @@ def with_lines(
         if taken is None:
             break
         if parameters:
-            taken = climb(records, taken, parameters, settling).model
+            taken = climb(records, taken, parameters, settling, ENOUGH).model
             again = _fitted(records, _without_last(taken), taken.bearing.sensor.hum[-1], settling)
             taken = again or taken
         gain = Likelihood(records, Coordinates(taken, []), settling).value(np.zeros(0)) - before

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.base.errors import ConfigError
 from ambkit.base.units import engineering
@@ -17,8 +18,13 @@ from ambkit.identification.maximum_likelihood.parameters import Coordinates, Par
 if TYPE_CHECKING:
     from ambkit.data.record import Record
 
+Array = NDArray[np.float64]
+
 CONVERGED = 1e-3
 """Newton's decrement that ends the search: squared distance to the maximum in standard errors."""
+
+FAR = 1.0
+"""The decrement beyond which the next point is looked at roughly only."""
 
 RIDGE = 0.5
 """The decrement that is let pass where no step helps any more."""
@@ -96,33 +102,44 @@ def climb(
     coordinates = Coordinates(begin, parameters)
     likelihood = Likelihood(records, coordinates, settling)
     z, damping, converged, steps = np.zeros(len(parameters)), 1e-3, False, 0
-    at = likelihood.local(z)
+    at, rough = likelihood.local(z), False
     while steps < MOST_STEPS:
         # Ten times its coarse error holds what the records do not tell near where it was.
         information = at.information + 0.01 * np.eye(z.size)
         left = float(at.score @ np.linalg.solve(information, at.score))
         converged = left < enough
-        if converged:
-            break
-        while damping < MOST_DAMPING:
-            damped = information + damping * np.diag(np.diag(information))
-            step = np.linalg.solve(damped, at.score)
-            step *= min(1.0, LONGEST_STEP / np.max(np.abs(step)))
-            if likelihood.value(z + step) > at.value:
-                break
-            damping *= 10
-        else:
+        step = None if converged else _step_up(likelihood, z, at, information, damping)
+        if step is None and rough:
+            at, rough = likelihood.local(z), False
+            continue
+        if step is None:
             # At a whole number of samples the likelihood has a ridge over the delay: a maximum
             # there keeps a score of its own.
             converged = left < RIDGE
             break
-        z, damping, steps = z + step, max(damping / 10, 1e-9), steps + 1
-        before, at = at.value, likelihood.local(z)
+        z, damping, steps, rough = z + step[0], step[1], steps + 1, left > FAR
+        before, at = at.value, likelihood.local(z, rough=rough)
         if at.value - before < LEAST_GAIN:  # with as much left: it creeps along a wall
             converged = left < RIDGE
             break
+    if rough:
+        at = likelihood.local(z)
     _, _, used = likelihood.innovations(z)
     return Climbed(coordinates.model_at(z), at, steps, converged, int(used.sum()))
+
+
+def _step_up(
+    likelihood: Likelihood, z: Array, at: Local, information: Array, damping: float
+) -> tuple[Array, float] | None:
+    """Return a step that leads up, and the damping of the next; None where none does."""
+    while damping < MOST_DAMPING:
+        damped = information + damping * np.diag(np.diag(information))
+        step = np.asarray(np.linalg.solve(damped, at.score), float)
+        step *= min(1.0, LONGEST_STEP / np.max(np.abs(step)))
+        if likelihood.value(z + step) > at.value:
+            return step, max(damping / 10, 1e-9)
+        damping *= 10
+    return None
 
 
 def hold(
