@@ -30,7 +30,8 @@ EXPLAINED = 0.5
 UNITS = {"m": 1.0, "mm": 1e-3, "µm": 1e-6}
 
 TRUST = 2.0
-"""Ratio within which gravity tells a length: noise on the current makes what it moves look less."""
+"""Ratio to a usual unit within which a length is taken for it: noise on the current makes what it
+moves look less."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,10 @@ class Hanging:
         )
         factor = self.scale / UNITS[self.unit]
         if not unit and not 1 / TRUST < factor < TRUST:
-            yield f"scale = {factor:.2g}  # by gravity, to a factor of {TRUST:g}: no usual unit"
+            yield (
+                f"scale = {factor:.2g}  # by gravity: no usual unit. Check it: noise and hum make "
+                "it too large"
+            )
 
 
 def hanging(moves: Rotor, position: Array, current: Array, step: float) -> Hanging | None:
