@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 from scipy.signal import max_len_seq
 
+import ambkit
+from ambkit import Record
 from ambkit.data.channelmap import ChannelMap
 from ambkit.data.reading import faults, read
+from ambkit.data.reading.spike_free import spike_free, without_spikes
+from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.show.plots.reading import reading_figure
 from tests import logs
 
@@ -114,3 +118,53 @@ def test_spikes_are_told_drawn_and_taken_as_missing(tmp_path):
     assert lost.tolist() == [777, 4242, 9001]
     assert masked.faults[0].action == "taken as missing"
     assert "spike" not in [text for text, _ in reading_figure(masked).legend()]
+
+
+def test_what_is_fitted_does_not_see_them():
+    """A single one of 3 mm would make a hundred times the sensor's noise of 6,000 samples."""
+    clean = Record(T, {"y": noisy(), "u": np.zeros(N), "x": SMOOTH})
+    y = noisy()
+    y[[500, 7000, 7001]] += 3e-3
+    y[9000] = np.nan
+    spiked = Record(T, {"y": y, "u": np.zeros(N), "x": SMOOTH}, meta={"seed": 1})
+    cleaned, count = spike_free(spiked)
+    assert count == 3
+    assert np.flatnonzero(np.isnan(cleaned["y"])).tolist() == [500, 7000, 7001, 9000]
+    assert cleaned.meta == spiked.meta
+    assert np.isfinite(spiked["y"][500])  # the record itself stays
+    assert spike_free(clean) == (clean, 0)
+    assert without_spikes([clean]) == ([clean], "")
+    _, said = without_spikes([clean, spiked])
+    assert said.startswith("3 samples of the position, spikes")
+
+
+def test_of_a_machine_they_are_taken_from_each_reading():
+    a, b = noisy(1), noisy(2)
+    b[3000] -= 1e-3
+    units = {"y_ax": "m", "y_ay": "m", "u_ax": "V"}
+    flown = Record(T, {"y_ax": a, "y_ay": b, "u_ax": np.zeros(N)}, units)
+    cleaned, count = spike_free(flown)
+    assert count == 1
+    assert np.isnan(cleaned["y_ay"][3000])
+    assert np.isfinite(cleaned["y_ax"]).all()
+
+
+@pytest.mark.parametrize("height", [3e-3, 4e-4])
+def test_a_spike_moves_neither_what_is_identified_nor_what_is_tuned(height):
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    run = ambkit.simulate(bearing, ambkit.Scenario(duration=0.5))
+    y = run["y"].copy()
+    y[[1234, 4000]] += height
+    spiked = Record(run.t, {name: run[name] for name in run} | {"y": y}, run.units, run.meta)
+    free = ("measurement_noise", "load_growth")
+    found = [maximum_likelihood(r, bearing, free, profile=False) for r in (run, spiked)]
+    assert found[0].remarks == []
+    assert found[1].remarks == [
+        "2 samples of the position, spikes amid others that agree, are left out"
+    ]
+    assert found[1].values == pytest.approx(found[0].values, rel=0.02)
+    tuned = [ambkit.tune(bearing, [r], "extended", budget=12) for r in (run, spiked)]
+    for name, value in tuned[0].values.items():
+        assert tuned[1].values[name] == pytest.approx(value, rel=0.1), name
+    assert any("spikes" in warning for warning in tuned[1].warnings)
+    assert not any("spike" in warning for warning in tuned[0].warnings)

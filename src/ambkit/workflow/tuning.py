@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.data.reading.spike_free import spike_free
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.machine.bearing import GRAVITY
@@ -106,7 +107,7 @@ def tune_disturbance(
     bearing : Bearing
         Its weight sets the range of the search, see `DECADES`.
     record : Record
-        With ``y`` [m] and ``u`` [V].
+        With ``y`` [m] and ``u`` [V]; spikes of ``y`` do not count.
     make : callable
         ``make(disturbance)`` builds the filter that assumes this growth [N^2/s].
     """
@@ -114,6 +115,7 @@ def tune_disturbance(
 
     own = default_disturbance(bearing)
     low, high = DECADES
+    record, _ = spike_free(record)
 
     @cache
     def cost(decade: float) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
+from ambkit.data.reading.spike_free import without_spikes
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.cases import CASES, trials
 from ambkit.judge.comparison.tuning import SIGNALS, Tried, errors
@@ -67,6 +68,8 @@ class ByLikelihood:
     ) -> None:
         self.bearing = bearing
         self.settling = SETTLING * slowest_time(bearing)
+        records, self.spikes = without_spikes(records)
+        validate, _ = without_spikes(validate) if validate else ([], "")
         spans = [float(each.t[-1] - each.t[0]) for each in records]
         shortest = 4 * self.settling
         if min(spans) < shortest:
@@ -158,7 +161,9 @@ class ByLikelihood:
     def warnings(
         self, _estimator: Estimator, kept: bool, after: Mapping[str, float]
     ) -> Iterable[str]:
-        """Tell what is odd about the filter that is taken."""
+        """Tell what is odd about the filter that is taken, and about what it was tuned on."""
+        if self.spikes:
+            yield self.spikes
         if not kept:
             yield (
                 "the data that it was not tuned on is no more likely with the tuned values: the "

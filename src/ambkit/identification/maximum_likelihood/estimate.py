@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.data.reading.spike_free import without_spikes
 from ambkit.estimate.base import check_sampling
 from ambkit.identification.maximum_likelihood.current import (
     TOO_QUIET,
@@ -75,7 +76,8 @@ def maximum_likelihood(
 ) -> MaximumLikelihood:
     """Find the parameters under which records are most likely.
 
-    The noises among them are then corrected for what was fitted beside them (`restricted`).
+    The noises among them are then corrected for what was fitted beside them (`restricted`). Spikes
+    of the position are left out first.
 
     Parameters
     ----------
@@ -114,7 +116,8 @@ def maximum_likelihood(
     ValueError
         A record's sampling time is not the bearing's.
     """
-    several = [records] if not isinstance(records, Sequence) else list(records)
+    logged = [records] if not isinstance(records, Sequence) else list(records)
+    several, spikes = without_spikes(logged)
     given = start if isinstance(start, LoopModel) else LoopModel(start)
     parameters, alike = searchable(named(free), given)
     if not parameters:
@@ -123,7 +126,7 @@ def maximum_likelihood(
         settling = settling_time(given.bearing)
     _check_records(several, given, settling)
     asked, given = given, _movable(given, parameters)
-    current, measured, remarks = None, several, []
+    current, measured, remarks = None, several, [spikes] if spikes else []
     if all(goes_on_a_line(record) for record in several):
         asked, given = (model.replace(line=True) for model in (asked, given))
         current = flowing(several, given.bearing.amplifier.gain) if use_control else None

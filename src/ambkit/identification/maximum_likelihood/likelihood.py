@@ -65,6 +65,16 @@ class Local:
     scatter: Array
     told: Array
 
+    @property
+    def held(self) -> Array:
+        """The information (p, p), and what holds the untold: ten times their coarse errors."""
+        return np.asarray(self.information + 0.01 * np.eye(self.score.size))
+
+    @property
+    def left(self) -> float:
+        """Newton's decrement: the squared distance to the maximum in standard errors."""
+        return float(self.score @ np.linalg.solve(self.held, self.score))
+
 
 class Likelihood:
     """Log likelihood of records as a function of the coordinates of a search.

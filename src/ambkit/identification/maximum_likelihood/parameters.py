@@ -232,6 +232,14 @@ class Coordinates:
             )
         return self.model.replace(**changes)
 
+    def of(self, model: LoopModel) -> Array:
+        """Return where a model is (p,)."""
+        return np.array([
+            math.log(p.of(model) / p.of(self.model)) if p.positive
+            else (p.of(model) - p.of(self.model)) / p.coarse(self.model)
+            for p in self.parameters
+        ])  # fmt: skip
+
     def unit_steps(self) -> Array:
         """What a step of one means (p,): of a logarithm 1, otherwise in SI."""
         return np.array([1.0 if p.positive else p.coarse(self.model) for p in self.parameters])

@@ -32,6 +32,12 @@ ASIDE = 1.959964
 NEAR = 0.35
 """By which share the loss there may differ from that of a parabola, and still pass for one."""
 
+ALIKE = 0.15
+"""By which share an end may be elsewhere than 1.96 standard errors off, and still be there."""
+
+NEARLY = 1.1
+"""Of the loss at an end: where the secants stop."""
+
 ROUNDS = 4
 """Of the secant's, each a search over all other parameters."""
 
@@ -68,28 +74,40 @@ def intervals(
     coordinates = Coordinates(model, parameters)
     likelihood = Likelihood(records, coordinates, settling)
     top = likelihood.value(np.zeros(len(parameters)))
-    found = {}
-    for at, parameter in enumerate(parameters):
-        error = math.sqrt(covariance[at, at])
-        along = covariance[:, at] / error  # where the others go, if all is quadratic
-        ends = [likelihood.value(side * ASIDE * along) for side in (-1, 1)]
+    errors = np.sqrt(np.diag(covariance))
+    along = covariance / errors  # column k: where all go with k, if all is quadratic
+
+    def parabolic(at: int) -> bool:
+        ends = [likelihood.value(side * ASIDE * along[:, at]) for side in (-1, 1)]
         least = 0.5 * ASIDE**2
         # More lost there than a parabola would: the others may go elsewhere yet, and lose less.
-        if all(abs(top - end - least) <= NEAR * least for end in ends):
+        return all(abs(top - end - least) <= NEAR * least for end in ends)
+
+    near = [parabolic(at) for at in range(len(parameters))]
+    if all(near):
+        return {}
+    # Where one goes far along a bend, others that seem well known go with it.
+    seen: list[tuple[float, LoopModel]] = []
+    ends = larger[:, None] * np.array([
+        [_end(records, coordinates, at, side * along[:, at], top, settling, seen)
+         for side in (-1, 1)]
+        for at in range(len(parameters))
+    ])  # fmt: skip
+    # And what is as likely as an end of one is within the intervals of all.
+    likely = [coordinates.of(there) for lost, there in seen if lost <= NEARLY * 0.5 * ASIDE**2]
+    low = np.min([ends[:, 0], *likely], axis=0)
+    high = np.max([ends[:, 1], *likely], axis=0)
+    usual = ASIDE * errors * larger
+    found = {}
+    for at, parameter in enumerate(parameters):
+        if near[at] and np.allclose((-low[at], high[at]), usual[at], rtol=ALIKE):
             continue
-        sides = [
-            _end(records, coordinates, at, side * covariance[:, at] / error, top, settling)
-            * larger[at]
-            for side in (-1, 1)
-        ]
-        value = parameter.of(model)
-        step = parameter.coarse(model)
-        low, high = (
-            (value * math.exp(sides[0]), value * math.exp(sides[1]))
+        value, step = parameter.of(model), parameter.coarse(model)
+        found[parameter.name] = (
+            (value * math.exp(low[at]), value * math.exp(high[at]))
             if parameter.positive
-            else (value + step * sides[0], value + step * sides[1])
+            else (value + step * float(low[at]), value + step * float(high[at]))
         )
-        found[parameter.name] = (float(low), float(high))
     return found
 
 
@@ -100,11 +118,13 @@ def _end(
     along: Array,
     top: float,
     settling: float,
+    seen: list[tuple[float, LoopModel]],
 ) -> float:
     """Return how far one coordinate goes until the profile has lost what 95 % may; by secants.
 
     Over the root of the loss a parabola is a line, and few steps suffice. Each search for the
-    others begins where they would be if all were quadratic, a standard error `along`.
+    others begins where they would be if all were quadratic, a standard error `along`. What is lost,
+    and where, is added to `seen`.
     """
     parameter = coordinates.parameters[at]
     rest = [p for p in coordinates.parameters if p is not parameter]
@@ -123,12 +143,11 @@ def _end(
         if climbed is None:
             value = Likelihood(records, Coordinates(moved, []), settling).value(np.zeros(0))
         else:
-            model, there, local = climbed.model, far, climbed.local
-            value = local.value + 0.5 * float(
-                local.score @ np.linalg.solve(local.information, local.score)
-            )
+            model, there = climbed.model, far
+            value = climbed.local.value + 0.5 * climbed.local.left
+        seen.append((top - value, moved if climbed is None else model))
         root = math.sqrt(2 * max(top - value, 0.0))
-        if abs(root - ASIDE) < 0.05 * ASIDE:
+        if abs(0.5 * root**2 - 0.5 * ASIDE**2) < (NEARLY - 1) * 0.5 * ASIDE**2:
             break
         slope = (far - past[0]) / (root - past[1]) if root > past[1] else 2 * far / ASIDE
         past = (far, root)

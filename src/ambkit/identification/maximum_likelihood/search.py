@@ -104,11 +104,9 @@ def climb(
     z, damping, converged, steps = np.zeros(len(parameters)), 1e-3, False, 0
     at, rough = likelihood.local(z), False
     while steps < MOST_STEPS:
-        # Ten times its coarse error holds what the records do not tell near where it was.
-        information = at.information + 0.01 * np.eye(z.size)
-        left = float(at.score @ np.linalg.solve(information, at.score))
+        left = at.left
         converged = left < enough
-        step = None if converged else _step_up(likelihood, z, at, information, damping)
+        step = None if converged else _step_up(likelihood, z, at, damping)
         if step is None and rough:
             at, rough = likelihood.local(z), False
             continue
@@ -129,9 +127,10 @@ def climb(
 
 
 def _step_up(
-    likelihood: Likelihood, z: Array, at: Local, information: Array, damping: float
+    likelihood: Likelihood, z: Array, at: Local, damping: float
 ) -> tuple[Array, float] | None:
     """Return a step that leads up, and the damping of the next; None where none does."""
+    information = at.held
     while damping < MOST_DAMPING:
         damped = information + damping * np.diag(np.diag(information))
         step = np.asarray(np.linalg.solve(damped, at.score), float)

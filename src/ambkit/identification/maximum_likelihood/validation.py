@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import RecordError
 from ambkit.base.units import engineering
+from ambkit.data.reading.spike_free import spike_free
 from ambkit.estimate.innovations import Whiteness, prediction_error, whiteness
 
 if TYPE_CHECKING:
@@ -209,7 +210,8 @@ def validate(
     model : LoopModel
         What was identified.
     record : Record
-        One that it was not identified from, with ``y`` [m] and ``u`` [V].
+        One that it was not identified from, with ``y`` [m] and ``u`` [V]; spikes of ``y`` do not
+        count.
     start : LoopModel, optional
         What the identification began with, for comparison.
     horizons : sequence of int
@@ -226,6 +228,7 @@ def validate(
     """
     farthest = max(horizons)
     first = max(1, round(settling / record.sampling_time))
+    record, _ = spike_free(record)
     if len(record) < first + farthest + 4 * LAGS:
         raise RecordError(
             f"{name or 'the record'} has {len(record)} samples; {first + farthest + 4 * LAGS} are "
