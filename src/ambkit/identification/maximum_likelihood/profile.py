@@ -83,24 +83,23 @@ def intervals(
         # More lost there than a parabola would: the others may go elsewhere yet, and lose less.
         return all(abs(top - end - least) <= NEAR * least for end in ends)
 
-    near = [parabolic(at) for at in range(len(parameters))]
-    if all(near):
-        return {}
-    # Where one goes far along a bend, others that seem well known go with it.
+    bent = [at for at in range(len(parameters)) if not parabolic(at)]
+    ends = np.outer(ASIDE * errors, [-1, 1])
     seen: list[tuple[float, LoopModel]] = []
-    ends = larger[:, None] * np.array([
-        [_end(records, coordinates, at, side * along[:, at], top, settling, seen)
-         for side in (-1, 1)]
-        for at in range(len(parameters))
-    ])  # fmt: skip
-    # And what is as likely as an end of one is within the intervals of all.
+    for at in bent:
+        ends[at] = [
+            _end(records, coordinates, at, side * along[:, at], top, settling, seen)
+            for side in (-1, 1)
+        ]
+    # Where one goes far along a bend, others that seem well known go with it: what is as likely as
+    # its end is within the intervals of all.
     likely = [coordinates.of(there) for lost, there in seen if lost <= NEARLY * 0.5 * ASIDE**2]
-    low = np.min([ends[:, 0], *likely], axis=0)
-    high = np.max([ends[:, 1], *likely], axis=0)
+    low = np.min([ends[:, 0], *likely], axis=0) * larger
+    high = np.max([ends[:, 1], *likely], axis=0) * larger
     usual = ASIDE * errors * larger
     found = {}
     for at, parameter in enumerate(parameters):
-        if near[at] and np.allclose((-low[at], high[at]), usual[at], rtol=ALIKE):
+        if at not in bent and np.allclose((-low[at], high[at]), usual[at], rtol=ALIKE):
             continue
         value, step = parameter.of(model), parameter.coarse(model)
         found[parameter.name] = (
