@@ -130,7 +130,7 @@ def test_the_band_that_is_chosen_is_the_best_of_those_tried() -> None:
     assert found.band[0] < 2 * own < 2 * found.band[1]
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_estimates_scatter_as_predicted() -> None:
     """40 repetitions of the experiment; one step of Gauss and Newton from the truth in each."""
     found = designed(kind="multisine", load=0.05)

@@ -140,7 +140,7 @@ def test_an_unknown_coil_is_in_the_errors(records: list[Record]) -> None:
     assert np.all(larger < 1.2 * errors)
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_over_seeds_nothing_is_biased_and_the_errors_hold() -> None:
     """The 200 seeds of docs/rig.md are run by ``python -m benchmarks.identification quiet``."""
     table = quiet_rig.study(12, first=1000)

@@ -48,7 +48,7 @@ def test_disguised_logs_of_the_rig_are_told_apart(tmp_path):
     assert {*found} <= {"right", "refused"}
 
 
-@pytest.mark.long
+@pytest.mark.study
 @needs_rig
 def test_of_200_disguises_none_is_silently_wrong(tmp_path):
     found = [judged(tmp_path / "log.mat", *each) for each in disguises.of_the_rig(RIG, 200, seed=2)]
@@ -56,7 +56,7 @@ def test_of_200_disguises_none_is_silently_wrong(tmp_path):
     assert found.count("right") >= 197
 
 
-@pytest.mark.long
+@pytest.mark.study
 @needs_rig
 def test_where_no_converter_shows_nothing_is_silently_wrong(tmp_path):
     cases = disguises.of_the_rig(RIG, 192, seed=5, steps=False)
@@ -95,7 +95,7 @@ def test_of_other_rigs_none_is_silently_wrong(tmp_path):
     assert found.count("right") >= 4
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_of_200_other_rigs_none_is_silently_wrong(tmp_path):
     found = [told_of_another_rig(tmp_path / "log.mat", seed) for seed in range(1000, 1200)]
     assert {*found} <= {"right", "refused"}

@@ -47,7 +47,7 @@ def test_two_lines_are_found_and_taken_out_of_the_prediction() -> None:
     assert [h["frequency"] for h in found.to_dict()["lines"]] == [h.frequency for h in found.lines]
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_with_lines_it_is_nearly_as_good_as_the_filter_that_knows_and_without_no_worse() -> None:
     for seed in (1, 2):
         record, other = flown(HUMMING, seed, 8.0), flown(HUMMING, seed + 100, 8.0)

@@ -62,7 +62,7 @@ def test_over_a_run_up_unbalance_and_runout_are_as_good_as_with_finer_steps() ->
 
 @pytest.mark.parametrize("name", PRESETS)
 @pytest.mark.parametrize("turns", [True, False])
-@pytest.mark.long
+@pytest.mark.study
 def test_every_preset_over_a_run_up(name: str, turns: bool) -> None:
     """Vague starts: the bound without unbalance and runout, the paired ratio with; 20 seeds of all
     are in benchmarks/machine_filters.py."""

@@ -183,7 +183,7 @@ def test_a_run_up_tells_amplitude_and_phase() -> None:
     assert (np.abs(ratios - 1) < 2 * stated).all()
 
 
-@pytest.mark.long
+@pytest.mark.study
 @pytest.mark.parametrize(("usual", "percent", "degrees"), [(True, 1.7, 0.8), (False, 0.8, 0.4)])
 def test_twenty_run_ups_tell_amplitude_and_phase(
     usual: bool, percent: float, degrees: float

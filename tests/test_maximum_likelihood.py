@@ -46,7 +46,7 @@ def found(records):
         return list(pool.map(lambda record: maximum_likelihood(record, START), records))
 
 
-@pytest.mark.long
+@pytest.mark.study
 @pytest.mark.parametrize("seed", [2, 4, 11, 12])
 def test_a_ridge_that_one_goes_along_is_in_the_intervals_of_all(seed):
     """A single step hardly tells where the middle is: k and gap seem well known on both sides.
@@ -63,7 +63,7 @@ def test_a_ridge_that_one_goes_along_is_in_the_intervals_of_all(seed):
         assert low <= truth <= high, name
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_unbiased_in_closed_loop_and_intervalshold(found):
     rows = judged(found)
     assert set(rows) == set(USUAL)
@@ -74,14 +74,14 @@ def test_unbiased_in_closed_loop_and_intervalshold(found):
         assert 0.5 < row["ratio"] < 1.6, (name, row)  # the scatter over the seeds is the error
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_search_ends_at_a_maximum_from_far_off(found):
     for one in found:
         assert one.converged
         assert one.log_likelihood > one.start_log_likelihood + 100
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_a_start_far_off_and_the_truth_lead_to_the_same_place(records, found):
     """So that the 200 seeds of the documentation may begin at the truth."""
     for record, far in zip(records[:4], found[:4], strict=True):
@@ -306,13 +306,13 @@ def test_two_records_tell_more_than_one(records):
     assert np.all(both.errors < one.errors)
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_robust_errors_agree_where_the_model_is_right(found):
     ratio = np.mean([one.robust_errors / one.errors for one in found], axis=0)
     np.testing.assert_allclose(ratio, 1.0, atol=0.25)
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_stiffness_with_its_error_follows_from_the_law(found):
     law = {"k_i": [], "k_s": []}
     for one in found:

@@ -53,7 +53,7 @@ def model_sensitivity(f):
 # ---- what the intervals hold
 
 
-@pytest.mark.long
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("added", "periods"),
     [(1e-5 * repeated(1000, 8), 7), (3e-6 * broad(8_000), 1), (1e-5 * chirp(12_000), 1)],

@@ -52,7 +52,7 @@ def test_a_simulated_sensor_is_noisier_on_one_side() -> None:
     assert spread[-0.4e-3] > 1.6 * spread[0.4e-3]
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_it_is_found_beside_all_else_with_an_honest_error() -> None:
     truth = TRUTH.replace(sensor__noise_rise=4000.0)
     records = closed_loops(truth, 2, first=3)

@@ -60,7 +60,7 @@ def test_every_output_is_asked_for(exported: Exported) -> None:
     assert len(numbers) == 8
 
 
-@pytest.mark.long
+@pytest.mark.study
 @needs_frama_c
 @pytest.mark.parametrize(("kind", "precision"), [("linear", "double"), ("unscented", "float")])
 def test_what_is_recorded_comes_out(kind: str, precision: CPrecision, tmp_path: Path) -> None:
@@ -69,7 +69,7 @@ def test_what_is_recorded_comes_out(kind: str, precision: CPrecision, tmp_path: 
     assert left == STORED["filters"][name] == {"finite": 0, "any": 0, "open": 0}, said
 
 
-@pytest.mark.long
+@pytest.mark.study
 @needs_frama_c
 def test_the_proof_fails_where_the_supervisor_looks_away(
     exported: Exported, tmp_path: Path

@@ -48,7 +48,7 @@ def test_a_machine_is_swept_at_an_axis_that_it_has():
         ambkit.sweep(UFU, axis="C")
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_intervals_of_a_machines_log_hold_what_they_say():
     still, truth = injected(0, noise=False)
     size = np.abs(ambkit.assess_log(truth, still).measured.sensitivity)
