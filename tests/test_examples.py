@@ -110,6 +110,7 @@ def test_rig_without_its_logs_says_so(run, monkeypatch, capsys):
     assert "no logs in nowhere" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_thread(run, tmp_path):
     """The filter from the log is as good as one that was told everything, and C has its bits."""
     printed = run("thread.py")

@@ -15,6 +15,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
+from quick import quick
 
 import ambkit
 from ambkit.base import files
@@ -180,6 +181,7 @@ def test_faults_behind_one_another_are_all_found_at_their_lines():
     assert found.data["s"] == [{"f": 1}, {"f": 1, "g": "true or so"}]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("header", ["t [s],{}", "t,{}"])
 def test_twenty_thousand_columns_are_guessed_at_in_seconds(call, header):
     count = 20_000
@@ -283,7 +285,9 @@ WITH_NUMBERS = {
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize("command", WITH_NUMBERS)
+@pytest.mark.parametrize(
+    "command", quick(WITH_NUMBERS, {"read run.csv", "identify run.csv --bearing zittau_axial"})
+)
 def test_any_quantity_is_an_exit_code(call, tmp_path, command):
     (tmp_path / "run.csv").write_text(CSV)
     for option in WITH_NUMBERS[command].split():
@@ -416,11 +420,12 @@ def test_a_full_disk_leaves_an_older_export_whole(call, full):
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="needs limits of a file's size")
-@pytest.mark.parametrize(
-    "command", ["export c zittau_axial --estimator linear --out out", "export fmu zittau_axial "
-                "--out x.fmu", "simulate zittau_axial --duration 1s --out run.parquet",
-                "simulate zittau_axial --duration 1s --plot run.svg"],
-)  # fmt: skip
+@pytest.mark.parametrize("command", quick(
+    ["export c zittau_axial --estimator linear --out out", "export fmu zittau_axial --out x.fmu",
+     "simulate zittau_axial --duration 1s --out run.parquet",
+     "simulate zittau_axial --duration 1s --plot run.svg"],
+    ["simulate zittau_axial --duration 1s --out run.parquet"],
+))  # fmt: skip
 def test_a_file_that_may_not_grow_is_not_left_in_part(tmp_path, command):
     code, _out, err = shell(f"cd {shlex.quote(str(tmp_path))}; ulimit -f 4; {AMBKIT} {command}")
     assert code == 2

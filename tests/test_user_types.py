@@ -31,6 +31,7 @@ def mypy(folder: Path, *files: Path) -> str:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600).stdout
 
 
+@pytest.mark.long
 def test_strict_types_pass_and_wrong_ones_do_not(tmp_path: Path) -> None:
     wrong = tmp_path / "wrong.py"
     wrong.write_text(WRONG)
