@@ -38,6 +38,9 @@ ALIKE = 0.15
 NEARLY = 1.1
 """Of the loss at an end: where the secants stop."""
 
+FARTHEST = 50.0
+"""End of an interval, in e-folds: what the records do not bound at all."""
+
 ROUNDS = 4
 """Of the secant's, each a search over all other parameters."""
 
@@ -103,7 +106,7 @@ def intervals(
             continue
         value, step = parameter.of(model), parameter.coarse(model)
         found[parameter.name] = (
-            (value * math.exp(low[at]), value * math.exp(high[at]))
+            (value * math.exp(low[at]), value * math.exp(min(high[at], FARTHEST)))
             if parameter.positive
             else (value + step * float(low[at]), value + step * float(high[at]))
         )
