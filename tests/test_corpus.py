@@ -221,3 +221,46 @@ def test_four_logs_of_a_rig_foretell_another_and_the_smoothed_one_is_named() -> 
         assert 0.9 < each.nis < 1.15
     (hum,) = found.model.bearing.sensor.hum
     assert hum.frequency == pytest.approx(50, abs=0.2)
+
+
+def with_changed(record: Record, **changes: Array) -> Record:
+    return Record(
+        record.t, {name: record[name] for name in record} | changes, record.units, record.meta
+    )
+
+
+@pytest.mark.long
+def test_spikes_and_missing_samples_of_logs_spoil_nothing() -> None:
+    logs = {name: flown(seed) for seed, name in enumerate("abc", start=1)}
+    spiked, lost, cut_off = (logs[name]["y" if name != "c" else "u"].copy() for name in "abc")
+    spiked[[1500, 2100]] += 3e-3
+    lost[1200:1210] = np.nan
+    cut_off[1300:1304] = np.nan
+    spoiled = {
+        "a": with_changed(logs["a"], y=spiked),
+        "b": with_changed(logs["b"], y=lost),
+        "c": with_changed(logs["c"], u=cut_off),
+    }
+    sound, found = (identify_corpus(each, LoopModel(BALL), FREE) for each in (logs, spoiled))
+    assert sound.spikes == {}
+    assert set(found.spikes) == {"a"}
+    assert found.spikes["a"].startswith("2 samples of the position, spikes")
+    assert found.to_dict()["spikes"] == dict(found.spikes)
+    for one, other in zip(sound.foretold, found.foretold, strict=True):
+        for kind in ("error", "alone", "held", "arx"):
+            for ahead, value in getattr(one, kind).items():
+                assert getattr(other, kind)[ahead] == pytest.approx(value, rel=0.1), (kind, ahead)
+    off = (found.pooled.values - sound.pooled.values) / sound.pooled.values / sound.pooled.errors
+    assert np.abs(off).max() < 1.0
+
+
+def test_normal_equations_are_of_the_samples_that_miss_nothing() -> None:
+    record = flown(1, duration=0.5)
+    y = record["y"].copy()
+    y[200:203] = np.nan
+    one = normal_of([with_changed(record, y=y)], 1)
+    parts = [
+        Record(record.t[part], {name: record[name][part] for name in ("y", "u")})
+        for part in (slice(None, 200), slice(203, None))
+    ]
+    np.testing.assert_allclose(one, normal_of(parts, 1), rtol=1e-9, atol=1e-12 * np.abs(one).max())

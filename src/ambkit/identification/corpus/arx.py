@@ -50,16 +50,37 @@ def normal_of(records: Sequence[Record], ahead: int) -> Array:
     Parameters
     ----------
     records : sequence of Record
-        With ``y`` [m] and ``u`` [V], without gaps.
+        With ``y`` [m] and ``u`` [V].
     ahead : int
         How many samples ahead.
     """
     total = np.zeros((2 * ORDER, 2 * ORDER + 1))
     for record in records:
         rows, last = regressors(record, ahead)
-        target = record["y"][ORDER - 1 + ahead :] - last
-        total += rows.T @ np.column_stack([rows, target])
+        total += products(rows, record["y"][ORDER - 1 + ahead :] - last)
     return total
+
+
+def products(rows: Array, targets: Array) -> Array:
+    """Return what a record adds to normal equations, of the samples that miss nothing.
+
+    Parameters
+    ----------
+    rows : ndarray (n, p)
+        Regressors.
+    targets : ndarray (n,) or (n, q)
+        What they are to foretell.
+
+    Returns
+    -------
+    ndarray (p, p + q)
+        Of the regressors with themselves and with the targets.
+    """
+    both = np.column_stack([rows, targets])
+    whole = np.isfinite(both).all(axis=1)
+    if not whole.all():
+        both = both[whole]
+    return np.asarray(both[:, : rows.shape[1]].T @ both)
 
 
 def fit_arx(normal: Array, ahead: int) -> ARX:

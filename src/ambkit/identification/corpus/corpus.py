@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import engineering
+from ambkit.data.reading.spike_free import without_spikes
 from ambkit.estimate.constant_velocity import ConstantVelocityFilter, tune
 from ambkit.estimate.innovations import whiteness
 from ambkit.identification.corpus.amplitude import Weakened, weakened
@@ -136,6 +137,8 @@ class Corpus:
         How each log was cut.
     left_out : mapping of str to str
         Logs that nothing is identified from, and why.
+    spikes : mapping of str to str
+        Logs whose positions have spikes, and how many were left out.
     weakened : Weakened or None
         How much weaker a one-sided magnet is in flight than it was described, and at what
         amplitude.
@@ -148,6 +151,7 @@ class Corpus:
     foretold: Sequence[Foretold]
     stretches: Mapping[str, Sequence[Stretch]]
     left_out: Mapping[str, str]
+    spikes: Mapping[str, str]
     weakened: Weakened | None = None
 
     def to_dict(self) -> dict[str, Any]:
@@ -175,6 +179,7 @@ class Corpus:
             },
             "lines": [h.model_dump() for h in self.model.bearing.sensor.hum],
             "left_out": dict(self.left_out),
+            "spikes": dict(self.spikes),
             "in_flight": None if self.weakened is None else asdict(self.weakened),
         }  # fmt: skip
 
@@ -208,6 +213,9 @@ def identify_corpus(
         Fewer than two logs have a flight to identify from.
     """
     note("cutting the logs")
+    cleaned = {name: without_spikes([record]) for name, record in records.items()}
+    records = {name: one for name, ((one,), _) in cleaned.items()}
+    spikes = {name: said for name, (_, said) in cleaned.items() if said}
     stretches = {name: cut(record, start.bearing) for name, record in records.items()}
     flown, left_out = _flown(records, stretches, start)
     if len(flown) < FEWEST:
@@ -242,7 +250,9 @@ def identify_corpus(
     together, model = _together(list(likelihoods.values()), start)
     note("the magnet in flight and as described")
     weaker = weakened(flown, likelihoods, start, threads)
-    return Corpus(start, model, together, likelihoods, foretold, stretches, left_out, weaker)
+    return Corpus(
+        start, model, together, likelihoods, foretold, stretches, left_out, spikes, weaker
+    )
 
 
 def _together(found: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[Pooled, LoopModel]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.data.record import Record
-from ambkit.identification.corpus.arx import ORDER, regressors, solved
+from ambkit.identification.corpus.arx import ORDER, products, regressors, solved
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ def normal_of_controls(records: Sequence[Record], ahead: int) -> Array:
     Parameters
     ----------
     records : sequence of Record
-        With ``y`` [m] and ``u`` [V], without gaps.
+        With ``y`` [m] and ``u`` [V].
     ahead : int
         How many controls.
 
@@ -64,7 +64,7 @@ def normal_of_controls(records: Sequence[Record], ahead: int) -> Array:
     for record in records:
         rows = _rows(record, ahead)
         next_ones = np.lib.stride_tricks.sliding_window_view(record["u"][ORDER:], ahead)
-        total += rows.T @ np.column_stack([rows, next_ones])
+        total += products(rows, next_ones)
     return total
 
 
