@@ -247,12 +247,12 @@ def steps_at_the_truth(
         As errors are given: of the logarithm for a positive parameter.
     """
     places = [Coordinates(truth, parameters) for truth in truths]
-    locals_ = [
+    here = [
         Likelihood(group, place, settling_time(truth.bearing)).local(np.zeros(len(parameters)))
         for group, place, truth in zip(groups, places, truths, strict=True)
     ]
-    information = np.mean([local.information for local in locals_], axis=0)
-    steps = np.linalg.solve(information, np.array([local.score for local in locals_]).T).T
+    information = np.mean([local.information for local in here], axis=0)
+    steps = np.linalg.solve(information, np.array([local.score for local in here]).T).T
     return np.asarray(steps * places[0].unit_steps())
 
 

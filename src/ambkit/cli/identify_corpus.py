@@ -114,9 +114,8 @@ def _tables(corpus: Corpus) -> list[Any]:
         f"{value(h.amplitude, 'm', 2)}, in more than half of the logs."
         for h in corpus.model.bearing.sensor.hum
     ]
-    if corpus.left_out or corpus.spikes:
-        left = [[name, why] for each in (corpus.left_out, corpus.spikes)
-                for name, why in each.items()]  # fmt: skip
+    if corpus.not_used:
+        left = [[name, why] for name, why in corpus.not_used]
         shown.append(output.table("Left out", ["", ""], left, wide=True))
     cuts = [
         [name, "; ".join(f"{s.kind} {s.begin:.3g} to {s.end:.3g} s" for s in parts[:8])

@@ -69,7 +69,7 @@ class ByLikelihood:
         self.bearing = bearing
         self.settling = SETTLING * slowest_time(bearing)
         records, self.spikes = without_spikes(records)
-        validate, _ = without_spikes(validate) if validate else ([], "")
+        validate, _ = without_spikes(validate)
         spans = [float(each.t[-1] - each.t[0]) for each in records]
         shortest = 4 * self.settling
         if min(spans) < shortest:

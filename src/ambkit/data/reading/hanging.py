@@ -70,8 +70,8 @@ class Hanging:
         factor = self.scale / UNITS[self.unit]
         if not unit and not 1 / TRUST < factor < TRUST:
             yield (
-                f"scale = {factor:.2g}  # by gravity: no usual unit. Check it: noise and hum make "
-                "it too large"
+                f"scale = {factor:.2g}  # by gravity: no usual unit. Check it: noise and hum put "
+                "it off"
             )
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ambkit.data.reading.faults import noise, resolution
-from ambkit.data.reading.spikes import spikes
+from ambkit.data.reading.spikes import sound, spikes
 from ambkit.data.record import Record
 
 
@@ -29,16 +29,10 @@ def spike_free(record: Record) -> tuple[Record, int]:
             continue
         at = np.flatnonzero(np.isfinite(record[name]))
         there = record[name][at]
-        starts, lengths = spikes(there, noise(there), resolution(there))
-        if starts.size == 0:
-            continue
-        own = np.concatenate([
-            np.arange(start, start + length)
-            for start, length in zip(starts.tolist(), lengths.tolist(), strict=True)
-        ])  # fmt: skip
+        fine = sound(there.size, *spikes(there, noise(there), resolution(there)))
         cleaned[name] = record[name].copy()
-        cleaned[name][at[own]] = np.nan
-        count += own.size
+        cleaned[name][at[~fine]] = np.nan
+        count += int(np.count_nonzero(~fine))
     if count == 0:
         return record, 0
     return Record(record.t, cleaned, record.units, record.meta), count
@@ -46,13 +40,10 @@ def spike_free(record: Record) -> tuple[Record, int]:
 
 def without_spikes(records: Sequence[Record]) -> tuple[list[Record], str]:
     """Return records without the spikes of their positions, and what to say of it, if anything."""
-    cleaned, counts = zip(*map(spike_free, records), strict=True)
-    total = sum(counts)
-    if total == 0:
-        return list(cleaned), ""
+    pairs = [spike_free(record) for record in records]
+    total, said = sum(count for _, count in pairs), ""
     if total == 1:
-        return list(
-            cleaned
-        ), "1 sample of the position, a spike amid others that agree, is left out"
-    text = f"{total} samples of the position, spikes amid others that agree, are left out"
-    return list(cleaned), text
+        said = "1 sample of the position, a spike amid others that agree, is left out"
+    elif total > 1:
+        said = f"{total} samples of the position, spikes amid others that agree, are left out"
+    return [cleaned for cleaned, _ in pairs], said

@@ -72,11 +72,16 @@ def without(values: Array, starts: Index, lengths: Index) -> Array:
     """Return a signal with each spike on the straight line between its neighbours."""
     if starts.size == 0:
         return values
-    sound = np.ones(values.size, dtype=bool)
+    fine, at = sound(values.size, starts, lengths), np.arange(values.size)
+    return np.where(fine, values, np.interp(at, at[fine], values[fine]))
+
+
+def sound(size: int, starts: Index, lengths: Index) -> NDArray[np.bool_]:
+    """Return which of so many samples are in no spike."""
+    fine = np.ones(size, dtype=bool)
     for k in range(LONGEST):
-        sound[starts[k < lengths] + k] = False
-    at = np.arange(values.size)
-    return np.where(sound, values, np.interp(at, at[sound], values[sound]))
+        fine[starts[k < lengths] + k] = False
+    return fine
 
 
 def _none() -> tuple[Index, Index]:

@@ -154,6 +154,11 @@ class Corpus:
     spikes: Mapping[str, str]
     weakened: Weakened | None = None
 
+    @property
+    def not_used(self) -> list[tuple[str, str]]:
+        """What is not used of the logs: the name of one, and what of it and why."""
+        return [*self.left_out.items(), *self.spikes.items()]
+
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
         p = self.pooled
@@ -213,11 +218,14 @@ def identify_corpus(
         Fewer than two logs have a flight to identify from.
     """
     note("cutting the logs")
-    cleaned = {name: without_spikes([record]) for name, record in records.items()}
-    records = {name: one for name, ((one,), _) in cleaned.items()}
-    spikes = {name: said for name, (_, said) in cleaned.items() if said}
-    stretches = {name: cut(record, start.bearing) for name, record in records.items()}
-    flown, left_out = _flown(records, stretches, start)
+    cleaned: dict[str, Record] = {}
+    spikes: dict[str, str] = {}
+    for name, record in records.items():
+        [cleaned[name]], said = without_spikes([record])
+        if said:
+            spikes[name] = said
+    stretches = {name: cut(record, start.bearing) for name, record in cleaned.items()}
+    flown, left_out = _flown(cleaned, stretches, start)
     if len(flown) < FEWEST:
         why = "; ".join(f"{name}: {text}" for name, text in left_out.items())
         raise AmbkitError(f"a corpus needs {FEWEST} logs of a flight, {len(flown)} are left: {why}")

@@ -89,11 +89,7 @@ def corpus_report(corpus: Corpus) -> Report:
         [markdown(name), s.kind, s.begin, s.end]
         for name, parts in corpus.stretches.items() for s in parts
     ]  # fmt: skip
-    left = [
-        Remark(markdown(name), why)
-        for each in (corpus.left_out, corpus.spikes)
-        for name, why in each.items()
-    ]
+    left = [Remark(markdown(name), why) for name, why in corpus.not_used]
     return Report(
         title=f"Identification of {corpus.model.bearing.name} from {len(names)} logs",
         subtitle=f"{len(corpus.foretold)} logs, each foretold by a model of the others",
