@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -19,6 +20,11 @@ Complex = NDArray[np.complex128]
 
 MOST_AT_ONCE = 4096
 """Frequencies of a response that are solved for in one call: it bounds the memory."""
+
+MANY_STATES, WORST_VECTORS, NEAR_ONE = 10, 1e9, 1e-6
+"""A response is summed over the eigenvectors from so many states on, where their condition number
+is below this; not where z is that near to 1, since rounding grows there with the inverse powers of
+z - 1 that a chain of integrators has."""
 
 
 class Signal(NamedTuple):
@@ -86,11 +92,29 @@ class LinearSystem:
             # z - 1 to all of its digits: at low frequencies poles near 1 are what matters.
             half = s * self.T / 2
             shift, A = 2 * np.exp(half) * np.sinh(half), self.A - np.eye(n)
-        pieces = [
-            self.D + self.C @ np.linalg.solve(at[:, None, None] * np.eye(n) - A, self.B + 0j)
-            for at in np.array_split(shift, max(1, -(-len(shift) // MOST_AT_ONCE)))
-        ]
-        return np.concatenate(pieces)
+        modes = self._modes if self.T is not None and n >= MANY_STATES else None
+        near = np.abs(shift) < NEAR_ONE if modes is not None else np.ones(len(shift), bool)
+        found = np.empty((len(shift), *self.D.shape), complex)
+        for at in _pieces(np.flatnonzero(near)):
+            solved = np.linalg.solve(shift[at, None, None] * np.eye(n) - A, self.B + 0j)
+            found[at] = self.D + self.C @ solved
+        if modes is not None:
+            poles, C, B = modes
+            for at in _pieces(np.flatnonzero(~near)):
+                found[at] = self.D + (C / (shift[at, None, None] - poles)) @ B
+        return found
+
+    @cached_property
+    def _modes(self) -> tuple[Complex, Complex, Complex] | None:
+        """Poles of z - 1, C V, and V^-1 B; None where the eigenvectors V are nearly dependent."""
+        from scipy.linalg import matrix_balance
+
+        A, (size, _) = matrix_balance(self.A - np.eye(len(self.A)), permute=False, separate=True)
+        poles, V = np.linalg.eig(A)
+        if not np.linalg.cond(V) < WORST_VECTORS:
+            return None
+        seen, driven = self.C * size @ V, np.linalg.solve(V, self.B / size[:, None] + 0j)
+        return np.asarray(poles, complex), np.asarray(seen, complex), np.asarray(driven, complex)
 
     def poles(self) -> Complex:
         """Return the poles (n,): of z, or in continuous time of s [1/s]."""
@@ -106,6 +130,11 @@ class LinearSystem:
 
 EDGE = 1e-9
 """A pole no farther than this from the limit of stability is on it, such as an integrator's."""
+
+
+def _pieces(places: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """Return places in pieces of at most `MOST_AT_ONCE`."""
+    return np.array_split(places, max(1, -(-len(places) // MOST_AT_ONCE)))
 
 
 def _places(signals: Sequence[Signal], names: Sequence[str]) -> list[int]:

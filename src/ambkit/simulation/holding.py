@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.threads import one_thread
 from ambkit.machine.bank import alone_of, weights_of
 from ambkit.machine.hovering import hover_current
 from ambkit.machine.magnets import magnet_of, own_time
@@ -127,6 +128,7 @@ def overshoot_of(
 
 
 @lru_cache(maxsize=64)
+@one_thread()
 def _held(machine: Machine, feedback: Literal["measurement", "estimate"]) -> Holding:
     usual = tuple(map(PID.for_bearing, alone_of(machine)))
     search = _Search(machine, usual, feedback)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.base.threads import one_thread
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.simulation.controllers import Control
@@ -28,6 +29,7 @@ LQG, HINF = "LQG", "H-infinity"
 """What the loops of the linear-quadratic-Gaussian and of the H-infinity controller are called."""
 
 
+@one_thread()
 def assess(
     bearing: Bearing | Machine,
     filter: Estimator

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ambkit.base import files
 from ambkit.base.asked import of_type
 from ambkit.base.showing import Shown
+from ambkit.base.threads import one_thread
 from ambkit.data.channelmap import ChannelMap, inputs_of
 from ambkit.data.reading import load_filled
 from ambkit.data.rig_units import Inputs
@@ -106,6 +107,7 @@ class Design(Shown):
         }  # fmt: skip
 
 
+@one_thread()
 def design(
     bearing: Bearing,
     logs: Sequence[str | os.PathLike[str]],

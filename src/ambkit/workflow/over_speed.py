@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
+from ambkit.base.threads import one_thread
 from ambkit.estimate.adaptive_noise import AdaptiveNoise
 from ambkit.judge.loop.demands import (
     SIGMAS,
@@ -193,6 +194,7 @@ class OverSpeed(Shown):
         return run_up_figure(self)
 
 
+@one_thread()
 def assess_over_speed(
     machine: Machine,
     filter: Any = None,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
+from ambkit.base.threads import one_thread
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.machine.bearing import Bearing
@@ -178,6 +179,7 @@ class Sweep(Shown):
         )
 
 
+@one_thread()
 def sweep(
     bearing: Bearing | Machine,
     filter: Any = None,

@@ -13,6 +13,7 @@ from ambkit.base.asked import all_of_type, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.base.showing import Shown
+from ambkit.base.threads import one_thread
 from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.filter_saving import made_by, origin_of
@@ -166,6 +167,7 @@ def plant_of(estimator: Estimator) -> Bearing | Machine:
     return estimator.bearing if estimator.whole is None else estimator.whole.machine
 
 
+@one_thread()
 def tune(
     bearing: Bearing | Machine,
     records: Record | Sequence[Record] = (),

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.base.threads import one_thread
 from ambkit.machine.magnets import magnet_of
 from ambkit.models import axis_model
 from ambkit.models.axis import PAPER_STATES
@@ -119,9 +120,7 @@ def bearing_bound(
     ndarray (samples, n)
         Least standard deviation of the error: x [m], v [m/s], f_d [N], x_m [m], and the others.
     """
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(1):  # the matrices are small: threads of BLAS would wait ten times over
+    with one_thread():
         return _bearing_bound(bearing, records, variances, np.asarray(std, dtype=float))
 
 

@@ -7,9 +7,9 @@ import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.threads import one_thread
 from ambkit.models.linear import LinearSystem, Signal
 
 if TYPE_CHECKING:
@@ -64,8 +64,7 @@ def hinf(plant: LinearSystem) -> LinearSystem:
     of_S = control.tf([1 / PEAK, SLOW], [1, SLOW * AT_REST])
     of_u = control.ss([], [], [], [[1 / STRONG]])
     try:
-        # Its matrices are small: threads of BLAS would wait for each other.
-        with warnings.catch_warnings(), threadpool_limits(1):
+        with warnings.catch_warnings(), one_thread():
             warnings.simplefilter("ignore", FutureWarning)  # of its own
             K, _, _ = control.mixsyn(G, of_S, of_u, None)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
 from ambkit.base.errors import AmbkitError
+from ambkit.base.threads import one_thread
 from ambkit.machine.forces.patches import Patches, patches
 from ambkit.machine.forces.points import ForcePoints
 from ambkit.machine.laws import Law, equally_far, law_of
@@ -267,7 +268,6 @@ def _found(
 ) -> _Found:
     """Find what a surface needs to know, by the largest posterior density."""
     from scipy.optimize import minimize
-    from threadpoolctl import threadpool_limits
 
     doubt = np.log(DOUBT)
     free = np.array([law_error is None, True, True, not known])
@@ -289,7 +289,7 @@ def _found(
         return float(fit + 0.5 * np.sum((some / doubt[free]) ** 2))
 
     start = np.zeros(int(free.sum()))
-    with threadpool_limits(1):  # the matrices are small: threads of BLAS would wait for each other
+    with one_thread():
         return unpacked(minimize(surprise, start, method="L-BFGS-B", bounds=ends[free]).x)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.threads import one_thread
 from ambkit.simulation.many import FLAGS, Many, simulate_many
 from ambkit.simulation.many_machines import simulate_machines
 from ambkit.workflow.campaign.machine_margins import peaks_of_machines
@@ -156,11 +157,12 @@ def fly(
     columns = _spread(many, can, len(drawn))
     if record.margins:
         peaks = np.full(len(drawn), np.inf)
-        if plan.study.machine is None:
-            peaks[can] = Margins().peaks([_loop(drawn[at]) for at in can])
-        else:
-            whole: list[Any] = [drawn[at].planned for at in can]
-            peaks[can] = peaks_of_machines(whole, threads)
+        with one_thread():
+            if plan.study.machine is None:
+                peaks[can] = Margins().peaks([_loop(drawn[at]) for at in can])
+            else:
+                whole: list[Any] = [drawn[at].planned for at in can]
+                peaks[can] = peaks_of_machines(whole, threads)
         columns["peak_S"] = peaks
         columns["zone"] = ["" if np.isnan(each) else zone_of(float(each)) for each in peaks]
     fails = _fails(plan, columns, drawn)

@@ -1,0 +1,105 @@
+"""Frequency responses by eigenvectors are those of a factorisation per frequency, and quicker."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import threadpoolctl
+
+import ambkit
+from ambkit.base.threads import one_thread
+from ambkit.judge.loop.margins import grid
+from ambkit.models.linear import LinearSystem
+from ambkit.workflow.loop_of import LoopOf
+
+MACHINES = ("heart_pump", "tum_mlps_flexible", "ufu_flexible")
+
+
+def closed_loop(machine: str) -> tuple[LinearSystem, Any]:
+    """Return S of a preset's closed loop, and frequencies [Hz] at which no feature is left out."""
+    loop = LoopOf(ambkit.Machine.preset(machine), None).loop(None)
+    closed, m = loop.closed, loop.measurements
+    names = [[signal.name for signal in of[:m]] for of in (closed.outputs, closed.inputs)]
+    return closed.select(*names), grid(loop, points=60, near=5)
+
+
+def by_factorisation(system: LinearSystem, f: Any) -> Any:
+    half = 1j * np.pi * f * system.T
+    shift, A = 2 * np.exp(half) * np.sinh(half), system.A - np.eye(len(system.A))
+    return [system.D + system.C @ np.linalg.solve(s * np.eye(len(A)) - A, system.B) for s in shift]
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_a_response_is_that_of_a_factorisation_per_frequency(machine: str) -> None:
+    system, f = closed_loop(machine)
+    found, expected = system.response(f), np.array(by_factorisation(system, f))
+    off = np.abs(found - expected).max(axis=(1, 2)) / np.abs(expected).max(axis=(1, 2))
+    assert off.max() < 1e-8
+
+
+def test_it_takes_one_set_of_eigenvectors_and_no_factorisation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    system, f = closed_loop("tum_mlps_flexible")
+    system.response(f[:1])
+    solved: list[int] = []
+    solve = np.linalg.solve
+    monkeypatch.setattr(np.linalg, "solve", lambda a, b: (solved.append(len(a)), solve(a, b))[1])
+    system.response(f)
+    assert sum(solved) < 0.05 * len(f), "those near z = 1 alone are factorised"
+
+
+def test_nearly_dependent_eigenvectors_are_not_used() -> None:
+    n = 12  # a dead time of many samples: one chain of states, all of whose poles are 0
+    chain = LinearSystem(
+        np.eye(n, k=-1), np.eye(n)[:, :1], np.eye(n)[-1:], np.zeros((1, 1)), 1e-4, (), (), ()
+    )  # fmt: skip
+    f = np.geomspace(1, 5000, 50)
+    late = np.exp(-2j * np.pi * f * n * 1e-4)
+    assert np.abs(chain.response(f)[:, 0, 0] - late).max() < 1e-12
+
+
+def test_units_of_the_states_change_nothing() -> None:
+    system, f = closed_loop("heart_pump")
+    size = 10.0 ** np.linspace(-9, 9, len(system.A))
+    scaled = LinearSystem(
+        system.A * size / size[:, None], system.B / size[:, None], system.C * size, system.D,
+        system.T, system.states, system.inputs, system.outputs,
+    )  # fmt: skip
+    assert scaled._modes is not None
+    assert np.abs(scaled.response(f) - system.response(f)).max() < 1e-9
+
+
+def test_small_matrices_are_computed_in_one_thread_and_the_callers_number_comes_back() -> None:
+    def threads() -> set[int]:
+        blas = [each for each in threadpoolctl.threadpool_info() if each["user_api"] == "blas"]
+        return {each["num_threads"] for each in blas}
+
+    import scipy.linalg  # noqa: F401
+
+    with threadpoolctl.threadpool_limits(2):
+        before = threads()
+        with one_thread():
+            assert threads() == {1}
+        assert threads() == before
+
+
+def test_margins_of_a_campaign_are_computed_in_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    from ambkit.workflow.campaign import compute
+    from ambkit.workflow.campaign.study import load
+    from ambkit.workflow.campaign.whole import plan_of
+
+    seen: set[int] = set()
+    old = compute.peaks_of_machines
+
+    def spy(*given: Any) -> Any:
+        blas = [each for each in threadpoolctl.threadpool_info() if each["user_api"] == "blas"]
+        seen.update(each["num_threads"] for each in blas)
+        return old(*given)
+
+    monkeypatch.setattr(compute, "peaks_of_machines", spy)
+    with threadpoolctl.threadpool_limits(2):
+        compute.compute(plan_of(load("examples/machines.toml")), 0, 4)
+    assert seen == {1}
