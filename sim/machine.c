@@ -24,8 +24,10 @@ typedef struct amb_turned {
 
 static amb_turned turned(const amb_stretch *s, amb_real t)
 {
-  amb_turned now;
+  amb_turned now = {s->speed, s->cosine, s->sine};
   amb_real c, d;
+  if (!((s->speed < 0) || (s->speed > 0) || (s->growth < 0) || (s->growth > 0)))
+    return now;
   amb_parts_turn((s->speed + s->growth * t / 2) * t, &c, &d);
   now.speed = s->speed + s->growth * t;
   now.cosine = s->cosine * c - s->sine * d;
@@ -202,6 +204,15 @@ static bool go(const amb_stretch *s, amb_real X[], amb_real from, amb_real lengt
   return touched;
 }
 
+/* The current that axis c demands from now on, behind the delay, where the newest demand is iu. */
+static amb_real acting(const amb_machine *machine, const amb_machine_state *state, size_t c,
+                       amb_real iu)
+{
+  if (machine->delay_rest > 0)
+    return state->demanded[machine->delay][c];
+  return machine->delay > 0 ? state->demanded[machine->delay - 1][c] : iu;
+}
+
 /* How many steps a stretch takes. */
 static int steps_in(const amb_machine *machine, amb_real stretch, amb_real T)
 {
@@ -333,9 +344,10 @@ void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
     for (size_t c = 0; c < p; c++) {
       demanded[c] = amb_clamp(loop->k_ui[c] * (u[c] + in->noise_u[k * p + c]),
                               controllers->iu_min[c], controllers->iu_max[c]);
-      out->iu[k * p + c] = amb_machine_current(machine, state->X, (int)c, demanded[c]);
+      const amb_real now = acting(machine, state, c, demanded[c]);
+      out->iu[k * p + c] = amb_machine_current(machine, state->X, (int)c, now);
       out->force[k * p + c] =
-          state->off ? machine->none[c] : amb_machine_force(machine, state->X, (int)c, demanded[c]);
+          state->off ? machine->none[c] : amb_machine_force(machine, state->X, (int)c, now);
     }
     if (amb_machine_advance(machine, state, loop->T, in->speed[k], in->speed[k + 1], demanded,
                             in->load + k * p, in->base + 3 * k)) {

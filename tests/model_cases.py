@@ -139,5 +139,5 @@ def bearing(**keys: Any) -> Any:
     amplifier = SimpleNamespace(**keys.pop("amplifier", {}))
     return SimpleNamespace(
         magnet=BEARING.magnet, rotor=BEARING.rotor, sampling_time=BEARING.sampling_time,
-        sensor=sensor, amplifier=amplifier, **keys,
+        sensor=sensor, sensor_lag=sensor.lag, amplifier=amplifier, **keys,
     )  # fmt: skip

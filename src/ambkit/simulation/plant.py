@@ -98,8 +98,9 @@ class Plant:
         X = np.zeros(len(self.model.states) + len(self.pairs))
         X[: len(q)] = q
         rows = geometry.matrix([r.line for r in self.machine.readings], self.machine.positions)
-        for r, seen in zip(self.machine.readings, rows @ q, strict=True):
-            X[place[f"x_m_{r.name}"]] = r.sensor.gain * seen
+        each = zip(self.machine.readings, rows @ q, self._sensors("float64"), strict=True)
+        for r, at, does in each:
+            X[place[f"x_m_{r.name}"]] = r.sensor.gain * _shown(does, float(at))
         for name, current in zip(self.model.current, currents, strict=True):
             if name is not None:
                 X[place[name]] = current
@@ -224,6 +225,12 @@ class Plant:
         if machine.bending is not None:
             needed.append(8 * T * float(machine.bending.frequency.max()))
         return max(least, *(math.ceil(each) for each in needed))
+
+
+def _shown(does: dict[str, Any], x: float) -> float:
+    """What a sensor settles at [m], before the rotor has turned (``amb_parts_shown``)."""
+    seen = x + float(np.sum(does.get("runout_cosine", 0.0)))
+    return seen + seen * (does.get("quadratic", 0.0) + does.get("cubic", 0.0) * seen) * seen
 
 
 def _farthest(axis: Axis) -> float:

@@ -30,7 +30,8 @@ class Sensor:
     def of_axis(cls, bearing: Any, typical: Typical) -> list[Sensor]:
         """Return the sensor of an axis."""
         sensor = bearing.sensor
-        return [cls(sensor.gain, sensor.lag or None, abs(sensor.gain) * typical.displacement)]
+        lag = bearing.sensor_lag if sensor.lag else None
+        return [cls(sensor.gain, lag, abs(sensor.gain) * typical.displacement)]
 
     def declare(self, plan: Plan) -> None:
         """Add the measurement, and the lagged position if there is a lag."""
