@@ -230,7 +230,7 @@ class Plant:
 def _shown(does: dict[str, Any], x: float) -> float:
     """What a sensor settles at [m], before the rotor has turned (``amb_parts_shown``)."""
     seen = x + float(np.sum(does.get("runout_cosine", 0.0)))
-    return seen + seen * (does.get("quadratic", 0.0) + does.get("cubic", 0.0) * seen) * seen
+    return float(seen + seen * (does.get("quadratic", 0.0) + does.get("cubic", 0.0) * seen) * seen)
 
 
 def _farthest(axis: Axis) -> float:
