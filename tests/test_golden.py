@@ -2,8 +2,12 @@
 
 import numpy as np
 import pytest
-from golden.axes import TABLES, Row, read_rows
+from golden.axes import AXES, TABLES, Row, read_rows, record_of
 from golden.runs import RUNS, filtered, read
+
+import ambkit
+from ambkit.estimate.registry import KINDS
+from ambkit.machine.machine import Machine
 
 HOW = "\nif the change is meant: python -m tests.golden, and look at the diff"
 
@@ -58,3 +62,19 @@ def test_every_kind_and_plant_answers_as_recorded(name: str) -> None:
         if far or (row["axis"] in BUILT_IN and row["bits"] != was["bits"]):
             changed.append(f"{case(row)}: {', '.join(far) or 'last bits'}")
     assert not changed, "\n".join(changed) + HOW
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_a_machine_with_one_axis_is_that_axis(name: str) -> None:
+    """Every kind, both precisions: mean, covariance, innovations and status to the last bit."""
+    axis = AXES[name]
+    machine, record = Machine.of_axis(axis), record_of(axis)
+    for kind, made in KINDS.items():
+        for precision in ("float64", "float32"):
+            law = None if made.magnet else ambkit.ClosedLaw(axis)
+            one = made.make(axis, law, precision=precision)
+            other = made.make(machine, law and [law], precision=precision)
+            a, b = one.run(record, covariance=True), other.run(record, covariance=True)
+            for what in ("mean", "covariance", "innovation", "innovation_variance", "status"):
+                got = np.asarray(getattr(b, what), float).reshape(np.shape(getattr(a, what)))
+                np.testing.assert_array_equal(got, getattr(a, what), f"{kind}, {precision}: {what}")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.options import refuse_of_one_axis
+from ambkit.data.signals import signal
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -104,7 +105,7 @@ def _waterfall(run: MachineRun) -> Waterfall:
 
     t = run.record.t
     window = min(0.1, float(t[-1] - t[0]) / 4)
-    return waterfall(run.record, f"s_{run.machine.axes[0].name}", window=window)
+    return waterfall(run.record, signal("s", run.machine.axes[0].name), window=window)
 
 
 def _table(data: dict[str, Any], units: Mapping[str, str]) -> Any:

@@ -25,6 +25,11 @@ SI_UNITS = (
 """The SI units that a record writes; what is given in another unit of the kind is converted."""
 
 
+def signal(what: str, name: str) -> str:
+    """Name of a signal of an axis or a reading, ``y_A1``; a single one has no suffix."""
+    return f"{what}_{name}" if name else what
+
+
 @cache
 def si_unit(unit: str) -> str:
     """Return the SI unit that measures what `unit` does.

@@ -103,7 +103,7 @@ class Estimator(Copyable):
         synchronous: Sequence[str] = (),
     ) -> None:
         of_type(Bearing, Machine, bearing=bearing)
-        if isinstance(bearing, Machine) and not self.several_axes:
+        if isinstance(bearing, Machine) and not self.several_axes and len(bearing.axes) > 1:
             raise ValueError(f"{self.name}: it is of one axis, and cannot take a whole machine")
         if gravity not in ("known", "disturbance"):
             raise ValueError(f"gravity must be 'known' or 'disturbance', got {gravity!r}")

@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, core_module
 from ambkit.models import axis_model, axis_parts
-from ambkit.models.axis import PAPER_STATES
+from ambkit.models.axis import paper_pattern, printed
 from ambkit.models.machine import SYNCHRONOUS, machine_model, machine_parts
 from ambkit.models.model import Model, compressed_rows
 from ambkit.models.plan import Part, Plan
@@ -35,6 +36,10 @@ NUMBERS = ("L", "b", "B_u", "h", "e", "r", "d", "c", "N", "rest")
 
 MOST_NUMBERS = 65536
 """Numbers of a model that turns: their places are counted by 16 bits."""
+
+
+PAPER_ROLES = ("position", "velocity", "disturbance force", "sensor")
+"""Of the states that are built in: a look at these spares the sampling of most models."""
 
 
 class Nodes(NamedTuple):
@@ -99,22 +104,29 @@ class Engine:
             raise ValueError(f"synchronous must be some of {known}, got {unknown[0]!r}")
         if synchronous and not isinstance(bearing, Machine):
             raise ValueError("synchronous states are of a whole machine, not of one axis")
-        if isinstance(bearing, Machine) and as_printed:
+        if isinstance(bearing, Machine) and as_printed and len(bearing.axes) > 1:
             raise ValueError("as printed there is one axis, not a whole machine")
         plan = Plan(bearing.sampling_time)
         for part in parts_of(bearing, noise=noise, synchronous=synchronous):
             plan.add(part)
         self.states, self.noises = tuple(plan.states), tuple(plan.noises)
-        self.built_in = tuple(state.name for state in plan.states) == PAPER_STATES
+        self.built_in = self._built_in(plan)
         self.core: ModuleType = core_module(precision, any_model=not self.built_in)
         check_room(self.core, plan, bearing.name)
-        if self.built_in and isinstance(bearing, Bearing):
+        if self.built_in:
+            (axis,) = alone_of(bearing)
             self.model_of_core: Any = self.core.Model(
-                bearing.sampling_time, bearing.rotor.mass, bearing.sensor.gain,
-                bearing.sensor_lag, as_printed,
+                axis.sampling_time, axis.rotor.mass, axis.sensor.gain, axis.sensor_lag, as_printed,
             )  # fmt: skip
         else:
             self.model_of_core = self.core.Model(arrays(self.model))
+
+    def _built_in(self, plan: Plan) -> bool:
+        """Whether the model has the pattern that is built into the core as straight-line C."""
+        if tuple(state.role for state in plan.states) != PAPER_ROLES or len(plan.noises) != 1:
+            return False
+        built_in = paper_pattern()
+        return all(np.array_equal(built_in[n], each) for n, each in self.model.pattern.items())
 
     def let_turn(self, slowest: float, fastest: float) -> None:
         """Let the core's model take any speed of rotation between two [rad/s].
@@ -188,7 +200,8 @@ class Engine:
     def model(self) -> Model:
         """The model as data, sampled when it is first asked for."""
         if isinstance(self.bearing, Machine):
-            return machine_model(self.bearing, noise=self.noise, synchronous=self.synchronous)
+            model = machine_model(self.bearing, noise=self.noise, synchronous=self.synchronous)
+            return printed(model) if self.as_printed else model
         return axis_model(self.bearing, as_printed=self.as_printed, noise=self.noise)
 
 

@@ -9,6 +9,7 @@ from ambkit.base.asked import Given, in_si
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.observer import unstable_pole
+from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
@@ -69,5 +70,9 @@ class LowPass(Estimator):
         T = self.bearing.sampling_time
         taken = {name: -math.expm1(-corner * T) for name, corner in self.corners.items()}
         return engine.core.LowPass(
-            magnet, engine.model_of_core, m=self.bearing.rotor.mass, **taken, **settings
+            magnet,
+            engine.model_of_core,
+            m=alone_of(self.bearing)[0].rotor.mass,
+            **taken,
+            **settings,
         )

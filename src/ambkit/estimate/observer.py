@@ -14,8 +14,6 @@ from ambkit.base.asked import Given, in_si
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.model import LinearModel
-from ambkit.estimate.one_axis import caps
-from ambkit.estimate.starting import start_std
 from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel
 from ambkit.models import axis_parts, compose
@@ -56,17 +54,18 @@ class _Observer(Estimator):
         raise NotImplementedError
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        k = ConstantStiffness.of(self.bearing)
+        (axis,) = alone_of(self.bearing)
+        k = ConstantStiffness.of(axis)
         # The states are counted in their own units, or the equations below lose their digits
         # between newtons and micrometres.
         whole = _whole(engine)
-        units = np.array(start_std(self.bearing, self.variances, whole.states))
-        growth = self.variances.growth(self.bearing.sampling_time, whole.noises)
+        units = np.array(self.view.start_std(self.variances, whole.states))
+        growth = self.view.growth(self.variances, whole.noises)
         model = LinearModel.of(whole, k.k_i, k.k_s, settings | {"var_d": growth})
         small = model.scaled(units)
         L = self._gain(small, whole.states)
         P, S = _steady(small, L)
-        most = np.array(caps(self.bearing, whole.states)) / units
+        most = np.array(self.view.caps(whole.states)) / units
         reach = np.minimum(2 * _grown(small, L, most) * units, np.finfo(np.float32).max)
         own = [whole.index(state.name) for state in engine.states]
         self.gain, far = (L * units)[own], reach[own]
@@ -169,14 +168,15 @@ class SteadyStateKalmanFilter(_Observer):
 
 def _whole(engine: Engine) -> Model:
     """Return the model of the machine with all sensor noise."""
-    sensor = engine.bearing.sensor
+    (axis,) = alone_of(engine.bearing)
+    sensor = axis.sensor
     if not sensor.hum and (engine.noise or not sensor.coloured_noise):
         return engine.model
     parts = [
         replace(part, bandwidth=part.bandwidth or WANDER * part.frequency)
         if isinstance(part, Hum)
         else part
-        for part in axis_parts(engine.bearing)
+        for part in axis_parts(axis)
     ]
     return compose(parts, engine.bearing.sampling_time, name="axial")
 

@@ -63,6 +63,14 @@ class OneAxis:
             "rise": [b.sensor.noise_rise],
         }
 
+    def caps(self, states: Sequence[Descriptor]) -> list[float]:
+        """Return the most that each state can be."""
+        return caps(self.bearing, states)
+
+    def growth(self, variances: Variances, noises: Sequence[Descriptor]) -> list[float]:
+        """Return the variances of a model's noises."""
+        return variances.growth(self.bearing.sampling_time, noises)
+
     def known_forces(self, magnet: Any, *, weight: bool) -> list[float]:
         """Return the force that a filter knows [N]."""
         (bias,) = bias_forces_of(magnet, self.bearing)

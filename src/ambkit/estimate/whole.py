@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.data.signals import signal
 from ambkit.estimate.noise import FilterNoise, Variances, check_variances
 from ambkit.estimate.starting import hovering
 from ambkit.machine import geometry
@@ -47,9 +48,9 @@ class Whole:
         self.rigid = len(machine.rigid_positions)
 
     @property
-    def speed(self) -> float:
-        """Of rotation, the machine's own [rad/s]."""
-        return self.machine.speed
+    def speed(self) -> float | None:
+        """Of rotation, the machine's own [rad/s]; None where the model does not depend on it."""
+        return None if self.machine.rotor.type == "mass" else self.machine.speed
 
     @property
     def columns(self) -> dict[str, Any]:
@@ -71,6 +72,13 @@ class Whole:
         limits = np.array([each.rotor.travel_limit for each in self.alone])
         H, C = self.H[:, : self.rigid], self.C[:, : self.rigid]
         return np.asarray(np.abs(C @ np.linalg.pinv(H)) @ limits)
+
+    @cached_property
+    def seen(self) -> Array:
+        """Coordinates (q, m) that explain best what sensors look at, of a rotor that is rigid."""
+        found = np.zeros((self.C.shape[1], len(self.gains)))
+        found[: self.rigid] = np.linalg.pinv(self.C[:, : self.rigid])
+        return found
 
     @cached_property
     def shown(self) -> Array:
@@ -140,12 +148,12 @@ class Whole:
     def caps(self, states: Sequence[Descriptor]) -> list[float]:
         """Return the most that each state can be (``ambkit/envelope.h``)."""
         T = self.machine.sampling_time
-        fast = 0.1 * self.travel / T
+        fast = 0.1 * (self.travel / T)
         by_role = {
             "position": self.travel,
             "velocity": fast,
             "disturbance force": np.array(
-                [b.rotor.mass * 0.1 * b.rotor.travel_limit / T**2 for b in self.alone]
+                [b.rotor.mass * (0.1 * (b.rotor.travel_limit / T) / T) for b in self.alone]
             ),
             "sensor": 3 * np.abs(self.gains) * self.travel_seen,
         }
@@ -154,13 +162,14 @@ class Whole:
     def start_std(self, variances: Variances, states: Sequence[Descriptor]) -> tuple[float, ...]:
         """Return the standard deviations with which a filter starts; see `Estimator.reset`."""
         sigma = 3 * np.sqrt(np.array(variances.measurement))
-        pole = max(1 / own_time(b) for b in self.alone)
-        shown = self.shown[: self.rigid]
+        quickest = min(own_time(b) for b in self.alone)
+        seen = self.seen[: self.rigid]
         bent = np.array([state.size for state in states if state.role == "bending"])
-        unseen = (shown @ (self.gains[:, None] * self.C[:, self.rigid :])) ** 2 @ bent**2
+        unseen = (seen @ self.C[:, self.rigid :]) ** 2 @ bent**2
+        spread = np.sqrt(sigma**2 + self._run_out(states)) / np.abs(self.gains)
         by_role = {
-            "position": np.sqrt(shown**2 @ (sigma**2 + self._run_out(states)) + unseen),
-            "velocity": 0.1 * self.travel * pole,
+            "position": np.sqrt(((seen * spread) ** 2).sum(axis=1) + unseen),
+            "velocity": 0.1 * self.travel / quickest,
             "disturbance force": np.array([b.rotor.mass * GRAVITY for b in self.alone]),
             "sensor": sigma,
         }
@@ -202,7 +211,7 @@ class Whole:
     def axis_of(self, state: Descriptor) -> int:
         """Return which axis a current or a past control is of."""
         names = [axis.name for axis in self.machine.axes]
-        return names.index(state.name.split("_")[1])
+        return 0 if len(names) == 1 else names.index(state.name.split("_")[1])
 
     def known_forces(self, magnet: Any, *, weight: bool) -> list[float]:
         """Return the forces along the axes that a filter knows [N]."""
@@ -247,12 +256,22 @@ class Whole:
 
         In the precision and the order of an exported filter.
         """
-        number = np.dtype(precision).type
-        constant, by_reading = self.start_form(states, hover)
-        start: NDArray[Any] = constant.astype(precision)
-        for column, seen in zip(by_reading.T, self.first(y), strict=True):
-            start = start + column.astype(precision) * number(seen)
-        return start.astype(float)
+        number = np.dtype(precision)
+        y = self.first(y)
+        if len(self.machine.axes) > 1:  # until the exported C starts by the three stages below
+            constant, by_reading = self.start_form(states, hover)
+            start: NDArray[Any] = constant.astype(precision)
+            for column, seen in zip(by_reading.T, y, strict=True):
+                start = start + column.astype(precision) * number.type(seen)
+            return start.astype(float)
+        looked = y / self.gains  # where the sensors look
+        q = _added_up(self.seen, looked)
+        along = _added_up(self.H, q).astype(number)
+        currents = [
+            np.array(i, number) + np.array(slope, number) * s
+            for (i, slope), s in zip(hover, along, strict=True)
+        ]
+        return self.at_rest(states, hover, q, y, np.array(currents, float))
 
     def latest(self, of_readings: Any) -> Any:
         """Return what the core says of the last readings (m,)."""
@@ -279,9 +298,16 @@ class Whole:
 
     def first(self, y: Array) -> Array:
         """Return the first readings (m,) of a record (N, m) that are all within the travel."""
-        limit = np.abs(self.gains) * self.travel_seen
+        limit = self.limits
+        if len(y) and bool((np.abs(y[0]) <= limit).all()):
+            return np.asarray(y[0])
         good = np.flatnonzero((np.abs(y) <= limit).all(axis=1))
         return np.asarray(y[good[0]]) if good.size else np.zeros(len(limit))
+
+    @cached_property
+    def limits(self) -> Array:
+        """Readings (m,) at the ends of the travel [m]."""
+        return np.asarray(np.abs(self.gains) * self.travel_seen)
 
     def signals(self, record: Record) -> tuple[Array, Array]:
         """Return readings (N, m) [m] and control signals (N, p) [V] of a record.
@@ -291,6 +317,19 @@ class Whole:
         RecordError
             It has not all of them.
         """
-        y = [record[f"y_{r.name}"] for r in self.machine.readings]
-        u = [record[f"u_{axis.name}"] for axis in self.machine.axes]
-        return np.column_stack(y), np.column_stack(u)
+        y = [record[signal("y", r.name)] for r in self.machine.readings]
+        u = [record[signal("u", axis.name)] for axis in self.machine.axes]
+        return _columns(y), _columns(u)
+
+
+def _columns(signals: list[Array]) -> Array:
+    """Return signals side by side; a single one is not copied."""
+    return signals[0][:, None] if len(signals) == 1 else np.column_stack(signals)
+
+
+def _added_up(A: Array, x: Array) -> Array:
+    """Return A x, added up from the first column on, as the exported C does."""
+    total = np.zeros(len(A))
+    for column, value in zip(A.T, x, strict=True):
+        total = total + column * value
+    return total

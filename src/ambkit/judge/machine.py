@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.data.signals import signal
 from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge import machine_reference
@@ -320,7 +321,7 @@ def _truth(run: MachineRun, walks: Array, quantity: str) -> Array:
         at = next(each for each in run.machine.axes if each.name == axis)
         forms = at.line.form.items()
         return np.asarray(sum(value * record[f"q_{velocity_of(q)}"] for q, value in forms))
-    return np.asarray(record[{"i": f"iu_{axis}"}.get(label, quantity)])
+    return np.asarray(record[{"i": signal("iu", axis)}.get(label, quantity)])
 
 
 def _nees(wrong: Array, estimate: Estimate, W: Array, start: int, judged: Array) -> float:
@@ -377,7 +378,7 @@ def errors_along(
         By the names of states, coordinates and loads, each in its unit, of which there is truth.
     """
     truth = {state.name: f"q_{state.name}" for state in estimate.states} | {
-        f"f_d_{axis}": f"f_d_{axis}" for axis in estimate.axes
+        signal("f_d", axis): signal("f_d", axis) for axis in estimate.axes
     }
     return {
         name: float(np.sqrt(np.mean((estimate[name] - record[of])[first:end] ** 2)))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.data.record import Record
+from ambkit.data.signals import signal
 from ambkit.estimate.kalman import ExtendedKalmanFilter, KalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.machine.bank import Bank
@@ -108,10 +109,10 @@ def run_finer(other: Estimator, record: Record, delay: float) -> Estimate:
     for k, reading in enumerate(machine.readings):
         shown = np.full(n, np.nan)
         shown[::FINER] = y[:, k]
-        signals[f"y_{reading.name}"] = shown
+        signals[signal("y", reading.name)] = shown
     for k, axis in enumerate(machine.axes):
         held = np.repeat(u[:, k], FINER)
-        signals[f"u_{axis.name}"] = np.concatenate([np.full(late, held[0]), held])[:n]
+        signals[signal("u", axis.name)] = np.concatenate([np.full(late, held[0]), held])[:n]
     T = record.t[1] - record.t[0]
     speed = np.interp(np.arange(n) / FINER, np.arange(len(record)), record["speed"])
     units = {name: "m" if name[0] == "y" else "V" for name in signals}

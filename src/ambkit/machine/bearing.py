@@ -336,7 +336,7 @@ class Bearing(Shown, Document):
     @property
     def weight(self) -> float:
         """Force of gravity along +x [N], negative where gravity pulls towards -x."""
-        return _along_x(self.rotor.gravity) * self.rotor.mass * GRAVITY
+        return along_x(self.rotor.gravity) * self.rotor.mass * GRAVITY
 
     @property
     def sensor_lag(self) -> float:
@@ -366,7 +366,7 @@ class Bearing(Shown, Document):
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         yield from gap_contradictions(read, "rotor.travel_limit")
         kind, gravity = read("magnet.type"), read("rotor.gravity")
-        if kind == "one-sided" and _along_x(gravity) >= 0:
+        if kind == "one-sided" and along_x(gravity) >= 0:
             shown = f'"{gravity}"' if isinstance(gravity, str) else engineering(gravity, "rad")
             what = "pull towards -x" if not isinstance(gravity, str) else 'be "-x"'
             text = f"must {what}, is {shown}: nothing else pulls against a one-sided magnet"
@@ -388,7 +388,7 @@ class Bearing(Shown, Document):
 _DIRECTION = {"-x": -1.0, "+x": 1.0, "none": 0.0}
 
 
-def _along_x(gravity: Any) -> float:
+def along_x(gravity: Any) -> float:
     """Share of gravity that pulls along +x; NaN of what is no direction."""
     if isinstance(gravity, str):
         return _DIRECTION.get(gravity, math.nan)
@@ -397,7 +397,7 @@ def _along_x(gravity: Any) -> float:
 
 
 def _hover_current(read: Read) -> float:
-    weight = _along_x(read("rotor.gravity")) * read("rotor.mass") * GRAVITY
+    weight = along_x(read("rotor.gravity")) * read("rotor.mass") * GRAVITY
     magnet = SimpleNamespace(**{key: read(f"magnet.{key}") for key in Magnet.model_fields})
     wrong = any(isinstance(value, float) and math.isnan(value) for value in vars(magnet).values())
     if wrong or math.isnan(weight) or (magnet.type == "one-sided" and not weight < 0):

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.machine.bearing import along_x
+
 if TYPE_CHECKING:
     from ambkit.machine.placed import AnyRotor, PlacedBearing, PlacedSensor
     from ambkit.machine.rotors.modes import Bending
@@ -52,6 +54,11 @@ class Line(NamedTuple):
         return cls(0.0, math.nan, math.nan)
 
     @property
+    def translation(self) -> bool:
+        """Whether it is the one direction in which a mass moves; that has no place."""
+        return math.isnan(self.place)
+
+    @property
     def axial(self) -> bool:
         """Whether it is along the shaft."""
         return math.isnan(self.cosine)
@@ -59,6 +66,8 @@ class Line(NamedTuple):
     @property
     def form(self) -> dict[str, float]:
         """The displacement there, as a linear form of the coordinates that it depends on."""
+        if self.translation:
+            return {"x": 1.0}
         if self.axial:
             return {"z": 1.0}
         in_x = {"x": self.cosine, "th_y": self.place * self.cosine} if self.cosine else {}
@@ -98,12 +107,14 @@ class Shaft(NamedTuple):
     """Place of the centre of mass [m]."""
     bending: Bending | None = None
     """Its bending modes, if it has any."""
+    translation: bool = False
+    """Whether it is a mass with one coordinate."""
 
     @classmethod
     def of(cls, rotor: AnyRotor, bearings: tuple[PlacedBearing, ...]) -> Shaft:
         """Return that of a rotor in bearings."""
         places = tuple(each.place for each in bearings if each.type == "radial")
-        return cls(rotor.centre, rotor.bending(places))
+        return cls(rotor.centre, rotor.bending(places), rotor.type == "mass")
 
     def line(self, place: float, angle: float) -> Line:
         """Return a direction across the shaft.
@@ -115,6 +126,8 @@ class Shaft(NamedTuple):
         angle : float
             From x towards y [rad].
         """
+        if self.translation:
+            return Line(math.nan, 1.0, 0.0)
         out = () if self.bending is None else tuple(self.bending.shape(place).tolist())
         return Line.across(place - self.centre, angle, out)
 
@@ -195,12 +208,16 @@ def supporting_forces(rotor: AnyRotor, axes: tuple[Axis, ...], gravity: float) -
 
 def weight_of(rotor: AnyRotor, positions: tuple[str, ...], gravity: float) -> Array:
     """Return the force of gravity on each coordinate [N]; a free rotor is not bent by it."""
+    if rotor.type == "mass":
+        return np.array([along_x(rotor.gravity) * rotor.mass * gravity])
     falls = {"-x": "x", "-z": "z"}.get(rotor.gravity)
     return np.array([-rotor.mass * gravity if q == falls else 0.0 for q in positions])
 
 
 def positions_of(axes: tuple[Axis, ...]) -> tuple[str, ...]:
     """Return the coordinates of the rigid body of a rotor with bearings of these axes."""
+    if any(axis.line.translation for axis in axes):
+        return ("x",)
     return POSITIONS + (("z",) if any(axis.line.axial for axis in axes) else ())
 
 

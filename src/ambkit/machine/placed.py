@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from ambkit.base.config import Part, Read
-from ambkit.base.config.quantities import Quantity
+from ambkit.base.config.quantities import Quantity, WordOrQuantity
 from ambkit.base.units import engineering
 from ambkit.machine.bearing import Amplifier, Magnet, Sensor
 from ambkit.machine.parts import (
@@ -30,11 +30,43 @@ from ambkit.machine.parts import (
 )
 from ambkit.machine.rotors.described import MatrixRotor, ModalRotor, ShaftRotor
 
-Label = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9]{0,7}$")]
+Label = Annotated[str, StringConstraints(pattern=r"^([A-Za-z][A-Za-z0-9]{0,7})?$")]
 """Short name of a bearing or a sensor, of which names of signals are made."""
 
 Place = Annotated[float, Quantity("m", "-0.25 m")]
 Angle = Annotated[float, Quantity("rad", "45 deg")]
+
+
+class MassRotor(Part):
+    """One mass with one translation, the rotor of a machine with one axis."""
+
+    type: Literal["mass"] = "mass"
+    """Moves along one axis."""
+    mass: Annotated[float, Quantity("kg", "0.518 kg", above=0)]
+    """Mass m [kg]."""
+    gravity: Annotated[
+        float | Literal["-x", "+x", "none"],
+        WordOrQuantity("rad", "45 deg", words=("-x", "+x", "none")),
+    ]
+    """Direction of gravity; an angle counts from -x [rad]."""
+
+    @property
+    def centre(self) -> float:
+        """Place of the centre of mass [m]."""
+        return 0.0
+
+    @property
+    def transverse_inertia(self) -> float:
+        """Infinite: it does not tilt [kg m^2]."""
+        return math.inf
+
+    @property
+    def polar_inertia(self) -> float:
+        """None: it does not rotate [kg m^2]."""
+        return 0.0
+
+    def bending(self, magnets: tuple[float, ...]) -> None:
+        """Return its bending modes: none."""
 
 
 class RigidRotor(Part):
@@ -103,12 +135,13 @@ AnyRotor = Annotated[
     Annotated[RigidRotor, Tag("rigid")]
     | Annotated[ShaftRotor, Tag("shaft")]
     | Annotated[MatrixRotor, Tag("matrices")]
-    | Annotated[ModalRotor, Tag("modes")],
+    | Annotated[ModalRotor, Tag("modes")]
+    | Annotated[MassRotor, Tag("mass")],
     Discriminator(_kind_of_rotor),
 ]
 """A rotor of any kind, by its type."""
 
-ROTORS = (RigidRotor, ShaftRotor, MatrixRotor, ModalRotor)
+ROTORS = (RigidRotor, ShaftRotor, MatrixRotor, ModalRotor, MassRotor)
 
 
 class PlacedBearing(Part):
@@ -118,10 +151,10 @@ class PlacedBearing(Part):
     one, NAME, along the shaft.
     """
 
-    name: Label
+    name: Label = ""
     """Short name, letters and digits."""
-    type: Literal["radial", "thrust"] = "radial"
-    """Across the shaft, with two axes, or along it."""
+    type: Literal["radial", "thrust", "single"] = "radial"
+    """Across the shaft, with two axes, or along it; or the one axis of a mass."""
     place: Place = 0.0
     """Where its force acts, along the shaft [m]."""
     angle: Angle = 0.0
@@ -155,7 +188,7 @@ class PlacedSensor(Sensor):
     the first of them, NAME, and an axial one looks along the shaft.
     """
 
-    name: Label
+    name: Label = ""
     """Short name, letters and digits."""
     type: Literal["radial", "single", "axial"] = "radial"
     """Across the shaft with two readings or one, or along it."""

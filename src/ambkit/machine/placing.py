@@ -19,6 +19,8 @@ def beyond_the_rotor(
     read: Read, bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
 ) -> Iterator[tuple[str, str]]:
     """Yield what is at a place where there is no rotor."""
+    if any(each.type == "single" for each in bearings):
+        return  # a mass has no places
     first, second = read("rotor.first_end"), read("rotor.second_end")
     planes = read("unbalance")
     placed: dict[str, tuple[Any, ...]] = {"bearing": bearings, "sensor": sensors}
@@ -37,6 +39,8 @@ def loose(
     bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
 ) -> Iterator[tuple[str, str]]:
     """Yield which coordinate no bearing holds, or no sensor sees."""
+    if any(each.type == "single" for each in bearings):
+        return
     axes, readings = geometry.axes_of(bearings), geometry.readings_of(sensors)
     for key, lines, does in (("bearing", axes, "holds"), ("sensor", readings, "sees")):
         if not axes or not readings:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 from ambkit.models.compose import compose
@@ -77,3 +79,15 @@ def printed(model: Model) -> Model:
     h, L, b = model.h.copy(), model.L.copy(), model.b.copy()
     h[0, 1] = L[3, 1] = b[3, 0] = 0.0
     return replace(model, h=h, L=L, b=b, N=(model.pattern["N"] == ONE).astype(float))
+
+
+@cache
+def paper_pattern() -> dict[str, Any]:
+    """Return the pattern of the paper's axis, whatever its numbers."""
+    m = SimpleNamespace
+    bearing = m(
+        sampling_time=1e-4, magnet=m(magnet_constant=1e-6, bias_current=1.0, air_gap=1e-3),
+        rotor=m(mass=1.0, travel_limit=5e-4), amplifier=m(),
+        sensor=m(gain=1.1, lag=1e-4), sensor_lag=1e-4,
+    )  # fmt: skip
+    return dict(axis_model(bearing).pattern)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ambkit.data.signals import signal
 from ambkit.machine.geometry import Line, deflections, modal_positions
 from ambkit.machine.rotors.modes import Bending
 from ambkit.models.compose import compose
@@ -31,6 +32,11 @@ from ambkit.models.plan import UNIT, Part, Place
 def velocity_of(position: str) -> str:
     """Return what the derivative of a coordinate is called: ``v_x``, ``w_x`` of ``th_x``."""
     return f"w_{position[3:]}" if position.startswith("th_") else f"v_{position}"
+
+
+def velocities_of(positions: tuple[str, ...]) -> tuple[str, ...]:
+    """Return what the derivatives of the coordinates are called; that of a mass is ``v``."""
+    return ("v",) if positions == ("x",) else tuple(map(velocity_of, positions))
 
 
 SYNCHRONOUS = ("unbalance", "runout")
@@ -73,18 +79,23 @@ def machine_parts(
     axes, sizes = machine.axes, [_typical(machine, axis.name) for axis in machine.axes]
     parts: list[Part] = [rotor_part(machine, sizes)]
     each = list(zip(axes, sizes, strict=True))
-    parts += [MagnetPlace(s.force, f"f_{a.name}", place(a.line.form)) for a, s in each]
-    parts += [Disturbance(s.force, 1e-3 * s.force, f"f_d_{a.name}", f"f_{a.name}") for a, s in each]
+    parts += [MagnetPlace(s.force, signal("f", a.name), place(a.line.form)) for a, s in each]
+    parts += [
+        Disturbance(s.force, 1e-3 * s.force, signal("f_d", a.name), signal("f", a.name))
+        for a, s in each
+    ]
     for r in machine.readings:
         size = abs(r.sensor.gain) * max(s.displacement for s in sizes)
         lag, form = machine.lag_of(r.sensor), place(r.line.form)
-        parts.append(Sensor(r.sensor.gain, lag, size, f"y_{r.name}", f"x_m_{r.name}", form))
+        parts.append(
+            Sensor(r.sensor.gain, lag, size, signal("y", r.name), signal("x_m", r.name), form)
+        )
     parts += [
-        Amplifier(s.current, a.bearing.amplifier.bandwidth, f"u_{a.name}", f"i_{a.name}",
-                  f"f_{a.name}") for a, s in each
+        Amplifier(s.current, a.bearing.amplifier.bandwidth,
+                  *(signal(what, a.name) for what in "uif")) for a, s in each
     ]  # fmt: skip
     if machine.delay and delay:
-        parts += [Delay(machine.delay, s.current, f"u_{a.name}") for a, s in each]
+        parts += [Delay(machine.delay, s.current, signal("u", a.name)) for a, s in each]
     if "unbalance" in synchronous:
         parts += _unbalance(machine, speeding)
     if "runout" in synchronous:
@@ -127,7 +138,7 @@ def _runout(machine: Any) -> list[Part]:
             # A quarter farther round: exactly 0 and 1 where they are.
             around = [Line.across(0.0, order * k * math.pi / 2) for k in range(len(looking))]
             seen = tuple(
-                (f"x_m_{r.name}", sensor.gain, machine.lag_of(sensor), at.cosine, at.sine)
+                (signal("x_m", r.name), sensor.gain, machine.lag_of(sensor), at.cosine, at.sine)
                 for r, at in zip(looking, around, strict=True)
             )
             growth = size * math.sqrt(machine.sampling_time / MEMORY)
@@ -139,10 +150,13 @@ def _runout(machine: Any) -> list[Part]:
 def rotor_part(machine: Any, sizes: list[Typical]) -> Rotor:
     """Return the rotor, with its gyroscopics at the machine's speed, and its bending modes."""
     positions = machine.positions
-    reach = max(abs(a.line.place) for a in machine.axes if not a.line.axial)
+    reach = max(
+        (abs(a.line.place) for a in machine.axes if not (a.line.axial or a.line.translation)),
+        default=1.0,
+    )
     way, fast = max(s.displacement for s in sizes), max(s.velocity for s in sizes)
     at = {q: k for k, q in enumerate(positions)}
-    polar = {("th_x", "th_y"): machine.rotor.polar_inertia}
+    polar = {("th_x", "th_y"): machine.rotor.polar_inertia} if "th_x" in positions else {}
     stiffness: dict[str, float] = {}
     damping: dict[tuple[str, str], float] = {}
     circulatory: dict[tuple[str, str], float] = {}
@@ -155,7 +169,7 @@ def rotor_part(machine: Any, sizes: list[Typical]) -> Rotor:
         circulatory = _circulatory(bending)
     return Rotor(
         {(k, k): value for k, value in enumerate(machine.masses.tolist())}, way, fast, positions,
-        tuple(map(velocity_of, positions)), speed=machine.speed,
+        velocities_of(positions), speed=machine.speed,
         gyroscopic={(at[i], at[j]): g for (i, j), g in polar.items()}
         | {(at[j], at[i]): -g for (i, j), g in polar.items()},
         stiffness={(at[q], at[q]): float(k) for q, k in stiffness.items()},
@@ -242,11 +256,18 @@ def _noises(machine: Any) -> list[Part]:
         coloured = r.sensor.coloured_noise
         if coloured:
             parts.append(
-                ColouredNoise(coloured.variance, coloured.bandwidth, f"n_y_{r.name}", f"y_{r.name}")
+                ColouredNoise(
+                    coloured.variance,
+                    coloured.bandwidth,
+                    signal("n_y", r.name),
+                    signal("y", r.name),
+                )
             )
         for k, line in enumerate(r.sensor.hum, 1):
-            name = f"hum{k if k > 1 else ''}_{r.name}"
-            parts.append(Hum(line.frequency, line.amplitude, line.bandwidth, name, f"y_{r.name}"))
+            name = signal(f"hum{k if k > 1 else ''}", r.name)
+            parts.append(
+                Hum(line.frequency, line.amplitude, line.bandwidth, name, signal("y", r.name))
+            )
     return parts
 
 

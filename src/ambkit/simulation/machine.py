@@ -15,6 +15,7 @@ from ambkit.base.copying import own_version
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Drawn
 from ambkit.data.record import Record
+from ambkit.data.signals import signal
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
@@ -249,8 +250,8 @@ def _of_axes(machine: Machine, given: list[tuple[str, Any]], t: Array) -> Array:
     """Return signals of axes (n, p), summed where there are several of one."""
     names = [axis.name for axis in machine.axes]
     values = np.zeros((len(t), len(names)))
-    for name, signal in given:
-        values[:, names.index(name)] += signal.sample(t)
+    for name, waveform in given:
+        values[:, names.index(name)] += waveform.sample(t)
     return values
 
 
@@ -278,7 +279,7 @@ def _record(
     axes = [axis.name for axis in machine.axes]
     signals: dict[str, tuple[Array, str]] = {}
     for k, r in enumerate(machine.readings):
-        signals[f"y_{r.name}"] = out["y"][:, k], "m"
+        signals[signal("y", r.name)] = out["y"][:, k], "m"
     if flight.off is not None:
         bias = [axis.bearing.magnet.bias_current for axis in machine.axes]
         out["iu"] = np.where((t < flight.off)[:, None], out["iu"], np.negative(bias))
@@ -289,7 +290,7 @@ def _record(
         "f_d": (series["f_d"], "N"),
     }  # fmt: skip
     for name, (values, unit) in of_axes.items():
-        signals |= {f"{name}_{axis}": (values[:, k], unit) for k, axis in enumerate(axes)}
+        signals |= {signal(name, axis): (values[:, k], unit) for k, axis in enumerate(axes)}
     for k, state in enumerate(model.states[: 2 * len(machine.positions)]):
         signals[f"q_{state.name}"] = out["X"][:, k], state.unit
     signals |= {f"{at.name}": (out["X"][:, k], at.unit) for k, at in enumerate(model.states)
@@ -300,7 +301,7 @@ def _record(
     for way in {each.direction for each in flight.base}:
         signals[f"base_{way}"] = series["base"][:, "xyz".index(way)], "m/s^2"
     for each in flight.injection:
-        signals[f"injected_{each.axis}"] = series["injected"][:, axes.index(each.axis)], "m"
+        signals[signal("injected", each.axis)] = series["injected"][:, axes.index(each.axis)], "m"
     meta = {
         "machine": machine.to_toml(),
         "flight": flight.model_dump(mode="json"),

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.data.signals import signal
 from ambkit.estimate.batch import processors
 from ambkit.estimate.estimate import Status
 from ambkit.machine import geometry
@@ -217,12 +218,12 @@ def errors_of(run: MachineRun, estimator: Estimator) -> dict[str, Array]:
     velocities = [record[f"q_{velocity_of(position)}"] for position in machine.positions]
     H = geometry.matrix([axis.line for axis in machine.axes], machine.positions)
     found = {
-        "x": x - np.column_stack([record[f"s_{name}"] for name in names]),
+        "x": x - np.column_stack([record[signal("s", name)] for name in names]),
         "v": v - np.column_stack(velocities) @ H.T,
     }
     loads = {state.name for state in estimate.states if state.role == "disturbance force"}
-    if {f"f_d_{name}" for name in names} <= loads:
-        wrong = [estimate[f"f_d_{name}"] - record[f"f_d_{name}"] for name in names]
+    if {signal("f_d", name) for name in names} <= loads:
+        wrong = [estimate[signal("f_d", name)] - record[signal("f_d", name)] for name in names]
         found["f_d"] = np.column_stack(wrong)
     return found
 

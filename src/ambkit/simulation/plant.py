@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.data.signals import signal
 from ambkit.machine import geometry
 from ambkit.machine.bank import weights_of
 from ambkit.machine.bearing import GRAVITY
@@ -100,7 +101,7 @@ class Plant:
         rows = geometry.matrix([r.line for r in self.machine.readings], self.machine.positions)
         each = zip(self.machine.readings, rows @ q, self._sensors("float64"), strict=True)
         for r, at, does in each:
-            X[place[f"x_m_{r.name}"]] = r.sensor.gain * _shown(does, float(at))
+            X[place[signal("x_m", r.name)]] = r.sensor.gain * _shown(does, float(at))
         for name, current in zip(self.model.current, currents, strict=True):
             if name is not None:
                 X[place[name]] = current
@@ -163,7 +164,7 @@ class Plant:
             "magnets": [law.in_core(core) for law in self.laws],
             "none": (-self.bias).tolist(),
             "farthest": [_farthest(axis) for axis in self.axes],
-            "shows": [index[f"x_m_{r.name}"] for r in readings],
+            "shows": [index[signal("x_m", r.name)] for r in readings],
             "gain": [r.sensor.gain for r in readings],
             "lag": [machine.lag_of(r.sensor) for r in readings],
             "sensor_parts": self._sensors(dtype),

@@ -12,6 +12,7 @@ from ambkit.base.asked import Given, of_type
 from ambkit.base.errors import RecordError
 from ambkit.base.showing import Shown
 from ambkit.data.record import Record
+from ambkit.data.signals import signal
 from ambkit.estimate.whole import Whole
 from ambkit.judge.loop.measured import Logged, MeasuredSensitivity, measured_sensitivity
 from ambkit.machine.machine import Machine
@@ -221,17 +222,17 @@ def of_one_axis(record: Record, machine: Machine) -> tuple[int, Record]:
         It has not all readings, or not one axis that something was injected at.
     """
     names = [axis.name for axis in machine.axes]
-    told = [name for name in names if f"injected_{name}" in record]
+    told = [name for name in names if signal("injected", name) in record]
     if len(told) != 1:
-        there, has = (", ".join(f"injected_{name}" for name in of) for of in (names, told))
+        there, has = (", ".join(signal("injected", name) for name in of) for of in (names, told))
         raise RecordError(
             f"the record must have what was injected at one axis of {machine.name}: one of "
             f"{there}; has {has or 'none of them'}"
         )
-    lacking = [f"y_{r.name}" for r in machine.readings if f"y_{r.name}" not in record]
+    lacking = [signal("y", r.name) for r in machine.readings if signal("y", r.name) not in record]
     if lacking:
         raise RecordError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
     axis, whole = names.index(told[0]), Whole(machine)
-    y = np.column_stack([record[f"y_{r.name}"] for r in machine.readings])
+    y = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
     shown = y @ (whole.H @ whole.shown)[axis]
-    return axis, Record(record.t, {"y": shown, "injected": record[f"injected_{told[0]}"]})
+    return axis, Record(record.t, {"y": shown, "injected": record[signal("injected", told[0])]})

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
+from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Status
 from ambkit.estimate.noise import FilterNoise
 from ambkit.judge.machine import errors_along
@@ -66,10 +67,10 @@ class MachineFiltering:
                 for k, name in enumerate(estimate.readings)
             },
             "disturbance_mean": {
-                axis: float(np.mean(estimate[f"f_d_{axis}"][late])) for axis in estimate.axes
+                axis: float(np.mean(estimate[signal("f_d", axis)][late])) for axis in estimate.axes
             },
             "disturbance_std": {
-                axis: float(np.std(estimate[f"f_d_{axis}"][late])) for axis in estimate.axes
+                axis: float(np.std(estimate[signal("f_d", axis)][late])) for axis in estimate.axes
             },
             "status": [flag.name for flag in Status if flag & flags],
         }
@@ -118,8 +119,8 @@ def filter_machine(
     lacking = [
         name
         for name in (
-            *(f"y_{r.name}" for r in machine.readings),
-            *(f"u_{axis.name}" for axis in machine.axes),
+            *(signal("y", r.name) for r in machine.readings),
+            *(signal("u", axis.name) for axis in machine.axes),
         )
         if name not in record
     ]

@@ -11,6 +11,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
+from ambkit.data.signals import signal
 from ambkit.judge.machine import errors_along
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.sequence import Mode
@@ -71,7 +72,7 @@ def flight_for(
 def _along(path: Path, machine: Machine, flight: Flight) -> Flight:
     """Return a flight that takes what is added from a record."""
     record = Record.load(path)
-    names = [f"injected_{axis.name}" for axis in machine.axes]
+    names = [signal("injected", axis.name) for axis in machine.axes]
     told = [name for name in names if name in record]
     if not told:
         raise AmbkitError(
@@ -109,8 +110,10 @@ class FlightSummary:
             "samples": len(record),
             "duration": record.t[-1],
             "seed": record.meta["seed"],
-            "greatest_displacement": {n: np.abs(record[f"s_{n}"]).max() for n in names},
-            "greatest_current": {n: np.abs(record[f"iu_{n}"][on]).max(initial=0.0) for n in names},
+            "greatest_displacement": {n: np.abs(record[signal("s", n)]).max() for n in names},
+            "greatest_current": {
+                n: np.abs(record[signal("iu", n)][on]).max(initial=0.0) for n in names
+            },
             "samples_at_the_stop": self.run.samples_at_the_stop,
         }
         if estimate is not None:

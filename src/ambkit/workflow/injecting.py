@@ -13,6 +13,7 @@ from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
+from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation import Limits
 from ambkit.identification.excitation.signals import Excitation, sparse_multisine
@@ -311,7 +312,7 @@ class _OfMachine(_Experiment):
         names = list(self.loop.axes)
         level = self.taken(*([run.record[f"{of}_{name}"] for name in names] for of in ("iu", "s")))
         _, told = of_one_axis(run.record, self.bearing)
-        own = {"iu": run.record[f"iu_{self.axis}"], "x": run.record[f"s_{self.axis}"]}
+        own = {"iu": run.record[signal("iu", self.axis)], "x": run.record[signal("s", self.axis)]}
         signals = {"y": told["y"], "injected": told["injected"]} | own
         return _Run(Record(run.record.t, signals), level, run.estimate)
 

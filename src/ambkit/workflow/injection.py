@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.showing import Shown
 from ambkit.data.record import Record
+from ambkit.data.signals import signal
 from ambkit.identification.excitation import Limits
 from ambkit.identification.excitation.signals import Excitation
 from ambkit.judge.loop.measured import MeasuredSensitivity
@@ -86,7 +87,7 @@ class Injection(Shown):
         """
         low, high = self.band
         source = f"ambkit excite --for sensitivity, {low:.4g} to {high:.4g} Hz, for {self.name}"
-        name = f"injected_{self.axis}" if self.axis else "injected"
+        name = signal("injected", self.axis) if self.axis else "injected"
         return Record(self.record.t, {name: self.added}, {name: "m"}, meta={"source": source})
 
     def to_dict(self) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
 from ambkit.base.threads import one_thread
+from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.machine.bearing import Bearing
@@ -381,8 +382,10 @@ class _BearingRig(_Rig):
     def answer(self, added: Array, last: slice) -> tuple[Array, bool]:
         """Simulate the bearing."""
         t = self.T * np.arange(len(added))
-        signal = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
-        scenario = self.scenario.model_copy(update={"duration": float(t[-1]), "injection": signal})
+        waveform = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
+        scenario = self.scenario.model_copy(
+            update={"duration": float(t[-1]), "injection": waveform}
+        )
         run = simulate_run(self.found.bearing, scenario, estimator=self.inner)
         iu, b = run.record["iu"][last], self.found.bearing
         limited = run.record.meta["stop_touched"] or (iu >= b.current_max).any()
@@ -416,16 +419,16 @@ class _MachineRig(_Rig):
         """Simulate the machine."""
         of, shown = self.loop.of, self.loop.of.shown
         t = self.T * np.arange(len(added))
-        signal = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
-        there = Injection.model_construct(axis=of.axes[self.axis], position=signal)
+        waveform = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
+        there = Injection.model_construct(axis=of.axes[self.axis], position=waveform)
         flight = self.flight.model_copy(update={"duration": float(t[-1]), "injection": (there,)})
         run = simulate_machine(
             of.bearing, flight, estimator=self.inner, pids=of.fed_by(self.filter)
         )
-        y = np.column_stack([run.record[f"y_{r.name}"] for r in of.bearing.readings])
+        y = np.column_stack([run.record[signal("y", r.name)] for r in of.bearing.readings])
         limited = run.samples_at_the_stop > 0 or _refused(run.estimate, last)
         for name, b in zip(of.axes, of.alone, strict=True):
-            u = b.amplifier.gain * run.record[f"u_{name}"][last]
+            u = b.amplifier.gain * run.record[signal("u", name)][last]
             limited = limited or bool(((u >= b.current_max) | (u <= b.current_min)).any())
         return y @ shown[self.axis], limited
 

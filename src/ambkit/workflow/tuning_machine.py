@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
+from ambkit.data.signals import signal
 from ambkit.estimate.whole import Whole
 from ambkit.judge.machine import errors_along
 from ambkit.machine.bank import weights_of
@@ -85,7 +86,9 @@ class MachineByTruth(ByTruth):
             ])  # fmt: skip
             error = np.asarray(estimate.mean).T - truth
             x, v = (rows @ error for rows in self.whole.along_axes(estimate.states))
-            f_d = np.array([estimate[f"f_d_{a}"] - record[f"f_d_{a}"] for a in estimate.axes])
+            f_d = np.array(
+                [estimate[signal("f_d", a)] - record[signal("f_d", a)] for a in estimate.axes]
+            )
             row[:] = [np.sqrt(np.mean(one[:, self.first :] ** 2)) for one in (x, v, f_d)]
         return np.where(np.isfinite(found[:, :1]), found, np.inf)
 
@@ -94,8 +97,8 @@ class MachineByTruth(ByTruth):
         machine, shown = self.bearing, self.whole.H @ self.whole.shown
         errors = []
         for record in self.unseen:
-            y = np.array([record[f"y_{r.name}"] for r in machine.readings])
-            s = np.array([record[f"s_{axis.name}"] for axis in machine.axes])
+            y = np.array([record[signal("y", r.name)] for r in machine.readings])
+            s = np.array([record[signal("s", axis.name)] for axis in machine.axes])
             errors.append(np.sqrt(np.mean((shown @ y - s)[:, self.first :] ** 2)))
         return float(np.mean(errors))
 
@@ -115,7 +118,9 @@ def check_records(machine: Machine, records: Iterable[Record]) -> None:
     AmbkitError
         One has not all readings and controls.
     """
-    needed = [f"y_{r.name}" for r in machine.readings] + [f"u_{a.name}" for a in machine.axes]
+    needed = [signal("y", r.name) for r in machine.readings] + [
+        signal("u", a.name) for a in machine.axes
+    ]
     for record in records:
         lacking = [name for name in needed if name not in record]
         if lacking:

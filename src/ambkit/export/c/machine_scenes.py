@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.data.signals import signal
 from ambkit.estimate.engine import NODE
 from ambkit.export.c.control_scenes import QUICK
 from ambkit.export.c.vectors import within
@@ -103,7 +104,7 @@ def vectors(
             fly=scene.fly, other=None if flight.sequence is None else _quick(estimator),
         )  # fmt: skip
         record = run.record
-        y = np.column_stack([record[f"y_{r.name}"] for r in machine.readings])
+        y = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
         r, u = (
             np.column_stack([record[f"{which}_{axis.name}"] for axis in machine.axes])
             for which in "ru"

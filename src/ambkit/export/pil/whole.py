@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.data.signals import signal
 from ambkit.data.telemetry import read_telemetry
 from ambkit.export.c.exporter import export_c
 from ambkit.export.c.model import states
@@ -69,8 +70,8 @@ def fly_whole(
         works_by = {(0, 0): f"{PREFIX}_flight"}
         bound = path.bound(image, f"{PREFIX}_control_step", objects=0b10111, points=works_by)
         run = simulate_machine(machine, flown, estimator=estimator)
-        y = np.column_stack([run.record[f"y_{r.name}"] for r in machine.readings])
-        r = np.column_stack([run.record[f"r_{axis.name}"] for axis in machine.axes])
+        y = np.column_stack([run.record[signal("y", r.name)] for r in machine.readings])
+        r = np.column_stack([run.record[signal("r", axis.name)] for axis in machine.axes])
         fly, speed = sequence.fly(run.record.t) > 0, run.record["speed"]
         (folder / "pipes").mkdir()
         sizes = y.shape[1], r.shape[1], len(fields)
@@ -81,7 +82,7 @@ def fly_whole(
             told = processor.answers
         frames = read_telemetry(folder / "pipes" / "frames", export / "telemetry.json")
     others = _others(run, told)
-    s = np.column_stack([run.record[f"s_{axis.name}"] for axis in machine.axes])
+    s = np.column_stack([run.record[signal("s", axis.name)] for axis in machine.axes])
     travel = np.array([axis.bearing.travel_limit for axis in machine.axes])
     names = [state.name for state in estimator.states]
     return judged(
@@ -96,7 +97,7 @@ def _others(run: MachineRun, told: NDArray[np.void]) -> NDArray[np.intp]:
     """Return how many numbers are others than flew here, of each sample (n,)."""
     record, axes = run.record, run.machine.axes
     single = np.float32
-    u = np.column_stack([record[f"u_{axis.name}"] for axis in axes])
+    u = np.column_stack([record[signal("u", axis.name)] for axis in axes])
     gain = np.array([axis.bearing.amplifier.gain for axis in axes], single)
     magnets = [axis.bearing.magnet for axis in axes]
     bias = np.where(told["on"][:, None] > 0, np.array([m.bias_current for m in magnets], single), 0)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
+from ambkit.data.signals import signal
 from ambkit.models.linear import LinearSystem, Signal
 
 if TYPE_CHECKING:
@@ -115,6 +116,6 @@ def beside_each_other(each: list[LinearSystem], shown: Array, names: list[str]) 
         A, np.hstack([B @ shown, -B]), C, np.hstack([D @ shown, -D]), each[0].T,
         tuple(Signal(f"k{j}", "1") for j in range(len(A))),
         (*(Signal(f"y{j}", "m") for j in range(len(shown[0]))),
-         *(Signal(f"r_{name}" if name else "r", "m") for name in names or [""])),
-        tuple(Signal(f"u_{name}" if name else "u", "V") for name in names or [""]),
+         *(Signal(signal("r", name), "m") for name in names or [""])),
+        tuple(Signal(signal("u", name), "V") for name in names or [""]),
     )  # fmt: skip

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.escaping import label, markdown
+from ambkit.data.signals import signal
 from ambkit.show.plots.looks import CURRENT, TIME
 from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Item, Line, Rule
@@ -35,7 +36,7 @@ def machine_figure(run: MachineRun) -> Figure:
     for each in machine.bearing:
         names = [axis.name for axis in machine.axes if axis.bearing is each]
         moved: list[Item] = [
-            Line(t, record[f"s_{name}"], signal=f"series {k}", label=_of(k))
+            Line(t, record[signal("s", name)], signal=f"series {k}", label=_of(k))
             for k, name in enumerate(names, 1)
         ]
         panels.append(Panel(TIME, DISPLACEMENT, moved, title=f"In bearing {label(each.name)}"))
@@ -43,9 +44,9 @@ def machine_figure(run: MachineRun) -> Figure:
     for each in machine.bearing:
         names = [axis.name for axis in machine.axes if axis.bearing is each]
         limit = each.amplifier.current_limit
-        most = max(float(np.abs(record[f"iu_{name}"][on]).max(initial=0.0)) for name in names)
+        most = max(float(np.abs(record[signal("iu", name)][on]).max(initial=0.0)) for name in names)
         fed: list[Item] = [
-            Line(t[on], record[f"iu_{name}"][on], signal=f"series {k}", label=_of(k))
+            Line(t[on], record[signal("iu", name)][on], signal=f"series {k}", label=_of(k))
             for k, name in enumerate(names, 1)
         ]
         if most > 0.5 * limit:

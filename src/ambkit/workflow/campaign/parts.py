@@ -10,6 +10,7 @@ from ambkit.base import units
 from ambkit.base.config import Part
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Line, Name
+from ambkit.data.signals import signal
 from ambkit.machine.machine import Machine
 from ambkit.simulation.many import FIGURES, Figure
 from ambkit.simulation.many_machines import FIGURES as OF_MACHINES
@@ -38,7 +39,7 @@ def traces_of(plant: Any) -> tuple[str, ...]:
         return TRACES
     axes = [axis.name for axis in plant.axes]
     found = [f"{of}_{name}" for of in ("s", "r", "u", "iu", "f_mag", "f_d") for name in axes]
-    found += [f"y_{reading.name}" for reading in plant.readings]
+    found += [signal("y", reading.name) for reading in plant.readings]
     return (*found, *(f"q_{name}" for name in plant.positions), "speed")
 
 
