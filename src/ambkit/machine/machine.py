@@ -179,7 +179,13 @@ class Machine(Document):
 
     @classmethod
     def of_axis(cls, bearing: Bearing) -> Self:
-        """Return a bearing of one axis as the machine that it is."""
+        """Return a bearing of one axis as the machine that it is.
+
+        Parameters
+        ----------
+        bearing : Bearing
+            The axis; its signals and states keep their names, without a suffix.
+        """
         data = bearing.model_dump(exclude_none=True)
         rotor, speed = data.pop("rotor"), data.pop("speed", 0.0)
         placed = {"type": "single", "travel_limit": rotor.pop("travel_limit")}
