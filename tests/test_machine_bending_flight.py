@@ -11,6 +11,7 @@ from machine_cases import Array, directions
 from test_machine_flight import CORE, LOADS, released
 
 from ambkit import Flight, Machine, judge_machine, simulate_machine
+from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import GRAVITY
@@ -201,7 +202,9 @@ def test_controllers_that_cannot_hold_say_so() -> None:
     found = holding(late)
     assert not found.held
     assert found.growing[0].real > 0
-    run = simulate_machine(late, Flight(duration=1.0))
+    with pytest.raises(AmbkitError, match="no default controller was found that holds the rotor"):
+        simulate_machine(late, Flight(duration=1.0))
+    run = simulate_machine(late, Flight(duration=1.0, control=Control(type="decentralised")))
     assert run.samples_at_the_stop > 0
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.assess_sweep import deliver_sweep
@@ -151,20 +151,20 @@ def control_of(
     AmbkitError
         It is none of them.
     """
-    from ambkit.simulation.controllers import Control
+    from ambkit.simulation.controllers import TYPES, Control
+    from ambkit.simulation.default_control import feedback_of
     from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
     from ambkit.simulation.waveforms import Constant
     from ambkit.workflow.inspection import kind_of_toml
 
-    kinds = get_args(Control.model_fields["type"].annotation)
     if given is None:
         return None, {}, False
-    if given in kinds:
+    if given in TYPES:
         return Control.model_validate({"type": given}), {}, False
     if Path(given).suffix != ".toml":
         raise AmbkitError(
-            f"--controller: {given!r} is none of {', '.join(kinds)}, and no file that ends with "
+            f"--controller: {given!r} is none of {', '.join(TYPES)}, and no file that ends with "
             ".toml"
         )
     if kind_of_toml(given) == "scenario":
@@ -177,4 +177,4 @@ def control_of(
         each.axis: each.force.value
         for each in flight.disturbance if isinstance(each.force, Constant)
     }  # fmt: skip
-    return flight.control, loads, flight.feedback == "measurement"
+    return flight.control, loads, feedback_of(machine, flight) == "measurement"

@@ -265,4 +265,6 @@ def said(found: Assessment) -> list[str]:
     wrong = [name for name, each in found.loops.items() if not each.integral.holds]
     if wrong:
         said.append(f"the check does not hold, as in an unstable loop: {', '.join(wrong)}")
+    fed_by = [None] * ("measurement" in found.loops) + list(found.estimators.values())[:1]
+    said += [each for each in dict.fromkeys(map(found.of.choice, fed_by)) if each]
     return [*said, BASIS]

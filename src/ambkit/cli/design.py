@@ -201,7 +201,7 @@ def design_whole(
     output.deliver(
         found.to_dict(),
         [
-            output.table(f"Controllers of {machine.name}", heads, gains),
+            *([output.table(f"Controllers of {machine.name}", heads, gains)] if gains else []),
             output.table("Filters that were tried", ["", "", "peak of |S|"], tried),
             output.table("The loop", seen, loops),
             found.why,

@@ -57,6 +57,7 @@ def simulate_machine(
     """
     from ambkit.cli import output
     from ambkit.show import plots
+    from ambkit.simulation.default_control import default_control, is_default
     from ambkit.simulation.flight import Flight
     from ambkit.simulation.holding import holding
     from ambkit.simulation.machine import simulate_machine as fly
@@ -75,6 +76,10 @@ def simulate_machine(
             "--estimator cannot be none"
         )
     named = estimator != "none"
+    if not named and happening.feedback is None:
+        happening = happening.replace(feedback="measurement")
+    if machine.speed and is_default(happening.control):
+        output.note(default_control(machine, happening.feedback).why)
     kalman = of_machine(estimator, machine, synchronous=synchronous) if named else None
     with output.progress("simulating"):
         run = fly(machine, happening, estimator=kalman)
@@ -95,7 +100,7 @@ def simulate_machine(
     touched = run.samples_at_the_stop
     if touched and happening.start != "rest":
         output.note(f"the rotor touched a backup bearing in {touched} of {len(run.record)} samples")
-        if not holding(machine, happening.feedback).held:
+        if not machine.speed and not holding(machine, happening.feedback or "measurement").held:
             output.note("no PID of each axis that was tried holds it; ambkit check says more")
 
 

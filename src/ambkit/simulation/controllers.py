@@ -20,7 +20,7 @@ from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.holding import holding
 from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.let_turn import LetTurn, check_unbalance, let_turn, let_turn_fields
-from ambkit.simulation.regulator import regulator
+from ambkit.simulation.regulator import regulator, scheduled
 from ambkit.simulation.scenario import GAINS, PID
 
 if TYPE_CHECKING:
@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+TYPES = ("decentralised", "translation and tilt", "lqg")
+"""The types of control, from simple to linear-quadratic."""
+
 FAR = 1e9
 """No reference is beyond it [m]."""
 
@@ -38,11 +41,16 @@ FAR = 1e9
 class Control(Part):
     """How a whole machine is controlled."""
 
-    type: Literal["decentralised", "translation and tilt", "lqg"] = "decentralised"
+    type: Literal["decentralised", "translation and tilt", "lqg"] | None = None
     """One PID for each axis; one for each translation and tilt of the rotor; or a linear-quadratic
-    regulator of the estimator's states."""
+    regulator of the estimator's states. Without a type and gains it is chosen on the margins over
+    the machine's speed range, `ambkit.simulation.default_control`; with gains it is
+    decentralised."""
     cross_feedback: Annotated[float, Quantity("1", "0.5", at_least=0)] = 0.0
     """Share of the gyroscopic torques that is taken back, by the estimated tilt velocities [1]."""
+    gain_scheduling: Annotated[bool, Field(strict=True)] = False
+    """Whether the gains of "lqg" follow the speed of rotation; without, they are those of the
+    machine's own speed at any."""
     unbalance: Literal["fought", "force-free", "still"] = "fought"
     """Whether the controllers answer to the synchronous motion as to any other; let the rotor turn
     about its axis of inertia, without a synchronous force of the bearings; or keep its geometric
@@ -59,6 +67,8 @@ class Control(Part):
         if read("unbalance_from") is not None and read("unbalance") == "fought":
             text = 'unbalance = "fought" is so at any speed; give "force-free" or "still"'
             yield "unbalance_from", text
+        if read("gain_scheduling") and read("type") != "lqg":
+            yield "gain_scheduling", 'is of the gains of type = "lqg"'
         given = read("pid")
         if not isinstance(given, dict) or not given:
             return
@@ -72,10 +82,13 @@ class Control(Part):
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
+        if not self.gain_scheduling:
+            data.pop("gain_scheduling", None)
         return {key: each for key, each in data.items() if each is not None and each != {}}
 
     def __hash__(self) -> int:
-        return hash((self.type, self.cross_feedback, self.unbalance, *self.pid.items()))
+        own = self.type, self.cross_feedback, self.gain_scheduling, self.unbalance
+        return hash((*own, *self.pid.items()))
 
     @property
     def needs_estimate(self) -> bool:
@@ -164,7 +177,7 @@ def controllers_of(
     plant : Plant
         The machine.
     control : Control
-        Of which kind.
+        Of which kind; without a type decentralised, see `ambkit.simulation.default_control`.
     estimator : Estimator, optional
         That feeds them; without, the readings do.
     pids : sequence of PID (p,), optional
@@ -184,8 +197,8 @@ def controllers_of(
     if control.type == "lqg":
         if estimator is None:
             raise AmbkitError('type = "lqg" regulates the estimate: feedback must be "estimate"')
-        found = _regulated(plant, estimator)
-    elif control.type == "decentralised":
+        found = _regulated(plant, estimator, control.gain_scheduling)
+    elif control.type in (None, "decentralised"):
         fed: Literal["measurement", "estimate"] = "estimate" if estimator else "measurement"
         found = _decentralised(plant, pids or pids_of(plant.machine, control, fed))
     else:
@@ -331,16 +344,20 @@ def _names(plant: Plant) -> tuple[str, ...]:
     return tuple(axis.name for axis in plant.axes)
 
 
-def _regulated(plant: Plant, estimator: Estimator) -> Controllers:
+def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controllers:
     """The states are fed back; the PIDs only pass the references on."""
-    K, ahead = regulator(plant, estimator)
+    if by_speed and plant.machine.speed:
+        feedback, ahead = scheduled(plant, estimator)
+    else:
+        K, ahead = regulator(plant, estimator)
+        feedback = {"fed_back": -K}
     p = len(plant.alone)
     passed = [[1.0, 0.0, 0.0, 0.0, 1.0, 1.0, -FAR, FAR]] * p
     nothing = np.zeros((p, len(estimator.states)))
     return Controllers(
         # What a PID is ahead is all of the reference.
         passed, _names(plant), np.eye(p), ahead, -np.ones(p),
-        {"fed_back": -K, "position": nothing, "velocity": nothing},
+        feedback | {"position": nothing, "velocity": nothing},
     )  # fmt: skip
 
 

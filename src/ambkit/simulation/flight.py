@@ -68,10 +68,11 @@ class Flight(Document):
     """Number of the run among those of this seed: with it, the key of the noise."""
     substeps: Annotated[int, Field(strict=True, ge=1, le=1000)] = 4
     """Steps of the integrator in one sample."""
-    feedback: Literal["measurement", "estimate"] = "measurement"
-    """What the controllers are fed by: the sensors, or the estimator."""
+    feedback: Literal["measurement", "estimate"] | None = None
+    """What the controllers are fed by: the sensors, or the estimator. Without it the sensors,
+    unless default controllers of a machine that turns have far better margins by the estimate."""
     control: Control = Control()
-    """The controllers; by default each axis of a bearing has one, tuned to the axis alone."""
+    """The controllers; by default chosen on the margins over the machine's speed range."""
     speed: Annotated[Signal, SignalIn("rad/s", "3000 rpm")] | None = None
     """Speed of rotation, such as a run-up [rad/s]; the machine's own without."""
     disturbance: tuple[Disturbance, ...] = ()
@@ -94,7 +95,8 @@ class Flight(Document):
         data: dict[str, Any] = handler(self)
         lists = ("disturbance", "reference", "injection", "base")
         data = {k: each for k, each in data.items() if k not in lists or each}
-        return {k: each for k, each in data.items() if k != "sequence" or each is not None}
+        optional = ("sequence", "feedback")
+        return {k: each for k, each in data.items() if k not in optional or each is not None}
 
     def unknown_axes(self, axes: tuple[str, ...]) -> Iterator[str]:
         """Yield what is wrong with the axes that it names.

@@ -23,6 +23,7 @@ from ambkit.machine.magnets import core_module
 from ambkit.simulation import noise
 from ambkit.simulation.control_machine import MachineController
 from ambkit.simulation.controllers import Controllers, arrays, controllers_of
+from ambkit.simulation.default_control import feedback_of, settled_flight
 from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.plant import Plant
 
@@ -143,11 +144,15 @@ def simulate_machine(
         `disturbance`, `readings` or `references` have not a row a sample.
     AmbkitError
         A load or a reference is of an axis that the machine has not; a run-up is too fast for the
-        sampling time.
+        sampling time; no default controller holds the rotor.
     """
     wrong = list(flight.unknown_axes(tuple(axis.name for axis in machine.axes)))
     if wrong:
         raise AmbkitError("; ".join(wrong))
+    if pids is not None or controllers is not None:
+        flight = flight.model_copy(update={"feedback": feedback_of(machine, flight)})
+    else:
+        flight = settled_flight(machine, flight)
     plant = Plant(machine)
     T = machine.sampling_time
     n = max(2, round(flight.duration / T) + 1)

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.magnets import ConstantStiffness
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
+    from ambkit.estimate.model import LinearModel
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.plant import Plant
 
@@ -25,6 +27,13 @@ REGULATED = (
 
 SHARE = 0.2
 """Of its current, what an axis may use for a deflection by a tenth of what the stops leave."""
+
+
+MIDDLES = (0.5, 0.6, 0.7)
+"""Shares of the machine's speed, one of which is a node of gains that follow it, with 0 and 1."""
+
+BETWEEN = (0.15, 0.3, 0.45, 0.6, 0.8, 0.9)
+"""Shares of the speed at which the gains between the nodes are judged."""
 
 
 def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
@@ -51,6 +60,70 @@ def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
     return regulator_of(plant.alone, estimator, along)
 
 
+def scheduled(plant: Plant, estimator: Estimator) -> tuple[dict[str, Array], Array]:
+    """Return feedback whose gains follow the speed of rotation, and (p, p) of the references.
+
+    By the speed W it is K_0 + W K_1 + W^2 K_2, equal to that of `regulator` at rest, at the
+    machine's speed, and at the one of `MIDDLES` that leaves most damping between. As gyroscopics
+    turn with W, even powers are of what they leave in its plane, odd ones of what they take across.
+    The references' gains are those of the machine's speed.
+
+    Parameters
+    ----------
+    plant, estimator
+        See `regulator`.
+
+    Returns
+    -------
+    (dict, ndarray (p, p))
+        The feedback as `Controllers` has it, and that of the references.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such regulator at one of these speeds.
+    """
+    machine, names = plant.machine, [state.name for state in estimator.states]
+    filters = {
+        share: KalmanFilter(machine.model_copy(update={"speed": share * machine.speed}))
+        for share in {0.0, 1.0, *MIDDLES, *BETWEEN}
+    }
+    known = {share: regulator(plant, filters[share])[0] for share in (0.0, *MIDDLES, 1.0)}
+    models = {share: _regulated(plant.alone, filters[share]) for share in BETWEEN}
+
+    def through(middle: float) -> Array:
+        """Return the coefficients of the gains (3, p, n) through three nodes."""
+        nodes = (0.0, middle, 1.0)
+        powers = np.linalg.inv(np.vander(nodes, increasing=True))
+        return np.tensordot(powers, [known[each] for each in nodes], axes=1)
+
+    def radius(found: Array) -> float:
+        """Return the greatest spectral radius of the regulated model between the nodes."""
+        each = (
+            A - B @ np.tensordot([1.0, share, share**2], found, axes=1)[:, own]
+            for share, (_, own, A, B) in models.items()
+        )
+        return max(float(np.abs(np.linalg.eigvals(closed)).max()) for closed in each)
+
+    best = min(map(through, MIDDLES), key=radius)
+    gains = np.zeros((3, best.shape[1], len(names)))
+    gains[:, :, [names.index(state.name) for state in filters[1.0].states]] = best
+    keys = ("fed_back", "fed_back_by_speed", "fed_back_by_square")
+    feedback = {key: -gains[k] / machine.speed**k for k, key in enumerate(keys)}
+    return feedback, regulator(plant, estimator)[1]
+
+
+def _regulated(
+    alone: Sequence[Bearing], estimator: Estimator
+) -> tuple[LinearModel, list[int], Array, Array]:
+    """Return an estimator's model, which of its states are regulated, and A and B [A] of these."""
+    k = [ConstantStiffness.of(each) for each in alone]
+    model = estimator.linear_model(np.array([e.k_i for e in k]), np.array([e.k_s for e in k]))
+    own = [at for at, state in enumerate(estimator.states) if state.role in REGULATED]
+    volts = np.array([each.amplifier.gain for each in alone])
+    return model, own, model.A[np.ix_(own, own)], model.B[own] / volts
+
+
 def regulator_of(
     alone: Sequence[Bearing], estimator: Estimator, along: Array
 ) -> tuple[Array, Array]:
@@ -72,14 +145,10 @@ def regulator_of(
     """
     from scipy.linalg import solve_discrete_are
 
-    k = [ConstantStiffness.of(each) for each in alone]
-    model = estimator.linear_model(np.array([e.k_i for e in k]), np.array([e.k_s for e in k]))
+    model, own, A, B = _regulated(alone, estimator)
     roles = [state.role for state in estimator.states]
-    own = [at for at, role in enumerate(roles) if role in REGULATED]
     loads = [at for at, role in enumerate(roles) if role == "disturbance force"]
-    volts = np.array([each.amplifier.gain for each in alone])
-    A, B = model.A[np.ix_(own, own)], model.B[own] / volts
-    n, p = len(own), len(volts)
+    n, p = len(own), len(alone)
     C = along[:, own]
     travel = np.array([each.rotor.travel_limit for each in alone])
     limit = np.array([min(abs(each.current_min), each.current_max) for each in alone])

@@ -17,9 +17,10 @@ from ambkit.estimate.whole import Whole
 from ambkit.judge.loop.measured import Logged, MeasuredSensitivity, measured_sensitivity
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import Complex
+from ambkit.simulation.default_control import end_of_range
 from ambkit.workflow.assessing import assess
 from ambkit.workflow.assessment import Assessment
-from ambkit.workflow.loop_of import ZONES, end_of_range, zone_of
+from ambkit.workflow.loop_of import ZONES, zone_of
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing

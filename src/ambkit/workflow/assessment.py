@@ -105,7 +105,9 @@ class Assessment(Shown):
         return found | {
             "machine": self.bearing.name,
             "speed": self.bearing.speed,
-            "control": self.of.control.model_dump(mode="json"),
+            "control": self.of.control_for(self.estimators.get(list(self.loops)[-1])).model_dump(
+                mode="json"
+            ),
             "controllers": {
                 name: pid.model_dump(mode="json") for name, pid in self.controllers.items()
             },
@@ -156,7 +158,7 @@ class Assessment(Shown):
         there = self.loops[name].of
         for piece, plant in ideal_pieces(self.bearing).items():
             found[piece] = there.with_plant(plant, estimator).peak(estimator)
-        if estimator is not None and not there.needs_estimate:
+        if estimator is not None and not there.control_for(estimator).needs_estimate:
             found["filter"] = there.peak()
         return found
 

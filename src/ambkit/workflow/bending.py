@@ -12,6 +12,7 @@ from ambkit.base.units import engineering
 from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.placing import NODE
+from ambkit.simulation.default_control import PIDS, default_control
 from ambkit.simulation.holding import holding
 
 if TYPE_CHECKING:
@@ -41,7 +42,8 @@ def of_bending(machine: Machine) -> Iterator[Remark]:
     yield Remark(_kept(machine, bending))
     yield from _left_out(machine, bending)
     yield from _nodes(machine, bending)
-    yield _held(machine, bending)
+    if default_control(machine).chosen.control == PIDS[0]:
+        yield _held(machine, bending)
 
 
 def _hertz(frequency: float) -> str:

@@ -8,18 +8,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ambkit.base import files
 from ambkit.base.asked import of_type
+from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
 from ambkit.data.reading import load_filled
+from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import own_time
 from ambkit.simulation.controllers import Control
+from ambkit.simulation.default_control import default_control, name_of
 from ambkit.simulation.flight import Flight
-from ambkit.simulation.holding import holding, overshoot_of
+from ambkit.simulation.holding import TIMES, holding, overshoot_of
 from ambkit.simulation.scenario import GAINS, PID
 from ambkit.workflow.assessing import assess
 from ambkit.workflow.designing import exported_filter
-from ambkit.workflow.loop_of import ZONE_A, OutOfReachError, zone_of
+from ambkit.workflow.loop_of import ZONE_A, LoopOf, OutOfReachError, zone_of
 from ambkit.workflow.over_speed import assess_over_speed
 from ambkit.workflow.tuned_filter import BUDGET, RUNS, Tuned, tune
 from ambkit.workflow.tuning_tasks import JUDGED
@@ -99,9 +105,9 @@ class MachineDesign(Shown):
     def why(self) -> str:
         """Which filter is to fly, and what the loop comes to, in a sentence."""
         return (
-            f"Fly the {self.chosen} filter: the peak of |S| is {self.loop.peak:.4g}, zone "
-            f"{self.loop.zone} of ISO 14839-3, and a step overshoots by "
-            f"{100 * max(0.0, self.overshoot):.2g} %."
+            f"Fly the {self.chosen} filter with {name_of(self.control)} control: the peak of |S| "
+            f"is {self.loop.peak:.4g}, zone {self.loop.zone} of ISO 14839-3, and a step overshoots "
+            f"by {100 * max(0.0, self.overshoot):.2g} %."
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -115,6 +121,8 @@ class MachineDesign(Shown):
             "peak": self.loop.peak,
             "zone": self.loop.zone,
             "overshoot": self.overshoot,
+            "control": {"type": self.control.type, "cross_feedback": self.control.cross_feedback,
+                        "gain_scheduling": self.control.gain_scheduling},
             "controllers": {name: {key: getattr(pid, key) for key in sorted(GAINS)}
                             for name, pid in self.control.pid.items()},
             "candidates": {
@@ -146,8 +154,8 @@ def design_machine(
 ) -> MachineDesign:
     """Choose controllers and a filter for a machine on the margins of its loop, and export both.
 
-    The controllers of the axes are those that `ambkit.simulation.holding.holding` chooses for an
-    estimate: stiff, the peak of abs(S) low, a step calm. Each kind of filter is then tuned in the
+    The controllers are those that `ambkit.simulation.default_control` chooses for an estimate, on
+    the margins over the machine's speed range. Each kind of filter is then tuned in the
     loop with them below `max_sensitivity`, by its logs or by simulated flights, and of those the
     best on what they did not see is taken. The folder gets ``flight.toml`` and ``filter.toml``,
     which `ambkit.assess` and the simulation read back, ``verdict.html`` and ``c/``.
@@ -186,14 +194,15 @@ def design_machine(
     Raises
     ------
     AmbkitError
-        A log cannot be read, a kind is unknown or of one axis, or the folder cannot be written.
+        A log cannot be read, a kind is unknown or of one axis, no controller was found that holds
+        the rotor, or the folder cannot be written.
     """
     of_type(Machine, machine=machine)
     records = [load_filled(path, channels) for path in logs]
     others = [load_filled(path, channels) for path in validate]
     place = files.make_folder(folder)
     note("choosing the controllers")
-    control = Control(pid=controllers_for(machine))
+    control = control_for(machine)
     machine.save(place / "machine.toml")
     tuned = {}
     for kind in kinds:
@@ -224,7 +233,7 @@ def design_machine(
         note("looking at one speed after the other")
         over = assess_over_speed(machine, {chosen: estimator}, control)
         write_verdict(assessed, place / "verdict.html", chosen, over=over)
-    step = overshoot_of(machine, [control.pid[axis.name] for axis in machine.axes], "estimate")
+    step = _overshoot(loop, control)
     objections = tuple(_objections(loop, max_sensitivity))
     exported = None
     if anyway or not objections:
@@ -236,19 +245,51 @@ def design_machine(
     )
 
 
-def controllers_for(machine: Machine) -> dict[str, PID]:
-    """Return the controllers of a machine's axes that an estimate feeds, as they are written down.
+def control_for(machine: Machine) -> Control:
+    """Return the default controllers of a machine that an estimate feeds, as they are written down.
 
     Parameters
     ----------
     machine : Machine
         The machine.
+
+    Raises
+    ------
+    AmbkitError
+        None was found that holds the rotor.
     """
-    found = {}
-    for axis, pid in zip(machine.axes, holding(machine, "estimate").pids, strict=True):
-        gains: dict[str, Any] = {key: float(f"{getattr(pid, key):.{DIGITS}g}") for key in GAINS}
-        found[axis.name] = PID(**gains)
-    return found
+    found = default_control(machine, "estimate")
+    if not found.held:
+        raise AmbkitError(found.why)
+    control = found.chosen.control
+    if control.type == "decentralised":
+        names = [axis.name for axis in machine.axes]
+        each = dict(zip(names, holding(machine, "estimate").pids, strict=True))
+    else:
+        each = LoopOf(machine, control).pids(KalmanFilter(machine))
+    pids = {
+        name: PID(**{key: float(f"{getattr(pid, key):.{DIGITS}g}") for key in GAINS})  # type: ignore[arg-type]
+        for name, pid in each.items()
+    }
+    return control.model_copy(update={"pid": pids})
+
+
+def _overshoot(loop: AssessedLoop, control: Control) -> float:
+    """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
+    machine = loop.of.machine
+    assert machine is not None
+    if control.type == "decentralised" and not control.cross_feedback:
+        return overshoot_of(machine, list(control.pid.values()), "estimate")
+    closed, p = loop.loop.closed, len(loop.of.axes)
+    n, m = len(closed.A), loop.loop.measurements
+    samples = max(1, round(30 * max(map(own_time, loop.of.alone)) / loop.loop.T / TIMES))
+    step = np.block([[closed.A, closed.B[:, -p:]], [np.zeros((p, n)), np.eye(p)]])
+    several, state = np.linalg.matrix_power(step, samples), np.eye(n + p)[:, n:]
+    most = 0.0
+    for _ in range(TIMES):
+        state = several @ state
+        most = max(most, float(np.diagonal(closed.C[m : m + p] @ state[:n]).max()) - 1)
+    return most
 
 
 def _best(tuned: Mapping[str, Tuned]) -> str:

@@ -20,6 +20,7 @@ from ambkit.identification.excitation.signals import Excitation, sparse_multisin
 from ambkit.judge.loop.measured import measured_sensitivity
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
+from ambkit.simulation.default_control import end_of_range, settled_flight
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.flight import Injection as Added
 from ambkit.simulation.machine import simulate_machine
@@ -30,7 +31,6 @@ from ambkit.workflow.assessing import assess
 from ambkit.workflow.assessing_log import of_one_axis
 from ambkit.workflow.given import given_estimators
 from ambkit.workflow.injection import PERIODS, Injection
-from ambkit.workflow.loop_of import end_of_range
 
 if TYPE_CHECKING:
     from ambkit.workflow.assessment import Assessment
@@ -292,7 +292,7 @@ class _OfMachine(_Experiment):
         self, machine: Machine, flight: Flight, filter: Any, axis: str | None,
         *limits: float | None,
     ) -> None:  # fmt: skip
-        self.flight = flight.replace(noise=True)
+        flight = self.flight = settled_flight(machine, flight.replace(noise=True))
         self.filter = (filter or "linear") if flight.feedback == "estimate" else None
         n = max(2, round(flight.duration / machine.sampling_time) + 1)
         t = machine.sampling_time * np.arange(n)

@@ -28,6 +28,12 @@ from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.model import Array
 from ambkit.simulation.control import Controller, needs_states
 from ambkit.simulation.controllers import Control, Controllers, controllers_of, pids_of
+from ambkit.simulation.default_control import (
+    default_control,
+    end_of_range,
+    is_default,
+    settled,
+)
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.control import compensator, controllers, fed
 from ambkit.simulation.linear.control import controller as controller_of
@@ -38,9 +44,6 @@ from ambkit.simulation.scenario import PID
 
 ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
 """Zones of ISO 14839-3, and the peaks of abs(S) below which they are; D is beyond."""
-
-RANGE = 2000.0
-"""Up to there the standard looks at least [Hz], or up to three times the speed."""
 
 ZONE_A = ZONES[0][1]
 """Peak of abs(S) at which zone A ends."""
@@ -54,19 +57,6 @@ COARSE = 500
 
 class OutOfReachError(AmbkitError):
     """A filter cannot be held to a ceiling on the peak of the sensitivity."""
-
-
-def end_of_range(T: float, speed: float | None = None) -> float:
-    """Return up to where the standard looks at a loop [Hz].
-
-    Parameters
-    ----------
-    T : float
-        Sampling time [s]: it looks no farther than half the sampling rate.
-    speed : float, optional
-        Of the rotor [rad/s].
-    """
-    return min(max(RANGE, 3 * (speed or 0.0) / (2 * math.pi)), 0.5 / T)
 
 
 def zone_of(peak: float) -> str:
@@ -149,6 +139,8 @@ class LoopOf:
         self.machine = bearing if isinstance(bearing, Machine) else None
         self.alone = alone_of(bearing)
         self.control = controller if isinstance(controller, Control) else Control()
+        if controller is not None and not isinstance(controller, Control):
+            self.control = Control(type="decentralised")
         if isinstance(controller, Control) and self.machine is None:
             raise AmbkitError(
                 f"{bearing.name} is a bearing of one axis: its controller is a PID, and "
@@ -196,12 +188,25 @@ class LoopOf:
             return needs_states(self.fed_by(None)[0])
         return self.control.needs_estimate
 
+    def control_for(self, estimator: Any) -> Control:
+        """Return how the machine is controlled, the default for what feeds it where not given."""
+        if self.machine is None:
+            return self.control
+        return settled(self.machine, self.control, "estimate" if estimator else "measurement")
+
+    def choice(self, estimator: Any) -> str | None:
+        """Return what default controllers were chosen for what feeds them, in a sentence."""
+        machine = self.machine
+        if machine is None or not machine.speed or self._flown or not is_default(self.control):
+            return None
+        return default_control(machine, "estimate" if estimator else "measurement").why
+
     def fed_by(self, estimator: Any) -> list[PID]:
         """Return the PIDs of the axes as an estimator feeds them or, None, the measurement."""
         feedback: Literal["measurement", "estimate"] = "estimate" if estimator else "measurement"
         given = self._given
         if given is None and self.machine is not None:
-            found = pids_of(self.machine, self.control, feedback)
+            found = pids_of(self.machine, self.control_for(estimator), feedback)
         else:
             each = given if isinstance(given, Sequence) else [given or PID()] * len(self.alone)
             found = [pid.completed(b) for pid, b in zip(each, self.alone, strict=True)]
@@ -221,8 +226,9 @@ class LoopOf:
             if estimator is None:
                 raise AmbkitError(f"{self.bearing.name}: its controller is fed by an estimate")
             return Controller(self.bearing, estimator, self.fed_by(estimator)[0]).law
-        pids = self.fed_by(estimator) if self.control.type == "decentralised" else None
-        return controllers_of(Plant(self.machine), self.control, estimator, pids)
+        control = self.control_for(estimator)
+        pids = self.fed_by(estimator) if control.type == "decentralised" else None
+        return controllers_of(Plant(self.machine), control, estimator, pids)
 
     def pids(self, estimator: Estimator | None = None) -> dict[str, PID]:
         """Return the PIDs by what each is of: an axis, or a coordinate of the rotor.
@@ -231,7 +237,7 @@ class LoopOf:
         """
         if self.machine is None:
             return dict(zip(self.axes, self.fed_by(estimator), strict=True))
-        if self.control.type == "lqg":
+        if self.control_for(estimator).type == "lqg":
             return {}
         found = self.flown_by(estimator)
         return {
@@ -243,7 +249,8 @@ class LoopOf:
         """Return the same controllers, as an estimator feeds them, with another plant."""
         if self.machine is None:
             return LoopOf(plant, self.fed_by(estimator), point=self.point)
-        return LoopOf(plant, self.control, point=self.point, flown=self.flown_by(estimator))
+        control = self.control_for(estimator)
+        return LoopOf(plant, control, point=self.point, flown=self.flown_by(estimator))
 
     def at(self, point: WorkPoint) -> LoopOf:
         """Return the same loop at another work point."""
@@ -306,7 +313,7 @@ class LoopOf:
         estimator : Estimator, optional
             Of a machine, what feeds the controllers: a rotor that bends has other gains with it.
         """
-        if self.needs_estimate:
+        if self.needs_estimate or self.control_for(estimator).type == "lqg":
             return None
         if self.machine is None:
             pids = [pid.model_copy(update={"ki": 0.0}) for pid in self.pids().values()]

@@ -9,6 +9,7 @@ from ambkit.base.units import engineering
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.continuous import open_loop
 from ambkit.models.machine import machine_model
+from ambkit.simulation.default_control import default_control
 from ambkit.workflow.bending import Remark, of_bending
 
 if TYPE_CHECKING:
@@ -34,7 +35,8 @@ def described(machine: Machine) -> tuple[str, tuple[Remark, ...]]:
         f"{engineering(machine.speed * 30 / math.pi, '1')} rpm",
         f"{len(model.states)} states",
     ]
-    return "; ".join(about), (Remark(_of_the_poles(machine)), *of_bending(machine))
+    chosen = [Remark(default_control(machine).why)] if machine.speed else []
+    return "; ".join(about), (Remark(_of_the_poles(machine)), *of_bending(machine), *chosen)
 
 
 def _of_the_poles(machine: Machine) -> str:

@@ -404,7 +404,7 @@ class _MachineRig(_Rig):
         self.flight = Flight(
             noise=False,
             feedback="estimate" if filter else "measurement",
-            control=found.of.control,
+            control=found.of.control_for(filter),
             disturbance=tuple(
                 Load(axis=name, force=Constant(value=force)) for name, force in load.items()
             ),

@@ -280,6 +280,11 @@ def tune(
             f"{max_sensitivity:g}, the least is {min(of_tried):.4g}: allow more, or take another "
             "controller"
         )
+    if told and not math.isfinite(min(of_tried)):
+        raise AmbkitError(
+            f"{bearing.name}: the loop is unstable with each of the {len(tried)} {kind} filters "
+            f"that were tried; {loop.choice(True) or 'give another controller'}"
+        )
     within = [each for each, peak in zip(found.tried, of_tried, strict=True) if not peak >= ceiling]
     best = task.cautious(min(within, key=lambda each: each.cost), chosen, cost)
     before = task.figures(lambda: build({}))

@@ -254,7 +254,7 @@ def facts(found: Assessment, filter: str) -> dict[str, str]:
         )
     gains: dict[str, list[str]] = {}
     if found.of.machine is not None:
-        told |= _control(found.of.control)
+        told |= _control(found.of.control_for(found.estimators.get(filter)))
     for name, c in found.of.pids(found.estimators.get(filter)).items():
         if c.type == "lqg":
             told["control"] = c.type
@@ -279,8 +279,9 @@ def facts(found: Assessment, filter: str) -> dict[str, str]:
 def _control(control: Control) -> dict[str, str]:
     """Return how a machine is controlled, where it is not one PID an axis."""
     told: dict[str, str] = {}
-    if control.type != "decentralised":
-        told["control"] = control.type
+    if control.type not in (None, "decentralised"):
+        scheduled = ", gains scheduled by speed" if control.gain_scheduling else ""
+        told["control"] = f"{control.type}{scheduled}"
     if control.cross_feedback:
         told["cross feedback"] = f"{control.cross_feedback:g} of the gyroscopic torques"
     if control.unbalance != "fought":

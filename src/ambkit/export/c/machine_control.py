@@ -14,6 +14,7 @@ from ambkit.export.c.crc import Constants
 from ambkit.export.c.machine_scenes import also_infinite, in_turn, marks_of, speeds_of, vectors
 from ambkit.simulation.control_machine import MachineController
 from ambkit.simulation.controllers import Controllers, arrays, controllers_of
+from ambkit.simulation.default_control import settled_flight
 from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
@@ -62,6 +63,7 @@ def context(
     if estimator.whole is None:
         raise AmbkitError("controllers are exported of a whole machine; this is one axis")
     machine = estimator.whole.machine
+    flight = settled_flight(machine, flight)
     fed = estimator if flight.feedback == "estimate" else None
     plant = Plant(machine)
     speeds = speeds_of(machine, flight)

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.control import needs_states
+from ambkit.simulation.default_control import end_of_range
 from ambkit.simulation.linear.control import compensator, controller
 from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.linear.settled import estimator_at, tells
-from ambkit.workflow.loop_of import LoopOf, end_of_range
+from ambkit.workflow.loop_of import LoopOf
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.bearing import FILES
 from ambkit.machine.machine import Machine
-from ambkit.simulation.controllers import Control, Controllers, controllers_of
+from ambkit.simulation.controllers import TYPES, Control, Controllers, controllers_of
+from ambkit.simulation.default_control import is_default, settled_flight
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.many_machines import PlannedMachine
@@ -81,7 +82,11 @@ class WholePlan(Plan):
     def flight(self) -> Flight:
         """The run, with the study's seed."""
         found: Flight = self.study.flight.model_copy(update={"seed": self.study.seed})
-        return found
+        if "none" in self._estimator_names and found.feedback is None:
+            found = found.model_copy(update={"feedback": "measurement"})
+        if self._choices("controller") and is_default(found.control):
+            found = found.model_copy(update={"control": Control(type="decentralised")})
+        return settled_flight(self.bearing, found)
 
     @property
     def scenario(self) -> Any:
@@ -120,9 +125,9 @@ class WholePlan(Plan):
     @cached_property
     def controls(self) -> dict[str, Control]:
         """The ways to control that there are to choose from."""
-        usual = [Control(type=name) for name in get_args(Control.model_fields["type"].annotation)]
+        usual = [Control.model_validate({"type": name}) for name in TYPES]
         own = self.flight.control
-        return {each.type: each for each in (*usual, own)} | self.study.controls
+        return {str(each.type): each for each in (*usual, own)} | self.study.controls
 
     def _for(self, plant: Machine, estimator: Estimator | None, flight: Flight) -> Controllers:
         """Return the nominal machine's controllers at amplifiers of other gains."""
@@ -165,12 +170,15 @@ class WholePlan(Plan):
         """
         from ambkit.workflow.given import of_machine
 
-        names = [str(n) for n in self._choices("estimator") or (self.study.estimator,)]
         options = {"synchronous": self.study.synchronous} if self.study.synchronous else {}
         return {
             name: None if name == "none" else of_machine(name, self.bearing, **options)
-            for name in names
+            for name in self._estimator_names
         }
+
+    @property
+    def _estimator_names(self) -> list[str]:
+        return [str(n) for n in self._choices("estimator") or (self.study.estimator,)]
 
     def with_design(self, estimator: Any, controller: Any) -> Plan:
         """Return the plan with another filter for all machines; controllers are the flight's."""
@@ -193,7 +201,8 @@ class WholePlan(Plan):
                 f"{self.study.name}: the controllers are fed by the estimate, so the estimator "
                 'cannot be none; say flight.feedback = "measurement"'
             )
-        names = [str(n) for n in self._choices("controller")] or [self.flight.control.type]
+        names = [str(n) for n in self._choices("controller")]
+        names = names or [str(self.flight.control.type)]
         for estimator in self.estimators.values():
             for name in names:
                 flight = self.flight.model_copy(update={"control": self.controls[name]})
