@@ -100,7 +100,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--runs", type=int, default=100_000)
     parser.add_argument("--part", type=int, default=1000)
     parser.add_argument("--duration", type=float, default=10.0, help="of a run [ms]")
-    parser.add_argument("--margins", action="store_true", help="find the margins of each as well")
+    parser.add_argument(
+        "--no-margins", dest="margins", action="store_false", help="leave out the margins of each"
+    )
     parser.add_argument("--memory", action="store_true", help="fly them here, and tell the memory")
     options = parser.parse_args(arguments)
     made = study(options.runs, options.part, options.duration, options.margins)
@@ -112,7 +114,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             found.to_dict()
         most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
         each = 1e3 * used / options.runs
-        print(f"{options.runs:,} runs of {options.duration:g} ms in {seconds:.0f} s, "
+        print(f"{options.runs:,} runs of {options.duration:g} ms, margins "
+              f"{'on' if options.margins else 'off'}, in {seconds:.0f} s, "
               f"{options.runs / seconds:,.0f} a second, {each:.3f} ms of a processor each; "
               f"at most {most / 1e9:.2f} GB; limit {MEMORY / 1e9:g} GB")  # fmt: skip
         return int(most > MEMORY)

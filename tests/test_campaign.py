@@ -12,14 +12,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.linalg
 from conftest import Result
 from scipy.stats import binomtest, norm
 
 import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.simulation.linear.pieces import WorkPoint, plant, plants
+from ambkit.simulation.linear.settled import estimator_at, estimators_at
 from ambkit.workflow.campaign import running, store
 from ambkit.workflow.campaign.compute import compute
-from ambkit.workflow.campaign.margins import Margins
+from ambkit.workflow.campaign.margins import peaks as peaks_of_axes
 from ambkit.workflow.campaign.parts import UNITS
 from ambkit.workflow.campaign.plan import Plan, with_values
 from ambkit.workflow.campaign.result import Campaign
@@ -281,7 +284,7 @@ def test_the_controller_goes_by_the_nominal_gain_of_the_amplifier() -> None:
     assert more.planned.scenario.controller.kp == pytest.approx(1.2 * pid.kp)
     loops = [(d.planned.bearing, d.planned.scenario.controller, d.planned.estimator)
              for d in (one, more)]  # fmt: skip
-    peaks = Margins().peaks(loops)
+    peaks = peaks_of_axes(loops)
     assert peaks[0] != pytest.approx(peaks[1], rel=1e-3)
 
 
@@ -298,15 +301,54 @@ def test_peaks_of_many_loops_are_those_of_each(preset: str, kind: str, feedback:
         with_values(b, {"rotor.mass": b.rotor.mass * m, "magnet.air_gap": b.magnet.air_gap * g})
         for m, g in rng.uniform(0.9, 1.1, (3, 2))
     ]
-    found = Margins().peaks([(p, pid, fed) for p in plants])
+    found = peaks_of_axes([(p, pid, fed) for p in plants])
     expected = [LoopOf(p, pid).peak(fed) for p in plants]
     np.testing.assert_allclose(found, expected, rtol=2e-6)
+
+
+@pytest.mark.parametrize("kind", ["extended", "linear", "unscented", "augmented", "steady-state"])
+def test_estimators_and_plants_of_many_are_those_of_each(kind: str) -> None:
+    b = ambkit.Bearing.preset("zittau_axial").replace(delay=70e-6, amplifier__bandwidth=900.0)
+    made = Plan(Study(name="a", bearing="zittau_axial", estimator=kind, runs=1)).estimators[kind]
+    assert made is not None
+    many = [
+        with_values(b, {"rotor.mass": m * b.rotor.mass, "sensor.lag": g * b.sensor.lag,
+                        "amplifier.gain": g, "magnet.air_gap": m * b.magnet.air_gap})
+        for m, g in np.random.default_rng(1).uniform(0.9, 1.1, (5, 2))
+    ]  # fmt: skip
+    points = [WorkPoint.hovering(each) for each in many]
+    stacked = plants(many, points), estimators_at(made, points)
+    for k, (each, point) in enumerate(zip(many, points, strict=True)):
+        for system, alone in zip(
+            stacked, (plant(each, point), estimator_at(made, point)), strict=True
+        ):
+            for name in "ABCD":
+                found, expected = getattr(system, name), getattr(alone, name)
+                found = found[k] if found.ndim > 2 else found
+                scale = np.abs(expected).max(initial=1e-300)
+                np.testing.assert_allclose(
+                    found[: len(expected)], expected, rtol=1e-8, atol=1e-11 * scale
+                )
+
+
+def test_margins_of_a_campaign_solve_no_equation_for_each_machine(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    solved: list[int] = []
+    old = np.linalg.eigvals
+    monkeypatch.setattr(np.linalg, "eigvals", lambda A: (solved.append(1), old(A))[1])
+    monkeypatch.setattr(scipy.linalg, "solve_discrete_are", None)
+    mass = Uniform(what="rotor.mass", tolerance="3 %")
+    a = varied("sobol", mass, runs=64, estimator="closed-law", scenario={"duration": 0.002})
+    rows = compute(a, 0, 64).runs.to_pydict()
+    assert np.isfinite(rows["peak_S"]).all()
+    assert len(solved) < 20
 
 
 def test_an_unstable_loop_has_an_infinite_peak() -> None:
     b = ambkit.Bearing.preset("zittau_axial")
     weak = ambkit.PID.for_bearing(b).model_copy(update={"kp": 10.0, "feedback": "measurement"})
-    assert Margins().peaks([(b, weak, None)]) == np.inf
+    assert peaks_of_axes([(b, weak, None)]) == np.inf
 
 
 # --- shares

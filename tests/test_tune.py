@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ import ambkit
 from ambkit import Bearing, Estimator, FilterNoise, Record
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison.cases import CASES, trials
+from ambkit.workflow.loop_of import LoopOf
 from ambkit.workflow.tuning_tasks import NOISE
 
 BEARING = Bearing.preset("zittau_axial")
@@ -200,3 +203,19 @@ def test_trade_off_is_a_curve_from_which_to_pick() -> None:
         ambkit.trade_off(NOISY, [1.1], kind="linear", budget=2, runs=1)
     with pytest.raises(AmbkitError, match="one value or more"):
         ambkit.trade_off(NOISY, [], kind="linear")
+
+
+def test_no_peak_is_computed_that_nobody_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    computed: list[int] = []
+    old = LoopOf.peak
+
+    def spy(self: LoopOf, *given: Any) -> float:
+        computed.append(1)
+        return old(self, *given)
+
+    monkeypatch.setattr(LoopOf, "peak", spy)
+    found = ambkit.tune(BEARING, kind="linear", runs=1, budget=6)
+    assert len(computed) <= 2  # of the untuned and of the tuned filter, for the warning
+    told = found.to_dict()
+    assert found.peaks[0] == told["untuned_peak"] > 1
+    assert len(found.peaks) == len(found.trace) == 6

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numbers
+import os
+from collections.abc import Iterable
 from typing import Any, TypeVar, overload
 
 from ambkit.base import units
@@ -78,6 +80,8 @@ def of_type(*wanted: type, **given: Any) -> None:
         ways = [f"{first.__name__}.{way}" for way in ("preset", "load") if hasattr(first, way)]
         if isinstance(value, str) and ways:
             hint = f"; {' or '.join(ways)} gives one"
+        elif isinstance(value, type) and issubclass(value, wanted):
+            hint = f"; {value.__name__}(...) makes one"
         elif isinstance(getattr(value, "record", None), wanted):
             hint = "; give its .record"
         kinds = " or ".join(kind.__name__ for kind in wanted)
@@ -103,6 +107,29 @@ def all_of_type(wanted: type[Kind], **given: Any) -> list[Kind]:
     several = list(value) if isinstance(value, list | tuple) else [value]
     for one in several:
         of_type(wanted, **{name: one})
+    return several
+
+
+def names_in(*others: type, **given: Any) -> list[Any]:
+    """Return names that are given, one or several, as a list, and refuse all else, in a line.
+
+    Parameters
+    ----------
+    *others : type
+        What else each may be.
+    **given
+        One, or several, by the name of the parameter.
+
+    Raises
+    ------
+    TypeError
+        As `of_type`.
+    """
+    ((name, value),) = given.items()
+    one = isinstance(value, (str, os.PathLike, *others)) or not isinstance(value, Iterable)
+    several = [value] if one else list(value)
+    for each in several:
+        of_type(*others, str, os.PathLike, **{name: each})
     return several
 
 

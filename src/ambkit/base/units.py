@@ -45,7 +45,10 @@ def _root(unit: str) -> tuple[Decimal, "Unit"]:
         raise ValueError(f'"{unit}" is not a known unit') from None
     if offset != 0:
         raise ValueError(f"{unit} does not start at zero, use {root:~} instead")
-    return Decimal(str(scale)), root
+    size = Decimal(str(scale))
+    if not 0 < float(size) < math.inf:  # of an exponent of many digits
+        raise ValueError(f'"{unit}" is too large or too small a unit')
+    return size, root
 
 
 @cache
@@ -237,6 +240,25 @@ def with_error(value: float, error: float) -> str:
         return f"{value:.4g} ± 0"
     decimals = max(0, 1 - math.floor(math.log10(error)))
     return f"{value:.{decimals}f} ± {error:.{decimals}f}"
+
+
+def rpm(speed: float, digits: int = 5) -> str:
+    """Print a speed of rotation [rad/s] in revolutions a minute, without an exponent.
+
+    Parameters
+    ----------
+    speed : float
+        In rad/s.
+    digits : int
+        Significant digits.
+
+    Examples
+    --------
+    >>> rpm(10471.975512)
+    '100000 rpm'
+    """
+    turns = speed * 30 / math.pi
+    return f"{Decimal(f'{turns:.{digits}g}'):f} rpm" if math.isfinite(turns) else f"{turns} rpm"
 
 
 def typeset(text: str) -> str:

@@ -45,10 +45,11 @@ def tables_of_machine(found: Assessment) -> list[Any]:
     found : Assessment
         Of a machine.
     """
+    from ambkit.base import units
     from ambkit.cli.output import table, value
 
     machine, names = found.bearing, list(found.loops)
-    rpm = f"{machine.speed * 30 / math.pi:.6g} rpm"
+    rpm = units.rpm(machine.speed, 6)
     of_loops: list[tuple[str, Any]] = [
         ("zone of ISO 14839-3", lambda e: e.zone),
         ("  worst axis", lambda e: "–" if e.worst is None else e.worst.name),
@@ -94,11 +95,12 @@ def tables_over_speed(found: OverSpeed) -> list[Any]:
     found : OverSpeed
         What was looked at.
     """
+    from ambkit.base import units
     from ambkit.cli.output import table
     from ambkit.workflow.verdict import celsius
 
     def at(speed: float) -> str:
-        return f"{speed * 30 / math.pi:.5g} rpm"
+        return units.rpm(speed)
 
     def share(of: tuple[float, float]) -> str:
         return f"{100 * of[0]:.3g} % at {at(of[1])}"

@@ -289,7 +289,7 @@ def _in_the_loop(found: Tuned) -> list[str]:
 
     if math.isnan(found.peak):
         return []
-    peak, untuned = found.peak, found.peaks[0]
+    peak, untuned = found.peak, found.untuned_peak
     below = "" if found.max_sensitivity is None else f", to stay below {found.max_sensitivity:g}"
     return [
         f"Peak of |S| in the loop: {peak:.3f}, zone {zone_of(peak)}{below}; untuned {untuned:.3f}."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
+from ambkit.base.asked import of_type
 from ambkit.estimate.base import Estimator
 from ambkit.machine.magnets import Precision, core_module
 
@@ -120,7 +121,9 @@ def run_many(
     >>> ambkit.run_many(filters, record["y"], record["u"]).mean.shape
     (3, 1001, 4)
     """
-    each = [estimators] if isinstance(estimators, Estimator) else list(estimators)
+    each = list(estimators) if isinstance(estimators, Iterable) else [estimators]
+    for one in each:
+        of_type(Estimator, estimators=one)
     if not each:
         raise ValueError("estimators must hold one or more, got none")
     if len({e.precision for e in each}) > 1:

@@ -2,6 +2,7 @@
 
 ::
 
+    format = 1
     kind = "extended"
     sampling_time = "0.25 ms"
 
@@ -62,10 +63,15 @@ if TYPE_CHECKING:
 
 Limit = Annotated[int, Field(ge=0, strict=True)]
 
+FORMAT = 1
+"""Version of the file that this ambkit writes, and the newest that it reads."""
+
 
 class FilterFile(Document):
     """An estimator as a file."""
 
+    format: Annotated[int, Field(ge=1, strict=True)] = FORMAT
+    """Version of the file's format; without it 1."""
     kind: Name
     """Of estimator, as ``ambkit filter --help`` lists them."""
     description: Description = ""
@@ -105,6 +111,9 @@ class FilterFile(Document):
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        version = read("format")
+        if version > FORMAT:
+            yield "format", f"is {version}, and this ambkit reads up to {FORMAT}: use a newer one"
         yield from _of_options(read("kind"), read("options"))
         bearing, machine = read("bearing"), read("machine")
         if bearing is None and machine is None:

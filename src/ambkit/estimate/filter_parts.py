@@ -78,6 +78,8 @@ class _PlantOf(Part):
         if (file is None) == (preset is None):
             yield "file", "give either file or preset"
             return
+        if not isinstance(file or preset, str | os.PathLike):
+            return  # that it is no name is said of the key itself
         yield from _changed(file, read("sha256"))
         try:
             cls.model_construct(file=file, preset=preset).plant  # noqa: B018

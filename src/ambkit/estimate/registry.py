@@ -320,7 +320,7 @@ def kind_called(name: str) -> Kind:
     AmbkitError
         There is none; the message has those that there are.
     """
-    if name not in KINDS:
+    if not isinstance(name, str) or name not in KINDS:
         raise AmbkitError(f'there is no estimator "{name}"; known: {", ".join(KINDS)}')
     return KINDS[name]
 

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.estimate.base import Estimator
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.simulation.linear import control as control_of
 from ambkit.simulation.linear import pieces, settled
@@ -17,7 +19,6 @@ from ambkit.simulation.linear.pieces import WorkPoint
 if TYPE_CHECKING:
     import control
 
-    from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.scenario import PID
 
@@ -144,6 +145,7 @@ def estimator(filter: Estimator, *, point: WorkPoint | None = None) -> control.S
     AmbkitError
         Where python-control is not installed; or the filter does not settle to a gain.
     """
+    of_type(Estimator, filter=filter)
     point = point or WorkPoint.hovering(filter.bearing)
     return _state_space(settled.estimator_at(filter, point), f"{_name(filter.bearing)}_estimator")
 

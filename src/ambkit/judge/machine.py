@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.asked import names_in
 from ambkit.base.errors import AmbkitError
 from ambkit.data.signals import signal
 from ambkit.estimate.noise import FilterNoise
-from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.estimate.registry import kind_called, learned_magnet
 from ambkit.judge import machine_reference
 from ambkit.machine.bank import alone_of, weights_of
 from ambkit.machine.magnets import magnet_of
@@ -167,10 +168,10 @@ def judge_machine(
     plain = _known(machine, synchronous)
     noise = FilterNoise(disturbance=_growth(plain, duration, load))
     filters = {
-        kind: KINDS[kind].make(
+        kind: kind_called(kind).make(
             plain, learned_magnet(kind, plain), noise=noise, synchronous=synchronous
         )
-        for kind in kinds
+        for kind in names_in(kinds=kinds)
     }
     first = next(iter(filters.values()))
     drawn = {s.name: balance * s.size for s in first.states if s.role in ("unbalance", "runout")}

@@ -214,7 +214,7 @@ class Rotor(Part):
 class Amplifier(Part):
     """The current amplifier: iu = gain u, within the limit."""
 
-    gain: Annotated[float, Quantity("A/V", "1 A/V", above=0)]
+    gain: Annotated[float, Quantity("A/V", "1 A/V", at_least=1e-9, at_most=1e9)]
     """Gain k_ui [A/V], control current by control signal."""
     current_limit: Annotated[float, Quantity("A", "1.5 A", above=0)]
     """Greatest control current |iu| [A]."""
@@ -244,7 +244,7 @@ class Sensor(Part):
     lags; then come gain, noise and rounding.
     """
 
-    gain: Annotated[float, Quantity("1", "1", above=0)]
+    gain: Annotated[float, Quantity("1", "1", at_least=1e-9, at_most=1e9)]
     """Gain K_Sen [1]."""
     lag: Annotated[float, Quantity("s", "0.2 ms", above=0)]
     """Time constant T_Sen of the lag [s]."""

@@ -66,6 +66,10 @@ class MagnetModel(Protocol):
         """Build the C implementation in the given build of the core."""
 
 
+NEAR = 2e-15
+"""Of a current, how far from the root that is found the last bits are looked for."""
+
+
 def core_module(precision: Precision = "float64", *, any_model: bool = False) -> ModuleType:
     """Return a build of the C core.
 
@@ -123,23 +127,29 @@ class Law:
         float
             Infinite where no current does.
         """
-        magnet, middle = self.in_core(core_module()), np.zeros(1)
+        from scipy.optimize import brentq
+
+        magnet, middle, at = self.in_core(core_module()), np.zeros(1), np.zeros(1)
         wanted = force - self.bias_force
 
-        def short(iu: float) -> bool:
-            """Whether the magnet pulls less than is wanted, in the direction of that."""
-            f = float(magnet.force(np.array([iu]), middle)[0])
-            return not (f >= wanted if wanted > 0 else f <= wanted)
+        def lacks(iu: float) -> float:
+            """Return what the magnet pulls less than is wanted, in the direction of that."""
+            at[0] = iu
+            return math.copysign(1.0, wanted) * (wanted - float(magnet.force(at, middle)[0]))
 
         if wanted == 0:
             return 0.0
         low, high = 0.0, math.copysign(self.bearing.magnet.bias_current, wanted)
-        while short(high):
+        while not lacks(high) <= 0:
             low, high = high, 2 * high
             if not math.isfinite(high):
                 return high
+        if lacks(low) > 0:
+            near = brentq(lacks, low, high, xtol=1e-15 * abs(high))
+            for end in (near * (1 - NEAR), near * (1 + NEAR)):
+                low, high = (low, end) if lacks(end) <= 0 else (end, high)
         while low < (half := 0.5 * (low + high)) < high or high < half < low:
-            low, high = (half, high) if short(half) else (low, half)
+            low, high = (low, half) if lacks(half) <= 0 else (half, high)
         return high
 
     def force(self, iu: ArrayLike, x: ArrayLike) -> NDArray[np.float64]:

@@ -18,7 +18,7 @@ TERMS = 20
 
 
 def transition(A: Array, time: float) -> Array:
-    """Return ``exp(A time)`` (n, n)."""
+    """Return ``exp(A time)`` (..., n, n)."""
     share, doublings = _share(A * time)
     Phi = _series(share)
     for _ in range(doublings):
@@ -57,9 +57,9 @@ def growth(A: Array, intensity: Array, time: float) -> Array:
 
 def _series(share: Array) -> Array:
     """Return the exponential by Horner's scheme: past the longest way from state to state."""
-    one = np.eye(len(share))
+    one = np.eye(share.shape[-1])
     Phi = one
-    for k in range(TERMS + len(share), 0, -1):
+    for k in range(TERMS + len(one), 0, -1):
         Phi = one + share @ Phi / k
     return Phi
 

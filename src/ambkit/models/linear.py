@@ -153,6 +153,7 @@ def linearised(
 ) -> LinearSystem:
     """Return a machine with linear magnets: demanded currents and loads in, readings out.
 
+    Of machines alike, whose parts have arrays (n,) for numbers, it returns matrices (n, ...).
     Sampled, it is exact: the position stiffness acts within the sample (it is part of the
     exponential), demanded currents and loads are held over it, and where a dead time ends within
     the sample, the transition is the product of those before and after.
@@ -163,7 +164,7 @@ def linearised(
         Of the machine; see `ambkit.models.compose.compose`. Disturbance forces become inputs.
     T : float
         Sampling time [s].
-    k_i, k_s : array_like, scalar or shape (p,)
+    k_i, k_s : array_like, scalar or shape (..., p)
         Current stiffnesses [N/A], position stiffnesses [N/m] of the p magnets.
     continuous : bool, optional
         In continuous time, which needs a machine without dead time.
@@ -187,7 +188,7 @@ def linearised(
         raise ValueError("a dead time has no state space in continuous time")
     whole = Sampling(plan)
     n, p, c, _ = whole.sizes
-    i, s = (np.broadcast_to(np.asarray(k, float), p)[:, None] for k in (k_i, k_s))
+    i, s = (np.broadcast_to(k, (*np.shape(k)[:-1], p))[..., None] for k in (k_i, k_s))
     loads = [k for k, at in enumerate(plan.states) if at.role == LOAD]
     kept = [k for k in range(n) if k not in loads]
     moving = [*range(n), *range(n + p, n + p + c)]
@@ -196,10 +197,11 @@ def linearised(
         """Rates of states and controls, the forces put in: what a magnet sees, it answers."""
         G = whole.generator(after)
         displaced = slice(n + p + c, n + 2 * p + c)
-        seen = s * G[displaced] * T + i * G[n + 2 * p + c :] * T
+        seen = s * G[..., displaced, :] * T + i * G[..., n + 2 * p + c :, :] * T
         for state, force in plan.riders.items():
-            seen[[at.name for at in plan.forces].index(force), whole.at(state)] += 1
-        return np.asarray((G + G[:, n : n + p] @ seen)[np.ix_(moving, moving)])
+            seen[..., [at.name for at in plan.forces].index(force), whole.at(state)] += 1
+        driven = G + G[..., n : n + p] @ seen
+        return np.asarray(driven[..., moving, :][..., moving])
 
     if continuous:
         Phi = rates(0.0)
@@ -210,18 +212,22 @@ def linearised(
             Phi = exponential.transition(rates(start), (end - start) * T) @ Phi
         for control, (past, _share) in plan.past.items():
             for k, state in enumerate(past):
-                Phi[whole.at(state)] = 0
+                Phi[..., whole.at(state), :] = 0
                 source = whole.at(past[k - 1]) if k else whole.at(control) - p
-                Phi[whole.at(state), source] = 1
+                Phi[..., whole.at(state), source] = 1
     inputs = [*range(n, n + c), *loads]
     positions = [k for k in kept if plan.states[k].role == "position"]
-    C = np.vstack([whole.linear_forms(plan.readings)[0], np.eye(n)[positions]])[:, kept]
+    readings = whole.linear_forms(plan.readings)[0]
+    C = np.concatenate([readings, np.broadcast_to(
+        np.eye(n)[positions], (*readings.shape[:-2], len(positions), n)
+    )], axis=-2)[..., kept]  # fmt: skip
     states = [Signal(at.name, at.unit) for at in plan.states]
     controls, measured = (
         [Signal(at.name, at.unit) for at in of] for of in (plan.controls, plan.measurements)
     )
     return LinearSystem(
-        Phi[np.ix_(kept, kept)], Phi[np.ix_(kept, inputs)], C, np.zeros((len(C), len(inputs))),
+        Phi[..., kept, :][..., kept], Phi[..., kept, :][..., inputs], C,
+        np.zeros((C.shape[-2], len(inputs))),
         None if continuous else T, tuple(states[k] for k in kept),
         (*controls, *(states[k] for k in loads)), (*measured, *(states[k] for k in positions)),
     )  # fmt: skip

@@ -144,10 +144,10 @@ class Model:
 
         Parameters
         ----------
-        k_i, k_s : array_like, scalar or shape (p,)
+        k_i, k_s : array_like, scalar or shape (..., p)
             Current stiffnesses [N/A], position stiffnesses [N/m].
         """
-        i, s = self._per_force(k_i)[:, None], self._per_force(k_s)[:, None]
+        i, s = self._per_force(k_i)[..., None], self._per_force(k_s)[..., None]
         return s * self.h + i * self.e + self.r
 
     def jacobian(self, k_i: ArrayLike, k_s: ArrayLike) -> Array:
@@ -156,7 +156,7 @@ class Model:
 
     def input_matrix(self, k_i: ArrayLike) -> Array:
         """Return B (n, c) by the demanded currents [A], with current stiffnesses (p,) [N/A]."""
-        return self.B_u + self.b @ (self._per_force(k_i)[:, None] * self.d)
+        return self.B_u + self.b @ (self._per_force(k_i)[..., None] * self.d)
 
     def process_noise(self, k_i: ArrayLike, var_u: ArrayLike, var_noise: ArrayLike) -> Array:
         """Return Q (n, n).
@@ -172,11 +172,12 @@ class Model:
         """
         B = self.input_matrix(k_i)
         scales = np.broadcast_to(np.asarray(var_noise, float), len(self.noises))
-        driven = (B * np.asarray(var_u, float)) @ B.T
+        driven = (B * np.asarray(var_u, float)) @ np.swapaxes(B, -1, -2)
         return np.asarray(driven + np.tensordot(scales, self.N, 1))
 
     def _per_force(self, values: ArrayLike) -> Array:
-        return np.broadcast_to(np.asarray(values, float), len(self.forces))
+        values = np.asarray(values, float)
+        return np.broadcast_to(values, (*values.shape[:-1], len(self.forces)))
 
 
 def compressed_rows(

@@ -75,10 +75,12 @@ class Sampling:
 
     def generator(self, after: float, *, riders: bool = False) -> Array:
         """Return A of the whole state, from some share of the sample on [1/s, times the units]."""
-        A = np.zeros((self.sizes[3],) * 2)
+        terms = self.terms(riders=riders)
+        alike = np.broadcast_shapes(*(np.shape(value) for _, _, value in terms))
+        A = np.zeros((*alike, *(self.sizes[3],) * 2))
         controls = {at.name for at in self.plan.controls}
-        for i, name, value in self.terms(riders=riders):
-            A[i, self.at(self.acting(name, after) if name in controls else name)] += value
+        for i, name, value in terms:
+            A[..., i, self.at(self.acting(name, after) if name in controls else name)] += value
         return A
 
     def driven(self, *, riders: bool = False) -> Flags:
@@ -151,11 +153,12 @@ class Sampling:
 
     def linear_forms(self, rows: Sequence[Row]) -> Kinds:
         """Return rows of coefficients of the states, and their pattern."""
-        values = np.zeros((len(rows), len(self.plan.states)))
-        kinds = np.zeros(values.shape, np.int8)
+        alike = np.broadcast_shapes(*(np.shape(each) for row in rows for each in row.values()))
+        values = np.zeros((*alike, len(rows), len(self.plan.states)))
+        kinds = np.zeros(values.shape[-2:], np.int8)
         for i, entries in enumerate(rows):
             for state, value in entries.items():
-                values[i, self.at(state)] = value
+                values[..., i, self.at(state)] = value
                 kinds[i, self.at(state)] = ONE if value is UNIT else NUMBER
         return values, kinds
 

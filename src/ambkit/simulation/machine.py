@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.asked import of_type
 from ambkit.base.copying import own_version
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Drawn
@@ -146,6 +147,8 @@ def simulate_machine(
         A load or a reference is of an axis that the machine has not; a run-up is too fast for the
         sampling time; no default controller holds the rotor.
     """
+    if estimator is not None:
+        of_type(Estimator, estimator=estimator)
     wrong = list(flight.unknown_axes(tuple(axis.name for axis in machine.axes)))
     if wrong:
         raise AmbkitError("; ".join(wrong))

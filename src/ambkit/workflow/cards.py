@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from ambkit.base import units
 from ambkit.base.units import engineering
 from ambkit.judge.comparison.seeds import EVALUATED
 from ambkit.show.notebook.card import Card, value
@@ -143,12 +144,12 @@ def over_speed(of: OverSpeed) -> Card:
     """Describe a machine's loop over its speed by the worst of it."""
 
     def at(share: tuple[float, float]) -> str:
-        return f"{100 * share[0]:.3g} % at {share[1] * 30 / math.pi:.5g} rpm"
+        return f"{100 * share[0]:.3g} % at {units.rpm(share[1])}"
 
     peak, speed = of.worst
     rows = [
         ("zone", of.zone),
-        ("peak of |S|", f"{peak:.3f} at {speed * 30 / math.pi:.5g} rpm"),
+        ("peak of |S|", f"{peak:.3f} at {units.rpm(speed)}"),
         ("displacement, of the clearance", at(of.farthest)),
         ("current, of its limit", at(of.hardest)),
     ]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from ambkit.base.asked import Given, in_si
+from ambkit.base.asked import Given, in_si, names_in
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
 from ambkit.base.showing import Shown
@@ -111,7 +111,7 @@ def compare_in_case(
     chosen = cases_called(case, spread)[case] if isinstance(case, str) else case
     if plant is not None:
         chosen = replace(chosen, magnet=plant)
-    kinds = list(KINDS) if estimators is None else estimators
+    kinds = list(KINDS) if estimators is None else names_in(estimators=estimators)
     with reporting(done, "comparing", pieces_of(len(kinds), budget, whole)) as tell:
         return study(
             bearing, chosen, kinds, runs=runs, budget=budget, seed=seed, magnets=magnets,
@@ -141,7 +141,7 @@ def compare_in_all(
     cases = cases_called("all", spread)
     if plant is not None:
         cases = {name: replace(case, magnet=plant) for name, case in cases.items()}
-    kinds = list(KINDS) if estimators is None else estimators
+    kinds = list(KINDS) if estimators is None else names_in(estimators=estimators)
     with reporting(done, "comparing", len(cases) * pieces_of(len(kinds), budget, False)) as tell:
         return across(
             bearing, cases, kinds, runs=runs, budget=budget, seed=seed, magnets=magnets, done=tell

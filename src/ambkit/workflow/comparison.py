@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from ambkit.base.asked import Given, of_type
 from ambkit.base.progress import reporting
+from ambkit.judge.comparison.cases import Case
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.map_of import surface_in
 from ambkit.machine.forces.surface import ForceSurface
@@ -26,7 +27,6 @@ from ambkit.workflow.saved_filters import save_filters as write_filters
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.judge.comparison.bench import Benches
-    from ambkit.judge.comparison.cases import Case
     from ambkit.judge.comparison.study import Study
     from ambkit.machine.magnets import MagnetModel
 
@@ -134,6 +134,8 @@ def compare(
     True
     """
     of_type(Bearing, bearing=bearing)
+    if case is not None:
+        of_type(str, Case, case=case)
     true = (
         surface_in(force_map, bearing)
         if isinstance(force_map, str | os.PathLike)

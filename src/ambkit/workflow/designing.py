@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base import files
-from ambkit.base.asked import of_type
+from ambkit.base.asked import names_in, of_type
 from ambkit.base.showing import Shown
 from ambkit.base.threads import one_thread
 from ambkit.data.channelmap import ChannelMap, inputs_of
@@ -170,7 +170,7 @@ def design(
         A log cannot be read, a kind is unknown, or the folder cannot be written.
     """
     of_type(Bearing, bearing=bearing)
-    for kind in kinds:
+    for kind in names_in(kinds=kinds):
         kind_called(kind)
     place = files.make_folder(folder)
     stages = Stages(place)

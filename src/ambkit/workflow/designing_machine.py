@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base import files
-from ambkit.base.asked import of_type
+from ambkit.base.asked import names_in, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
 from ambkit.data.reading import load_filled
@@ -205,7 +205,7 @@ def design_machine(
     control = control_for(machine)
     machine.save(place / "machine.toml")
     tuned = {}
-    for kind in kinds:
+    for kind in names_in(kinds=kinds):
         note(f"tuning the {kind} filter")
 
         def below(ceiling: float | None, kind: str = kind) -> Tuned:

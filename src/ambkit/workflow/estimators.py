@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from ambkit.base.asked import names_in
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, learned_magnet
@@ -90,7 +92,7 @@ def expanded(names: Iterable[str]) -> list[str]:
         One is neither a kind nor a filter's file.
     """
     found: dict[str, None] = {}
-    for name in names:
+    for name in map(os.fspath, names_in(estimators=names)):
         check_named(name)
         found |= dict.fromkeys(KINDS if name == "all" else [name])
     return list(found)

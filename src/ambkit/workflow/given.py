@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ambkit.base.asked import in_si
+from ambkit.base.asked import in_si, names_in, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
@@ -58,8 +58,9 @@ def given_estimators(given: Any, bearing: Bearing | Machine) -> dict[str, Estima
     if given is None:
         return {}
     found: dict[str, Estimator] = dict(given) if isinstance(given, Mapping) else {}
-    alone = isinstance(given, Estimator | str | os.PathLike)
-    for each in [given] if alone else () if isinstance(given, Mapping) else given:
+    for each in found.values():
+        of_type(Estimator, filter=each)
+    for each in () if isinstance(given, Mapping) else names_in(Estimator, filter=given):
         if isinstance(each, Estimator):
             if each.name in found:
                 raise AmbkitError(f"two filters are called {each.name}: give them as a mapping")

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.asked import of_type
+from ambkit.estimate.base import Estimator
+
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.estimate.base import Estimator
 
 Array = NDArray[np.float64]
 
@@ -122,6 +124,7 @@ def harmonics(estimator: Estimator, record: Record) -> list[Harmonic]:
     list of Harmonic
         Of each pair of synchronous states, in their order; empty without such states.
     """
+    of_type(Estimator, estimator=estimator)
     mean, covariance, start = estimator.mean, estimator.covariance, estimator.default_std()
     places = [k for k, s in enumerate(estimator.states) if s.role in ("unbalance", "runout")]
     if not places:

@@ -86,6 +86,8 @@ def inspect(
     path = Path(path)
     kind = "file"
     try:
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise AmbkitError(f"{path}: is no file but a device or a pipe, which may never end")
         kind, describe = _recognise(path, channel_map, bearing)
         found = describe(path)
         return Finding(path, kind, found.about, found.problems, found.remarks)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base import units
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
@@ -155,7 +156,7 @@ class OverSpeed(Shown):
         peak, at = self.worst
         return (
             f"<OverSpeed of {self.machine.name}, fed by {self.fed_by}: zone {self.zone}, peak "
-            f"{peak:.3g} at {at * 30 / math.pi:.4g} rpm>"
+            f"{peak:.3g} at {units.rpm(at, 4)}>"
         )
 
     def to_dict(self) -> dict[str, Any]:

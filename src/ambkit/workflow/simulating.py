@@ -13,6 +13,7 @@ import numpy as np
 
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.estimate.base import Estimator
 from ambkit.judge.comparison import EVALUATED, rmse
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.map_of import surface_in
@@ -24,7 +25,6 @@ from ambkit.workflow.estimators import factories
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.estimate.base import Estimator
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.imposed import Imposed
     from ambkit.simulation.run import Run
@@ -181,7 +181,9 @@ def simulate_run(
     >>> run.estimate.estimator
     'adaptive Kalman filter'
     """
-    without = estimator == "none"
+    if estimator is not None:
+        of_type(Estimator, str, estimator=estimator)
+    without = isinstance(estimator, str) and estimator == "none"
     happening = scenario_for(
         bearing, scenario, duration=duration, step=step, load=load, seed=seed, reference=reference,
         injection=injection, from_estimate=not without,

@@ -78,9 +78,11 @@ class Tuned(Shown):
         ``nis``, which is 1 where model and noise are right.
     kept : bool
         Whether `estimator` is the tuned one.
-    peaks : tuple of float
-        Of all that was tried the peak of abs(S) in the loop [1]: infinite where it is unstable, NaN
-        of a kind that settles to no gain.
+    known_peaks : tuple of float
+        Of all that was tried the peak of abs(S) in the loop, where the search had to know it: with
+        `max_sensitivity`; else empty, and `peaks` computes them.
+    magnet : MagnetModel or None
+        What all that was tried knows of its magnet, where that is not what its kind does.
     max_sensitivity : float or None
         What the peak of abs(S) was to stay below.
     controller : PID or Control or None
@@ -99,7 +101,8 @@ class Tuned(Shown):
     values: Mapping[str, float]
     unseen: Mapping[str, tuple[float, float]]
     kept: bool
-    peaks: tuple[float, ...]
+    known_peaks: tuple[float, ...]
+    magnet: MagnetModel | None
     max_sensitivity: float | None
     controller: PID | Control | None
     warnings: tuple[str, ...] = field(default=())
@@ -121,11 +124,33 @@ class Tuned(Shown):
         self.estimator.save(path, bearing=bearing, magnet=magnet)
 
     @cached_property
+    def _loop(self) -> LoopOf:
+        return LoopOf(plant_of(self.estimator), self.controller)
+
+    @cached_property
     def peak(self) -> float:
         """Peak of abs(S) in the loop with `estimator` [1]; NaN where it cannot be told."""
-        if not tells(self.estimator):
-            return math.nan
-        return LoopOf(plant_of(self.estimator), self.controller).peak(self.estimator)
+        return self._loop.peak(self.estimator) if tells(self.estimator) else math.nan
+
+    @cached_property
+    def untuned_peak(self) -> float:
+        """Peak of abs(S) in the loop with the untuned filter [1]; NaN where it cannot be told."""
+        return self.known_peaks[0] if self.known_peaks else self._peak_with({})
+
+    @cached_property
+    def peaks(self) -> tuple[float, ...]:
+        """Of all that was tried the peak of abs(S) in the loop [1].
+
+        Infinite where it is unstable, NaN of a kind that settles to no gain. Without
+        `max_sensitivity` they are computed when they are first looked at.
+        """
+        return self.known_peaks or tuple(self._peak_with(each.values) for each in self.trace)
+
+    def _peak_with(self, values: Mapping[str, float]) -> float:
+        """Return the peak with other values of what was free."""
+        bearing = plant_of(self.estimator)
+        built = contender_of_kind(self.kind, bearing, self.magnet, whole=True).build(**values)
+        return self._loop.peak(built) if tells(built) else math.nan
 
     @property
     def outcome(self) -> str:
@@ -144,6 +169,7 @@ class Tuned(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
+        peaks = [self.known_peaks] if self.known_peaks else []
         return {
             "bearing": self.estimator.bearing.name,
             "kind": self.kind,
@@ -153,10 +179,11 @@ class Tuned(Shown):
             "bounds": {r.name: {"low": r.low, "high": r.high, "default": r.default,
                                 "unit": r.unit} for r in self.free},
             "unseen": {name: {"untuned": a, "tuned": b} for name, (a, b) in self.unseen.items()},
-            "trace": [{"cost": each.cost, "peak": peak} | dict(each.values)
-                      for each, peak in zip(self.trace, self.peaks, strict=True)],
+            "trace": [{"cost": each.cost} | ({"peak": known[0]} if known else {})
+                      | dict(each.values)
+                      for each, *known in zip(self.trace, *peaks, strict=True)],
             "peak": self.peak,
-            "untuned_peak": self.peaks[0],
+            "untuned_peak": self.untuned_peak,
             "max_sensitivity": self.max_sensitivity,
             "warnings": list(self.warnings),
         }  # fmt: skip
@@ -261,37 +288,47 @@ def tune(
     told = tells(build({}))
     if max_sensitivity is not None:
         loop.check(build({}), max_sensitivity)
-    ceiling = math.inf if max_sensitivity is None else max_sensitivity
     peaks, costs = list[float](), list[float]()
 
     def cost(values: Mapping[str, float]) -> float:
         """Return what the search makes small: beyond the ceiling it rises, whatever else."""
         costs.append(task.cost(lambda: build(values)))
-        peaks.append(loop.peak(build(values)) if told else math.nan)
-        over = min(peaks[-1] / ceiling, FARTHEST) if told else 0.0
+        if max_sensitivity is None:
+            return costs[-1]
+        peaks.append(loop.peak(build(values)))
+        over = min(peaks[-1] / max_sensitivity, FARTHEST)
         return costs[-1] + (BEYOND * math.log(over) if over > 1 else 0.0)
 
     found = search(chosen, cost, budget, seed, done)
     tried = [Tried(each.values, real) for each, real in zip(found.tried, costs, strict=True)]
     of_tried = tuple(peaks)
-    if max_sensitivity is not None and not min(of_tried) < ceiling:
+    if max_sensitivity is not None and not min(of_tried) < max_sensitivity:
         raise OutOfReachError(
             f"of {len(tried)} {kind} filters that were tried none keeps the peak of |S| below "
             f"{max_sensitivity:g}, the least is {min(of_tried):.4g}: allow more, or take another "
             "controller"
         )
-    if told and not math.isfinite(min(of_tried)):
+    untuned = of_tried[0] if of_tried else loop.peak(build({})) if told else math.nan
+    # Where the untuned filter holds the loop no other has to be looked at.
+    stands = not math.isinf(untuned) or any(
+        math.isfinite(peak) for peak in of_tried or (loop.peak(build(t.values)) for t in tried)
+    )
+    if told and not stands:
         raise AmbkitError(
             f"{bearing.name}: the loop is unstable with each of the {len(tried)} {kind} filters "
             f"that were tried; {loop.choice(True) or 'give another controller'}"
         )
-    within = [each for each, peak in zip(found.tried, of_tried, strict=True) if not peak >= ceiling]
+    beyond = [
+        max_sensitivity is not None and peak >= max_sensitivity
+        for peak in of_tried or (0.0,) * len(tried)
+    ]
+    within = [each for each, far in zip(found.tried, beyond, strict=True) if not far]
     best = task.cautious(min(within, key=lambda each: each.cost), chosen, cost)
     before = task.figures(lambda: build({}))
     after = task.figures(lambda: build(best.values))
     kept = (
         bool(best.values) and best is not found.tried[0]
-        and (after[task.judge] < before[task.judge] or of_tried[0] >= ceiling)
+        and (after[task.judge] < before[task.judge] or beyond[0])
     )  # fmt: skip
     estimator = build(best.values if kept else {})
     if inputs is not None:
@@ -300,7 +337,7 @@ def tune(
         estimator.origin = origin_of(best.values, made_by("tune", task.said(source)))
     warnings = [*_at_an_end(chosen, best.values), *task.warnings(estimator, kept, after)]
     if kept and told:
-        warnings += _in_the_loop(loop.peak(estimator), of_tried[0], max_sensitivity)
+        warnings += _in_the_loop(loop.peak(estimator), untuned, max_sensitivity)
     unseen = {name: (before[name], after[name]) for name in before}
     return Tuned(
         estimator,
@@ -312,6 +349,7 @@ def tune(
         unseen,
         kept,
         of_tried,
+        magnet,
         max_sensitivity,
         controller if loop.machine is not None else loop.fed_by(None)[0],
         tuple(warnings),

@@ -6,6 +6,7 @@ import math
 import os
 from typing import NamedTuple
 
+from ambkit.base import units
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.judge.loop.demands import ROOM
@@ -222,7 +223,7 @@ SHOWN_GRADES = (2.5e-3, 6.3e-3)
 
 def rpm(speed: float) -> str:
     """Return a speed of rotation [rad/s] in revolutions a minute, as text."""
-    return f"{speed * 30 / math.pi:.5g} rpm"
+    return units.rpm(speed)
 
 
 def facts(found: Assessment, filter: str) -> dict[str, str]:

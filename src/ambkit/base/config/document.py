@@ -288,7 +288,7 @@ def read_unchecked(model: type[BaseModel], data: Any, context: Any) -> Read:
         if isinstance(data, BaseModel):
             value = getattr(data, name, math.nan)
         elif isinstance(data, dict) and (name in data or not field.is_required()):
-            value = data.get(name, field.default)
+            value = data[name] if name in data else field.get_default(call_default_factory=True)
         else:
             return math.nan
         if rest:

@@ -56,7 +56,7 @@ class Quantity:
         SI unit. ``@`` stands for the unit of the signal, which the place of use knows (`SignalIn`).
     example : str
         How a user would write a sensible value; of a signal's value the place of use knows that.
-    above, at_least : float or None
+    above, at_least, at_most : float or None
         Limits, in `unit`.
     """
 
@@ -64,6 +64,7 @@ class Quantity:
     example: str = ""
     above: float | None = None
     at_least: float | None = None
+    at_most: float | None = None
 
     def read(self, value: Any, info: ValidationInfo) -> float:
         """Give the value in SI, or say what is wrong with it."""
@@ -78,6 +79,8 @@ class Quantity:
             raise self._wrong(f"must be greater than {self._shown(self.above)}, is {shown}")
         if self.at_least is not None and not number >= self.at_least:
             raise self._wrong(f"must be at least {self._shown(self.at_least)}, is {shown}")
+        if self.at_most is not None and not number <= self.at_most:
+            raise self._wrong(f"must be at most {self._shown(self.at_most)}, is {shown}")
         return number
 
     def _number(self, value: Any, in_file: bool) -> float:

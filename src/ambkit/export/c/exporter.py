@@ -237,7 +237,7 @@ def made(
         return estimator
     if kind is None:
         kind = "linear" if magnet is None else "adaptive"
-    if kind not in KINDS:
+    if not isinstance(kind, str) or kind not in KINDS:
         raise AmbkitError(f'there is no kind of estimator "{kind}"; known: {", ".join(KINDS)}')
     try:
         estimator = KINDS[kind].make(bearing, magnet, **options)

@@ -8,12 +8,12 @@ import uuid
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.registry import KINDS
+from ambkit.estimate.registry import kind_called
 from ambkit.export.c import data
 from ambkit.export.c.data import CPrecision
 from ambkit.export.fmu import archive, compiler, flown, sources, variables, xml
@@ -123,6 +123,8 @@ def export_fmu(
         There is no C compiler, or the file cannot be written.
     """
     of_type(Bearing, bearing=bearing)
+    if kind not in (known := get_args(Kind)):
+        raise AmbkitError(f"there is no FMU of kind {kind!r}; known: {', '.join(known)}")
     if precision == "float" and kind not in ("estimator", "whole-controller"):
         raise AmbkitError(
             f"a {kind} computes in double; precision float is for an estimator or a "
@@ -133,7 +135,7 @@ def export_fmu(
         filter_ = filter_file.make(magnet=magnet, **of)
     else:
         kind_of_filter = estimator or ("linear" if magnet is None else "adaptive")
-        filter_ = KINDS[kind_of_filter].make(bearing, magnet, **of)
+        filter_ = kind_called(kind_of_filter).make(bearing, magnet, **of)
     what = scenario or Scenario()
     what = what.model_copy(update={"controller": what.controller.completed(bearing)})
     match kind:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.base.asked import of_type
+from ambkit.base.asked import names_in, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
 from ambkit.estimate.registry import KINDS, learned_magnet
@@ -281,7 +281,7 @@ def _factories(
     """Return what builds each estimator."""
     if isinstance(estimators, Mapping) and estimators is not KINDS:
         return estimators
-    unknown = [name for name in estimators if name not in KINDS]
+    unknown = [name for name in names_in(estimators=estimators) if name not in KINDS]
     if unknown:
         raise AmbkitError(f'there is no estimator "{unknown[0]}"; known: {", ".join(KINDS)}')
 

@@ -56,6 +56,8 @@ def _names(folder: Traversable) -> tuple[str, ...]:
 
 def _text(folder: Traversable, name: str) -> str:
     known = _names(folder)
+    if not isinstance(name, str):
+        raise AmbkitError(f"a preset has a name, such as {known[-1]}; is {name!r:.60}")
     if name not in known:
         near = difflib.get_close_matches(name, known, 1)
         hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(known)}"

@@ -86,6 +86,8 @@ class Rotor:
     def _inverse_mass(self) -> dict[tuple[int, int], float]:
         """Return entries of the inverse of M: all within a group that M couples."""
         n = len(self.positions)
+        if not isinstance(self.mass, Mapping) and n == 1 and np.all(self.mass > 0):
+            return {(0, 0): 1 / self.mass}
         entries = self.mass if isinstance(self.mass, Mapping) else {(0, 0): self.mass}
         M, joined = np.zeros((n, n)), np.eye(n, dtype=bool)
         for (i, j), value in entries.items():

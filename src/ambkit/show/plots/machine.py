@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base import units
 from ambkit.base.escaping import label, markdown
 from ambkit.data.signals import signal
 from ambkit.show.plots.looks import CURRENT, TIME
@@ -53,9 +54,9 @@ def machine_figure(run: MachineRun) -> Figure:
             fed += [Rule(end, signal="limit", label="limit") for end in (-limit, limit)]
         panels.append(Panel(whole, CURRENT, fed, title=f"Of bearing {label(each.name)}"))
     speed = record["speed"]
-    rpm = f"{speed[-1] * 30 / math.pi:.6g} rpm"
+    rpm = units.rpm(speed[-1], 6)
     if speed.max() != speed.min():
-        rpm = f"{speed[0] * 30 / math.pi:.6g} to {rpm}"
+        rpm = f"{units.rpm(speed[0], 6).removesuffix(' rpm')} to {rpm}"
     caption = (
         f"The rotor at {rpm}; orbits over the whole run, and dark over its last {TURNS} "
         "revolutions; the circle is the backup bearing where it is near."

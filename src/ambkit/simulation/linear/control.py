@@ -221,17 +221,22 @@ def compensator(
     """
     K = control
     if estimator is None:
-        p = len(shown)
-        B, D = (np.hstack([of[:, :p] @ shown, of[:, p:]]) for of in (K.B, K.D))
+        p = shown.shape[-2]
+        B, D = (_beside(of[..., :p] @ shown, of[..., p:]) for of in (K.B, K.D))
         return replace(K, B=B, D=D, inputs=(*readings, *K.inputs[p:]))
     E = estimator
     m, q = len(E.inputs) - len(K.outputs), len(E.outputs)
-    B_y, B_u, D_y = E.B[:, :m], E.B[:, m:], E.D[:, :m]
-    Bq, Br, Dq, Dr = K.B[:, :q], K.B[:, q:], K.D[:, :q], K.D[:, q:]
+    B_y, B_u, D_y = E.B[..., :m], E.B[..., m:], E.D[..., :m]
+    Bq, Br, Dq, Dr = K.B[..., :q], K.B[..., q:], K.D[..., :q], K.D[..., q:]
     A = np.block([[E.A + B_u @ Dq @ E.C, B_u @ K.C], [Bq @ E.C, K.A]])
     B = np.block([[B_y + B_u @ Dq @ D_y, B_u @ Dr], [Bq @ D_y, Br]])
     states = tuple(Signal(f"{at.name}_est", at.unit) for at in E.states) + K.states
     return LinearSystem(
-        A, B, np.hstack([Dq @ E.C, K.C]), np.hstack([Dq @ D_y, Dr]), K.T, states,
+        A, B, _beside(Dq @ E.C, K.C), _beside(Dq @ D_y, Dr), K.T, states,
         (*E.inputs[:m], *K.inputs[q:]), K.outputs,
     )  # fmt: skip
+
+
+def _beside(left: Array, right: Array) -> Array:
+    """Return matrices (..., n, m) side by side."""
+    return np.concatenate([left, right], axis=-1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,7 +18,8 @@ from ambkit.machine.magnets import magnet_of
 from ambkit.models import axis_parts
 from ambkit.models.linear import Complex, LinearSystem, Signal, linearised
 from ambkit.models.machine import machine_parts, place
-from ambkit.models.parts import SynchronousForce
+from ambkit.models.parts import PARTS, SENSOR_NOISE, SynchronousForce
+from ambkit.models.parts.typical import Typical
 from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
@@ -193,6 +194,49 @@ def plant(of: Bearing | Machine, point: WorkPoint, *, continuous: bool = False) 
         system, B=B, C=C, D=np.zeros((len(C), B.shape[1])), inputs=inputs,
         outputs=(*system.outputs[:m], *positions),
     )  # fmt: skip
+
+
+def plants(bearings: Sequence[Bearing], points: Sequence[WorkPoint]) -> LinearSystem:
+    """Return `plant` of bearings whose parts are alike, as matrices (bearings, ...).
+
+    Parameters
+    ----------
+    bearings : sequence of Bearing
+        Of one sampling time and one dead time, with the same parts; see `alike`.
+    points : sequence of WorkPoint
+        In the middle, without orbits.
+    """
+    typical = Typical.of(bearings[0])
+    kinds = [kind for kind in PARTS if kind not in SENSOR_NOISE]
+    each = [[part for kind in kinds for part in kind.of_axis(b, typical)] for b in bearings]
+    parts = [_stacked(of) for of in zip(*each, strict=True)]
+    k = np.array([
+        [float(of[0]) for of in magnet_of(b).tangent(np.array([at.iu]), np.array([at.x]))]
+        for b, at in zip(bearings, points, strict=True)
+    ])  # fmt: skip
+    system = linearised(parts, bearings[0].sampling_time, k[:, :1], k[:, 1:])
+    gains = np.array([b.amplifier.gain for b in bearings])
+    B = np.concatenate([system.B[..., :1] * gains[:, None, None], system.B[..., 1:]], axis=-1)
+    return replace(system, B=B)
+
+
+def alike(bearing: Bearing) -> tuple[Any, ...]:
+    """Return what bearings must have in common for `plants`."""
+    amplifier, sensor = bearing.amplifier, bearing.sensor
+    return (
+        bearing.sampling_time, bearing.delay, amplifier.bandwidth is None, bool(sensor.lag),
+    )  # fmt: skip
+
+
+def _stacked(parts: Sequence[Any]) -> Any:
+    """Return parts that are alike as one, with arrays for the numbers that differ."""
+    first = parts[0]
+    changes = {}
+    for field in fields(first):
+        values = [getattr(part, field.name) for part in parts]
+        if "size" not in field.name and any(value != values[0] for value in values):
+            changes[field.name] = np.array(values, float)
+    return replace(first, **changes)
 
 
 def unbalance_columns(machine: Machine, point: WorkPoint, places: Sequence[float]) -> Complex:

@@ -20,6 +20,7 @@ from ambkit.simulation.linear.pieces import POSITION, VELOCITY, WorkPoint, of_ax
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
+    from ambkit.estimate.model import LinearModel
     from ambkit.models.model import Array
 
 
@@ -70,15 +71,54 @@ def estimator_at(
         return _low_pass(estimator)
     if not tells(estimator):
         raise AmbkitError(f"{estimator.name}: it does not settle to a gain, and has no margins")
+    tangent = _asked(estimator.magnet, "tangent", point)
+    origin = _asked(estimator.magnet, "through_origin", point) if (
+        isinstance(estimator, KalmanFilter)
+    ) else tangent  # fmt: skip
+    return _assembled(estimator, tangent, origin, told)
+
+
+def estimators_at(estimator: Estimator, points: Sequence[WorkPoint]) -> LinearSystem:
+    """Return what `estimator_at` does of one axis at points, as matrices (points, ...).
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Of one axis, of a kind that settles to a gain and has a model.
+    points : sequence of WorkPoint
+        Without orbits.
+
+    Raises
+    ------
+    AmbkitError
+        At one of them its model has no gain.
+    """
+    inner = estimator.inner if isinstance(estimator, AdaptiveNoise) else estimator
+    magnet = inner.magnet.in_core(core_module())
+    iu, x = np.array([(point.iu, point.x) for point in points], float).T.copy()
+    tangent, origin = (
+        (np.asarray(k_i, float)[:, None], np.asarray(k_s, float)[:, None])
+        for k_i, k_s in (magnet.tangent(iu, x), magnet.through_origin(iu, x))
+    )
+    return _assembled(inner, tangent, origin if isinstance(inner, KalmanFilter) else tangent, None)
+
+
+def _assembled(
+    estimator: Estimator,
+    tangent: tuple[Any, Any],
+    origin: tuple[Any, Any],
+    told: tuple[Array, Sequence[Signal]] | None,
+) -> LinearSystem:
+    """Return an estimator by the stiffnesses in its mean, and those in its covariance."""
     model = estimator.model
-    linear = estimator.linear_model(*_asked(estimator.magnet, "tangent", point))
+    linear = estimator.linear_model(*tangent)
     A, B, H, states = linear.A, linear.B, linear.H, model.states
     kept: Any = np.arange(len(states))
     if isinstance(estimator, ExtendedStateObserver | SteadyStateKalmanFilter):
         K = estimator.gain[:, None]
     else:
-        K, kept = _settled(estimator, point)
-        A, B, H = A[np.ix_(kept, kept)], B[kept], H[:, kept]
+        K, kept = _settled(estimator, estimator.linear_model(*origin))
+        A, B, H = A[..., kept, :][..., kept], B[..., kept, :], H[:, kept]
         states = tuple(states[k] for k in kept)
     left = np.eye(len(states)) - K @ H
     whole = estimator.whole
@@ -91,9 +131,11 @@ def estimator_at(
         rows = np.eye(len(states))[[roles.index("position"), roles.index("velocity")]]
     else:
         rows = np.vstack(whole.along_axes(states))
+    through = rows @ K
+    none = np.zeros((*through.shape[:-1], B.shape[-1]))
     return LinearSystem(
-        A @ left, np.hstack([A @ K, B]), rows @ left,
-        np.hstack([rows @ K, np.zeros((len(rows), B.shape[1]))]), model.T,
+        A @ left, np.concatenate([A @ K, B], axis=-1), rows @ left,
+        np.concatenate([through, none], axis=-1), model.T,
         tuple(Signal(at.name, at.unit) for at in states),
         (*(Signal(at.name, at.unit) for at in model.measurements),
          *of_axes(Signal("u", "V"), axes)),
@@ -101,33 +143,60 @@ def estimator_at(
     )  # fmt: skip
 
 
-def _settled(estimator: Estimator, point: WorkPoint) -> tuple[Array, Array]:
-    """Return the gain (n, m) that a Kalman filter settles to, and the states that it moves (n,).
+def _settled(estimator: Estimator, model: LinearModel) -> tuple[Array, Array]:
+    """Return the gain (..., n, m) that a Kalman filter settles to, and the states that it moves.
 
     A state of noise or load that nothing drives is found once, and its gain goes to zero: it is
-    none of them.
+    none of them (n,).
     """
     from scipy.linalg import solve_discrete_are
 
     states = estimator.model.states
-    kind = "through_origin" if isinstance(estimator, KalmanFilter) else "tangent"
-    model = estimator.linear_model(*_asked(estimator.magnet, kind, point))
     follows = ("disturbance force", "noise", "noise in quadrature")
     Q = model.Q
-    kept = np.array([k for k, at in enumerate(states) if at.role not in follows or Q[k, k] > 0])
-    block = np.ix_(kept, kept)
+    kept = np.array([
+        k for k, at in enumerate(states) if at.role not in follows or np.all(Q[..., k, k] > 0)
+    ])  # fmt: skip
     # The states are counted in their own units, or the equation loses its digits between newtons
     # and micrometres.
     units = np.array(estimator.default_std())[kept]
-    A, noise = model.A[block] * units / units[:, None], Q[block] / np.outer(units, units)
+    A, noise = (of[..., kept, :][..., kept] for of in (model.A, Q))
+    A, noise = A * units / units[:, None], noise / np.outer(units, units)
     noisy = np.sqrt(np.atleast_1d(model.R))  # and the measurements in their noise
     H, R = model.H[:, kept] * units / noisy[:, None], np.eye(len(noisy))
     try:
-        P = solve_discrete_are(A.T, H.T, noise, R)
+        P = _doubled(A, H, noise, R) if A.ndim > 2 else solve_discrete_are(A.T, H.T, noise, R)
     except np.linalg.LinAlgError:
         raise AmbkitError(f"{estimator.name}: it does not settle to a gain") from None
-    K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+    K = np.swapaxes(np.linalg.solve(H @ P @ H.T + R, H @ P), -1, -2)
     return units[:, None] * K / noisy, kept
+
+
+MOST_DOUBLINGS = 50
+"""A filter that has not settled after 2^50 samples does not."""
+
+
+def _doubled(A: Array, H: Array, Q: Array, R: Array) -> Array:
+    """Return the covariances (k, n, n) before the measurement that many filters settle to.
+
+    By doubling: each step goes as far as all before (Anderson 1978, Second-order convergent
+    algorithms for the steady-state Riccati equation).
+    """
+    one = np.eye(A.shape[-1])
+    back: Array = np.swapaxes(A, -1, -2)
+    seen, P = np.broadcast_to(H.T @ np.linalg.solve(R, H), Q.shape), Q
+    for _ in range(MOST_DOUBLINGS):
+        W = np.linalg.inv(one + seen @ P)
+        grown = np.swapaxes(back, -1, -2) @ P @ W @ back
+        P, before = P + grown, P
+        seen, back = seen + back @ W @ seen @ np.swapaxes(back, -1, -2), back @ W @ back
+        P = (P + np.swapaxes(P, -1, -2)) / 2
+        if not np.isfinite(P).all():
+            break
+        own = np.sqrt(np.diagonal(P, axis1=-2, axis2=-1))
+        if (np.abs(P - before) <= 1e-12 * own[..., None] * own[..., None, :]).all():
+            return np.asarray(P)
+    raise np.linalg.LinAlgError("it does not settle")
 
 
 def _low_pass(estimator: LowPass) -> LinearSystem:

@@ -15,7 +15,7 @@ from ambkit.base.threads import one_thread
 from ambkit.simulation.many import FLAGS, Many, simulate_many
 from ambkit.simulation.many_machines import simulate_machines
 from ambkit.workflow.campaign.machine_margins import peaks_of_machines
-from ambkit.workflow.campaign.margins import Margins
+from ambkit.workflow.campaign.margins import peaks as peaks_of_axes
 from ambkit.workflow.campaign.parts import ZONES, figures_of, limit_of
 from ambkit.workflow.campaign.plan import Drawn, Plan
 from ambkit.workflow.campaign.varied import OneOf
@@ -159,7 +159,7 @@ def fly(
         peaks = np.full(len(drawn), np.inf)
         with one_thread():
             if plan.study.machine is None:
-                peaks[can] = Margins().peaks([_loop(drawn[at]) for at in can])
+                peaks[can] = peaks_of_axes([_loop(drawn[at]) for at in can])
             else:
                 whole: list[Any] = [drawn[at].planned for at in can]
                 peaks[can] = peaks_of_machines(whole, threads)

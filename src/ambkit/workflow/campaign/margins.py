@@ -10,18 +10,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.estimate.low_pass import LowPass
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.control import needs_states
 from ambkit.simulation.default_control import end_of_range
 from ambkit.simulation.linear.control import compensator, controller
-from ambkit.simulation.linear.pieces import WorkPoint, plant
-from ambkit.simulation.linear.settled import estimator_at, tells
+from ambkit.simulation.linear.pieces import WorkPoint, alike, plants
+from ambkit.simulation.linear.settled import estimator_at, estimators_at, tells
 from ambkit.workflow.loop_of import LoopOf
 
 if TYPE_CHECKING:
@@ -43,100 +45,110 @@ AT_ONCE = 128
 """Loops side by side."""
 
 
-class Margins:
-    """Finds peaks of abs(S), and keeps what loops have in common."""
+Loops = Sequence[tuple["Bearing", "PID", "Estimator | None"]]
 
-    def __init__(self) -> None:
-        self._settled: dict[Any, LinearSystem | None] = {}
-        self._compensators: dict[Any, tuple[Any, LinearSystem, Complex]] = {}
 
-    def peaks(self, loops: Sequence[tuple[Bearing, PID, Estimator | None]]) -> Array:
-        """Return the peak of abs(S) of each loop within the standard's range (n,) [1].
+def peaks(loops: Loops) -> Array:
+    """Return the peak of abs(S) of each loop within the standard's range (n,) [1].
 
-        Infinite where the loop is unstable or nothing holds the rotor; NaN where the estimator
-        settles to no gain.
+    Infinite where the loop is unstable or nothing holds the rotor; NaN where the estimator
+    settles to no gain.
 
-        Parameters
-        ----------
-        loops : sequence of (Bearing, PID, Estimator or None)
-            Plant, controller with all its gains, and what feeds it: None of the measurement.
-        """
-        found = np.full(len(loops), np.nan)
-        alike: dict[tuple[int, int, float, float], list[tuple[int, Array, Complex, Array]]] = {}
-        for at, (bearing, pid, estimator) in enumerate(loops):
-            try:
-                of = self._matrices(bearing, pid, estimator)
-            except AmbkitError:  # nothing holds the rotor
-                found[at] = math.inf
-                continue
-            if of is not None:
-                top = end_of_range(bearing.sampling_time, bearing.speed)
-                key = len(of[0]), len(of[2]), bearing.sampling_time, top
-                alike.setdefault(key, []).append((at, *of))
-        for (_, _, T, top), group in alike.items():
-            for start in range(0, len(group), AT_ONCE):
-                places, plants, inner, loop = zip(*group[start : start + AT_ONCE], strict=True)
-                opened = np.hstack([np.linalg.eigvals(plants), inner]).astype(complex)
-                closed = np.linalg.eigvals(loop).astype(complex)
-                stable = (np.abs(closed) < 1).all(axis=1)
-                peaks = np.full(len(places), np.inf)
-                if stable.any():
-                    peaks[stable] = highest(opened[stable], closed[stable], T, top)
-                found[list(places)] = peaks
-        return found
+    Parameters
+    ----------
+    loops : sequence of (Bearing, PID, Estimator or None)
+        Plant, controller with all its gains, and what feeds it: None of the measurement.
+    """
+    found = np.full(len(loops), np.nan)
+    points: dict[int, WorkPoint] = {}
+    groups: dict[Any, list[int]] = {}
+    for at, (bearing, pid, estimator) in enumerate(loops):
+        try:
+            points[at] = WorkPoint.hovering(bearing)
+        except AmbkitError:  # nothing holds the rotor
+            found[at] = math.inf
+            continue
+        needs, fed = needs_states(pid), _fed(pid, estimator)
+        if (needs or fed) and (estimator is None or not tells(estimator)):
+            continue
+        key = (*alike(bearing), bearing.speed, pid.ki > 0, id(estimator) if fed else None)
+        groups.setdefault((*key, at if needs else None), []).append(at)
+    for group in groups.values():
+        for start in range(0, len(group), AT_ONCE):
+            places = group[start : start + AT_ONCE]
+            found[places] = _highest([loops[at] for at in places], [points[at] for at in places])
+    return found
 
-    def _matrices(
-        self, bearing: Bearing, pid: PID, estimator: Estimator | None
-    ) -> tuple[Array, Complex, Array] | None:
-        """Return A of the plant, the poles of the compensator, and A of the closed loop."""
-        if needs_states(pid):
-            if estimator is None or not tells(estimator):
-                return None
-            loop = LoopOf(bearing, pid).loop(estimator)
-            return loop.plant.A, loop.compensator.poles(), loop.closed.A
-        point = WorkPoint.hovering(bearing)
-        P = plant(bearing, point)
-        fed = pid
-        if estimator is None and pid.feedback != "measurement":
-            fed = pid.model_copy(update={"feedback": "measurement"})
-        inner = None
-        if fed.feedback == "estimate" and estimator is not None:
-            inner = self._at(estimator, point)
-            if inner is None:
-                return None
-        K, poles = self._compensated(bearing, fed, inner)
-        B_u, C_y, B_y, D_y = P.B[:, :1], P.C[:1], K.B[:, :1], K.D[:, :1]
-        n = len(P.A)
-        closed = np.empty((n + len(K.A),) * 2)
-        closed[:n, :n], closed[:n, n:] = P.A + B_u @ D_y @ C_y, B_u @ K.C
-        closed[n:, :n], closed[n:, n:] = B_y @ C_y, K.A
-        return P.A, poles, closed
 
-    def _compensated(
-        self, bearing: Bearing, fed: PID, inner: LinearSystem | None
-    ) -> tuple[LinearSystem, Complex]:
-        """Return the compensator and its poles; what the bearing is besides, it does not know."""
-        # Identities of what is kept with the result, so that no other takes its place.
-        key = (id(fed), id(inner), bearing.sensor.gain, bearing.amplifier.gain,
-               bearing.sampling_time)  # fmt: skip
-        if key not in self._compensators:
-            if len(self._compensators) > 1000:
-                self._compensators.clear()
-            shown = np.array([[1 / bearing.sensor.gain]])
-            K = compensator(controller(fed, bearing), inner, shown)
-            self._compensators[key] = (fed, inner), K, K.poles()
-        _, K, poles = self._compensators[key]
-        return K, poles
+def _highest(loops: Loops, points: Sequence[WorkPoint]) -> Array:
+    """Return the peaks of loops alike (n,)."""
+    bearing, pid, _ = loops[0]
+    try:
+        opened, closed = _by_states(*loops[0]) if needs_states(pid) else _poles(loops, points)
+    except AmbkitError:  # an estimator of one of them has no gain
+        if len(loops) == 1:
+            return np.array([math.inf])
+        return np.concatenate([
+            _highest([loop], [at]) for loop, at in zip(loops, points, strict=True)
+        ])  # fmt: skip
+    stable, found = (np.abs(closed) < 1).all(axis=1), np.full(len(loops), np.inf)
+    if stable.any():
+        T = bearing.sampling_time
+        top = end_of_range(T, bearing.speed)
+        found[stable] = highest(opened[stable], closed[stable], T, top)
+    return found
 
-    def _at(self, estimator: Estimator, point: WorkPoint) -> LinearSystem | None:
-        """Return an estimator with its gain; of one with constant stiffness it is one for all."""
-        everywhere = isinstance(estimator.magnet, ConstantStiffness)
-        key = (id(estimator), *(() if everywhere else (float(point.iu), float(point.x))))
-        if key not in self._settled:
-            if len(self._settled) > 1000:
-                self._settled.clear()
-            self._settled[key] = estimator_at(estimator, point) if tells(estimator) else None
-        return self._settled[key]
+
+def _fed(pid: PID, estimator: Estimator | None) -> bool:
+    """Whether an estimator feeds the controller."""
+    return pid.feedback == "estimate" and estimator is not None
+
+
+def _by_states(bearing: Bearing, pid: PID, estimator: Estimator | None) -> tuple[Complex, Complex]:
+    """Return the poles of one loop whose controller takes an estimator's states (1, ...)."""
+    assert estimator is not None
+    loop = LoopOf(bearing, pid).loop(estimator)
+    opened = np.concatenate([loop.plant.poles(), loop.compensator.poles()])
+    return opened[None], loop.closed.poles()[None]
+
+
+def _poles(loops: Loops, points: Sequence[WorkPoint]) -> tuple[Complex, Complex]:
+    """Return the poles of plant and compensator, and of the closed loop, each (n, ...)."""
+    bearings, pids, (estimator, *_) = zip(*loops, strict=True)
+    P = plants(bearings, points)
+    fed = _fed(pids[0], estimator)
+    inner = _estimators(estimator, points) if fed and estimator is not None else None
+    made: dict[tuple[int, float, float], LinearSystem] = {}
+    each = []
+    for bearing, pid in zip(bearings, pids, strict=True):
+        key = id(pid), bearing.amplifier.gain, bearing.sampling_time
+        if key not in made:
+            measured = pid if fed or pid.feedback == "measurement" else (
+                pid.model_copy(update={"feedback": "measurement"})
+            )  # fmt: skip
+            made[key] = controller(measured, bearing)
+        each.append(made[key])
+    A, B, C, D = (np.array([getattr(one, name) for one in each]) for name in "ABCD")
+    gains = np.array([1 / bearing.sensor.gain for bearing in bearings])[:, None, None]
+    K = compensator(replace(each[0], A=A, B=B, C=C, D=D), inner, gains)
+    B_u, C_y, B_y, D_y = P.B[..., :1], P.C[..., :1, :], K.B[..., :1], K.D[..., :1]
+    closed = np.block([[P.A + B_u @ D_y @ C_y, B_u @ K.C], [B_y @ C_y, K.A]])
+    opened = [np.linalg.eigvals(of).astype(complex) for of in (P.A, K.A)]
+    return np.hstack(opened), np.linalg.eigvals(closed).astype(complex)
+
+
+def _estimators(estimator: Estimator, points: Sequence[WorkPoint]) -> LinearSystem:
+    """Return an estimator with its gain at points; of constant stiffness it is one for all."""
+    n = len(points)
+    if isinstance(estimator.magnet, ConstantStiffness) or isinstance(estimator, LowPass):
+        one = estimator_at(estimator, points[0])
+        A, B, C, D = (np.repeat(getattr(one, name)[None], n, axis=0) for name in "ABCD")
+    else:
+        one = estimators_at(estimator, points)
+        A, B, C, D = (
+            np.broadcast_to(of, (n, *of.shape[-2:])) for of in (one.A, one.B, one.C, one.D)
+        )
+    return replace(one, A=A, B=B, C=C, D=D)
 
 
 def highest(opened: Complex, closed: Complex, T: float, top: float) -> Array:
@@ -154,17 +166,22 @@ def highest(opened: Complex, closed: Complex, T: float, top: float) -> Array:
 
     def gain(f: Array) -> Array:
         """Return log abs(S) of each loop at frequencies of its own (n, k)."""
-        z = np.exp(2j * np.pi * T * f)[:, :, None]
-        up, down = z - opened[:, None, :], z - closed[:, None, :]
+        z = np.exp(2j * np.pi * T * f)
         with np.errstate(divide="ignore"):  # S is zero at a pole of the open loop on the circle
-            return np.asarray(
-                np.log(np.abs(up)).sum(axis=2) - np.log(np.abs(down)).sum(axis=2), float
-            )
+            return np.asarray(np.log(np.abs(_product(z, opened) / _product(z, closed))), float)
 
     own = np.abs(np.angle(closed)) / (2 * np.pi * T)
     common = np.broadcast_to(np.geomspace(LOWEST * top, top, GRID), (len(closed), GRID))
     f = np.sort(np.hstack([common, np.clip(own, LOWEST * top, top)]), axis=1)
     return np.asarray(np.exp(top_of(gain, f)))
+
+
+def _product(z: Complex, poles: Complex) -> Complex:
+    """Return the product of z (n, k) less each of the poles (n, m) of its row."""
+    found = z - poles[:, :1]
+    for k in range(1, poles.shape[1]):
+        found *= z - poles[:, k : k + 1]
+    return found
 
 
 def top_of(gain: Callable[[Array], Array], f: Array) -> Array:
@@ -184,9 +201,14 @@ def top_of(gain: Callable[[Array], Array], f: Array) -> Array:
     low = np.take_along_axis(f, np.maximum(best - 1, 0), axis=1)
     high = np.take_along_axis(f, np.minimum(best + 1, f.shape[1] - 1), axis=1)
     share = (math.sqrt(5) - 1) / 2
+    a, b = high - share * (high - low), low + share * (high - low)
+    at_a, at_b = gain(a), gain(b)
     for _ in range(REFINED):
-        a, b = high - share * (high - low), low + share * (high - low)
-        left = gain(a) > gain(b)
+        left = at_a > at_b
         low, high = np.where(left, low, a), np.where(left, b, high)
+        new = np.where(left, high - share * (high - low), low + share * (high - low))
+        at_new = gain(new)
+        a, b = np.where(left, new, b), np.where(left, a, new)
+        at_a, at_b = np.where(left, at_new, at_b), np.where(left, at_a, at_new)
     refined = gain(0.5 * (low + high)).max(axis=1)
     return np.asarray(np.maximum(refined, seen.max(axis=1)))

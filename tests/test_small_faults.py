@@ -1,0 +1,151 @@
+"""Small faults that a verification from outside found, each with what is said now."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import ambkit
+from ambkit import AmbkitError, Bearing
+from ambkit.base import units
+from ambkit.estimate.filter_file import FORMAT
+from ambkit.workflow.inspection import inspect
+
+ZITTAU = Bearing.preset("zittau_axial")
+
+
+@pytest.mark.parametrize("kind", [ambkit.Bearing, ambkit.Machine])
+@pytest.mark.parametrize("name", [3, None, 2.5])
+def test_a_number_is_no_preset(kind: Any, name: Any) -> None:
+    with pytest.raises(AmbkitError, match="a preset has a name, such as"):
+        kind.preset(name)
+
+
+@pytest.mark.parametrize("key", ["sensor.gain", "amplifier.gain"])
+@pytest.mark.parametrize("gain", [1e-320, 1e-30, 1e300])
+def test_a_gain_that_no_number_format_bears_is_refused(key: str, gain: float) -> None:
+    with pytest.raises(AmbkitError, match=rf"{key}: must be at (least|most)"):
+        ZITTAU.replace(**{key: gain})
+
+
+@pytest.mark.parametrize("unit", ["mm^99999999999", "mm^-99999999999", "mm^9999"])
+def test_a_unit_without_a_size_is_no_unit(unit: str) -> None:
+    for ask in (lambda: units.factor(unit, "m"), lambda: units.factor(unit, unit)):
+        with pytest.raises(ValueError, match=r"too (large|small)|not a known unit|converted"):
+            ask()
+
+
+def test_a_log_with_such_a_unit_is_refused_and_guessed_at_alike(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from ambkit.cli.main import main
+
+    log = tmp_path / "a.csv"
+    log.write_text("t [s],y [mm^99999999999],u [V]\n" + "".join(f"{k},1,2\n" for k in range(9)))
+    for words in (["check", str(log)], ["read", str(log)], ["read", str(log), "--guess"]):
+        with pytest.raises(SystemExit) as left:
+            main(words)
+        assert left.value.code in (0, 2)
+        assert "report it" not in capsys.readouterr().err
+
+
+def test_what_may_never_end_is_not_checked(tmp_path: Path) -> None:
+    zero, pipe = tmp_path / "zero.toml", tmp_path / "pipe.csv"
+    zero.symlink_to("/dev/zero")
+    os.mkfifo(pipe)
+    for each in (zero, pipe):
+        assert inspect(each).problems == (
+            f"{each}: is no file but a device or a pipe, which may never end",
+        )
+
+
+def filter_text(tmp_path: Path) -> str:
+    path = tmp_path / "made.toml"
+    ambkit.ExtendedKalmanFilter(ZITTAU).save(path)
+    return path.read_text()
+
+
+def test_a_filters_file_has_a_version(tmp_path: Path) -> None:
+    text = filter_text(tmp_path)
+    assert text.startswith(f"format = {FORMAT}\n")
+    path = tmp_path / "f.toml"
+    path.write_text(text.replace(f"format = {FORMAT}\n", ""))  # as those before it
+    assert inspect(path).problems == ()
+    path.write_text(text.replace(f"format = {FORMAT}", f"format = {FORMAT + 1}"))
+    (problem,) = inspect(path).problems
+    assert problem == f"{path}:1: format: is 2, and this ambkit reads up to 1: use a newer one"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("gate =", "gaet =", "gaet: unknown key, did you mean gate?"),
+        ("kind =", 'colour = "blue"\nkind =', "colour: unknown key"),
+        ('preset = "zittau_axial"', "preset = 3", "bearing.preset: must be a valid string, is 3"),
+    ],
+)
+def test_one_mistake_in_a_filters_file_is_one_error(
+    tmp_path: Path, old: str, new: str, said: str
+) -> None:
+    path = tmp_path / "f.toml"
+    path.write_text(filter_text(tmp_path).replace(old, new))
+    (problem,) = inspect(path).problems
+    assert said in problem
+
+
+class Mine:
+    """A class of one's own, which is no estimator of this house."""
+
+    def step(self, y: float, u: float) -> float:
+        return y
+
+
+@pytest.mark.parametrize("given", [Mine, Mine(), ambkit.KalmanFilter, 3, [Mine()]])
+def test_what_is_no_filter_is_named_in_a_line(given: Any) -> None:
+    calls = [
+        lambda: ambkit.assess(ZITTAU, given),
+        lambda: ambkit.simulate(ZITTAU, estimator=given, duration=0.01),
+        lambda: ambkit.compare(ZITTAU, estimators=given),
+        lambda: ambkit.torture(ZITTAU, given),
+        lambda: ambkit.run_many(given, [0.0], [0.0]),
+        lambda: ambkit.harmonics(given, None),  # type: ignore[arg-type]
+    ]
+    for call in calls:
+        with pytest.raises(TypeError, match=r"must be of type .*, is the "):
+            call()
+
+
+@pytest.mark.parametrize("given", ["nosuch", ["nosuch"]])
+def test_a_filter_that_there_is_not_is_named_with_those_that_there_are(given: Any) -> None:
+    from ambkit.export.fmu.exporter import export_fmu
+
+    calls = [
+        lambda: ambkit.assess(ZITTAU, given),
+        lambda: ambkit.torture(ZITTAU, given),
+        lambda: ambkit.compare(ZITTAU, estimators=given),
+        lambda: export_fmu(ZITTAU, "estimator", "a.fmu", estimator=given),
+        lambda: ambkit.tune(ZITTAU, kind=given),
+    ]
+    for call in calls:
+        with pytest.raises(AmbkitError, match=r"there is no estimator .*linear"):
+            call()
+
+
+def test_compare_by_a_list_in_the_place_of_a_case() -> None:
+    with pytest.raises(TypeError, match="case must be of type str or Case"):
+        ambkit.compare(ZITTAU, ["linear"])  # type: ignore[call-overload]
+
+
+def test_a_class_is_told_to_be_made() -> None:
+    with pytest.raises(TypeError, match=r"KalmanFilter\(\.\.\.\) makes one"):
+        ambkit.simulate(ZITTAU, estimator=ambkit.KalmanFilter)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("speed", "said"), [(10471.9755, "100000 rpm"), (0.0, "0 rpm"), (1.1e5, "1050400 rpm")]
+)
+def test_speeds_have_no_exponent(speed: float, said: str) -> None:
+    assert units.rpm(speed) == said
