@@ -1,5 +1,6 @@
 """The record and its files: exact both ways, and clear about every way a file can be wrong."""
 
+import csv
 import json
 import os
 
@@ -183,9 +184,31 @@ def test_meta_that_json_cannot_hold(tmp_path):
 def test_notes_are_json(tmp_path):
     path = tmp_path / "record.csv"
     Record([0, 1], {"y": [0, 0]}, meta={"bearing": 'name = "a"\nb'}).save(path)
-    notes = path.read_text().splitlines()[:2]
-    assert json.loads(notes[0].removeprefix("# bearing: ")) == 'name = "a"\nb'
-    assert notes[1] == "# rows: 2"
+    (*_, notes), *_ = csv.reader(path.read_text().splitlines())
+    assert json.loads(notes.removeprefix("# ")) == {"bearing": 'name = "a"\nb', "rows": 2}
+
+
+def test_pandas_reads_our_csv_without_options(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    record = ramp(9, y=np.array([np.nan, *np.arange(8) / 3]))
+    record.save(path := tmp_path / "record.csv")
+    frame = pandas.read_csv(path)
+    assert len(frame) == 9
+    for name in record.signals:
+        column = frame[f"{name} [{record.units[name]}]"].to_numpy()
+        assert column.dtype == float
+        np.testing.assert_array_equal(column, record[name])
+
+
+def test_files_with_notes_before_the_header_are_read_as_before(tmp_path):
+    path = tmp_path / "record.csv"
+    path.write_text('# bearing: "a"\n# rows: 2\nt [s],y [mm]\n0.0,1.5\n0.001,\n')
+    old = Record.load(path)
+    assert old.meta == {"bearing": "a"}
+    assert old["y"][0] == 1.5e-3
+    path.write_text(path.read_text().replace("rows: 2", "rows: 3"))
+    with pytest.raises(RecordError, match="has 2 rows, and says that it has 3"):
+        Record.load(path)
 
 
 def test_arrays_are_copies_that_cannot_be_written():

@@ -149,3 +149,44 @@ def test_a_class_is_told_to_be_made() -> None:
 )
 def test_speeds_have_no_exponent(speed: float, said: str) -> None:
     assert units.rpm(speed) == said
+
+
+def test_parts_of_a_campaign_say_what_they_were_made_from(tmp_path: Path) -> None:
+    from pyarrow import parquet
+
+    study = ambkit.Study(
+        name="a", bearing="zittau_axial", runs=2, part=2, seed=7, scenario={"duration": 0.002},
+        record={"margins": False},
+    )  # fmt: skip
+    found = ambkit.campaign(study, tmp_path / "out")
+    (part,) = (tmp_path / "out" / "runs").glob("*.parquet")
+    told = {k.decode(): v.decode() for k, v in parquet.read_schema(part).metadata.items()}
+    assert told["seed"] == "7"
+    assert told["study_hash"] == found.plan.fingerprint
+    assert told["ambkit"] == ambkit.__version__
+    assert {"numpy", "scipy", "python", "study", "part"} <= told.keys()
+
+
+@pytest.mark.parametrize("name", ["ambkit", "numpy", "python"])
+def test_a_worker_of_other_versions_is_refused(name: str) -> None:
+    from ambkit.workflow.campaign.compute import part_of, versions
+
+    with pytest.raises(AmbkitError, match=rf"worker .* has {name} .*, and this is {name} 0\.0\.1"):
+        part_of(b"", 0, versions() | {name: "0.0.1"})
+
+
+@pytest.mark.parametrize("adds", ["", ".exe"])
+def test_what_a_compiler_calls_its_output_does_not_matter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, adds: str
+) -> None:
+    """Gcc for Windows adds ``.exe`` to an output without an ending."""
+    from ambkit.export.fmu import compiler
+
+    fake = tmp_path / "x86_64-w64-mingw32-gcc"
+    fake.write_text(
+        "#!/bin/sh\nfor last; do :; done\n"
+        f'case "$last" in *.*) ;; *) last="$last{adds}";; esac\necho made > "$last"\n'
+    )
+    fake.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    assert compiler.compiled({"a.c": ""}, ["a.c"], cross=fake.name) == b"made\n"

@@ -2,13 +2,13 @@
 
 ::
 
-    # bearing: "zittau_axial"
-    # rows: 2
-    t [s],y [m]
+    t [s],y [m],"# {""bearing"": ""zittau_axial"", ""rows"": 2}"
     0.0,1.5e-05
     0.001,
 
-Lines that start with ``#`` hold what else is known, ``# key: JSON``. An empty cell is a missing
+The last cell of the header is no column: it holds what else is known, as JSON. ``pandas.read_csv``
+takes such a file without options, with an empty column there. Files of before 0.3 have that in
+lines before the header, ``# key: JSON``, and are read as well. An empty cell is a missing
 sample. Each number is written with as many digits as it takes to read back exactly the same. That
 is what ambkit writes; it reads what other programs write, too (`csv_dialect`).
 """
@@ -38,6 +38,7 @@ Array = NDArray[np.float64]
 
 _KEY = re.compile(r"[^\w.-]")  # what no key of a note has
 _NOTE = re.compile(r"#\s*([\w.-]+):\s(.*)")
+_NOTES = re.compile(r'(.+),"# (\{.*\})"')
 _UNEVEN_LINE_ENDS = re.compile(r"\r\n?")
 _MINUS = re.compile("\N{MINUS SIGN}(?=[\\d.,])")  # as some programs print it
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,' \u00a0\u202f]\d{3})+(?:[.,]\d*)?")
@@ -56,11 +57,13 @@ def dump(columns: Mapping[str, Array], units: Mapping[str, str], meta: Mapping[s
     meta : mapping of str to str
         JSON by key. The number of rows is added, so that a file cut short is noticed.
     """
-    rows = len(next(iter(columns.values())))
-    notes = [f"# {_KEY.sub('_', key)}: {value}" for key, value in {**meta, "rows": rows}.items()]
+    known = {**meta, "rows": len(next(iter(columns.values())))}
+    notes = ", ".join(f'"{_KEY.sub("_", key)}": {value}' for key, value in known.items())
+    quoted = notes.replace('"', '""')
     header = ",".join(_head(f"{name} [{units[name]}]") for name in columns)
+    header += f',"# {{{quoted}}}"'
     cells = [map(_cell, values.tolist()) for values in columns.values()]
-    return "\n".join([*notes, header, *map(",".join, zip(*cells, strict=True))]) + "\n"
+    return "\n".join([header, *map(",".join, zip(*cells, strict=True))]) + "\n"
 
 
 def _head(label: str) -> str:
@@ -144,12 +147,13 @@ def parse(
     # Not str.splitlines: that also breaks at characters which a note may hold, U+0085 for one.
     text = _UNEVEN_LINE_ENDS.sub("\n", text) if "\r" in text else text
     text = _MINUS.sub("-", text) if "\N{MINUS SIGN}" in text else text
+    text, known = _without_notes(text)
     _check_quotes(text, name)
     head = text[: _end_of_line(text, csv_dialect.LOOKED_AT)].split("\n")
     dialect = csv_dialect.find(head)
     if dialect is None:
         raise RecordError(f"{name}: has no header and no samples; is the file cut short?")
-    meta = dict(_notes(head[: dialect.body]))
+    meta = known | dict(_notes(head[: dialect.body]))
     names = _names(dialect)
     chosen = column_names(names, wanted, f"{name}:{(dialect.header or 0) + 1}")
     header = f"{name}:{(dialect.header or 0) + 1}"
@@ -199,11 +203,23 @@ def parse(
         raise DamagedLog(shortened(listed), log, tuple(problems))
     end = f"{name}:{text.count(chr(10)) + (not text.endswith(chr(10)))}: the file is cut short"
     if said is not None and said != rows:
-        short = f'{end}: it has {rows} rows, and says "# rows: {said}"'
+        short = f"{end}: it has {rows} rows, and says that it has {said}"
         raise DamagedLog([short], log, (rows - 1,))
     if said is not None and not text.endswith("\n"):
         raise DamagedLog([f"{end}: its last line has no end"], log, (rows - 1,))
     return log
+
+
+def _without_notes(text: str) -> tuple[str, dict[str, Any]]:
+    """Return a text without the notes at the end of its first line, and these."""
+    first, end, rest = text.partition("\n")
+    match = _NOTES.fullmatch(first)
+    if match is None:
+        return text, {}
+    try:
+        return match[1] + end + rest, dict(json.loads(match[2].replace('""', '"')))
+    except (ValueError, RecursionError):  # it is a column of such a name
+        return text, {}
 
 
 def _check_quotes(text: str, name: str) -> None:

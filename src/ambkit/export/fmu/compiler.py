@@ -122,13 +122,14 @@ def compiled(
             files.make_folder(Path(made, name).parent)
             files.write_text(Path(made, name), text)
         flags = [*COMPILER_OPTIONS.split(), *_FLAGS, *(_STRICT if linux else ())]
-        command = [*compiler, *flags, "-I.", *sources, "-o", "binary"]
+        # With an ending of its own: gcc for Windows adds .exe to a name without one.
+        command = [*compiler, *flags, "-I.", *sources, "-o", "binary.library"]
         done = subprocess.run(
             command, cwd=made, capture_output=True, text=True, errors="replace", check=False
         )
         if done.returncode != 0:
             raise AmbkitError(f"{shlex.join(compiler)} cannot compile the FMU:\n{done.stderr}")
-        return Path(made, "binary").read_bytes()
+        return Path(made, "binary.library").read_bytes()
 
 
 def _compiler() -> list[str]:

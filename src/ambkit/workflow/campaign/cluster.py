@@ -15,7 +15,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError, ExtraMissing
-from ambkit.workflow.campaign.compute import Rows, part_of
+from ambkit.workflow.campaign.compute import Rows, part_of, versions
 
 if TYPE_CHECKING:
     from ambkit.workflow.campaign.plan import Plan
@@ -90,7 +90,7 @@ def _from(client: Any, plan: Plan, pickled: bytes, parts: list[int]) -> Iterator
     def given(part: int) -> Any:
         # Pure, under a name of its own: a part that is asked for twice is computed once.
         key = f"{plan.fingerprint[:16]}-{part}"
-        return client.submit(part_of, pickled, part, plan.version, key=key, retries=2)
+        return client.submit(part_of, pickled, part, versions(), key=key, retries=2)
 
     futures = {given(part): part for part in islice(waiting, AHEAD * threads)}
     queue = as_completed(list(futures), loop=client.loop)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import pickle
+import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -38,7 +40,13 @@ class Rows(NamedTuple):
     """A row for each sample of those runs whose traces are kept."""
 
 
-def part_of(pickled: bytes, part: int, version: str) -> Rows:
+def versions() -> dict[str, str]:
+    """Return the versions of what computes: on others the last digits may differ."""
+    own = {name: version(name) for name in ("ambkit", "numpy", "scipy")}
+    return own | {"python": platform.python_version()}
+
+
+def part_of(pickled: bytes, part: int, asked: Mapping[str, str]) -> Rows:
     """Compute a part in a worker of a cluster, in one thread.
 
     Parameters
@@ -47,18 +55,18 @@ def part_of(pickled: bytes, part: int, version: str) -> Rows:
         The plan.
     part : int
         Which.
-    version : str
-        Of ambkit, which must be this one.
+    asked : mapping of str to str
+        The `versions` of who asks, which must be those here.
 
     Raises
     ------
     AmbkitError
-        It is not.
+        They are not.
     """
-    from importlib.metadata import version as own
-
-    if own("ambkit") != version:
-        raise AmbkitError(f"a worker has ambkit {own('ambkit')}, and this is {version}")
+    here = versions()
+    if other := [name for name in asked if here.get(name) != asked[name]]:
+        has, own = (", ".join(f"{n} {of.get(n)}" for n in other) for of in (here, asked))
+        raise AmbkitError(f"a worker of the cluster has {has}, and this is {own}: install the same")
     plan = _plan_in(pickled)
     return compute(plan, *plan.span(part), threads=1)
 

@@ -27,7 +27,7 @@ import numpy as np
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
-from ambkit.workflow.campaign.compute import Rows, schema
+from ambkit.workflow.campaign.compute import Rows, schema, versions
 from ambkit.workflow.campaign.plan import Plan
 from ambkit.workflow.campaign.study import Study
 from ambkit.workflow.campaign.whole import plan_of
@@ -190,6 +190,7 @@ class Folder:
 
         for name, table in ((TRACES, rows.traces), (RUNS, rows.runs)):
             if table is not None:
+                table = table.replace_schema_metadata(made_of(self.plan) | {"part": str(part)})
                 with (
                     files.replacing(self.file(part, name)) as temporary,
                     open(temporary, "wb") as file,
@@ -239,6 +240,14 @@ class Folder:
                 "have it computed again"
             )
         return found
+
+
+def made_of(plan: Plan) -> dict[str, str]:
+    """Return what the rows of a part were made from, as its file says it."""
+    return {
+        "study": plan.study.name, "study_hash": plan.fingerprint, "seed": str(plan.study.seed),
+        **versions(),
+    }  # fmt: skip
 
 
 def array_of(column: pa.ChunkedArray) -> Any:
