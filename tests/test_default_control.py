@@ -12,6 +12,7 @@ from ambkit import Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.judge.loop.margins import grid
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.default_control import (
     AS_GOOD,
@@ -213,3 +214,15 @@ def test_random_rotors_are_held_about_as_well_as_by_the_regulator_wherever_one_i
             chosen = found.chosen
             peak = worst(machine, chosen.control, chosen.feedback == "estimate")
             assert peak <= 1.03 * max(ENOUGH, FACTOR * lowest, AS_GOOD * lowest)
+
+
+def test_the_frequency_of_an_undamped_nutation_makes_no_peak():
+    """There the plant's response has no bound, S is zero, and rounding was a peak of 4.2."""
+    machine = flywheel(31250, 1.47, 25e-6, 38e-6, 8.9, 0.076)
+    loop = LoopOf(machine, settled_flight(machine, Flight()).control).loop()
+    poles = loop.plant.poles()
+    nutation = np.log(poles[np.abs(poles) > 0.5])
+    nutation = nutation[nutation.imag > 0.01].imag / (2 * math.pi * loop.T)
+    f = grid(loop)
+    assert nutation.size
+    assert all(np.abs(f / each - 1).min() > 1e-9 for each in nutation)

@@ -44,8 +44,12 @@ SPEEDS = 9
 """Speeds of rotation at which loops are looked at, from rest to the machine's own."""
 IN_ORDER = ("kp", "ki", "kd", "derivative_filter", "anti_windup", "setpoint_weight")
 """Of a PID as it flies, in their order."""
-LOWEST, GRID, NEAR = 1e-4, 200, (0.97, 1.0, 1.03)
-"""Of the frequencies: start as a share of the range, count, and shares of each pole's own."""
+LOWEST, GRID, NEAR = 1e-4, 200, np.linspace(-4, 4, 25)
+"""Of the frequencies: start as a share of the range, count, and places about each pole, in its
+rate of decay: beside a zero the peak of one that is hardly damped is not at its own frequency."""
+
+LEAST = math.exp(-1)
+"""Of the poles in z about which a peak is looked for."""
 
 PIDS = Control(type="decentralised"), Control(type="translation and tilt")
 CROSSED = tuple(each.model_copy(update={"cross_feedback": 0.5}) for each in PIDS)
@@ -460,8 +464,9 @@ def _highest(loop: Loop, top: float) -> float:
     to: Any = loop.added
     residues = (of @ closed.C[:m] @ V) * np.linalg.solve(V, closed.B[:, :m] @ to).T
     through = np.diag(of @ (np.eye(m) + closed.D[:m, :m]) @ to)
-    own = np.abs(np.angle(poles)) / (2 * np.pi * loop.T)
-    f = np.concatenate([np.geomspace(LOWEST * top, top, GRID), np.outer(own, NEAR).ravel()])
+    rates = np.log(poles[(np.abs(poles) > LEAST) & (poles.imag >= 0)]) / (2 * np.pi * loop.T)
+    about = rates.imag[:, None] + np.abs(rates.real)[:, None] * NEAR
+    f = np.concatenate([np.geomspace(LOWEST * top, top, GRID), about.ravel()])
     f = np.unique(np.clip(f, LOWEST * top, top))
     z = np.exp(2j * np.pi * loop.T * f)
     S = through[:, None] + residues @ (1 / (z - poles[:, None]))

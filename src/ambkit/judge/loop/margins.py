@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 LOWEST = 1e-6
 """Of half the sampling rate, where a grid begins."""
 
+UNDAMPED = 1e-9
+"""Damping ratio of a pole below which L has no digits left at its frequency; S is zero there."""
+
 GRID = 3000
 """Points of a grid, which finds what is refined."""
 
@@ -42,6 +45,7 @@ def grid(loop: Loop, points: int = GRID, near: int = 31) -> Array:
     top = loop.nyquist
     poles = np.concatenate([loop.closed.poles(), loop.plant.poles(), loop.compensator.poles()])
     logs = np.log(poles[np.abs(poles) > 1e-6])
+    logs = logs[np.abs(logs.real) >= UNDAMPED * np.abs(logs)]
     about = [np.abs(at.imag) + abs(at.real) * np.linspace(-3, 3, near) for at in logs]
     f = np.concatenate([
         np.geomspace(LOWEST * top, top, points), np.linspace(0, top, points),
