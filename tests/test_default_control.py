@@ -24,6 +24,7 @@ from ambkit.simulation.default_control import (
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.holding import ENOUGH
 from ambkit.simulation.machine import simulate_machine
+from ambkit.workflow.designing_machine import control_for
 from ambkit.workflow.loop_of import LoopOf
 
 BEARING = """
@@ -226,3 +227,17 @@ def test_the_frequency_of_an_undamped_nutation_makes_no_peak():
     f = grid(loop)
     assert nutation.size
     assert all(np.abs(f / each - 1).min() > 1e-9 for each in nutation)
+
+
+@pytest.mark.parametrize("rpm", [24000, 60000])
+def test_the_controllers_that_a_design_writes_down_are_those_that_were_chosen(rpm):
+    machine = flywheel(rpm)
+    found = default_control(machine, "estimate").chosen
+    written = control_for(machine)
+    assert (written.type, written.gain_scheduling) == (
+        found.control.type,
+        found.control.gain_scheduling,
+    )
+    again = Flight.from_toml(Flight(feedback="estimate", control=written).to_toml())
+    assert again.control == written
+    assert LoopOf(machine, written).peak(KalmanFilter(machine)) <= 1.02 * found.peak

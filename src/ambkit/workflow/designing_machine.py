@@ -262,7 +262,7 @@ def control_for(machine: Machine) -> Control:
     if not found.held:
         raise AmbkitError(found.why)
     control = found.chosen.control
-    if control.type == "decentralised":
+    if control.type == "decentralised" and not control.pid:
         names = [axis.name for axis in machine.axes]
         each = dict(zip(names, holding(machine, "estimate").pids, strict=True))
     else:
