@@ -439,8 +439,7 @@ def test_an_unstable_loop_has_no_margins():
     each = found.loops[MEASUREMENT]
     assert (each.zone, each.margins) == ("unstable", None)
     assert "unstable" in repr(found)
-    with pytest.raises(AmbkitError, match="nothing to draw"):
-        found.figure()
+    assert len(found.figure().panels) == 4
 
 
 def test_what_does_not_settle_or_fit_is_refused():

@@ -13,8 +13,8 @@ from ambkit.simulation.controllers import Control
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import simulate_machine
 from ambkit.workflow.assessing import MEASUREMENT
+from ambkit.workflow.campbell import stiffnesses
 from ambkit.workflow.loop_of import LoopOf
-from ambkit.workflow.machines import stiffnesses
 from ambkit.workflow.sweeping import _MachineRig
 from ambkit.workflow.verdict import facts
 

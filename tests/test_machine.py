@@ -12,8 +12,8 @@ from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
 from ambkit import ConfigError, ConstantStiffness, Machine
 from ambkit.machine import geometry, presets
 from ambkit.models.continuous import open_loop
+from ambkit.workflow.campbell import stiffnesses
 from ambkit.workflow.inspection import inspect
-from ambkit.workflow.machines import stiffnesses
 
 RPM = math.pi / 30
 

@@ -23,7 +23,7 @@ from ambkit.simulation.holding import _Search, holding
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import PID
 from ambkit.simulation.waveforms import Ramp
-from ambkit.workflow.machines import stiffnesses
+from ambkit.workflow.campbell import stiffnesses
 
 UFU = "ufu_flexible"
 

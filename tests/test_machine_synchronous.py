@@ -28,7 +28,7 @@ from ambkit.machine.parts import Runout
 from ambkit.models.continuous import continuous
 from ambkit.models.machine import machine_model
 from ambkit.simulation.waveforms import Ramp
-from ambkit.workflow.machines import stiffnesses
+from ambkit.workflow.campbell import stiffnesses
 
 BOTH = ("unbalance", "runout")
 SERVICE = 12_000 * np.pi / 30

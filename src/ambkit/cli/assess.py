@@ -10,7 +10,7 @@ import typer
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.assess_machine import assess_machine
 from ambkit.cli.assess_sweep import deliver_sweep
-from ambkit.cli.assess_tables import said, tables, tables_of_shares
+from ambkit.cli.assess_tables import said, tables, tables_of_shares, tables_of_unstable
 from ambkit.cli.kinds import NAMES, is_filter, known, machine_of, names
 from ambkit.cli.options import (
     ExpertFile,
@@ -259,7 +259,7 @@ def _deliver_loops(
     found = assessed(plant, filters, controller, **options)
     output.deliver(
         found.to_dict(),
-        [*tables(found), *tables_of_shares(found), *said(found)],
+        [*tables(found), *tables_of_unstable(found), *tables_of_shares(found), *said(found)],
         [
             (plot, lambda path: plots.save_figure(found.figure(), path)),
             (report, lambda path: write_verdict(found, path)),

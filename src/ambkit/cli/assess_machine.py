@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.assess_sweep import deliver_sweep
-from ambkit.cli.assess_tables import said, tables_of_machine, tables_of_shares, tables_over_speed
+from ambkit.cli.assess_tables import (
+    said,
+    tables_of_machine,
+    tables_of_shares,
+    tables_of_unstable,
+    tables_over_speed,
+)
 from ambkit.cli.kinds import names
 from ambkit.cli.options import refuse_of_one_axis
 
@@ -125,7 +131,12 @@ def assess_machine(
     )
     output.deliver(
         found.to_dict(),
-        [*tables_of_machine(found), *tables_of_shares(found), *said(found)],
+        [
+            *tables_of_machine(found),
+            *tables_of_unstable(found),
+            *tables_of_shares(found),
+            *said(found),
+        ],
         [
             (plot, lambda path: plots.save_figure(found.figure(), path)),
             (report, lambda path: write_verdict(found, path, over=over)),

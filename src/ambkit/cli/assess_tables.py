@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from ambkit.judge.loop.margins import Margins
     from ambkit.workflow.assessment import Assessment
     from ambkit.workflow.over_speed import OverSpeed
+    from ambkit.workflow.separation import Separation
 
 BESIDE = 5
 """Loops beside each other in one table."""
@@ -74,6 +75,7 @@ def tables_of_machine(found: Assessment) -> list[Any]:
         heads = ["", *(" and ".join(same) for same in groups)]
         title = f"Each axis with all other loops closed, controllers fed by {last}"
         shown.append(table(title, heads, _filled(_rows(found.top), each)))
+    shown += tables_of_critical(found.separations)
     grades = found.grades()
     if grades:
         heads = ["grade", "unbalance", "force", "orbit", "of the clearance", "current"]
@@ -87,6 +89,45 @@ def tables_of_machine(found: Assessment) -> list[Any]:
     return shown
 
 
+def tables_of_unstable(found: Assessment) -> list[Any]:
+    """Return what grows in the loops that are unstable; none where all are stable.
+
+    Parameters
+    ----------
+    found : Assessment
+        Of a bearing or a machine.
+    """
+    from ambkit.cli.output import table, value
+
+    rows = [
+        [name, value(pole.frequency, "Hz"), f"{pole.growth:.4g}/s", value(pole.doubling, "s", 3)]
+        for name, each in found.loops.items() for pole in each.unstable_poles
+    ]  # fmt: skip
+    heads = ["controller fed by", "frequency", "growth rate", "doubles in"]
+    return [table("Unstable poles of the closed loop", heads, rows)] if rows else []
+
+
+def tables_of_critical(found: Sequence[Separation]) -> list[Any]:
+    """Return how far the speed is from each critical speed; none where there is none.
+
+    Parameters
+    ----------
+    found : sequence of Separation
+        From each critical speed.
+    """
+    from ambkit.cli.output import table
+    from ambkit.workflow.separation import BASIS, rpm
+
+    rows = [
+        [rpm(each.critical.speed), each.factor, f"{100 * each.margin:.3g} %", each.limit,
+         "kept" if each.kept else "not kept"]
+        for each in found
+    ]  # fmt: skip
+    heads = ["critical speed", "amplification factor", "margin", f"required ({BASIS})", ""]
+    title = f"Separation of {rpm(found[0].speed)} from critical speeds" if found else ""
+    return [table(title, heads, rows)] if rows else []
+
+
 def tables_over_speed(found: OverSpeed) -> list[Any]:
     """Return a table of a machine's loop over its speed.
 
@@ -97,6 +138,7 @@ def tables_over_speed(found: OverSpeed) -> list[Any]:
     """
     from ambkit.base import units
     from ambkit.cli.output import table
+    from ambkit.workflow.separation import separations
     from ambkit.workflow.verdict import celsius
 
     def at(speed: float) -> str:
@@ -122,7 +164,8 @@ def tables_over_speed(found: OverSpeed) -> list[Any]:
                      f"{each.integral:.8f}"])  # fmt: skip
         rows.append(["  ln|p| of the unstable poles", f"{each.poles:.8f}"])
     title = f"{found.machine.name} to {at(float(found.speed[-1]))}, controllers fed by"
-    return [table(title, ["", found.fed_by], rows)]
+    apart = tables_of_critical(separations(found.machine))
+    return [table(title, ["", found.fed_by], rows), *apart]
 
 
 def tables_of_shares(found: Assessment) -> list[Any]:

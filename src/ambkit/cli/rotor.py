@@ -48,6 +48,8 @@ def rotor(
     from ambkit.show import plots
     from ambkit.workflow.campbell import campbell as campbell_of
     from ambkit.workflow.mode_shapes import mode_shapes
+    from ambkit.workflow.reduction import reduction
+    from ambkit.workflow.separation import sentence, separations
     from ambkit.workflow.unbalance_response import unbalance_response
 
     one = find_machine(machine)
@@ -56,7 +58,10 @@ def rotor(
     if fastest is not None and not fastest > 0:
         raise AmbkitError(f"--fastest must be greater than 0, is {fastest:g} rad/s")
     found = campbell_of(one, fastest)
-    data: dict[str, Any] = found.to_dict()
+    apart, compared = separations(one), reduction(one)
+    data: dict[str, Any] = found.to_dict() | {"separation": [each.to_dict() for each in apart]}
+    if compared is not None:
+        data["modes_left_out"] = compared.to_dict()
     shapes = None if one.bending is None and modes is None else mode_shapes(one)
     if shapes is not None:
         data["bending"] = shapes.to_dict()
@@ -69,7 +74,9 @@ def rotor(
         response = unbalance_response(one, fastest)
         data["unbalance_response"] = response.to_dict()
         pictures.append((unbalance, lambda path: plots.save_figure(response.figure(), path)))
-    output.deliver(data, [_table(data)], pictures, as_json=json)
+    said = [sentence(apart, one.speed)] if one.speed else []
+    said += [compared.text()] if compared is not None else []
+    output.deliver(data, [_table(data), *said], pictures, as_json=json)
 
 
 def _table(data: dict[str, Any]) -> Any:
@@ -84,10 +91,7 @@ def _table(data: dict[str, Any]) -> Any:
         return "creeps" if creeps else engineering(rate / (2 * math.pi), "Hz", digits=4)
 
     end = rpm(data["fastest"])
-    rows = [
-        ["forwards" if mode["forwards"] else "backwards", *map(hertz, mode["frequency"])]
-        for mode in data["modes"]
-    ]
+    rows = [[mode["whirl"], *map(hertz, mode["frequency"])] for mode in data["modes"]]
     critical = ", ".join(map(rpm, data["critical"])) or f"none up to {end}"
     rows.append(["critical speeds", critical, ""])
     return table(f"Modes of {data['machine']}", ["whirl", "at rest", f"at {end}"], rows)

@@ -64,6 +64,7 @@ def simulate_machine(
     from ambkit.workflow.flying import FlightSummary, flight_for
     from ambkit.workflow.given import of_machine
     from ambkit.workflow.harmonics import harmonics
+    from ambkit.workflow.separation import sentence, separations
 
     refuse_of_one_axis(machine, others)
     flight = None if scenario is None else Flight.load(scenario)
@@ -85,6 +86,9 @@ def simulate_machine(
         run = fly(machine, happening, estimator=kalman)
     turning = () if kalman is None else harmonics(kalman, run.record)
     data = FlightSummary(run, turning).to_dict()
+    speed = float(run.record["speed"][-1]) if "speed" in run.record else machine.speed
+    apart = separations(machine, speed)
+    data["critical_speeds"] = [each.to_dict() for each in apart]
     output.deliver(
         data,
         [_table(data, {} if run.estimate is None else run.estimate.units)],
@@ -95,6 +99,8 @@ def simulate_machine(
         ],
         as_json=json,
     )
+    if apart:
+        output.note(sentence(apart, speed))
     if any(each["mode"] == "tripped" for each in data.get("modes", ())):
         output.note("it tripped: see lost and overload in the flight's [sequence]")
     touched = run.samples_at_the_stop

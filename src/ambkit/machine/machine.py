@@ -27,6 +27,7 @@ from ambkit.machine.parts import (
 )
 from ambkit.machine.placed import ROTORS, AnyRotor, PlacedBearing, PlacedSensor, Unbalance
 from ambkit.machine.placing import beyond_the_rotor, loose, unseen
+from ambkit.machine.rotors.described import MatrixRotor, ShaftRotor
 from ambkit.machine.rotors.modes import Bending
 
 
@@ -67,6 +68,12 @@ class Machine(Document):
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
         return {key: each for key, each in data.items() if key != "unbalance" or each}
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Choose how many bending modes are kept, where the rotor does not fix it."""
+        if isinstance(self.rotor, ShaftRotor | MatrixRotor) and self.rotor.modes_up_to is None:
+            chosen = self.rotor.with_modes_for(self.sampling_time, self.speed)
+            self.__dict__["rotor"] = chosen
 
     @classmethod
     def preset(cls, name: str) -> Self:

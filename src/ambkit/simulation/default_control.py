@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.simulation.controllers import Control, Controllers, controllers_of
 from ambkit.simulation.gains import two_digits, weight_of
 from ambkit.simulation.holding import ENOUGH
-from ambkit.simulation.holding_margins import TOP, shown_along_axes
+from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.control import compensator, controllers, fed
 from ambkit.simulation.linear.pieces import WorkPoint, plant
@@ -246,19 +247,6 @@ def settled_flight(machine: Machine, flight: Flight) -> Flight:
         if not found.held:
             raise AmbkitError(found.why)
     return flight.model_copy(update={"control": control, "feedback": feedback})
-
-
-def end_of_range(T: float, speed: float | None = None) -> float:
-    """Return up to where ISO 14839-3 looks at a loop [Hz].
-
-    Parameters
-    ----------
-    T : float
-        Sampling time [s]: it looks no farther than half the sampling rate.
-    speed : float, optional
-        Of the rotor [rad/s].
-    """
-    return min(max(TOP, 3 * abs(speed or 0.0) / (2 * math.pi)), 0.5 / T)
 
 
 @lru_cache(maxsize=64)

@@ -10,7 +10,16 @@ from typing import Any
 import numpy as np
 
 from ambkit.judge.loop.demands import Demands, demands
-from ambkit.judge.loop.margins import BodeIntegral, Margins, bode_integral, grid, highest, margins
+from ambkit.judge.loop.margins import (
+    BodeIntegral,
+    Margins,
+    UnstablePole,
+    bode_integral,
+    grid,
+    highest,
+    margins,
+    unstable_poles,
+)
 from ambkit.simulation.linear.closed import Loop
 from ambkit.workflow.loop_of import LoopOf, zone_of
 
@@ -152,6 +161,11 @@ class AssessedLoop:
         """Zone A to D; ``"unstable"`` of a loop that is."""
         return zone_of(self.peak) if self.stable else "unstable"
 
+    @property
+    def unstable_poles(self) -> list[UnstablePole]:
+        """What grows, the fastest first; empty of a stable loop."""
+        return [] if self.stable else unstable_poles(self.loop)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI: of the worst axis, and of several of each."""
         poles = self.loop.closed.poles()
@@ -170,6 +184,12 @@ class AssessedLoop:
             "bode_holds": self.integral.holds,
             "poles": [[float(at.real), float(at.imag)] for at in poles],
         }
+        if not self.stable:
+            found["unstable_poles"] = [
+                {"frequency": each.frequency, "growth": each.growth,
+                 "time_to_double": each.doubling if math.isfinite(each.doubling) else None}
+                for each in self.unstable_poles
+            ]  # fmt: skip
         orbit = self.of.point.orbit
         if orbit is not None:
             found["orbit"] = [float(each) for each in np.abs(orbit.x)]

@@ -16,8 +16,8 @@ from ambkit.data.signals import signal
 from ambkit.estimate.whole import Whole
 from ambkit.judge.loop.measured import Logged, MeasuredSensitivity, measured_sensitivity
 from ambkit.machine.machine import Machine
+from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import Complex
-from ambkit.simulation.default_control import end_of_range
 from ambkit.workflow.assessing import assess
 from ambkit.workflow.assessment import Assessment
 from ambkit.workflow.loop_of import ZONES, zone_of

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.showing import Shown
@@ -12,6 +13,7 @@ from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessed_loop import AssessedLoop
 from ambkit.workflow.balance import Grade, of_grades, unbalance_forces
 from ambkit.workflow.loop_of import ZONES, LoopOf, ideal_pieces
+from ambkit.workflow.separation import Separation, separations
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -113,7 +115,18 @@ class Assessment(Shown):
             },
             "control_current": {name: float(iu) for name, iu in held},
             "balance_grades": [each._asdict() for each in self.grades()],
+            "critical_speeds": [each.to_dict() for each in self.separations],
         }
+
+    @cached_property
+    def separations(self) -> list[Separation]:
+        """How far the machine's speed is from each critical speed; none where it does not turn."""
+        machine = self.of.machine
+        if machine is None or not machine.speed:
+            return []
+        own = [self.controllers.get(name) for name in self.of.axes]
+        known = [each for each in own if each is not None]
+        return separations(machine, pids=known if len(known) == len(own) else None)
 
     def grades(self, filter: str | None = None) -> list[Grade]:
         """Return what unbalance of each balance quality grade would do at the machine's speed.
@@ -165,32 +178,39 @@ class Assessment(Shown):
     def figure(self, filter: str | None = None) -> Figure:
         """Return Bode of S with the zones, Nyquist, compliance and noise as a picture.
 
-        Of one axis with all loops; of a machine with all axes of one loop, singular values, and the
-        determinant of the return difference.
+        Of one axis with all loops that are stable; of a machine with all axes of one loop, singular
+        values, and the determinant of the return difference. Of a loop that is unstable Nyquist,
+        loop gain and poles of just this loop.
 
         Parameters
         ----------
         filter : str, optional
-            Of a machine, by what the controllers of the loop are fed; by default the last one.
+            By what the controllers of the loop are fed; by default the last one.
         """
-        from ambkit.show.plots.assessment import Curves, assessment_figure
+        from ambkit.show.plots.assessment import Curves, assessment_figure, unstable_figure
 
+        name = list(self.loops)[-1] if filter is None else filter
+        if not self.loops[name].stable:
+            return unstable_figure(
+                f"{self.bearing.name}: unstable loop, controller fed by {name}",
+                self.loops[name].loop, self.of.axes, self.loops[name].unstable_poles,
+            )  # fmt: skip
         title = f"{self.bearing.name}: sensitivity with the filter in the loop"
-        stable = {name: each.loop for name, each in self.loops.items() if each.stable}
+        stable = {each: one.loop for each, one in self.loops.items() if one.stable}
         whole, feeding = None, None
         if self.of.machine is None:
-            curves = [Curves(name, loop) for name, loop in stable.items()]
+            curves = [Curves(each, loop) for each, loop in stable.items()]
         else:
-            name = list(self.loops)[-1] if filter is None else filter
-            whole, feeding = stable.get(name), self.estimators.get(name)
-            curves = [] if whole is None else [
+            whole, feeding = stable[name], self.estimators.get(name)
+            curves = [
                 Curves(" and ".join(same), whole, self.of.axes.index(same[0]))
                 for same in self.alike(name)
-            ]  # fmt: skip
+            ]
             title = f"{self.bearing.name}: sensitivity of each axis, controllers fed by {name}"
         return assessment_figure(
             title, curves, zones=ZONES, top=self.top, static=self.of.static_compliance(feeding),
             gain=self.of.alone[0].amplifier.gain, whole=whole,
+            left_out=[each for each, one in self.loops.items() if not one.stable],
         )  # fmt: skip
 
     def alike(self, filter: str) -> list[list[str]]:

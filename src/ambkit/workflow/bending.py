@@ -14,6 +14,7 @@ from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.placing import NODE
 from ambkit.simulation.default_control import PIDS, default_control
 from ambkit.simulation.holding import holding
+from ambkit.workflow.reduction import reduction
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -41,6 +42,9 @@ def of_bending(machine: Machine) -> Iterator[Remark]:
         return
     yield Remark(_kept(machine, bending))
     yield from _left_out(machine, bending)
+    compared = reduction(machine)
+    if compared is not None:
+        yield Remark(compared.text(), () if compared.good else ("rotor", "modes_up_to"))
     yield from _nodes(machine, bending)
     if default_control(machine).chosen.control == PIDS[0]:
         yield _held(machine, bending)

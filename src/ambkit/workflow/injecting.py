@@ -20,7 +20,8 @@ from ambkit.identification.excitation.signals import Excitation, sparse_multisin
 from ambkit.judge.loop.measured import measured_sensitivity
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
-from ambkit.simulation.default_control import end_of_range, settled_flight
+from ambkit.machine.rotors.whirl import end_of_range
+from ambkit.simulation.default_control import settled_flight
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.flight import Injection as Added
 from ambkit.simulation.machine import simulate_machine

@@ -24,13 +24,13 @@ from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.machine.placed import Unbalance
+from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.model import Array
 from ambkit.simulation.control import Controller, needs_states
 from ambkit.simulation.controllers import Control, Controllers, controllers_of, pids_of
 from ambkit.simulation.default_control import (
     default_control,
-    end_of_range,
     is_default,
     settled,
 )

@@ -6,22 +6,18 @@ import math
 from typing import TYPE_CHECKING
 
 from ambkit.base.units import engineering
-from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.continuous import open_loop
 from ambkit.models.machine import machine_model
 from ambkit.simulation.default_control import default_control
 from ambkit.workflow.bending import Remark, of_bending
+from ambkit.workflow.campbell import stiffnesses
+from ambkit.workflow.separation import sentence, separations
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
 
 COUPLED = 0.01
 """Inertial coupling from which on axes are not bearings alone."""
-
-
-def stiffnesses(machine: Machine) -> list[ConstantStiffness]:
-    """Return the stiffnesses of each axis at the work point."""
-    return [ConstantStiffness.of(machine.alone(axis.name)) for axis in machine.axes]
 
 
 def described(machine: Machine) -> tuple[str, tuple[Remark, ...]]:
@@ -35,8 +31,11 @@ def described(machine: Machine) -> tuple[str, tuple[Remark, ...]]:
         f"{engineering(machine.speed * 30 / math.pi, '1')} rpm",
         f"{len(model.states)} states",
     ]
-    chosen = [Remark(default_control(machine).why)] if machine.speed else []
-    return "; ".join(about), (Remark(_of_the_poles(machine)), *of_bending(machine), *chosen)
+    remarks = [Remark(_of_the_poles(machine)), *of_bending(machine)]
+    if machine.speed:
+        remarks.append(Remark(default_control(machine).why))
+        remarks.append(Remark(sentence(separations(machine), machine.speed)))
+    return "; ".join(about), tuple(remarks)
 
 
 def _of_the_poles(machine: Machine) -> str:

@@ -12,10 +12,12 @@ from ambkit.base.units import engineering
 from ambkit.judge.loop.demands import ROOM
 from ambkit.judge.loop.heating import ZERO
 from ambkit.simulation.controllers import Control
+from ambkit.workflow.assessed_loop import AssessedLoop
 from ambkit.workflow.assessment import Assessment
 from ambkit.workflow.balance import grade_of
 from ambkit.workflow.loop_of import ZONE_A
 from ambkit.workflow.over_speed import OverSpeed
+from ambkit.workflow.separation import BASIS
 
 
 class Line(NamedTuple):
@@ -40,7 +42,7 @@ class Line(NamedTuple):
 
 
 def verdict(found: Assessment, filter: str, over: OverSpeed | None = None) -> list[Line]:
-    """Return the verdict on one stable loop.
+    """Return the verdict on one loop; of one that is unstable, what grows in it.
 
     Parameters
     ----------
@@ -52,6 +54,8 @@ def verdict(found: Assessment, filter: str, over: OverSpeed | None = None) -> li
         The same loop of a machine over its speed.
     """
     loop, several = found.loops[filter], len(found.of.axes) > 1
+    if not loop.stable:
+        return [*_of_unstable(loop), *_of_critical(found)]
     worst, d = loop.worst, loop.demands
     assert worst is not None
     assert d is not None
@@ -99,6 +103,7 @@ def verdict(found: Assessment, filter: str, over: OverSpeed | None = None) -> li
     ]  # fmt: skip
     if over is not None:
         lines += _of_run_up(over)
+    lines += _of_critical(found)
     lines += [
         Line(f"constant load that can be held{f', axis {each.name}' if several else ''}",
              " to ".join(engineering(end, "N", 3) for end in each.demands.capacity.static))
@@ -115,6 +120,28 @@ def verdict(found: Assessment, filter: str, over: OverSpeed | None = None) -> li
              loop.integral.holds),
     ]  # fmt: skip
     return lines
+
+
+def _of_unstable(loop: AssessedLoop) -> list[Line]:
+    """Return what grows in an unstable loop."""
+    return [
+        Line("stability of the closed loop", "unstable", "all poles stable", False),
+        *(
+            Line(f"  unstable pole at {engineering(each.frequency, 'Hz', 4)}",
+                 f"grows by {each.growth:.4g}/s, doubles in {engineering(each.doubling, 's', 3)}")
+            for each in loop.unstable_poles
+        ),
+    ]  # fmt: skip
+
+
+def _of_critical(found: Assessment) -> list[Line]:
+    """Return how far the speed is from each critical speed."""
+    return [
+        Line(f"separation from the critical speed of {rpm(each.critical.speed)} ({BASIS})",
+             f"{each.where}, amplification factor {each.factor}", each.limit,
+             each.kept if each.needed else None)
+        for each in found.separations
+    ]  # fmt: skip
 
 
 def _of_coils(found: Assessment, filter: str) -> list[Line]:
@@ -312,23 +339,21 @@ def write_verdict(
     Raises
     ------
     AmbkitError
-        There is no such loop, or it is not stable; `over` is of another; the file cannot be
-        written.
+        There is no such loop; `over` is of another; the file cannot be written.
     """
     from ambkit.show.pages.assessment import write_assessment
 
     name = list(found.loops)[-1] if filter is None else filter
     if name not in found.loops:
         raise AmbkitError(f"no loop is fed by {name}; there are {', '.join(found.loops)}")
-    if not found.loops[name].stable:
-        raise AmbkitError(f"the loop fed by {name} is not stable: there is nothing to sign off")
     if over is not None and (over.fed_by, over.machine.name) != (name, found.bearing.name):
         raise AmbkitError(
             f"over speed is of {over.machine.name}, fed by {over.fed_by}; the verdict is on "
             f"{found.bearing.name}, fed by {name}"
         )
-    margins, loads = [found.figure(name)], [found.capacity_figure(name)]
-    if over is not None:
+    stable = found.loops[name].stable
+    margins, loads = [found.figure(name)], [found.capacity_figure(name)] if stable else []
+    if over is not None and stable:
         margins.append(over.figure())
         loads.append(over.run_up_figure())
     write_assessment(

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -214,6 +214,39 @@ def margins(
         crossover=max(crossings, default=math.nan),
         bandwidth=min(rising, default=math.nan),
     )  # fmt: skip
+
+
+class UnstablePole(NamedTuple):
+    """A pole of a closed loop that grows; of a pair the one above."""
+
+    frequency: float
+    """[Hz]; 0 of one that grows without swinging."""
+    growth: float
+    """Growth rate [1/s]; 0 on the limit of stability."""
+
+    @property
+    def doubling(self) -> float:
+        """Time in which it doubles [s]."""
+        return math.log(2) / self.growth if self.growth > 0 else math.inf
+
+
+def rates(loop: Loop) -> Complex:
+    """Return the poles of a closed, sampled loop as rates (n,) [1/s], but for those at z = 0."""
+    z = loop.closed.poles().astype(complex)
+    return np.asarray(np.log(z[np.abs(z) > 1e-9]) / loop.T)
+
+
+def unstable_poles(loop: Loop) -> list[UnstablePole]:
+    """Return what grows in a closed, sampled loop, the fastest growing first.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop.
+    """
+    grow = [each for each in rates(loop).tolist() if each.real >= 0 and each.imag >= 0]
+    found = [UnstablePole(each.imag / (2 * math.pi), each.real) for each in grow]
+    return sorted(found, key=lambda each: -each.growth)
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from ambkit.machine.rotors.file import read_matrices
 from ambkit.machine.rotors.measured import ThroughPoints
 from ambkit.machine.rotors.modes import Bending, Body, body_of, reduced
 from ambkit.machine.rotors.pieces import NAMED, Disc, Material, Section
+from ambkit.machine.rotors.whirl import RANGE, enough
 
 Ratio = Annotated[float, Quantity("1", "0.002", above=0)]
 Frequency = Annotated[float, Quantity("Hz", "1 kHz", above=0)]
@@ -33,8 +34,12 @@ class _OfMatrices(Part):
 
     gravity: Gravity = "-x"
     """Direction in which gravity pulls: "-x" where the shaft lies, "-z" where it stands."""
-    modes_up_to: Frequency
-    """Up to which frequency bending modes are kept [Hz]; what is left out is told."""
+    modes_up_to: Frequency | None = None
+    """Up to which frequency bending modes are kept [Hz]; without it as many as `modes_within` needs
+    up to 2 kHz or three times the speed (ISO 14839-3)."""
+    modes_within: Annotated[float, Quantity("1", "1 %", above=0)] = 0.01
+    """Greatest error by the modes left out, of whirl frequencies, critical speeds and the
+    sensitivity, against the full matrices [1]."""
     damping_ratio: Ratio | None = None
     """Damping ratio of each bending mode, by what stands still [1]; without it by the damping of
     the matrices."""
@@ -53,7 +58,7 @@ class _OfMatrices(Part):
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy with other values, which are not checked."""
         copy = super().model_copy(update=update, deep=deep)
-        for computed in ("matrices", "body", "_known"):  # of the rotor as it was
+        for computed in ("matrices", "body", "_known", "every_mode"):  # of the rotor as it was
             copy.__dict__.pop(computed, None)
         return copy
 
@@ -103,11 +108,28 @@ class _OfMatrices(Part):
         known: dict[tuple[float, ...], Bending] = self._known
         places = magnets if self.residual else ()
         if places not in known:
-            highest = 2 * math.pi * self.modes_up_to
+            highest = 2 * math.pi * self._highest
             known[places] = reduced(
                 self.matrices, highest, self.damping_ratio, places, self.internal_damping_ratio
             )
         return known[places]
+
+    @property
+    def _highest(self) -> float:
+        """Up to where modes are kept [Hz]; a machine chooses it where the file does not."""
+        if self.modes_up_to is not None:
+            return self.modes_up_to
+        first = math.sqrt(self.matrices.free_modes[0][0]) / (2 * math.pi)
+        return max(RANGE, 1.01 * first)
+
+    @cached_property
+    def every_mode(self) -> Bending:
+        """All bending modes of its matrices."""
+        return reduced(self.matrices, math.inf, self.damping_ratio, (), self.internal_damping_ratio)
+
+    def with_modes_for(self, T: float, speed: float) -> Self:
+        """Return it with as many modes as are needed at a sampling time [s] and a speed [rad/s]."""
+        return self.model_copy(update={"modes_up_to": enough(self, T, speed, self.modes_within)})
 
     @cached_property
     def _known(self) -> dict[tuple[float, ...], Bending]:
@@ -116,6 +138,9 @@ class _OfMatrices(Part):
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
+        usual = type(self).model_fields["modes_within"].default
+        if self.modes_within == usual:
+            data.pop("modes_within")
         return {k: v for k, v in data.items() if v is not None and v != () and v is not False}
 
 
@@ -160,7 +185,7 @@ class ShaftRotor(_OfMatrices):
                 found = True
                 limit = f"is beyond the shaft, which ends at {engineering(length, 'm')}"
                 yield f"disc.{at}.place", f"{engineering(each.place, 'm')} {limit}"
-        if found or math.isnan(read("modes_up_to")):
+        if found or _is_wrong(read("modes_up_to")):
             return
         rotor = cls.model_construct(
             type="shaft", section=sections, disc=discs, material=materials,
@@ -204,7 +229,7 @@ class MatrixRotor(_OfMatrices):
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         file, highest = read("file"), read("modes_up_to")
-        if not isinstance(file, str) or math.isnan(highest):
+        if not isinstance(file, str) or _is_wrong(highest):
             return
         rotor = cls.model_construct(
             type="matrices",
@@ -231,6 +256,10 @@ def _of_file(path: str, about: tuple[int, int] | None) -> beam.Matrices:
     return read_matrices(path)
 
 
+def _is_wrong(highest: float | None) -> bool:
+    return highest is not None and math.isnan(highest)
+
+
 def _no_mode(rotor: ShaftRotor | MatrixRotor, key: str) -> Iterator[tuple[str, str]]:
     """Yield that a rotor is not free, that no body is like that, or that no mode is kept."""
     try:
@@ -245,7 +274,7 @@ def _no_mode(rotor: ShaftRotor | MatrixRotor, key: str) -> Iterator[tuple[str, s
         yield key, f"gives a polar inertia of {polar}, which is more than {most}"
     yield from _overdamped(_ratios(rotor))
     first = math.sqrt(squares[0]) / (2 * math.pi)
-    if rotor.modes_up_to < first:
+    if rotor.modes_up_to is not None and rotor.modes_up_to < first:
         limit = f"at least {engineering(first, 'Hz')}, the first bending mode of the free rotor"
         yield "modes_up_to", f"must be {limit}; is {engineering(rotor.modes_up_to, 'Hz')}"
 

@@ -72,7 +72,7 @@ def write_assessment(
         chapters=[
             Chapter("verdict", "Verdict", [Remark("In short", markdown(words)), table]),
             Chapter("margins", "Margins", [FigureBlock(each) for each in margins]),
-            Chapter("loads", "Loads", [FigureBlock(each) for each in loads]),
+            *([Chapter("loads", "Loads", [FigureBlock(each) for each in loads])] if loads else []),
             Chapter("signed", "Signed off", [signed]),
         ],
         facts=dict(facts),

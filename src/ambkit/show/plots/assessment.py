@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ambkit.judge.loop.margins import grid
+from ambkit.judge.loop.margins import grid, rates
 from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
+    from ambkit.judge.loop.margins import UnstablePole
+    from ambkit.models.linear import Complex
     from ambkit.show.report.items import Vector
     from ambkit.simulation.linear.closed import Loop
 
@@ -40,6 +42,7 @@ def assessment_figure(
     static: float | None,
     gain: float,
     whole: Loop | None = None,
+    left_out: Sequence[str] = (),
 ) -> Figure:
     """Show stable loops of one axis, or the axes of one loop.
 
@@ -59,16 +62,9 @@ def assessment_figure(
         Of the amplifier [A/V].
     whole : Loop, optional
         Whose singular values and determinant are shown as well.
-
-    Raises
-    ------
-    AmbkitError
-        None of the loops is stable.
+    left_out : sequence of str
+        Loops that are unstable, and not drawn.
     """
-    from ambkit.base.errors import AmbkitError
-
-    if not loops:
-        raise AmbkitError("no loop is stable: there is nothing to draw")
     nyquist = loops[0].loop.nyquist
     frequency = Axis("frequency", "Hz", scale="log", limits=(SHOWN * nyquist, nyquist))
     bode = zone_lines(zones, top)
@@ -107,7 +103,7 @@ def assessment_figure(
         title,
         "The loop is broken at the measurement, as ISO 14839-3 has it; lines are the upper ends "
         "of its zones, the circles about −1 the same for the open loop. Up to half the sampling "
-        "rate; loads are held over a sample.",
+        f"rate; loads are held over a sample.{_unstable(left_out)}",
         [
             Panel(frequency, heights, bode, title="Sensitivity"),
             Panel(real, imaginary, nyquist_items, title="Open loop"),
@@ -119,6 +115,105 @@ def assessment_figure(
         columns=2,
         panel_height=2.6,
     )
+
+
+def _unstable(names: Sequence[str]) -> str:
+    return f" Unstable, and not drawn: {', '.join(names)}." if names else ""
+
+
+def unstable_figure(
+    title: str, loop: Loop, axes: Sequence[str], poles: Sequence[UnstablePole]
+) -> Figure:
+    """Show an unstable loop: Nyquist, loop gain and poles.
+
+    Parameters
+    ----------
+    title : str
+        Of which bearing.
+    loop : Loop
+        The loop.
+    axes : sequence of str
+        Names of its axes.
+    poles : sequence of UnstablePole
+        Of the closed loop, the fastest growing first.
+    """
+    nyquist = loop.nyquist
+    f = grid(loop)
+    f = f[f >= SHOWN * nyquist]
+    S = loop.along_axes(f)
+    one = [Points(np.array([-1.0]), np.array([0.0]), signal="spike", label="−1")]
+    curves, gains, phases = list[Item](one), list[Item](), list[Item]()
+    gains.append(Rule(0.0, signal="limit", label=""))
+    for count, same in enumerate(_alike(S)):
+        look, L = LOOKS[count % len(LOOKS)], 1 / S[:, same[0], same[0]] - 1
+        names = " and ".join(axes[k] for k in same)
+        label = f"axis {names}" if len(axes) > 1 else "loop"
+        curves.append(near(Line(L.real, L.imag, signal=look, label=label)))
+        gains.append(Line(f, 20 * np.log10(np.abs(L)), signal=look, label=label))
+        phase = np.degrees(np.angle(L))
+        phase[1:][np.abs(np.diff(phase)) > 180] = np.nan  # where it comes in at the other end
+        phases.append(Line(f, phase, signal=look, label=label))
+    for each in poles:
+        if each.frequency > SHOWN * nyquist:  # the fastest growing is named
+            text = f"{each.frequency:.4g} Hz" if each is poles[0] else ""
+            gains.append(Rule(each.frequency, axis="x", signal="spike", label="", text=text))
+    frequency = Axis("frequency", "Hz", scale="log", limits=(SHOWN * nyquist, nyquist))
+    real = Axis("real part of L", limits=NYQUIST_REAL)
+    panels = [
+        Panel(real, Axis("imaginary part of L", limits=NYQUIST_IMAGINARY), curves,
+              title="Open loop"),
+        _of_poles(loop, poles),
+        Panel(frequency, Axis("loop gain |L|", "dB", limits=(-60.0, 60.0)), gains,
+              title="Loop gain"),
+        Panel(frequency, Axis("phase of L", "°", limits=(-180.0, 180.0)), phases, title="Phase"),
+    ]  # fmt: skip
+    grows = "; ".join(
+        f"{each.frequency:.4g} Hz grows by {each.growth:.3g}/s, doubles in {each.doubling:.3g} s"
+        for each in poles
+    )
+    others = ", each axis with all other loops closed" if len(axes) > 1 else ""
+    return Figure(
+        "unstable-loop", title,
+        f"Broken at the measurement{others}, up to half the sampling rate. Poles of the closed "
+        f"loop: {grows}.",
+        panels, columns=2, panel_height=2.8,
+    )  # fmt: skip
+
+
+def _alike(S: Complex) -> list[list[int]]:
+    """Return the axes of sensitivities (k, a, a), those together whose curves are the same."""
+    found: list[list[int]] = []
+    for k in range(S.shape[1]):
+        for same in found:
+            if np.allclose(S[:, k, k], S[:, same[0], same[0]], rtol=1e-6, atol=0):
+                same.append(k)
+                break
+        else:
+            found.append([k])
+    return found
+
+
+def _of_poles(loop: Loop, poles: Sequence[UnstablePole]) -> Panel:
+    """Show the poles of a closed loop about those that grow."""
+    found = rates(loop)
+    found = found[found.imag >= 0]
+    fastest = max((each.growth for each in poles), default=0.0)
+    highest = max((each.frequency for each in poles), default=0.0)
+    slowest = -float(found.real[found.real < 0].max(initial=-math.inf))
+    wide = max(1.5 * fastest, 0.5 * slowest if math.isfinite(slowest) else 0.0, 1.0)
+    high = min(loop.nyquist, max(1.6 * highest, wide / math.pi))
+    shown = (found.real > -3 * wide) & (found.imag <= 2 * math.pi * high)
+    stable, grow = found[shown & (found.real < 0)], found[shown & (found.real >= 0)]
+    items: list[Item] = [
+        Rule(0.0, axis="x", signal="limit", label="limit of stability"),
+        Points(stable.real, stable.imag / (2 * math.pi), signal="estimate", label="stable pole"),
+        Points(grow.real, grow.imag / (2 * math.pi), signal="spike", label="unstable pole"),
+    ]
+    return Panel(
+        Axis("growth rate", "1/s", limits=(-3 * wide, wide)),
+        Axis("frequency", "Hz", limits=(-0.05 * high, 1.05 * high)), items,
+        title="Poles of the closed loop",
+    )  # fmt: skip
 
 
 def _noise(loop: Loop, axis: int, f: Vector) -> Vector:

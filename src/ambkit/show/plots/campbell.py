@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +24,7 @@ def campbell_figure(
     machine: str,
     speed: NDArray[np.float64],
     poles: NDArray[np.complex128],
-    forwards: NDArray[np.bool_],
+    whirl: Sequence[str],
 ) -> Figure:
     """Show frequencies and damping of a rotor's modes over its speed.
 
@@ -35,26 +36,23 @@ def campbell_figure(
         Speeds of rotation [rad/s].
     poles : ndarray of complex (n, modes)
         Each mode's pole [1/s].
-    forwards : ndarray of bool (modes,)
-        Whether it whirls with the rotation.
+    whirl : sequence of str (modes,)
+        "forward", "backward" or "axial".
     """
-    looks = {True: ("series 1", "forwards"), False: ("series 2", "backwards")}
+    looks = {"forward": "series 1", "backward": "series 2", "axial": "series 3"}
     frequencies: list[Item] = [
-        Line(speed, poles[:, k].imag, signal=signal, label=name)
-        for k, ahead in enumerate(forwards.tolist())
-        for signal, name in (looks[ahead],)
+        Line(speed, poles[:, k].imag, signal=looks[way], label=way) for k, way in enumerate(whirl)
     ]
     near = speed <= 1.2 * poles.imag.max()
     frequencies.append(Line(speed[near], speed[near], signal="constant", label="speed of rotation"))
     damping: list[Item] = [
-        Line(speed, -poles[:, k].real / np.abs(poles[:, k]), signal=signal, label=name)
-        for k, ahead in enumerate(forwards.tolist())
-        for signal, name in (looks[ahead],)
+        Line(speed, -poles[:, k].real / np.abs(poles[:, k]), signal=looks[way], label=way)
+        for k, way in enumerate(whirl)
     ]
     return Figure(
         id="campbell",
         title=f"Campbell diagram of {markdown(machine)}",
-        caption="Modes of the rotor on its controllers; where a whirl forwards meets the speed of "
+        caption="Modes of the rotor on its controllers; where a forward whirl meets the speed of "
         "rotation, unbalance excites it.",
         panels=[Panel(SPEED, FREQUENCY, frequencies), Panel(SPEED, DAMPING, damping)],
         panel_height=2.4,

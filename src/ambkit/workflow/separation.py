@@ -1,0 +1,157 @@
+"""How far a speed of operation is from each critical speed, after API 617."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base.units import engineering
+from ambkit.workflow.campbell import CriticalSpeed, campbell
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+    from ambkit.simulation.scenario import PID
+
+DAMPED = 2.5
+"""Amplification factor below which API 617 takes a mode for critically damped."""
+
+BELOW, ABOVE = 0.17, 0.10
+"""Margin that an undamped critical speed below the operating speed needs, and how much more one
+above it."""
+
+BASIS = "API 617"
+"""Where the margins are from."""
+
+
+@dataclass(frozen=True)
+class Separation:
+    """The distance of an operating speed from one critical speed.
+
+    Attributes
+    ----------
+    critical : CriticalSpeed
+        The critical speed.
+    speed : float
+        Of operation [rad/s].
+    """
+
+    critical: CriticalSpeed
+    speed: float
+
+    @property
+    def margin(self) -> float:
+        """Distance, of the operating speed [1]."""
+        return abs(self.critical.speed / self.speed - 1)
+
+    @property
+    def needed(self) -> float:
+        """Margin that is required [1]: none of a mode that is critically damped.
+
+        ``0.17 (1 - 1/(AF - 1.5))`` below the operating speed, 0.10 more above it.
+        """
+        factor = self.critical.amplification
+        if factor < DAMPED:
+            return 0.0
+        margin = BELOW * (1 - 1 / (factor - 1.5))
+        return margin + (ABOVE if self.critical.speed > self.speed else 0.0)
+
+    @property
+    def kept(self) -> bool:
+        """Whether the speed is far enough."""
+        return self.margin >= self.needed
+
+    @property
+    def where(self) -> str:
+        """On which side of the operating speed it is, and by how much."""
+        side = "above" if self.critical.speed > self.speed else "below"
+        return f"{100 * self.margin:.3g} % {side} {rpm(self.speed)}"
+
+    @property
+    def limit(self) -> str:
+        """The required margin as text."""
+        if not self.needed:
+            return "none: critically damped"
+        return f"at least {100 * self.needed:.3g} %"
+
+    @property
+    def factor(self) -> str:
+        """The amplification factor as text."""
+        return f"{self.critical.amplification:.3g}"
+
+    def text(self) -> str:
+        """Return it as one phrase."""
+        return (
+            f"{rpm(self.critical.speed)}, {self.where} (amplification factor {self.factor}; "
+            f"required: {self.limit})"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data, in SI."""
+        factor = self.critical.amplification
+        return {
+            "critical_speed": self.critical.speed,
+            "damping_ratio": self.critical.damping_ratio,
+            "amplification_factor": factor if math.isfinite(factor) else None,
+            "speed": self.speed,
+            "margin": self.margin,
+            "required": self.needed,
+            "kept": self.kept,
+        }
+
+
+def separations(
+    machine: Machine, speed: float | None = None, pids: Sequence[PID] | None = None
+) -> list[Separation]:
+    """Return the distances of a speed from all critical speeds up to twice of it.
+
+    Of the rotor on its controllers, see `ambkit.campbell`.
+
+    Parameters
+    ----------
+    machine : Machine
+        The whole machine.
+    speed : float, optional
+        Of operation [rad/s]; by default the machine's.
+    pids : sequence of PID (p,), optional
+        Of the axes; by default those that a simulation has.
+
+    Returns
+    -------
+    list of Separation
+        By rising critical speeds; none of a machine that does not turn.
+
+    References
+    ----------
+    API 617, Axial and centrifugal compressors and expander-compressors, 7th edition, 2002:
+    separation margins by amplification factors.
+    """
+    speed = abs(machine.speed if speed is None else speed)
+    if not speed:
+        return []
+    found = campbell(machine, 2 * speed, pids=pids)
+    return [Separation(each, speed) for each in found.criticals]
+
+
+def sentence(found: Sequence[Separation], speed: float) -> str:
+    """Return what is to be said of a speed of operation.
+
+    Parameters
+    ----------
+    found : sequence of Separation
+        From each critical speed.
+    speed : float
+        Of operation [rad/s].
+    """
+    if not found:
+        return f"no critical speed up to {rpm(2 * abs(speed))}"
+    each = "; ".join(one.text() for one in found)
+    near = [rpm(one.critical.speed) for one in found if not one.kept]
+    verdict = f"too near to {', '.join(near)} ({BASIS})" if near else f"kept ({BASIS})"
+    return f"separation from critical speeds: {each}: {verdict}"
+
+
+def rpm(speed: float) -> str:
+    """Return a speed of rotation [rad/s] in revolutions a minute, as text."""
+    return f"{engineering(speed * 30 / math.pi, '1', digits=5)} rpm"
