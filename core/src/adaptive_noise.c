@@ -58,10 +58,47 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
   return status;
 }
 
+/* What has been found of a noise, as far as it can be; else what was assumed of it. */
+static amb_real found(amb_real noise, amb_real nominal, amb_real most)
+{
+  return ((noise >= (nominal / most)) && (noise <= (nominal * most))) ? noise : nominal;
+}
+
+/* All that was not found online is written anew: a bit in memory may flip. */
+static void renew(const amb_estimator *self, amb_adaptive_noise_state *s)
+{
+  const amb_adaptive_noise *a = own(self);
+  const amb_kalman_settings *nominal = &self->kf->set;
+  const amb_model *model = &self->kf->model;
+  amb_real var_y[AMB_SENSORS];
+  amb_real var_d[AMB_NOISES];
+  for (int r = 0; r < amb_sensors(model); r++) {
+    var_y[r] = found(s->kf.set.var_y[r], nominal->var_y[r], a->most);
+  }
+  for (int k = 0; k < amb_noises(model); k++) {
+    var_d[k] = found(s->kf.set.var_d[k], nominal->var_d[k], a->most);
+  }
+  s->kf = *self->kf;
+  if (a->measurement) {
+    for (int r = 0; r < amb_sensors(model); r++) {
+      s->kf.set.var_y[r] = var_y[r];
+    }
+  }
+  if (a->disturbance) {
+    for (int k = 0; k < amb_noises(model); k++) {
+      s->kf.set.var_d[k] = var_d[k];
+    }
+    amb_model_growth(&s->kf.model, s->kf.set.var_d, s->kf.growth);
+  }
+  s->share = ((s->share >= a->share) && (s->share < AMB_C(1.0))) ? s->share : a->share;
+  s->young = (s->young <= AMB_YOUNG) ? s->young : 0U;
+}
+
 static amb_status predict(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
                           amb_kalman_result *result)
 {
   amb_adaptive_noise_state *s = (amb_adaptive_noise_state *)state;
+  renew(self, s);
   const amb_estimator inner = inner_with(self, &s->kf);
   const amb_status status = inner.methods->predict(&inner, &s->inner, u, result);
   if ((status & (AMB_HELD | AMB_BAD_PARAMETER)) != AMB_OK) {

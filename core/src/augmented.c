@@ -110,6 +110,22 @@ static void wander(int n, const amb_augmented *own, amb_augmented_state *s)
   }
 }
 
+/* Theta and its variance, where a bit in memory has flipped: as before the last doubt, and as
+ * unsure as at the start. */
+static void mend(const amb_augmented *own, amb_augmented_state *s)
+{
+  const amb_real most = own->std * own->std;
+  if (!((s->trusted >= own->min) && (s->trusted <= own->max))) {
+    s->trusted = AMB_C(1.0);
+  }
+  if (!((s->theta >= own->min) && (s->theta <= own->max))) {
+    s->theta = s->trusted;
+  }
+  if (!((s->var >= AMB_C(0.0)) && (s->var <= (most + own->var_k)))) {
+    s->var = most;
+  }
+}
+
 static amb_status predict(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
                           amb_kalman_result *result)
 {
@@ -122,6 +138,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   amb_real F[AMB_FORCES];
   amb_stiffness *k = result->stiffness;
   amb_status status = amb_step_currents(kf, &s->base, u, iu);
+  mend(own, s);
   if (((status & AMB_SATURATED) != 0U) && amb_excitation_doubt(&s->excitation, &own->learn)) {
     move(n, s, s->trusted);
     s->var = own->std * own->std;

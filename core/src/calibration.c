@@ -26,19 +26,12 @@ static amb_stiffness scaled_tangent(const void *self, amb_real iu, amb_real x)
   return scaled_by(scaled, scaled->of.methods->tangent(scaled->of.self, iu, x));
 }
 
-static bool must_be_above_zero(int parameter)
-{
-  return (parameter == (int)AMB_VAR_Y) || (parameter == (int)AMB_GATE) ||
-         (parameter == (int)AMB_MASS) || (parameter == (int)AMB_STRONG);
-}
-
-/* Which of the numbers cannot be, each by itself. */
-static uint32_t refused(const amb_real wanted[AMB_PARAMETERS])
+/* Which of the numbers are beyond their limits, or none. */
+static uint32_t refused(const amb_calibration_base *base, const amb_real wanted[AMB_PARAMETERS])
 {
   uint32_t wrong = 0U;
   for (int n = 0; n < (int)AMB_PARAMETERS; n++) {
-    const bool least = must_be_above_zero(n) ? (wanted[n] > AMB_C(0.0)) : (wanted[n] >= AMB_C(0.0));
-    if (!least || !amb_is_finite(wanted[n])) {
+    if (!((wanted[n] >= base->low[n]) && (wanted[n] <= base->high[n]))) {
       wrong |= (uint32_t)1U << (uint32_t)n;
     }
   }
@@ -105,46 +98,97 @@ static void tie(const amb_calibration_base *base, amb_real strong, amb_calibrati
   set->control.law = &set->law;
 }
 
-void amb_calibration_init(const amb_calibration_base *base, amb_calibration *calibration)
+static void copy(const amb_real from[AMB_PARAMETERS], amb_real to[AMB_PARAMETERS])
 {
   for (int n = 0; n < (int)AMB_PARAMETERS; n++) {
-    calibration->wanted[n] = base->exported[n];
-    calibration->in_use[n] = base->exported[n];
+    to[n] = from[n];
   }
+}
+
+static uint32_t sum_of(const amb_calibration_kept *kept)
+{
+  uint32_t sum = 0U;
+  for (size_t i = 0U; i < (sizeof kept->of.word / sizeof kept->of.word[0]); i++) {
+    sum = (31U * sum) + kept->of.word[i];
+  }
+  return sum;
+}
+
+/* Work a set out of numbers. Returns which of them cannot be. */
+static uint32_t work(const amb_calibration_base *base, const amb_real numbers[AMB_PARAMETERS],
+                     amb_calibration_kept *kept)
+{
+  amb_calibration_set *set = &kept->of.set;
+  uint32_t wrong = refused(base, numbers);
+  if ((wrong == 0U) && (filter(base, numbers, &set->kf) != AMB_OK)) {
+    wrong = UINT32_MAX;
+  }
+  if (wrong == 0U) {
+    controller(base, numbers, set);
+    tie(base, numbers[AMB_STRONG], set);
+    copy(numbers, set->numbers);
+    kept->sum = sum_of(kept);
+  }
+  return wrong;
+}
+
+static void fly(amb_calibration *calibration, uint32_t set)
+{
+  calibration->flying = set;
+  calibration->copy[0] = set;
+  calibration->copy[1] = set;
+}
+
+void amb_calibration_init(const amb_calibration_base *base, amb_calibration *calibration)
+{
+  copy(base->exported, calibration->wanted);
+  copy(base->exported, calibration->in_use);
   calibration->request = 0U;
   calibration->answered = 0U;
   calibration->refused = 0U;
-  calibration->flying = 0U;
+  fly(calibration, 0U);
 }
 
 const amb_control *amb_calibration_update(const amb_calibration_base *base,
                                           amb_calibration *calibration)
 {
+  const bool agree = calibration->flying == calibration->copy[0];
+  const uint32_t flying = agree ? calibration->flying : calibration->copy[1];
+  const uint32_t idle = (flying == 1U) ? 2U : 1U;
+  amb_calibration_kept *next = &calibration->kept[idle - 1U];
+  fly(calibration, flying);
   if (calibration->request != calibration->answered) {
     const uint32_t request = calibration->request;
-    const uint32_t idle = (calibration->flying == 1U) ? 2U : 1U;
-    amb_calibration_set *set = &calibration->set[idle - 1U];
     amb_real wanted[AMB_PARAMETERS]; /* as they are now, whatever is written meanwhile */
-    for (int n = 0; n < (int)AMB_PARAMETERS; n++) {
-      wanted[n] = calibration->wanted[n];
+    copy(calibration->wanted, wanted);
+    calibration->refused = work(base, wanted, next);
+    if (calibration->refused == 0U) {
+      fly(calibration, idle);
     }
-    uint32_t wrong = refused(wanted);
-    if ((wrong == 0U) && (filter(base, wanted, &set->kf) != AMB_OK)) {
-      wrong = UINT32_MAX;
-    }
-    if (wrong == 0U) {
-      controller(base, wanted, set);
-      tie(base, wanted[AMB_STRONG], set);
-      for (int n = 0; n < (int)AMB_PARAMETERS; n++) {
-        calibration->in_use[n] = wanted[n];
-      }
-      calibration->flying = idle;
-    }
-    calibration->refused = wrong;
     calibration->answered = request;
+  } else if ((flying != 0U) &&
+             (calibration->kept[flying - 1U].sum != sum_of(&calibration->kept[flying - 1U]))) {
+    fly(calibration, (work(base, calibration->in_use, next) == 0U) ? idle : 0U);
+  } else { /* all is as it was */
   }
-  return (calibration->flying == 0U) ? base->control
-                                     : &calibration->set[calibration->flying - 1U].control;
+  if (calibration->flying == 0U) {
+    copy(base->exported, calibration->in_use);
+    return base->control;
+  }
+  const amb_calibration_set *set = &calibration->kept[calibration->flying - 1U].of.set;
+  copy(set->numbers, calibration->in_use);
+  return &set->control;
+}
+
+const amb_control *amb_calibration_flown(const amb_calibration_base *base, amb_works_by *works_by)
+{
+  const amb_control *control = amb_working_by(works_by);
+  if (control != base->control) {
+    const void *start = control; /* of what was kept */
+    const amb_calibration_kept *kept = (const amb_calibration_kept *)start;
+    control = (kept->sum == sum_of(kept)) ? control : base->control;
+  }
+  return control;
 }
 
 #else

@@ -1,6 +1,21 @@
 #include "ambkit/control.h"
 #include "ambkit/envelope.h"
 
+void amb_work_by(amb_works_by *works_by, const amb_control *control)
+{
+  works_by->control = control;
+  works_by->copy[0] = control;
+  works_by->copy[1] = control;
+}
+
+const amb_control *amb_working_by(amb_works_by *works_by)
+{
+  const amb_control *control =
+      (works_by->control == works_by->copy[0]) ? works_by->control : works_by->copy[1];
+  amb_work_by(works_by, control);
+  return control;
+}
+
 static void start_at(const amb_control *c, amb_control_state *s, void *filter,
                      const amb_real y[AMB_SENSORS])
 {
@@ -132,7 +147,7 @@ static amb_status supervise(const amb_control *c, amb_control_state *s, void *fi
     s->missed++;
   } else { /* for too long, however long */
   }
-  if ((told & unsure) != 0U) {
+  if (((told & unsure) != 0U) || (s->doubted > c->settling)) { /* or a bit has flipped */
     s->doubted = c->settling;
   } else if (used && (s->doubted > 0U)) {
     s->doubted--;

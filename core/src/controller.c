@@ -1,8 +1,24 @@
 #include "ambkit/controller.h"
 
-void amb_pid_reset(amb_pid_state *state, amb_real integral)
+/* Beyond so many ranges of the current the derivative is no rotor's. */
+#define FASTEST AMB_C(1000.0)
+
+static void keep(amb_pid_state *state, amb_real integral)
 {
   state->integral = integral;
+  state->copy[0] = integral;
+  state->copy[1] = integral;
+}
+
+/* The one of three of which two are equal. */
+static amb_real kept(const amb_pid_state *state)
+{
+  return (state->integral == state->copy[0]) ? state->integral : state->copy[1];
+}
+
+void amb_pid_reset(amb_pid_state *state, amb_real integral)
+{
+  keep(state, integral);
   state->last_r = AMB_C(0.0);
   state->last_x = AMB_C(0.0);
   state->velocity = AMB_C(0.0);
@@ -20,6 +36,9 @@ amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, am
       state->velocity = *velocity;
     } else if (state->started) {
       state->velocity += ((x - state->last_x) - pid->T * state->velocity) / (pid->T_f + pid->T);
+      if (!AMB_WITHIN(pid->kd * state->velocity, FASTEST * (pid->iu_max - pid->iu_min))) {
+        state->velocity = AMB_C(0.0); /* a bit in memory has flipped */
+      }
     } else { /* nothing to compare it with */
     }
     state->last_x = x;
@@ -33,14 +52,16 @@ amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, am
 
   const amb_real error = state->last_r - state->last_x;
   const amb_real weighted = pid->weight * state->last_r - state->last_x;
-  const amb_real demanded = pid->kp * weighted + state->integral - pid->kd * state->velocity;
+  const amb_real integral = kept(state);
+  const amb_real demanded = pid->kp * weighted + integral - pid->kd * state->velocity;
   *iu = amb_clamp(demanded, pid->iu_min, pid->iu_max);
   const bool saturated = (*iu < demanded) || (*iu > demanded);
   if (pid->T_t > AMB_C(0.0)) {
-    state->integral += pid->T * (pid->ki * error + (*iu - demanded) / pid->T_t);
+    keep(state, integral + (pid->T * (pid->ki * error + (*iu - demanded) / pid->T_t)));
   } else if (!saturated) {
-    state->integral += pid->T * pid->ki * error;
+    keep(state, integral + (pid->T * pid->ki * error));
   } else { /* at the limit it stands */
+    keep(state, integral);
   }
   return saturated ? (status | AMB_SATURATED) : status;
 }

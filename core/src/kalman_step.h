@@ -261,7 +261,8 @@ AMB_INLINE amb_status amb_step_outlier(const amb_kalman *kf, amb_sensor_state *s
 /* Whether innovations have been larger than expected for a while. */
 AMB_INLINE amb_status amb_step_surprised(amb_sensor_state *sensor, amb_real e, amb_real S)
 {
-  amb_real share = sensor->surprise * (AMB_C(1.0) - AMB_C(1.0) / AMB_MEMORY);
+  const amb_real before = AMB_WITHIN(sensor->surprise, AMB_C(1.0)) ? sensor->surprise : AMB_C(0.0);
+  amb_real share = before * (AMB_C(1.0) - AMB_C(1.0) / AMB_MEMORY);
   if ((e * e) > (AMB_C(4.0) * S)) {
     share += AMB_C(1.0) / AMB_MEMORY;
   }

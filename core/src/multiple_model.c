@@ -120,6 +120,37 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
   return status;
 }
 
+/* Whether weights are from 0 to 1 and add to 1, to half of the digits. */
+static bool are_weights(int n, const amb_real w[AMB_MODELS])
+{
+  bool each = true;
+  amb_real sum = AMB_C(0.0);
+  for (int j = 0; j < n; j++) {
+    each = each && (w[j] >= AMB_C(0.0));
+    sum += w[j];
+  }
+  return each && AMB_WITHIN(sum - AMB_C(1.0), AMB_ROOT_EPSILON);
+}
+
+/* Where a bit in memory has flipped, those that are trusted stand in for the weights, and they for
+ * those. */
+static void mend(int n, amb_multiple_model_state *s)
+{
+  amb_real w[AMB_MODELS];
+  for (int j = 0; j < n; j++) {
+    w[j] = s->model[j].weight;
+  }
+  const bool good = are_weights(n, w);
+  const bool trusted = are_weights(n, s->trusted);
+  if (!good || !trusted) {
+    for (int j = 0; j < n; j++) {
+      const amb_real instead = trusted ? s->trusted[j] : (AMB_C(1.0) / (amb_real)n);
+      s->model[j].weight = good ? w[j] : instead;
+      s->trusted[j] = s->model[j].weight;
+    }
+  }
+}
+
 static void mix(int n, const amb_multiple_model *own, amb_multiple_model_state *s)
 {
   const int others = own->n - 1;
@@ -191,6 +222,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   amb_multiple_model_state *s = (amb_multiple_model_state *)state;
   amb_real iu[AMB_CONTROLS];
   amb_status status = amb_step_currents(kf, &s->base, u, iu);
+  mend(own->n, s);
   if ((status & AMB_BAD_CONTROL) != 0U) {
     amb_excitation_miss(&s->excitation);
   }

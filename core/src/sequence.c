@@ -62,9 +62,25 @@ static void wait(const amb_sequence *sequence, amb_sequence_state *state, bool u
   }
 }
 
+/* A bit in memory may flip. What has come some of the way has currents, and in flight it is there;
+ * nothing else is on its way. */
+static void mend(amb_sequence_state *state)
+{
+  const bool there = (state->mode == AMB_FLYING) || !AMB_WITHIN(state->share, AMB_C(1.0));
+  if (amb_sequence_on(state)) {
+    state->share = there ? AMB_C(1.0) : state->share;
+  } else if (state->mode > AMB_TRIPPED) {
+    state->mode = (state->share > AMB_C(0.0)) ? AMB_LIFTING : AMB_TRIPPED;
+  } else if (state->share > AMB_C(0.0)) {
+    state->mode = AMB_LIFTING;
+  } else { /* off, with nothing of the way */
+  }
+}
+
 amb_flight_mode amb_sequence_step(const amb_sequence *sequence, amb_sequence_state *state, bool fly,
                                   bool usable, bool limited)
 {
+  mend(state);
   if (amb_sequence_on(state)) {
     state->unusable = counted(state->unusable, !usable, sequence->lost);
     state->limited = counted(state->limited, limited, sequence->overloaded);

@@ -116,6 +116,9 @@ AMB_INLINE void sweep(const amb_kalman *kf, int j, int first, int beyond,
       square += s->W[j][c] * (s->W[j][c] * weight[c]); /* as it is: a square, the proof sees */
     }
   }
+  for (int i = j; i < n; i++) { /* as they are, were no bit in memory to flip */
+    s->U[i][j] = (i == j) ? AMB_C(1.0) : AMB_C(0.0);
+  }
   amb_real part = AMB_C(0.0);
   if (square > (NOTHING * kf->widest[j])) {
     part = PART / square;

@@ -18,18 +18,18 @@ extern "C" {
 #endif
 
 typedef enum amb_parameter {
-  AMB_VAR_Y,  /* variance of the measurement [m^2], > 0 */
-  AMB_VAR_U,  /* variance of the control signal [V^2], >= 0 */
-  AMB_VAR_D,  /* what the disturbance force's variance grows by in a sample [N^2], >= 0 */
-  AMB_GATE,   /* innovations beyond so many standard deviations are outliers [1], > 0 */
-  AMB_MASS,   /* of the rotor [kg], > 0 */
-  AMB_STRONG, /* the magnet's force over that of the export [1], > 0: k over the exported k */
+  AMB_VAR_Y,  /* variance of the measurement [m^2] */
+  AMB_VAR_U,  /* variance of the control signal [V^2] */
+  AMB_VAR_D,  /* what the disturbance force's variance grows by in a sample [N^2] */
+  AMB_GATE,   /* innovations beyond so many standard deviations are outliers [1] */
+  AMB_MASS,   /* of the rotor [kg] */
+  AMB_STRONG, /* the magnet's force over that of the export [1]: k over the exported k */
   AMB_KP,     /* gains of the PID: [A/m], */
   AMB_KI,     /* [A/(m s)], */
   AMB_KD,     /* [A s/m], */
   AMB_T_F,    /* derivative filter [s], */
   AMB_T_T,    /* tracking time [s], */
-  AMB_WEIGHT, /* set-point weight [1]; all >= 0 */
+  AMB_WEIGHT, /* set-point weight [1] */
   AMB_PARAMETERS
 } amb_parameter;
 
@@ -37,9 +37,11 @@ typedef enum amb_parameter {
 typedef struct amb_calibration_base {
   const amb_control *control; /* as exported */
   amb_real exported[AMB_PARAMETERS];
-  amb_real carried; /* weight of the rotor, as far as the filter knows it [N] ... */
-  amb_real bias;    /* ... and bias force of the magnet [N]: parts of the settings' f_0 */
-  bool as_printed;  /* eq. 19 as the paper prints it */
+  amb_real low[AMB_PARAMETERS];  /* limits of each: within them all sets hold the rotor, with ... */
+  amb_real high[AMB_PARAMETERS]; /* ... margins that the export names */
+  amb_real carried;              /* weight of the rotor, as far as the filter knows it [N] ... */
+  amb_real bias;   /* ... and bias force of the magnet [N]: parts of the settings' f_0 */
+  bool as_printed; /* eq. 19 as the paper prints it */
 } amb_calibration_base;
 
 /* A magnet whose force is another's, times a factor. */
@@ -48,16 +50,26 @@ typedef struct amb_scaled {
   amb_real scale; /* [1] */
 } amb_scaled;
 
-/* A set of constants that flies, or is worked on. */
+/* A set of constants that flies, or is worked on. It begins with what a controller points to. */
 typedef struct amb_calibration_set {
+  amb_control control;
   amb_kalman kf;
   amb_scaled scaled;
   amb_magnet magnet;
   amb_estimator estimator;
   amb_pid pid;
   amb_controllers law;
-  amb_control control;
+  amb_real numbers[AMB_PARAMETERS]; /* that it was made from */
 } amb_calibration_set;
+
+/* The same, and a sum over its words that no single bit leaves as it is. */
+typedef struct amb_calibration_kept {
+  union {
+    amb_calibration_set set;
+    uint32_t word[sizeof(amb_calibration_set) / sizeof(uint32_t)];
+  } of;
+  uint32_t sum;
+} amb_calibration_kept;
 
 /* All that a tool sees stands first: numbers, then counts of 32 bits. */
 typedef struct amb_calibration {
@@ -67,16 +79,22 @@ typedef struct amb_calibration {
   uint32_t answered;
   uint32_t
       refused; /* 0; or a sum of 1 << amb_parameter, of all bits where they do not go together */
-  uint32_t flying; /* 0: as exported; else the set that flies */
-  amb_calibration_set set[2];
+  uint32_t flying;  /* 0: as exported; else the set that flies */
+  uint32_t copy[2]; /* of that: a bit in memory may flip */
+  amb_calibration_kept kept[2];
 } amb_calibration;
 
 /* At power-on: what was exported flies. */
 void amb_calibration_init(const amb_calibration_base *base, amb_calibration *calibration);
 
-/* Look at a request. Returns the constants to fly by from now on. */
+/* Look at a request, and work anew what a bit that flipped in memory has spoiled. Returns the
+ * constants to fly by from now on. */
 const amb_control *amb_calibration_update(const amb_calibration_base *base,
                                           amb_calibration *calibration);
+
+/* What a sample is to fly by: what amb_calibration_update gave, or as exported where a bit of that
+ * has flipped since. */
+const amb_control *amb_calibration_flown(const amb_calibration_base *base, amb_works_by *works_by);
 
 #ifdef __cplusplus
 }

@@ -39,6 +39,19 @@ typedef struct amb_control {
   const amb_real *hold_by;      /* q x p: and what 1 m of each place adds [A/m] */
 } amb_control;
 
+/* What a controller works by. The pointer stands three times: nothing else tells that a bit of it
+ * has flipped in memory. */
+typedef struct amb_works_by {
+  const amb_control *control;
+  const amb_control *copy[2];
+} amb_works_by;
+
+/* Let it work by this, between two steps: a slower task may, which the sampling interrupts. */
+void amb_work_by(amb_works_by *works_by, const amb_control *control);
+
+/* What it works by, the one of three of which two are equal; all are then that one. */
+const amb_control *amb_working_by(amb_works_by *works_by);
+
 typedef struct amb_control_state {
   amb_pid_state pid[AMB_CONTROLS];
   amb_real u[AMB_CONTROLS];    /* control signals that act since the last sample [V] */

@@ -22,11 +22,13 @@ typedef struct amb_pid {
   amb_real iu_max;
 } amb_pid;
 
+/* The integral stands three times: nothing else tells that a bit of it has flipped in memory. */
 typedef struct amb_pid_state {
   amb_real integral; /* [A] */
   amb_real last_r;   /* last good reference [m] */
   amb_real last_x;   /* last good position [m] */
   amb_real velocity; /* filtered derivative of x [m/s] */
+  amb_real copy[2];  /* of the integral [A] */
   bool started;
 } amb_pid_state;
 

@@ -13,9 +13,6 @@ from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 
 READERS = ("readelf", "arm-none-eabi-readelf")
-FAR = 1e30
-"""Upper limit of what has none."""
-
 _COUNTS = {
     "request": "count up, and what is wanted is looked at",
     "answered": "the last request that was looked at",
@@ -122,16 +119,16 @@ def text(told: dict[str, Any], at: Symbol, variable: str) -> str:
     n = len(parameters)
     body = []
     for k, each in enumerate(parameters):
-        low = 1e-30 if each["above_zero"] else 0
+        low, high = each["low"], each["high"]
         place = at.address + k * real
         body += [
             f'/begin CHARACTERISTIC {variable}.wanted.{each["name"]} "{each["about"]}"',
-            f"  VALUE 0x{place:08X} Real 0 {prefix}.{each['name']} {low:g} {FAR:g}",
+            f"  VALUE 0x{place:08X} Real 0 {prefix}.{each['name']} {low!r} {high!r}",
             "/end CHARACTERISTIC",
         ]
         body += _measured(
             f"{variable}.in_use.{each['name']}", f"{each['about']}: what flies", kind,
-            f"{prefix}.{each['name']}", (0, FAR), place + n * real,
+            f"{prefix}.{each['name']}", (low, high), place + n * real,
         )  # fmt: skip
         body += [
             f'/begin COMPU_METHOD {prefix}.{each["name"]} ""',
@@ -170,7 +167,7 @@ def _measured(
 ) -> list[str]:
     return [
         f'/begin MEASUREMENT {name} "{about}"',
-        f"  {kind} {method} 0 0 {limits[0]:g} {limits[1]:.10g}",
+        f"  {kind} {method} 0 0 {limits[0]!r} {limits[1]!r}",
         f"  ECU_ADDRESS 0x{place:08X}",
         "/end MEASUREMENT",
     ]

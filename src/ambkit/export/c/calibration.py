@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.export.c import data
 from ambkit.export.c.crc import Constants
 from ambkit.export.c.data import CPrecision, Name
+from ambkit.export.c.limits import Limits, limits
 from ambkit.machine.magnets import bias_force_of
 
 if TYPE_CHECKING:
@@ -26,17 +28,15 @@ class Parameter(NamedTuple):
     name: str
     unit: str
     about: str
-    above_zero: bool = False
 
 
 PARAMETERS = (
-    Parameter("var_y", "m^2", "variance of the measurement", above_zero=True),
+    Parameter("var_y", "m^2", "variance of the measurement"),
     Parameter("var_u", "V^2", "variance of the control signal"),
     Parameter("var_d", "N^2", "growth of the disturbance force's variance in a sample"),
-    Parameter("gate", "1", "innovations beyond so many standard deviations are outliers",
-              above_zero=True),
-    Parameter("mass", "kg", "mass of the rotor", above_zero=True),
-    Parameter("strong", "1", "magnet constant k over the exported one", above_zero=True),
+    Parameter("gate", "1", "innovations beyond so many standard deviations are outliers"),
+    Parameter("mass", "kg", "mass of the rotor"),
+    Parameter("strong", "1", "magnet constant k over the exported one"),
     Parameter("kp", "A/m", "proportional gain"),
     Parameter("ki", "A/(m s)", "integral gain"),
     Parameter("kd", "A s/m", "derivative gain"),
@@ -81,13 +81,22 @@ def exported(controller: Controller) -> dict[str, float]:
     return found | dict(zip(gains, controller.law.pids[0], strict=False))
 
 
+@lru_cache(maxsize=4)
+def limits_of(controller: Controller) -> Limits:
+    """Return what is taken on the running rig, by the names in `PARAMETERS`."""
+    return limits(controller, exported(controller))
+
+
 def _fields(controller: Controller, name: str) -> dict[str, Any]:
     estimator, bearing = controller.estimator, controller.bearing
     bias = bias_force_of(estimator.magnet, bearing)
+    within = limits_of(controller)
     known = float(estimator.core.parameters["set"]["f_0"][0])
     return {
         "control": Name(f"&{name}_control"),
         "exported": np.array(list(exported(controller).values())),
+        "low": np.array([within.low[each.name] for each in PARAMETERS]),
+        "high": np.array([within.high[each.name] for each in PARAMETERS]),
         "carried": known - bias,
         "bias": bias,
         "as_printed": estimator.engine.as_printed,
@@ -106,7 +115,15 @@ def constants(controller: Controller, name: str, crc: Constants) -> None:
 
 def described(controller: Controller, name: str, precision: CPrecision) -> str:
     """Return what the A2L file is made of, as JSON."""
-    values = exported(controller)
-    parameters = [each._asdict() | {"exported": values[each.name]} for each in PARAMETERS]
-    told = {"prefix": name, "precision": precision, "parameters": parameters}
+    values, within = exported(controller), limits_of(controller)
+    parameters = [
+        each._asdict()
+        | {"exported": values[each.name], "low": within.low[each.name],
+           "high": within.high[each.name]}
+        for each in PARAMETERS
+    ]  # fmt: skip
+    told = {
+        "prefix": name, "precision": precision, "peak_of_sensitivity": within.peak,
+        "parameters": parameters,
+    }  # fmt: skip
     return json.dumps(told, indent=2) + "\n"

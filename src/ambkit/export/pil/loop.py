@@ -93,8 +93,8 @@ def pil(
         fields = [state.field for state in states(estimator.states)][:AXIS_STATES]
         image = build.firmware(export, "axis", fields, boards.QEMU_BOARD, folder / "qemu")
         built = build.size(export, PREFIX, for_board, folder / "board")
-        # The state and the output; the first word of the state leads to what it works by.
-        works_by = {(0, 0): f"{PREFIX}_control"}
+        # The state and the output; the first words of the state lead to what it works by.
+        works_by = {(0, 4 * k): f"{PREFIX}_control" for k in range(3)}
         bound = path.bound(image, f"{PREFIX}_step", objects=0b101, points=works_by)
         (folder / "pipes").mkdir()
         with Processor(image, folder / "pipes", 1, 1, AXIS_STATES) as processor:

@@ -1,0 +1,160 @@
+"""A campaign of single bit flips over what an export keeps in RAM; ``tests/export/bit_flips.c``."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+from typing import NamedTuple
+
+import objects
+from export_cases import INCLUDES, SAME_BITS
+
+from ambkit.export.c import CExport
+
+DRIVER = Path(__file__).parent / "export" / "bit_flips.c"
+
+FILTER = """
+typedef struct { amb_real integral, x, v; } outside;
+static heard step(rig_state *s, outside *o, const amb_real y[], amb_real iu[])
+{
+  rig_estimates now;
+  const amb_kalman_settings *set = &KF.set;
+  const amb_status status = rig_step(s, y[0], iu[0] / set->k_ui[0], &now);
+  const heard h = {now.feed_back, true, status};
+  const amb_real shown = y[0] / set->K_sen[0];
+  o->v += ((shown - o->x) - set->T * o->v) / ((amb_real)T_F + set->T);
+  o->x = shown;
+  const amb_real x = now.feed_back ? now.x : shown, v = now.feed_back ? now.v : o->v;
+  o->integral =
+      amb_clamp(o->integral - set->T * (amb_real)KI * x, set->iu_min[0], set->iu_max[0]);
+  iu[0] = amb_clamp(o->integral - (amb_real)KP * x - (amb_real)KD * v, set->iu_min[0],
+                    set->iu_max[0]);
+  return h;
+}
+static void begin(rig_state *s) { BEGIN; }
+"""
+"""A filter of one axis, fed back to a controller whose memory is not touched."""
+
+AXIS = """
+typedef struct { int k; } outside;
+static heard sample(rig_state *s, const amb_real y[], amb_real iu[])
+{
+  rig_output now;
+  const amb_status status = rig_step(s, y[0], 0, true, &now);
+  const heard h = {now.usable, now.mode == AMB_FLYING, status};
+  iu[0] = now.iu;
+  return h;
+}
+"""
+"""The whole controller of one axis."""
+
+CONTROLLER = """
+static void begin(rig_state *s) { rig_take_over(s, 0, 0); }
+static heard step(rig_state *s, outside *o, const amb_real y[], amb_real iu[])
+{
+  (void)o;
+  return sample(s, y, iu);
+}
+"""
+
+CALIBRATED = """
+static void begin(memory *s)
+{
+  rig_take_over(&s->rig, 0, 0);
+  rig_cal_init(&s->cal);
+  s->cal.wanted[AMB_VAR_Y] *= (amb_real)1.1;
+  s->cal.wanted[AMB_MASS] *= (amb_real)1.01;
+  s->cal.request++;
+  rig_calibrate(&s->cal, &s->rig);
+}
+static heard step(memory *s, outside *o, const amb_real y[], amb_real iu[])
+{
+  if (o->k++ % 10 == 9)
+    rig_calibrate(&s->cal, &s->rig);
+  return sample(&s->rig, y, iu);
+}
+"""
+
+MACHINE = """
+typedef struct { int k; } outside;
+static const amb_real middle[AMB_CONTROLS], nowhere[AMB_SENSORS];
+static void begin(rig_control_state *s)
+{
+  (void)nowhere;
+  BEGIN;
+}
+static heard step(rig_control_state *s, outside *o, const amb_real y[], amb_real iu[])
+{
+  (void)o;
+  rig_command now;
+  const amb_status status = rig_control_step(s, y, middle, SPEED, FLY &now);
+  const heard h = {now.estimates.feed_back, UP, status};
+  for (int c = 0; c < AMB_CONTROLS; c++)
+    iu[c] = now.iu[c];
+  return h;
+}
+"""
+
+
+class Found(NamedTuple):
+    """What became of the flights."""
+
+    flips: int
+    stuck: int
+    wrong: int
+    crashed: int
+    flagged: int
+    touched: int
+    lines: tuple[str, ...]
+    """Of those that did harm; the first one tells of the healthy flight."""
+
+
+def source(text: str, **macros: object) -> str:
+    """Return a campaign's program: what is stepped, and how."""
+    headers = str(macros.pop("header", "rig.h")).split()
+    includes = [f'#include "{name}"' for name in (*headers, "rig_data.h", "src/kalman_step.h")]
+    macros = {"NOISE": 1.0, "LOAD": 0.0, "NAME_STATE": "rig_state", "PLACE": "filter"} | macros
+    lines = [f"#define {name} {value}" for name, value in macros.items()]
+    memory = "typedef struct { rig_state rig; amb_calibration cal; } memory;\n"
+    lines += ["#define FILTER(s) ((const amb_kalman_state *)(const void *)&(s)->PLACE)"]
+    lines += ["typedef struct heard { bool fed; bool up; amb_status status; } heard;"]
+    lines += [memory] if macros["NAME_STATE"] == "memory" else []
+    return "\n".join([*includes, *lines, text, f'#include "{DRIVER}"', ""])
+
+
+def magnets_of(made: CExport) -> dict[str, str]:
+    """Return what the rotor's forces are, as a macro."""
+    data = (made.folder / "rig_data.h").read_text()
+    if "rig_stiffness" in data:
+        return {"STIFFNESS": "rig_stiffness"}
+    return {"MAGNETS": "rig_magnet" if "rig_magnet[" in data else "(&rig_magnet)"}
+
+
+def compiled(made: CExport, program: str, *flags: str) -> Path:
+    """Return the program, compiled with the export."""
+    main, out = made.folder / "bit_flips.c", made.folder / "bit_flips"
+    main.write_text(program)
+    command = ["gcc", "-std=gnu99", *SAME_BITS[1:], "-O2", *flags, *INCLUDES]
+    done = objects.build(command, [*made.sources, str(main)], out, made.folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    return out
+
+
+def campaign(
+    made: CExport, program: str, settling: int, *, before: int = 2000, after: int = 3000,
+    every: int = 1, first: int = 0,
+) -> Found:  # fmt: skip
+    """Fly with each bit flipped, or with one of so `every` from the `first` on."""
+    out = compiled(made, program)
+    words = [str(n) for n in (before, after, settling, every, first)]
+    text = subprocess.run([out, *words], capture_output=True, text=True, check=True).stdout
+    lines = text.splitlines()
+    numbers = [int(n) for n in re.findall(r"\d+", lines[-1])]
+    return Found(*numbers, tuple(lines[:-1]))  # type: ignore[arg-type]
+
+
+def settling_in(made: CExport) -> int:
+    """Return the samples until an estimate is settled, as the header has it."""
+    header = (made.folder / f"{made.name}.h").read_text()
+    return int(re.findall(r"_SETTLING (\d+)U", header)[0])
