@@ -119,7 +119,7 @@ NOT_RUN = (
         lambda has: has.tracking,
     ),
     NotRun(
-        "controller.c", "amb_pid_step", "pid->T * pid->ki * error;",
+        "controller.c", "amb_pid_step", "pid->T * pid->ki * error)",
         "integrals follow what is left of a demand", lambda has: has.tracking,
     ),
     NotRun(
@@ -205,6 +205,14 @@ FILTER = (
 operator of it makes a difference, those are seen."""
 
 CONTROL = (
+    *(
+        Unseen("", text, "for bits that flip in memory")
+        for text in (
+            "state->copy[", "works_by->copy[", "works_by->control", "FASTEST", "kept(state)",
+            "const bool there =", "there ? AMB_C(1.0)", "state->mode > AMB_TRIPPED",
+            "state->share > AMB_C(0.0)", "s->doubted > c->settling", "state->velocity = AMB_C(0.0)",
+        )
+    ),
     Unseen("", "out->usable = true;", "with a sequence the supervisor says it"),
     Unseen(
         "", "state->limited = false;",
@@ -232,7 +240,7 @@ CONTROL = (
     Unseen("", "int node = (int)at", "a machine's that is let turn"),
     Unseen("", "for (int k = 0; k < 3; k++)", "a machine's second and third"),
     Unseen("", "else if (!saturated)", "without a tracking time"),
-    Unseen("", "pid->T * pid->ki * error;", "without a tracking time"),
+    Unseen("", "pid->T * pid->ki * error)", "without a tracking time"),
     Unseen(
         "", "state->started = false;",
         "a first sample after another, of a PID that is fed by readings",
