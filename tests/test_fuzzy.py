@@ -209,16 +209,16 @@ RULE = Expert.from_map(MAP).rules[0].model_dump()
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"format": "ambkit record"}, 'e.json: format: must be "ambkit expert"'),
-        ({"version": 2}, "e.json: version: must be 1, .* is 2"),
-        ({"per_ampere": None}, "e.json: per_ampere: missing"),
-        ({"per_metre": 0}, "e.json: per_metre: must be greater than 0"),
-        ({"colour": "red"}, "e.json: colour: unknown key"),
-        ({"rules": []}, "e.json: rules: must be one or more, is an empty list"),
-        ({"rules": [RULE] * 65}, "e.json: rules: .* at most 64 items"),
-        ({"rules": [RULE, RULE | {"width_k_i": -1}]}, r"e.json: rules\[1\].width_k_i: must be"),
+        ({"format": "ambkit record"}, 'e.json:1: format: must be "ambkit expert"'),
+        ({"version": 2}, "e.json:1: version: must be 1, .* is 2"),
+        ({"per_ampere": None}, "e.json:1: per_ampere: missing"),
+        ({"per_metre": 0}, "e.json:1: per_metre: must be greater than 0"),
+        ({"colour": "red"}, "e.json:1: colour: unknown key"),
+        ({"rules": []}, "e.json:1: rules: must be one or more, is an empty list"),
+        ({"rules": [RULE] * 65}, "e.json:1: rules: .* at most 64 items"),
+        ({"rules": [RULE, RULE | {"width_k_i": -1}]}, r"e.json:1: rules\[1\].width_k_i: must be"),
         ({"rules": [RULE | {"weight_k_s": math.nan}]}, r"rules\[0\].weight_k_s: must be a finite"),
-        ({"current_range": [1, 1]}, "e.json: current_range: must ascend, is 1 A to 1 A"),
+        ({"current_range": [1, 1]}, "e.json:1: current_range: must ascend, is 1 A to 1 A"),
     ],
 )
 def test_a_file_that_is_no_network_is_told_apart(
@@ -239,7 +239,7 @@ def test_a_file_cut_short_says_in_which_line(tmp_path: Path) -> None:
 def test_a_file_with_something_else_is_refused(text: str, tmp_path: Path) -> None:
     path = tmp_path / "e.json"
     path.write_text(text)
-    with pytest.raises(AmbkitError, match=r"e\.json: must be a"):
+    with pytest.raises(AmbkitError, match=r"e\.json:1: must be a"):
         Expert.load(path)
 
 

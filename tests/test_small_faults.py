@@ -190,3 +190,19 @@ def test_what_a_compiler_calls_its_output_does_not_matter(
     fake.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     assert compiler.compiled({"a.c": ""}, ["a.c"], cross=fake.name) == b"made\n"
+
+
+def test_a_mistake_in_an_expert_is_told_with_its_line(tmp_path: Path) -> None:
+    from ambkit.fuzzy.training import train
+
+    path = tmp_path / "expert.json"
+    train(ZITTAU).save(path)
+    lines = path.read_text().splitlines()
+    rule = next(k for k, line in enumerate(lines) if "weight_k_i" in line) + 2
+    lines[rule] = lines[rule].replace('"weight_k_i": ', '"weight_k_i": "x", "colour": ', 1)
+    path.write_text("\n".join(lines))
+    problems = inspect(path).problems
+    assert len(problems) == 2
+    assert all(each.startswith(f"{path}:{rule + 1}: rules") for each in problems), problems
+    path.write_text("[3]\n")
+    assert inspect(path).problems[0].startswith(f"{path}:1: ")

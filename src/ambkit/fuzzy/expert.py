@@ -24,6 +24,7 @@ from ambkit.base.config import Part, Read
 from ambkit.base.config.problems import Problem, dotted
 from ambkit.base.config.texts import Description, Line
 from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.base.json_lines import line_of
 from ambkit.base.showing import Shown
 from ambkit.fuzzy.network import Scaling, default_width, network, scale_factors
 from ambkit.machine import paper
@@ -279,7 +280,8 @@ class Expert(Shown, Part):
         """
         name = os.fspath(path)
         try:
-            return cls.model_validate(json.loads(files.read_text(path)))
+            text = files.read_text(path)
+            return cls.model_validate(json.loads(text))
         except json.JSONDecodeError as error:
             raise AmbkitError(
                 f"{name}:{error.lineno}: not valid JSON: {error.msg}; "
@@ -288,7 +290,10 @@ class Expert(Shown, Part):
         except RecursionError:
             raise AmbkitError(f"{name}: is nested too deeply for an expert") from None
         except ValidationError as error:
-            found = [(name, dotted(p.path), p.text) for p in Problem.unpack(error)]
+            found = [
+                (f"{name}:{line_of(text, p.path)}", dotted(p.path), p.text)
+                for p in Problem.unpack(error)
+            ]
             raise ConfigError([": ".join(filter(None, parts)) for parts in found], name) from None
         except ValueError:  # of int(), which takes only so many digits
             most = sys.get_int_max_str_digits()
