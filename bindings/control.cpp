@@ -95,6 +95,7 @@ void Law::set_let_turn(const nb::dict &given, size_t p, size_t seen)
   const size_t width = at("let_turn_width"), moved = at("let_turn_moved");
   const auto step = nb::cast<amb_real>(given["let_turn_step"]);
   if (nodes < 2 || seen > AMB_LET_TURN_STATES || from + width > seen || moved > seen ||
+      width > AMB_LET_TURN_WIDTH || p > AMB_LET_TURN_AXES || width % 2 != 0 || moved % 2 != 0 ||
       (!(step > 0) && !(step < 0)))
     throw std::invalid_argument("a motion that is left to the rotor: there are not these states");
   let_turn = {static_cast<int>(nodes),
@@ -104,7 +105,9 @@ void Law::set_let_turn(const nb::dict &given, size_t p, size_t seen)
               nb::cast<amb_real>(given["let_turn_first"]),
               step,
               kept.numbers(given, "let_turn_motion", nodes * moved * width),
-              kept.numbers(given, "let_turn_current", nodes * p * width)};
+              kept.numbers(given, "let_turn_current", nodes * p * width),
+              kept.numbers(given, "let_turn_reach", p * moved / 2),
+              kept.numbers(given, "let_turn_ampere", p)};
   law.let_turn = &let_turn;
 }
 

@@ -133,9 +133,10 @@ def test_a_free_rigid_rotor_is_that_of_the_polynomials():
     machine = Machine.preset("tum_mlps").replace(speed="12000 rpm")
     plant, filter = Plant(machine), KalmanFilter(machine, synchronous=["unbalance"])
     told = controllers_of(plant, Control(unbalance="force-free"), filter).feedback
-    turn = let_turn(plant, filter, "force-free", 50.0)
-    plain = controllers_of(plant, Control(), filter).feedback
-    for speed in (200.0, 900.0, machine.speed):
+    control = controllers_of(plant, Control(), filter)
+    turn, plain = let_turn(plant, filter, control, "force-free", 50.0), control.feedback
+    for speed in (700.0, 900.0, machine.speed):
+        assert turn.share_at(speed) == 1.0
         motion, current = turn.at(speed)
         q, at = len(motion) // 2, slice(turn.start, turn.start + motion.shape[1])
         left = -plain["position"][:, :q] @ motion[:q]
@@ -241,17 +242,47 @@ def test_what_cannot_be_is_refused(control, feedback, said):
         simulate_machine(Machine.preset("tum_mlps"), flight)
 
 
-def test_what_cannot_be_let_turn_is_refused():
+@pytest.mark.parametrize(("unbalance", "peak"), [("force-free", 6320.0), ("still", 5410.0)])
+@pytest.mark.parametrize("size", [1e-9, 1e-3])
+def test_near_its_bending_nothing_is_left_to_the_rotor_however_small_its_unbalance(
+    unbalance, peak, size
+):
+    """At the critical speeds of the free rotor, and of the one that is held still."""
     one = Machine.preset("ufu_flexible")
-    bending = one.replace(speed=one.bending.frequency[0] * 1.035, unbalance=[
-        {"place": one.unbalance[0].place, "amount": 1e-3}])  # fmt: skip
-    for turned, told, said in (
-        (bending, Control(unbalance="force-free"), "of the travel or of the greatest current"),
-        (one, Control(unbalance="still", unbalance_from=500.0), "is not below the greatest speed"),
-    ):
-        filter = KalmanFilter(turned, synchronous=["unbalance"])
-        with pytest.raises(AmbkitError, match=said):
-            controllers_of(Plant(turned), told, filter)
+    machine = one.replace(
+        speed="9000 rpm", unbalance=[{"place": one.unbalance[0].place, "amount": size}]
+    )
+    filter = KalmanFilter(machine, synchronous=["unbalance"])
+    turn = controllers_of(Plant(machine), Control(unbalance=unbalance), filter).let_turn
+    rpm = np.linspace(500.0, 9000.0, 2000)
+    share = np.array([turn.share_at(each * np.pi / 30) for each in rpm])
+    assert not share[np.abs(rpm - peak) < 0.03 * peak].any()
+    assert (share[np.abs(rpm - 3600.0) < 300.0] == 1.0).all()
+    assert (share[rpm > 8000.0] == 1.0).all()
+    assert np.abs(np.diff(share)).max() < 0.1  # it fades
+    assert "rpm" in turn.sentence(unbalance, 0.0, machine.speed)
+    assert turn.sentence(unbalance, 8000 * np.pi / 30, machine.speed) is None
+
+
+@pytest.mark.parametrize("unbalance", ["force-free", "still"])
+def test_the_limit_of_a_large_unbalance_is_that_of_the_core(unbalance):
+    machine = Machine.preset("ufu_flexible").replace(speed="9000 rpm")
+    filter = KalmanFilter(machine, synchronous=["unbalance"])
+    turn = controllers_of(Plant(machine), Control(unbalance=unbalance), filter).let_turn
+    one = np.array([1e-6, 2e-6, -1e-6, 0.5e-6])[: turn.motion.shape[2]]
+    sizes = np.geomspace(1.0, 1e4, 4000)
+    share = np.array([turn.limited(machine.speed, size * one) for size in sizes])
+    assert share[0] == 1.0
+    assert share[-1] == 0.0
+    assert (np.diff(share) <= 0).all()
+    assert np.abs(np.diff(share)).max() < 0.02
+
+
+def test_there_must_be_speeds_at_which_it_is_let_turn():
+    one = Machine.preset("ufu_flexible")
+    filter = KalmanFilter(one, synchronous=["unbalance"])
+    with pytest.raises(AmbkitError, match="is not below the greatest speed"):
+        controllers_of(Plant(one), Control(unbalance="still", unbalance_from=500.0), filter)
     with pytest.raises(ConfigError, match="unbalance_from"):
         Control(unbalance_from=50.0)
 

@@ -26,17 +26,77 @@ static bool find(const amb_let_turn *turn, amb_real speed, amb_between *where)
   return at > AMB_C(0.0);
 }
 
-/* A row of a table of so many rows at a speed, times the unbalance. */
+/* A row of a table of so many rows at a speed, times the unbalance u. */
 static amb_real turned(const amb_let_turn *turn, const amb_between *where, const amb_real table[],
-                       int row, int rows, const amb_real x[])
+                       int row, int rows, const amb_real u[])
 {
   const amb_real *one = &table[((where->node * rows) + row) * turn->width];
   const amb_real *next = &one[rows * turn->width];
   amb_real sum = AMB_C(0.0);
   for (int j = 0; j < turn->width; j++) {
-    sum += (one[j] + (where->share * (next[j] - one[j]))) * x[turn->from + j];
+    sum += (one[j] + (where->share * (next[j] - one[j]))) * u[j];
   }
   return amb_is_finite(sum) ? sum : AMB_C(0.0);
+}
+
+/* What is left to the rotor: the first states' share in its motion, and the currents. */
+typedef struct amb_left {
+  amb_real motion[AMB_LET_TURN_STATES];
+  amb_real current[AMB_LET_TURN_AXES];
+} amb_left;
+
+/* The square of the greatest share of a travel or of a current that it takes in a turn: of the
+ * motion a quarter of a turn on is the velocity over the speed, of the current it is that of an
+ * unbalance there. */
+static amb_real taken(const amb_controllers *c, const amb_between *where, const amb_real u[],
+                      amb_real speed, const amb_left *left)
+{
+  const amb_let_turn *turn = c->let_turn;
+  const int half = turn->moved / 2;
+  amb_real across[AMB_LET_TURN_WIDTH];
+  amb_real most = AMB_C(0.0);
+  for (int j = 0; (j + 1) < turn->width; j += 2) {
+    across[j] = -u[j + 1];
+    across[j + 1] = u[j];
+  }
+  for (int f = 0; f < c->axes; f++) {
+    const amb_real *reach = &turn->reach[f * half];
+    const amb_real s = dot(half, reach, left->motion);
+    const amb_real v = dot(half, reach, &left->motion[half]) / speed;
+    const amb_real i = turn->ampere[f] * left->current[f];
+    const amb_real e = turn->ampere[f] * turned(turn, where, turn->current, f, c->axes, across);
+    const amb_real far = (s * s) + (v * v);
+    const amb_real much = (i * i) + (e * e);
+    const amb_real more = (far > much) ? far : much;
+    const bool known = amb_is_finite(far) && amb_is_finite(much);
+    const amb_real here = known ? more : AMB_C(1.0);
+    most = (here > most) ? here : most;
+  }
+  return most;
+}
+
+/* What is left to the rotor at a speed by the states x. */
+static void leave(const amb_controllers *c, const amb_between *where, amb_real speed,
+                  const amb_real x[], amb_left *left)
+{
+  const amb_let_turn *turn = c->let_turn;
+  const amb_real *u = &x[turn->from];
+  for (int i = 0; i < turn->moved; i++) {
+    left->motion[i] = turned(turn, where, turn->motion, i, turn->moved, u);
+  }
+  for (int f = 0; f < c->axes; f++) {
+    left->current[f] = turned(turn, where, turn->current, f, c->axes, u);
+  }
+  const amb_real none = AMB_LET_TURN_NONE * AMB_LET_TURN_NONE;
+  const amb_real full = AMB_LET_TURN_FULL * AMB_LET_TURN_FULL;
+  const amb_real most = taken(c, where, u, speed, left);
+  const amb_real share = amb_clamp((none - most) / (none - full), AMB_C(0.0), AMB_C(1.0));
+  for (int i = 0; i < turn->moved; i++) {
+    left->motion[i] *= share;
+  }
+  for (int f = 0; f < c->axes; f++) {
+    left->current[f] *= share;
+  }
 }
 
 /* What the states add to the current of an axis, by no, one and two powers of the speed. */
@@ -60,22 +120,23 @@ amb_status amb_controllers_step(const amb_controllers *c, amb_pid_state pid[], c
   const int n = c->states;
   const amb_real *x = state;
   amb_real others[AMB_LET_TURN_STATES];
+  amb_left left;
   amb_between where;
   const bool turning = (c->let_turn != NULL) && find(c->let_turn, speed, &where);
   if (turning) {
-    const amb_let_turn *turn = c->let_turn;
+    leave(c, &where, speed, state, &left);
     for (int i = 0; i < c->states; i++) {
       others[i] = state[i];
     }
-    for (int i = 0; i < turn->moved; i++) {
-      others[i] -= turned(turn, &where, turn->motion, i, turn->moved, state);
+    for (int i = 0; i < c->let_turn->moved; i++) {
+      others[i] -= left.motion[i];
     }
     x = others;
   }
   for (int f = 0; f < c->axes; f++) {
     iu[f] = fed_back(c, f, x, speed);
     if (turning) {
-      iu[f] += turned(c->let_turn, &where, c->let_turn->current, f, c->axes, state);
+      iu[f] += left.current[f];
     }
   }
   for (int j = 0; j < c->pids; j++) {

@@ -73,18 +73,43 @@ static void test_limits_and_no_numbers(void)
 }
 
 /* Two nodes from 10 to 30 rad/s, of the third state: 4 of the first, 2 of the second; 6 and 8 A. */
+static const amb_real motion[] = {0, 0, 0, 0, 4, 0, 2, 0}, current[] = {0, 0, 0, 0, 6, 0, 8, 0};
+static const amb_real farther[] = {0, 0, 0, 0, 4, 0, 0, 0}, none[] = {0, 0, 0, 0};
+static const amb_real small[] = {0, 0}, reach[] = {1, 0}, ampere[] = {0, AMB_C(0.25)};
+
+static amb_let_turn left_to_turn(void)
+{
+  return (amb_let_turn){.nodes = 2,
+                        .from = 2,
+                        .width = 2,
+                        .moved = 2,
+                        .first = 10,
+                        .step = 20,
+                        .motion = motion,
+                        .current = current,
+                        .reach = small,
+                        .ampere = small};
+}
+
+/* The first current with so much unbalance in the third and the fourth state, at 30 rad/s. */
+static amb_real first_current(const amb_let_turn *turn, amb_real ahead, amb_real across)
+{
+  const amb_real x[] = {0, 0, ahead, across}, r[] = {0};
+  amb_real iu[2];
+  amb_pid_state s;
+  amb_controllers c = made();
+  c.states = 4;
+  c.position = none;
+  c.let_turn = turn;
+  amb_pid_reset(&s, 0);
+  (void)amb_controllers_step(&c, &s, r, x, 30, iu);
+  return iu[0];
+}
+
 static void test_what_is_left_to_turn(void)
 {
-  const amb_real motion[] = {0, 0, 4, 2}, current[] = {0, 0, 6, 8};
-  const amb_let_turn turn = {.nodes = 2,
-                             .from = 2,
-                             .width = 1,
-                             .moved = 2,
-                             .first = 10,
-                             .step = 20,
-                             .motion = motion,
-                             .current = current};
-  const amb_real x[] = {4, 2, AMB_C(0.5)}, r[] = {5};
+  const amb_let_turn turn = left_to_turn();
+  const amb_real x[] = {4, 2, AMB_C(0.5), 0}, r[] = {5};
   const struct {
     amb_real speed, share;
   } at[] = {{-30, 0}, {0, 0}, {10, 0}, {15, AMB_C(0.25)}, {30, 1}, {90, 1}};
@@ -100,7 +125,7 @@ static void test_what_is_left_to_turn(void)
     CHECK_NEAR(iu[0], 4 - at[k].share * 2 + at[k].share * 3 + e);
     CHECK_NEAR(iu[1], at[k].share * 4 - 3 * e);
   }
-  const amb_real lost[] = {4, 2, NOT_A_NUMBER};
+  const amb_real lost[] = {4, 2, NOT_A_NUMBER, 0};
   amb_real iu[2];
   amb_pid_state s;
   amb_controllers c = made();
@@ -110,9 +135,32 @@ static void test_what_is_left_to_turn(void)
   CHECK(amb_is_finite(iu[0]) && amb_is_finite(iu[1]));
 }
 
+/* All up to 0.3 of a travel or a current, nothing from 0.5 on, at any angle of the rotor. */
+static void test_less_is_left_of_a_large_unbalance(void)
+{
+  amb_let_turn turn = left_to_turn();
+  const amb_real all = AMB_C(0.3), between = AMB_C(0.41231056256176605), nothing = AMB_C(0.5);
+  turn.motion = farther;
+  turn.reach = reach; /* 1 kg m moves the first axis by 4 of its travel */
+  CHECK_NEAR(first_current(&turn, all / 4, 0), 6 * all / 4);
+  CHECK_NEAR(first_current(&turn, between / 4, 0), 3 * between / 4);
+  CHECK_NEAR(first_current(&turn, nothing / 4, 0), 0);
+  CHECK_NEAR(first_current(&turn, 1, 0), 0);
+  CHECK_NEAR(first_current(&turn, AMB_C(1e30), 0), 0);
+  turn.reach = small;
+  turn.ampere = ampere; /* and takes 2 of the second's greatest current, a quarter turn on too */
+  CHECK_NEAR(first_current(&turn, all / 2, 0), 6 * all / 2);
+  CHECK_NEAR(first_current(&turn, between / 2, 0), 3 * between / 2);
+  const amb_real side = between / 2 / AMB_C(1.4142135623730951);
+  CHECK_NEAR(first_current(&turn, side, side), 3 * side);
+  CHECK_NEAR(first_current(&turn, side, -side), 3 * side);
+  CHECK_NEAR(first_current(&turn, nothing / 2, 0), 0);
+}
+
 int main(void)
 {
   test_what_is_left_to_turn();
+  test_less_is_left_of_a_large_unbalance();
   test_terms();
   test_limits_and_no_numbers();
   return failures;

@@ -24,20 +24,30 @@ extern "C" {
 /* A motion that goes round with the rotor and is left to it, with the currents that it needs: by
  * the `width` states of the unbalance u, from x[from] on, of the first `moved` states. Both are
  * known at speeds `first`, `first` + `step` and so on, linear in between; before the first there is
- * none, past the last it is that of the last. A rotor that turns backwards has a step below 0. */
+ * none, past the last it is that of the last. A rotor that turns backwards has a step below 0.
+ *
+ * Where the estimated unbalance takes more than AMB_LET_TURN_FULL of a travel or of a current, less
+ * of the motion is left to the rotor, continuously, and from AMB_LET_TURN_NONE on none. */
 typedef struct amb_let_turn {
   int nodes; /* >= 2 */
   int from;
-  int width;
-  int moved;
+  int width;      /* even: x and y of each plane */
+  int moved;      /* even: positions, then their velocities */
   amb_real first; /* [rad/s] */
   amb_real step;
   const amb_real *motion;  /* nodes x moved x width [m] or [rad], [m/s] or [rad/s], for 1 kg m */
   const amb_real *current; /* nodes x axes x width [A] */
+  const amb_real *reach;   /* axes x moved / 2: share of a travel that each position takes */
+  const amb_real *ampere;  /* [axes]: share of the greatest current that 1 A takes */
 } amb_let_turn;
 
-/* The most states of which a motion can be left out. */
+#define AMB_LET_TURN_FULL AMB_C(0.3)
+#define AMB_LET_TURN_NONE AMB_C(0.5)
+
+/* The most states of which a motion can be left out, states of the unbalance, and axes. */
 #define AMB_LET_TURN_STATES 64
+#define AMB_LET_TURN_WIDTH 16
+#define AMB_LET_TURN_AXES 16
 
 typedef struct amb_controllers {
   int axes;                  /* p */

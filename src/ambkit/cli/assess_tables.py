@@ -52,6 +52,7 @@ def tables_of_machine(found: Assessment) -> list[Any]:
     machine, names = found.bearing, list(found.loops)
     rpm = units.rpm(machine.speed, 6)
     of_loops: list[tuple[str, Any]] = [
+        ("zone, the worse of stability and displacement", lambda e: e.verdict),
         ("zone of ISO 14839-3", lambda e: e.zone),
         ("  worst axis", lambda e: "–" if e.worst is None else e.worst.name),
         (f"  peak of |S| to {value(found.top, 'Hz')}", lambda e: _number(e.peak)),
@@ -61,6 +62,7 @@ def tables_of_machine(found: Assessment) -> list[Any]:
         ("current by noise, rms, at most", lambda e: value(e.current_noise, "A", 3)),
         ("position by noise, rms, at most", lambda e: value(e.position_noise, "m", 3)),
         ("zone of ISO 14839-2", _asked(lambda d: d.zone)),
+        ("  greatest displacement, of the clearance", _asked(_displacement)),
         *CHECKS,
     ]
     shown = [
@@ -240,13 +242,17 @@ def _rows(top: float) -> list[tuple[str, Callable[[Any], str]]]:
         ("position by noise, rms", lambda e: value(e.position_noise, "m", 3)),
         ("zone of ISO 14839-2", _asked(lambda d: d.zone)),
         ("  greatest displacement, of the clearance",
-         _asked(lambda d: f"{100 * d.displacement / d.clearance:.2g} %")),
+         _asked(_displacement)),
         ("least harmonic load that comes to a limit",
          _asked(lambda d: value(d.capacity.least[0], "N", 3))),
         ("  at", _asked(lambda d: value(d.capacity.least[1], "Hz", 3))),
         ("copper loss", _asked(lambda d: _known(d.copper_loss, "W"))),
         ("temperature of the hottest coil", _asked(_temperature)),
     ]  # fmt: skip
+
+
+def _displacement(d: Demands) -> str:
+    return f"{100 * d.displacement / d.clearance:.2g} %"
 
 
 def _known(figure: float | None, unit: str) -> str:
@@ -312,4 +318,4 @@ def said(found: Assessment) -> list[str]:
         said.append(f"the check does not hold, as in an unstable loop: {', '.join(wrong)}")
     fed_by = [None] * ("measurement" in found.loops) + list(found.estimators.values())[:1]
     said += [each for each in dict.fromkeys(map(found.of.choice, fed_by)) if each]
-    return [*said, BASIS]
+    return [*said, *found.plain(), BASIS]

@@ -61,7 +61,7 @@ def simulate_machine(
     from ambkit.simulation.flight import Flight
     from ambkit.simulation.holding import holding
     from ambkit.simulation.machine import simulate_machine as fly
-    from ambkit.workflow.flying import FlightSummary, flight_for
+    from ambkit.workflow.flying import FlightSummary, flight_for, plain_control
     from ambkit.workflow.given import of_machine
     from ambkit.workflow.harmonics import harmonics
     from ambkit.workflow.separation import sentence, separations
@@ -103,6 +103,9 @@ def simulate_machine(
         output.note(sentence(apart, speed))
     if any(each["mode"] == "tripped" for each in data.get("modes", ())):
         output.note("it tripped: see lost and overload in the flight's [sequence]")
+    plain = plain_control(machine, happening, kalman)
+    if plain is not None:
+        output.note(plain)
     touched = run.samples_at_the_stop
     if touched and happening.start != "rest":
         output.note(f"the rotor touched a backup bearing in {touched} of {len(run.record)} samples")

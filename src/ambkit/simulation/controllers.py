@@ -212,8 +212,9 @@ def controllers_of(
     if control.unbalance != "fought" and (
         plant.machine.bending is not None or control.unbalance_from is not None
     ):
-        turn = let_turn(plant, estimator, control.unbalance, control.unbalance_from, fastest)
-        return replace(found, feedback=feedback, let_turn=turn)
+        found = replace(found, feedback=feedback)
+        turn = let_turn(plant, estimator, found, control.unbalance, control.unbalance_from, fastest)
+        return replace(found, let_turn=turn)
     if control.unbalance == "still":
         feedback["fed_back_by_square"] = -_synchronous(plant, estimator)[1]
     elif control.unbalance == "force-free":

@@ -10,8 +10,8 @@ that are told of it leave the poles of the loop where they are, at any speed.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from ambkit.models.machine import SLOWEST, unbalance_planes
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
+    from ambkit.machine.machine import Machine
     from ambkit.simulation.plant import Plant
 
 Array = NDArray[np.float64]
@@ -30,9 +31,27 @@ Complex = NDArray[np.complex128]
 
 NODES = 129
 """Speeds at which the motion is computed."""
-FAR = 0.5
-"""Share of the travel, or of the greatest current, that the machine's unbalance may take: where it
-takes more, as near a free rotor's own bending, it is fought."""
+LEAST, MOST = 1.5, 3.0
+"""Orbit without the controllers' reaction, over that under plain control: up to the first all of
+the motion is left to the rotor, from the second on none of it."""
+NEIGHBOURHOOD = 0.02
+"""Share of a speed within which the worst orbit counts: the true critical speed is near the
+model's, and not at it."""
+FULL, NONE = 0.3, 0.5
+"""Shares of the travel, and of the greatest current: where the estimated unbalance takes more than
+the first, less of its motion is left to the rotor, from the second on none. Zones A and C of
+ISO 14839-2 end there. The core holds them too (``AMB_LET_TURN_FULL``)."""
+
+
+class _Control(Protocol):
+    """What is known of plain control, `ambkit.simulation.controllers.Controllers`."""
+
+    @property
+    def pids(self) -> list[list[float]]: ...
+    @property
+    def spread(self) -> Array: ...
+    @property
+    def feedback(self) -> dict[str, Array]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +68,12 @@ class LetTurn:
         Of positions and velocities [m/(kg m)], [m/s/(kg m)], of angles in rad.
     current : ndarray (nodes, p, w)
         That it needs [A/(kg m)].
+    share : ndarray (nodes,)
+        Of the free motion, or of that of a rotor held still, which both have [1].
+    reach : ndarray (p, moved / 2)
+        Share of an axis's travel that a position takes [1/m], [1/rad].
+    ampere : ndarray (p,)
+        Share of an axis's greatest control current that 1 A takes [1/A].
     """
 
     first: float
@@ -56,6 +81,9 @@ class LetTurn:
     start: int
     motion: Array
     current: Array
+    share: Array
+    reach: Array
+    ampere: Array
 
     @property
     def counts(self) -> dict[str, int]:
@@ -71,14 +99,75 @@ class LetTurn:
         speed : float
             Of rotation [rad/s].
         """
-        at = float(np.clip((speed - self.first) / self.step, 0, len(self.motion) - 1))
-        node = min(int(at), len(self.motion) - 2)
-        share = at - node
-        motion, current = (
-            each[node] + share * (each[node + 1] - each[node])
-            for each in (self.motion, self.current)
+        return self._between(self.motion, speed), self._between(self.current, speed)
+
+    def share_at(self, speed: float) -> float:
+        """Return what share of the motion is left to the rotor at a speed [rad/s], of any size."""
+        return float(self._between(self.share, speed))
+
+    def limited(self, speed: float, unbalance: Array) -> float:
+        """Return what share of that is left of an unbalance as large as this, as in C.
+
+        Parameters
+        ----------
+        speed : float
+            Of rotation [rad/s].
+        unbalance : ndarray (w,)
+            States of the unbalance, x and y of each plane [kg m].
+        """
+        motion, current = self.at(speed)
+        across = np.stack([-unbalance[1::2], unbalance[::2]], axis=1).ravel()
+        positions = self.reach @ motion[: self.reach.shape[1]]
+        rows = np.vstack([positions, self.ampere[:, None] * current])
+        taken = float(((rows @ unbalance) ** 2 + (rows @ across) ** 2).max())
+        return float(np.clip((NONE**2 - taken) / (NONE**2 - FULL**2), 0.0, 1.0))
+
+    def for_unbalance_of(self, machine: Machine) -> LetTurn:
+        """Return the same, limited as the core limits it for a machine's unbalance."""
+        sizes = np.zeros(self.motion.shape[2])
+        planes = unbalance_planes(machine)
+        for z, amount, angle in machine.unbalances() if machine.speed else []:
+            if z in planes:
+                at = 2 * planes.index(z)
+                sizes[at : at + 2] += amount * np.array([math.cos(angle), math.sin(angle)])
+        share = self.limited(machine.speed, sizes)
+        return replace(
+            self, motion=share * self.motion, current=share * self.current, share=share * self.share
         )
-        return motion, current
+
+    def sentence(self, name: str, low: float, high: float) -> str | None:
+        """Return where it is plain control between two speeds [rad/s]; None where it is not.
+
+        Parameters
+        ----------
+        name : str
+            Of the control, as "force-free".
+        low, high : float
+            The slowest and the fastest.
+        """
+        speeds = np.abs(self.first + self.step * np.arange(len(self.share)))
+        inner = speeds[(speeds > abs(low)) & (speeds < abs(high))]
+        asked = np.array(sorted({abs(low), *map(float, inner), abs(high)}))
+        way = math.copysign(1.0, self.step)
+        nothing = np.array([self.share_at(way * float(each)) <= 0 for each in asked])
+        starts = np.flatnonzero(nothing & ~np.r_[False, nothing[:-1]])
+        ends = np.flatnonzero(nothing & ~np.r_[nothing[1:], False])
+        if not len(starts):
+            return None
+        rpm = asked * 30 / math.pi
+        where = ", ".join(
+            f"at {rpm[a]:.5g} rpm" if a == b else f"from {rpm[a]:.5g} to {rpm[b]:.5g} rpm"
+            for a, b in zip(starts, ends, strict=True)
+        )
+        return (
+            f'unbalance = "{name}" is plain control {where}, where the orbit would otherwise be '
+            f"{MOST:g} times as large or more, or a limit is near"
+        )
+
+    def _between(self, table: Array, speed: float) -> Array:
+        at = float(np.clip((speed - self.first) / self.step, 0, len(table) - 1))
+        node = min(int(at), len(table) - 2)
+        return np.asarray(table[node] + (at - node) * (table[node + 1] - table[node]))
 
 
 def let_turn_fields(turn: LetTurn | None) -> dict[str, Any]:
@@ -90,6 +179,8 @@ def let_turn_fields(turn: LetTurn | None) -> dict[str, Any]:
         "let_turn_step": turn.step,
         "let_turn_motion": turn.motion.ravel().tolist(),
         "let_turn_current": turn.current.ravel().tolist(),
+        "let_turn_reach": turn.reach.ravel().tolist(),
+        "let_turn_ampere": turn.ampere.tolist(),
     }
 
 
@@ -105,11 +196,16 @@ def check_unbalance(estimator: Estimator) -> None:
 def let_turn(
     plant: Plant,
     estimator: Estimator,
+    control: _Control,
     unbalance: Literal["force-free", "still"],
     start: float | None = None,
     fastest: float | None = None,
 ) -> LetTurn:
     """Return the motion that controllers are to leave to the rotor, over the speeds.
+
+    Less of it, and in the end nothing, is left where the orbit would be considerably larger than
+    under plain control: where the magnets' reaction is what damps, as near a critical speed of the
+    free rotor, or of the one that is held still. That is a ratio, whatever the unbalance.
 
     Parameters
     ----------
@@ -117,6 +213,8 @@ def let_turn(
         The machine.
     estimator : Estimator
         That feeds them.
+    control : Controllers
+        Plain control: the same without.
     unbalance : {"force-free", "still"}
         That of the free rotor, with currents that take the magnets' pull at it back; or that of one
         that is held where its magnets are, with the currents that hold it.
@@ -128,8 +226,7 @@ def let_turn(
     Raises
     ------
     AmbkitError
-        The estimator has no unbalance among its states; there is no speed between both; at the
-        machine's own speed it would take too much, see `FAR`.
+        The estimator has no unbalance among its states; there is no speed between both.
     """
     check_unbalance(estimator)
     machine = plant.machine
@@ -143,22 +240,31 @@ def let_turn(
     speeds = way * np.linspace(first, top, NODES)
     states = [k for k, state in enumerate(estimator.states) if state.role == "unbalance"]
     sizes = _sizes(plant, [estimator.states[k].size for k in states[::2]])
-    *_, taken = _at(plant, machine.speed, unbalance, sizes)
-    if first < abs(machine.speed) and taken > FAR:
-        raise AmbkitError(
-            f'{machine.name}: at {machine.speed:.6g} rad/s unbalance = "{unbalance}" would take '
-            f"{100 * taken:.3g} % of the travel or of the greatest current, which must be at most "
-            f'{100 * FAR:.3g} %: near its own bending a free rotor is to be held; "fought" does'
-        )
-    found = [_left(*_at(plant, float(speed), unbalance, sizes)) for speed in speeds]
-    motion, current = (np.array([_real(each) for each in of]) for of in zip(*found, strict=True))
-    motion[0], current[0] = 0.0, 0.0
-    return LetTurn(float(speeds[0]), float(speeds[1] - speeds[0]), states[0], motion, current)
+    rotor = _Rotor(plant, estimator)
+    motion, current, larger = [], [], []
+    for speed in map(float, speeds):
+        moved, needed = rotor.left(speed, unbalance)
+        motion.append(_real(np.vstack([moved, 1j * speed * moved])))
+        current.append(_real(rotor.ahead(speed)[:, None] * needed))
+        plain = rotor.plain(speed, control)
+        larger.append((rotor.orbits(moved, sizes) / rotor.orbits(plain, sizes)).max())
+    share = _shares(np.array(larger), speeds)
+    share[0] = 0.0
+    left = share[:, None, None]
+    room = np.array([min(alone.current_max, -alone.current_min) for alone in plant.alone])
+    return LetTurn(
+        float(speeds[0]), float(speeds[1] - speeds[0]), states[0], left * np.array(motion),
+        left * np.array(current), share, plant.H / rotor.travel[:, None], 1 / room,
+    )  # fmt: skip
 
 
-def _left(moved: Complex, current: Complex, taken: float) -> tuple[Complex, Complex]:
-    share = 1.0 if taken <= FAR else 0.0
-    return share * moved, share * current
+def _shares(larger: Array, speeds: Array) -> Array:
+    """Return what is left to the rotor at each speed, by how much larger its orbit would be."""
+    near = np.maximum(NEIGHBOURHOOD * np.abs(speeds), 1.01 * abs(speeds[1] - speeds[0]))
+    worst = [
+        larger[np.abs(speeds - speed) <= far].max() for speed, far in zip(speeds, near, strict=True)
+    ]
+    return np.clip((MOST - np.array(worst)) / (MOST - LEAST), 0.0, 1.0)
 
 
 def _sizes(plant: Plant, usual: list[float]) -> Array:
@@ -175,44 +281,80 @@ def _real(Z: Complex) -> Array:
     return np.stack([Z.real, -Z.imag], axis=-1).reshape(len(Z), -1)
 
 
-def _at(plant: Plant, speed: float, unbalance: str, sizes: Array) -> tuple[Complex, Complex, float]:
-    """Return the motion of positions and velocities, and the currents, by U of each plane.
+class _Rotor:
+    """A rotor with unbalance of 1 kg m at a speed W: ``D(W) q = W^2 push U + give F``."""
 
-    And what share of the travel, or of the greatest current, unbalance of these sizes takes.
-    """
-    machine, model = plant.machine, plant.model
-    q = len(machine.positions)
-    A = (model.A + speed * model.spin)[q : 2 * q, : 2 * q]
-    whole = -(speed**2) * np.eye(q) - A[:, :q] - 1j * speed * A[:, q:]
-    planes = [
-        geometry.matrix([machine.line(z, turn) for turn in (0.0, math.pi / 2)], machine.positions)
-        for z in unbalance_planes(machine)
-    ]
-    pushed = np.column_stack([one[0] - 1j * one[1] for one in planes]) / machine.masses[:, None]
-    moved = np.linalg.solve(whole, speed**2 * pushed)
-    k = [ConstantStiffness.of(alone) for alone in plant.alone]
-    k_i, k_s = (np.array([getattr(each, of) for each in k])[:, None] for of in ("k_i", "k_s"))
-    if unbalance == "force-free":
-        current = -(k_s / k_i) * (plant.H @ moved)
-    else:
-        give = np.linalg.solve(whole, model.b[q : 2 * q])
-        held = -np.linalg.lstsq(plant.H @ give, plant.H @ moved, rcond=None)[0]
-        moved, current = moved + give @ held, held / k_i
-    travel = np.array([alone.rotor.travel_limit for alone in plant.alone])
-    limit = np.array([alone.amplifier.current_limit for alone in plant.alone])
-    least = np.abs(np.linalg.pinv(plant.H)) @ travel
-    taken = max(
-        float((np.abs(moved) @ sizes / least).max()), float((np.abs(current) @ sizes / limit).max())
-    )
-    return np.vstack([moved, 1j * speed * moved]), _ahead(plant, speed)[:, None] * current, taken
+    def __init__(self, plant: Plant, estimator: Estimator) -> None:
+        machine, alone, model = plant.machine, plant.alone, plant.model
+        whole = estimator.whole
+        assert whole is not None
+        q = len(machine.positions)
+        k = [ConstantStiffness.of(each) for each in alone]
+        lines = [
+            machine.line(z, turn) for z in unbalance_planes(machine) for turn in (0.0, math.pi / 2)
+        ]
+        rows = slice(q, 2 * q)
+        self.T, self.delay = machine.sampling_time, machine.delay or 0.0
+        self.still, self.spin = model.A[rows, : 2 * q], model.spin[rows, : 2 * q]
+        self.H, self.give = plant.H, model.b[rows]
+        self.planes = geometry.matrix(lines, machine.positions)
+        self.push = (self.planes[::2] - 1j * self.planes[1::2]).T / machine.masses[:, None]
+        self.k_i, self.k_s = np.array([[e.k_i] for e in k]), np.array([[e.k_s] for e in k])
+        self.travel = np.array([each.rotor.travel_limit for each in alone])
+        self.corners = [each.amplifier.bandwidth for each in alone]
+        self.currents = [
+            (at, whole.axis_of(state), state)
+            for at, state in enumerate(estimator.states)
+            if state.role in ("current", "past control")
+        ]
 
+    def dynamics(self, speed: float) -> Complex:
+        """Return D (q, q) of a rotor without magnets."""
+        A, q = self.still + speed * self.spin, len(self.still)
+        return np.asarray(-(speed**2) * np.eye(q) - A[:, :q] - 1j * speed * A[:, q:])
 
-def _ahead(plant: Plant, speed: float) -> Complex:
-    """Return by what a demanded current is to be ahead of the current (p,): lag, delay, hold."""
-    T = plant.machine.sampling_time
-    late = np.exp(1j * speed * ((plant.machine.delay or 0.0) + T / 2)) / np.sinc(
-        speed * T / (2 * math.pi)
-    )
-    corners = [axis.bearing.amplifier.bandwidth for axis in plant.axes]
-    lags = [1.0 if each is None else 1 + 1j * speed / (2 * math.pi * each) for each in corners]
-    return np.asarray(late * np.array(lags))
+    def left(self, speed: float, unbalance: str) -> tuple[Complex, Complex]:
+        """Return the positions (q, planes) of a rotor free or held still, and its currents."""
+        D = self.dynamics(speed)
+        moved = np.asarray(np.linalg.solve(D, speed**2 * self.push), complex)
+        if unbalance == "force-free":
+            return moved, -(self.k_s / self.k_i) * (self.H @ moved)
+        give = np.linalg.solve(D, self.give)
+        held = -np.linalg.lstsq(self.H @ give, self.H @ moved, rcond=None)[0]
+        return np.asarray(moved + give @ held, complex), held / self.k_i
+
+    def plain(self, speed: float, control: _Control) -> Complex:
+        """Return the positions (q, planes) under plain control.
+
+        The estimator has the unbalance among its states, so that its mean turns as the rotor does.
+        """
+        T, q = self.T, len(self.still)
+        kp, ki, kd = np.array([pid[:3] for pid in control.pids]).T[:, :, None]
+        of, z = control.feedback, np.exp(1j * speed * T)
+        rows = (kp + ki * T / (z - 1)) * of["position"] + kd * of["velocity"]
+        rows = -control.spread @ rows
+        for power, name in enumerate(("fed_back", "fed_back_by_speed")):
+            rows = rows + speed**power * of.get(name, 0.0)
+        late, own = 1 / self.ahead(speed), np.eye(len(rows), dtype=complex)
+        for at, axis, state in self.currents:  # what answers to the currents themselves
+            past = state.role == "past control"
+            own[:, axis] -= rows[:, at] * (
+                z ** -int(state.name.rsplit("_", 1)[1]) if past else late[axis]
+            )
+        demanded = np.linalg.solve(own, rows[:, :q] + 1j * speed * rows[:, q : 2 * q])
+        pull = self.k_s * self.H + self.k_i * late[:, None] * demanded
+        D = self.dynamics(speed) - self.give @ pull
+        return np.asarray(np.linalg.solve(D, speed**2 * self.push), complex)
+
+    def orbits(self, moved: Complex, sizes: Array) -> Array:
+        """Return how far it goes: at most of a travel [1], and where its planes are [m]."""
+        at_axes, at_planes = (np.abs(rows @ moved) @ sizes for rows in (self.H, self.planes))
+        return np.array([(at_axes / self.travel).max(), at_planes.max()])
+
+    def ahead(self, speed: float) -> Complex:
+        """Return by what a demanded current is ahead of the current (p,): lag, delay, hold."""
+        late = np.exp(1j * speed * (self.delay + self.T / 2)) / np.sinc(
+            speed * self.T / (2 * math.pi)
+        )
+        lags = [1.0 if c is None else 1 + 1j * speed / (2 * math.pi * c) for c in self.corners]
+        return np.asarray(late * np.array(lags))

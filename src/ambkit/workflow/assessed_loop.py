@@ -166,6 +166,12 @@ class AssessedLoop:
         """What grows, the fastest first; empty of a stable loop."""
         return [] if self.stable else unstable_poles(self.loop)
 
+    @property
+    def verdict(self) -> str:
+        """The worse of the zones of the peak and of the displacement, A to D, or unstable."""
+        d = self.demands
+        return self.zone if d is None else max(self.zone, d.zone)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI: of the worst axis, and of several of each."""
         poles = self.loop.closed.poles()
@@ -173,6 +179,7 @@ class AssessedLoop:
             rates = np.log(np.abs(poles)) / self.loop.T
         found: dict[str, Any] = {
             "stable": self.stable,
+            "verdict": self.verdict,
             "zone": self.zone,
             "peak": self.peak,
             "peak_frequency": self.peak_frequency,

@@ -79,7 +79,7 @@ class Assessment(Shown):
 
     def __repr__(self) -> str:
         said = ", ".join(
-            f"{name}: zone {each.zone}, peak {each.peak:.3g} at {each.peak_frequency:.4g} Hz"
+            f"{name}: zone {each.verdict}, peak {each.peak:.3g} at {each.peak_frequency:.4g} Hz"
             if each.stable
             else f"{name}: unstable"
             for name, each in self.loops.items()
@@ -95,6 +95,7 @@ class Assessment(Shown):
             "least_peak": self.least[0],
             "least_complementary_peak": self.least[1],
             "loops": {name: each.to_dict() for name, each in self.loops.items()},
+            "plain_control": self.plain(),
         }
         if self.of.machine is None:
             return found | {
@@ -127,6 +128,11 @@ class Assessment(Shown):
         own = [self.controllers.get(name) for name in self.of.axes]
         known = [each for each in own if each is not None]
         return separations(machine, pids=known if len(known) == len(own) else None)
+
+    def plain(self) -> list[str]:
+        """Return a sentence where unbalance control is plain control at the machine's speed."""
+        each = {self.of.plain(estimator) for estimator in self.estimators.values()}
+        return sorted(one for one in each if one is not None)
 
     def grades(self, filter: str | None = None) -> list[Grade]:
         """Return what unbalance of each balance quality grade would do at the machine's speed.

@@ -133,8 +133,11 @@ def assessment(of: Assessment) -> Card:
         told = ["–"] * 3 if m is None else [
             f"{each.peak:.3f}", f"{math.degrees(m.phase):.1f}°", value(m.delay, "s", 3)
         ]  # fmt: skip
-        rows.append([name, each.zone, *told, value(each.current_noise, "A", 3)])
-    heads = ["fed by", "zone", "peak of |S|", "phase margin", "delay margin", "current by noise"]
+        d = each.demands
+        far = "–" if d is None else f"{100 * d.displacement / d.clearance:.2g} %"
+        rows.append([name, each.verdict, *told, value(each.current_noise, "A", 3), far])
+    heads = ["fed by", "zone", "peak of |S|", "phase margin", "delay margin", "current by noise",
+             "displacement, of the clearance"]  # fmt: skip
     least = [f"No linear controller is below {of.least[0]:.3f}."] if of.least[0] > 1 else []
     title = f"Stability margins of {of.bearing.name}"
     return Card(title, rows, of.figure(), heads, [*least, BASIS])

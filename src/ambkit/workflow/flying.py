@@ -13,14 +13,39 @@ from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.judge.machine import errors_along
+from ambkit.simulation.controllers import controllers_of
 from ambkit.simulation.flight import Flight
+from ambkit.simulation.plant import Plant
 from ambkit.simulation.sequence import Mode
 from ambkit.workflow.simulating import LOAD_AT
 
 if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
     from ambkit.machine.machine import Machine
     from ambkit.simulation.machine import MachineRun
     from ambkit.workflow.harmonics import Harmonic
+
+
+def plain_control(machine: Machine, flight: Flight, estimator: Estimator | None) -> str | None:
+    """Return a sentence on where a flight's unbalance control is plain control.
+
+    Parameters
+    ----------
+    machine : Machine
+        What flies.
+    flight : Flight
+        What happens to it.
+    estimator : Estimator or None
+        That feeds the controllers.
+    """
+    if flight.control.unbalance == "fought" or estimator is None:
+        return None
+    T = machine.sampling_time
+    t = T * np.arange(max(2, round(flight.duration / T) + 1) + 1, dtype=float)
+    speed = np.abs([machine.speed] if flight.speed is None else flight.speed.sample(t))
+    low, high = float(speed.min()), float(speed.max())
+    turn = controllers_of(Plant(machine), flight.control, estimator, fastest=high).let_turn
+    return None if turn is None else turn.sentence(flight.control.unbalance, low, high)
 
 
 def flight_for(

@@ -212,8 +212,15 @@ class LoopOf:
             found = [pid.completed(b) for pid, b in zip(each, self.alone, strict=True)]
         return [one.model_copy(update={"feedback": feedback}) for one in found]
 
-    def flown_by(self, estimator: Estimator | None) -> Controllers:
+    def flown_by(self, estimator: Estimator | None, fastest: float | None = None) -> Controllers:
         """Return the controllers as they fly, fed by an estimator or the measurement.
+
+        Parameters
+        ----------
+        estimator : Estimator or None
+            That feeds them.
+        fastest : float, optional
+            Speed up to which they fly [rad/s]; the machine's own by default.
 
         Raises
         ------
@@ -228,7 +235,17 @@ class LoopOf:
             return Controller(self.bearing, estimator, self.fed_by(estimator)[0]).law
         control = self.control_for(estimator)
         pids = self.fed_by(estimator) if control.type == "decentralised" else None
-        return controllers_of(Plant(self.machine), control, estimator, pids)
+        return controllers_of(Plant(self.machine), control, estimator, pids, fastest)
+
+    def plain(self, estimator: Estimator | None) -> str | None:
+        """Return a sentence where unbalance control is plain control at the machine's speed."""
+        if self.machine is None or self.control.unbalance == "fought":
+            return None
+        turn = self.flown_by(estimator).let_turn
+        if turn is None:
+            return None
+        speed = self.machine.speed
+        return turn.for_unbalance_of(self.machine).sentence(self.control.unbalance, speed, speed)
 
     def pids(self, estimator: Estimator | None = None) -> dict[str, PID]:
         """Return the PIDs by what each is of: an axis, or a coordinate of the rotor.
@@ -296,6 +313,8 @@ class LoopOf:
         shown = flown.of_axes @ self.shown
         if estimator is None:
             return None, control, shown
+        if self.machine is not None and flown.let_turn is not None:
+            flown = replace(flown, let_turn=flown.let_turn.for_unbalance_of(self.machine))
         rows = fed(flown, len(estimator.states), self.bearing.speed or 0.0)
         return (
             estimator_at(estimator, self.point, (rows, control.inputs[: len(rows)])),

@@ -258,7 +258,7 @@ def assess_over_speed(
             f"one loop is looked at over speed: give one filter, not {len(estimators)}"
         )
     ((name, estimator),) = estimators.items() or [(MEASUREMENT, None)]
-    run = _Run(machine, estimator, controller, given_load(machine, load), orbit)
+    run = _Run(machine, estimator, controller, given_load(machine, load), orbit, fastest)
     speeds = np.linspace(0.0, fastest, count)
     each = [run.at(float(speed)) for speed in speeds]
     checked = sorted({0.0, fastest, *([machine.speed] if 0 < machine.speed < fastest else [])})
@@ -302,6 +302,7 @@ class _Run:
         controller: PID | Control | None,
         load: Any,
         orbit: bool,
+        fastest: float,
     ) -> None:
         planes = tuple(
             Unbalance(place=place, amount=amount, angle=angle)
@@ -311,7 +312,7 @@ class _Run:
         self.estimator, self.orbit = estimator, orbit
         of = LoopOf(self.machine, controller, load=load)
         self.point, self.axes, self.control = of.point, of.axes, of.control
-        self.flown = of.flown_by(estimator)
+        self.flown = of.flown_by(estimator, fastest)
 
     def loop(self, speed: float) -> tuple[LoopOf, Loop]:
         """Return the loop at a speed [rad/s], and what it is of."""

@@ -69,6 +69,8 @@ def verdict(found: Assessment, filter: str, over: OverSpeed | None = None) -> li
     frailest = min(all_of, key=lambda each: each.demands.capacity.least[0])
     load, at = frailest.demands.capacity.least
     lines = [
+        Line("zone, the worse of stability and displacement", loop.verdict, "A",
+             loop.verdict == "A"),
         Line("peak of the sensitivity (ISO 14839-3)",
              f"{loop.peak:.3f} at {engineering(loop.peak_frequency, 'Hz', 4)}{axis}, "
              f"zone {loop.zone}", f"below {ZONE_A:g} for zone A", loop.peak < ZONE_A),
@@ -283,6 +285,8 @@ def facts(found: Assessment, filter: str) -> dict[str, str]:
     gains: dict[str, list[str]] = {}
     if found.of.machine is not None:
         told |= _control(found.of.control_for(found.estimators.get(filter)))
+        plain = found.of.plain(found.estimators.get(filter))
+        told |= {} if plain is None else {"plain control": plain}
     for name, c in found.of.pids(found.estimators.get(filter)).items():
         if c.type == "lqg":
             told["control"] = c.type

@@ -81,7 +81,8 @@ def context(
     }  # fmt: skip
     turn = controllers.let_turn
     if turn is not None:
-        named |= {"motion": turn.motion.ravel(), "current": turn.current.ravel()}
+        tables = ("motion", "current", "reach", "ampere")
+        named |= {key: getattr(turn, key).ravel() for key in tables}
     whole = flight.sequence and MachineController(
         plant, estimator, controllers, flight.sequence, fed is not None
     )

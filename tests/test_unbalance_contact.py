@@ -1,0 +1,177 @@
+"""Unbalance control never takes a rotor into its backup bearings where plain control does not."""
+
+import functools
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import KalmanFilter, Machine
+from ambkit.simulation.controllers import Control, controllers_of
+from ambkit.simulation.flight import Flight
+from ambkit.simulation.holding import holding
+from ambkit.simulation.let_turn import _Rotor
+from ambkit.simulation.plant import Plant
+from ambkit.simulation.waveforms import Constant, Ramp, Sum
+from ambkit.workflow.assessed_loop import assessed
+from ambkit.workflow.loop_of import LoopOf
+
+OVERHUNG = Path(__file__).parent / "data" / "overhung.toml"
+"""An overhung compressor of 50,000 rpm with a forward critical speed of the free rotor near it."""
+PRESETS = ("ufu_flexible", "tum_mlps_flexible", "compressor")
+RPM = math.pi / 30
+
+
+def random_rotor(seed: int) -> Machine:
+    """Return a rotor like the overhung one, of other sizes, places and damping; it can be held."""
+    rng = np.random.default_rng(seed)
+    base = Machine.load(OVERHUNG)
+    while True:
+        long, thick = rng.uniform(0.8, 1.4), rng.uniform(0.7, 1.2)
+        rotor = base.rotor.model_dump(mode="json")
+        for each in rotor["section"]:
+            each["length"] *= long
+            each["outer_diameter"] *= thick * rng.uniform(0.9, 1.1)
+        for each in rotor["disc"]:
+            each["place"] *= long
+            heavy = rng.uniform(0.5, 2.0)
+            for key in ("mass", "transverse_inertia", "polar_inertia"):
+                each[key] *= heavy
+        rotor["damping_ratio"] = float(np.exp(rng.uniform(np.log(0.001), np.log(0.02))))
+        placed = {
+            key: [
+                each.model_copy(update={"place": each.place * long}) for each in getattr(base, key)
+            ]
+            for key in ("bearing", "sensor", "unbalance")
+        }
+        try:
+            machine = base.replace(name=f"rotor_{seed}", rotor=rotor, speed=20000 * RPM, **placed)
+            first = float(machine.bending.frequency[0])
+            machine = machine.replace(speed=min(first, 65000 * RPM))
+        except (ambkit.AmbkitError, AttributeError, IndexError):
+            continue
+        if holding(machine, "estimate").held and first < 65000 * RPM:
+            return machine
+
+
+@functools.lru_cache
+def machine_of(name: str | int) -> Machine:
+    if name == "overhung":
+        return Machine.load(OVERHUNG)
+    return random_rotor(name) if isinstance(name, int) else Machine.preset(name)
+
+
+@functools.lru_cache
+def criticals(name: str | int) -> dict[str, float]:
+    """Return the speeds at which the free rotor and the one held still move most [rad/s]."""
+    machine = machine_of(name)
+    filter = KalmanFilter(machine, synchronous=["unbalance"])
+    rotor = _Rotor(Plant(machine), filter)
+    sizes = np.ones(rotor.push.shape[1])
+    speeds = float(machine.bending.frequency[0]) * np.linspace(0.4, 1.4, 400)
+    found = {}
+    for kind in ("force-free", "still"):
+        far = [rotor.orbits(rotor.left(w, kind)[0], sizes)[1] for w in speeds]
+        found[kind] = float(speeds[np.argmax(far)])
+    return found
+
+
+def drawn(run: int, machines: tuple[str | int, ...]) -> tuple[Machine, Machine, Flight]:
+    """Return a machine as described, as it is, and a ramp or a stay near a critical speed."""
+    rng = np.random.default_rng([run, 7])
+    name = machines[run % len(machines)]
+    machine, kind = machine_of(name), rng.choice(["force-free", "force-free", "still"])
+    peak, T = criticals(name)[kind], 0.2
+    if rng.random() < 0.3:
+        top = peak * rng.uniform(0.85, 1.15)
+        speed = Constant(value=top)
+    else:
+        slope = RPM * float(np.exp(rng.uniform(np.log(5e3), np.log(1e5))))
+        low = max(peak - slope * T * rng.uniform(0.2, 0.9), 300 * RPM)
+        speed = Sum(parts=(Constant(value=low), Ramp(slope=slope, end=0.8 * T)))
+        top = low + 0.8 * T * slope
+    top = min(top, 0.9 * math.pi / machine.sampling_time)
+    factor = float(np.exp(rng.uniform(np.log(0.2), np.log(5.0))))
+    described = machine.replace(speed=top)
+    planes = [
+        {"place": z, "amount": factor * amount, "angle": rng.uniform(0, 2 * math.pi)}
+        for z, amount, _ in machine.unbalances()
+    ]
+    control = Control(
+        type=str(rng.choice(["decentralised", "translation and tilt", "lqg"], p=[0.6, 0.2, 0.2])),
+        unbalance=str(kind),
+    )
+    flight = Flight(duration=T, feedback="estimate", control=control, speed=speed, seed=run)
+    return described, described.replace(unbalance=planes), flight
+
+
+def touched(described: Machine, real: Machine, flight: Flight) -> int:
+    """Return in how many samples a backup bearing is touched."""
+    filter = KalmanFilter(described, synchronous=["unbalance"])
+    T = described.sampling_time
+    fastest = float(np.abs(flight.speed.sample(T * np.arange(round(flight.duration / T)))).max())
+    control = controllers_of(Plant(described), flight.control, filter, fastest=fastest)
+    run = ambkit.simulate_machine(real, flight, estimator=filter, controllers=control)
+    return run.samples_at_the_stop
+
+
+def worse(run: int, machines: tuple[str | int, ...]) -> tuple[int, int]:
+    """Return the samples in contact, and those under plain control where there are any."""
+    described, real, flight = drawn(run, machines)
+    now = touched(described, real, flight)
+    plain = flight.replace(control=flight.control.model_copy(update={"unbalance": "fought"}))
+    return now, touched(described, real, plain) if now else 0
+
+
+@pytest.mark.study
+def test_no_contact_where_plain_control_has_none():
+    """Ramps and stays near critical speeds, with 0.2 to 5 times the unbalance that is described."""
+    machines = (*PRESETS, "overhung", *range(6))
+    found = [worse(run, machines) for run in range(100)]
+    assert not [run for run, (now, plain) in enumerate(found) if now and not plain]
+
+
+@pytest.mark.parametrize("larger", [1.0, 5.0])
+def test_near_a_free_critical_speed_the_rotor_is_held(larger):
+    machine = machine_of("overhung").replace(speed="49000 rpm")
+    planes = [{"place": z, "amount": larger * u, "angle": a} for z, u, a in machine.unbalances()]
+    flight = Flight(
+        duration=0.15, feedback="estimate", speed=Constant(value=machine.speed),
+        control=Control(cross_feedback=0.3, unbalance="force-free"),
+    )  # fmt: skip
+    assert touched(machine, machine.replace(unbalance=planes), flight) == 0
+
+
+@pytest.mark.long
+def test_assess_judges_the_orbit_together_with_the_peak():
+    """Of an unbalance 18 times as large, near the critical speed of the free rotor."""
+    machine = machine_of("overhung").replace(speed="49000 rpm")
+    planes = [{"place": z, "amount": 18 * u, "angle": a} for z, u, a in machine.unbalances()]
+    machine = machine.replace(unbalance=planes)
+    filter = KalmanFilter(machine, synchronous=["unbalance"])
+    of = LoopOf(machine, Control(cross_feedback=0.3, unbalance="force-free"))
+    loop = assessed(filter.name, of.loop(filter), of)
+    assert loop.zone == "A"
+    assert loop.verdict == loop.demands.zone
+    assert loop.verdict in "BC"
+    assert loop.to_dict()["verdict"] == loop.verdict
+    assert "plain control at 49000 rpm" in of.plain(filter)
+
+
+def test_assess_knows_the_limit_of_a_large_unbalance():
+    machine = machine_of("overhung").replace(speed="30000 rpm")
+    orbits = []
+    for factor in (1.0, 500.0):
+        planes = [{"place": z, "amount": factor * u} for z, u, _ in machine.unbalances()]
+        one = machine.replace(unbalance=planes)
+        filter = KalmanFilter(one, synchronous=["unbalance"])
+        for unbalance in ("fought", "force-free"):
+            of = LoopOf(one, Control(unbalance=unbalance))
+            (turned,) = of.turned(of.loop(filter))
+            orbits.append(np.abs(turned.i).max() / factor)
+    plain, free, same, limited = orbits
+    assert free < 0.2 * plain
+    assert same == pytest.approx(plain, rel=1e-6)
+    assert limited == pytest.approx(plain, rel=1e-6)
