@@ -14,6 +14,7 @@ from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.judge.machine import errors_along
 from ambkit.simulation.controllers import controllers_of
+from ambkit.simulation.default_control import settled_flight
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.sequence import Mode
@@ -40,6 +41,7 @@ def plain_control(machine: Machine, flight: Flight, estimator: Estimator | None)
     """
     if flight.control.unbalance == "fought" or estimator is None:
         return None
+    flight = settled_flight(machine, flight)
     T = machine.sampling_time
     t = T * np.arange(max(2, round(flight.duration / T) + 1) + 1, dtype=float)
     speed = np.abs([machine.speed] if flight.speed is None else flight.speed.sample(t))
