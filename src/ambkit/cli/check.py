@@ -43,7 +43,8 @@ def check(
         typer.Option(
             "--bearing",
             metavar="BEARING",
-            help="Compare records with it: rate, range, noise, signs. A preset, or a TOML file.",
+            help="Compare records with it: rate, range, noise, signs; and judge filters on it. A "
+            "preset, or a TOML file.",
         ),
     ] = None,
     json: Json = False,

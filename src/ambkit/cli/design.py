@@ -83,8 +83,9 @@ def design(
         bool,
         typer.Option(
             "--anyway",
-            help="Export also what is worse than the raw sensor, far from the bound, or out of "
-            "zone A.",
+            "--force",
+            help="Export also what is worse than the raw sensor, far from the bound, out of zone "
+            "A, or what must not fly.",
         ),
     ] = False,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of all that is drawn.")] = 0,

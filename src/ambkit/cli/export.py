@@ -11,7 +11,7 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.kinds import NAMES, estimator_option, to_export, whole_to_export
-from ambkit.cli.options import BearingOrFilter, Json, Synchronous, quantity
+from ambkit.cli.options import BearingOrFilter, Force, Json, Synchronous, quantity
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -112,6 +112,7 @@ def export_c(
             help="Of the processor, for --cost; 168 MHz if not given.",
         ),
     ] = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Write a filter as a folder of C99 that compiles alone.
@@ -156,6 +157,7 @@ def export_c(
         **options,
         calibrated=calibration,
         telemetry=telemetry,
+        force=force,
     )
     data: dict[str, Any] = {
         "folder": str(written.folder),

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ambkit.cli.options import Json, file_option
+from ambkit.cli.options import Force, Json, file_option
 
 
 def export_a2l(
@@ -21,6 +21,7 @@ def export_a2l(
     symbol: Annotated[
         str, typer.Option(metavar="NAME", help="The firmware's variable of type amb_calibration.")
     ] = "calibration",
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Write an A2L file (ASAP2 1.6) for the calibration of an exported controller.
@@ -34,6 +35,6 @@ def export_a2l(
     from ambkit.export import a2l
 
     at = a2l.symbol(elf, symbol)
-    written = a2l.export_a2l(folder, elf, symbol, out)
+    written = a2l.export_a2l(folder, elf, symbol, out, force=force)
     output.deliver({"path": str(written), "address": at.address}, [], as_json=json)
     output.note(f"wrote {written}, {symbol} at 0x{at.address:08X}")

@@ -10,7 +10,7 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.kinds import NAMES, estimator_option, to_export
-from ambkit.cli.options import BearingOrFilter, Json, file_option
+from ambkit.cli.options import BearingOrFilter, Force, Json, file_option
 
 if TYPE_CHECKING:
     from ambkit.export.fmu.xml import Fmi
@@ -65,6 +65,7 @@ def export_fmu(
             "--everywhere", help="Also binaries of platforms that a cross compiler is here for."
         ),
     ] = False,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Write filter, plant, closed loop or controller as an FMU.
@@ -100,6 +101,7 @@ def export_fmu(
         filter_file=chosen.file,
         precision=precision.value,
         everywhere=everywhere,
+        force=force,
     )
     data = {
         "path": str(written.path),
@@ -125,6 +127,7 @@ def export_ssp(
         ),
     ] = None,
     fmi: Annotated[Version, typer.Option(help="Version of the FMI standard.")] = Version.two,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Write plant, estimator and controller as three FMUs, wired: a system (SSP 1.0).
@@ -147,6 +150,7 @@ def export_ssp(
         scenario=None if scenario is None else Scenario.load(scenario),
         estimator=chosen.kind,
         filter_file=chosen.file,
+        force=force,
     )
     data = {"path": str(out), "fmus": {one.kind: list(one.variables) for one in made}}
     output.deliver(data, [], as_json=json)

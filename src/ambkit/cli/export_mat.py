@@ -9,7 +9,7 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.kinds import to_export
-from ambkit.cli.options import BearingOrFilter, Json, file_option
+from ambkit.cli.options import BearingOrFilter, Force, Json, file_option
 
 
 def export_mat(
@@ -25,6 +25,7 @@ def export_mat(
             "adaptive, which trains one: its rules, and its tables, go along.",
         ),
     ] = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Write model, noise, stiffness tables and expert as a MAT-file.
@@ -46,6 +47,6 @@ def export_mat(
             "force_map, and its tables along"
         )
     expert = chosen
-    written = mat.export_mat(model, expert, out, filter_file=found.file)
+    written = mat.export_mat(model, expert, out, filter_file=found.file, force=force)
     output.deliver({"path": str(out), "variables": list(written)}, [], as_json=json)
     output.note(f"wrote {out}, {len(written)} variables")

@@ -191,12 +191,14 @@ def filter_record(
             done=tell,
         )
     _warn(found)
+    adequacy = {name: _adequacy(name, one, built[name], model)
+                for name, one in found.estimators.items()}  # fmt: skip
 
     def drawn() -> Any:
         return plots.filter_figure(log, found.evaluations, found.smoothed)
 
     output.deliver(
-        {"record": str(record)} | found.to_dict(),
+        {"record": str(record), "adequacy": adequacy} | found.to_dict(),
         _tables(found, f"{record.name}, {len(log)} samples, {model.name}"),
         [
             (out, lambda path: found.to_record().save(path)),
@@ -270,17 +272,21 @@ def _say_how_it_was_tuned(one: Filtered) -> None:
         )
 
 
+def _adequacy(name: str, one: Filtered, build: Any, bearing: Bearing) -> list[dict[str, Any]]:
+    """Say whether a filter from a file may fly on a bearing; of any other what NIS says."""
+    from ambkit.cli import output
+    from ambkit.judge.adequacy import judge_adequacy
+    from ambkit.workflow.estimators import FromFile
+
+    saved = build() if isinstance(build, FromFile) else None
+    return output.say_adequacy(judge_adequacy(saved, bearing, nis=one.evaluation.nis), name)
+
+
 def _warn(found: Filtering) -> None:
     """Say so where filter and record do not belong together, or what was asked is not known."""
     from ambkit.cli import output
     from ambkit.workflow.oddities import lost_control
 
-    for name, one in found.estimators.items():
-        if one.absurd:
-            output.note(
-                f"{name}: innovations are {one.evaluation.nis**0.5:.0f} times what the filter "
-                "expects; are the units, the signs and the bearing those of this record?"
-            )
     lost, in_a_row = lost_control(found.record)
     if lost:
         output.note(

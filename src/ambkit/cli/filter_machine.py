@@ -49,7 +49,10 @@ def filter_machine(
         Options of one axis, by their names, which must not be given.
     """
     from ambkit.cli import output
+    from ambkit.estimate.registry import FILTER_SUFFIX
+    from ambkit.judge.adequacy import judge_adequacy
     from ambkit.workflow.filtering_machine import filter_machine as along
+    from ambkit.workflow.given import of_machine
 
     refuse_of_one_axis(machine, others)
     if out is not None and len(kinds) != 1:
@@ -65,6 +68,15 @@ def filter_machine(
             f"{left} samples are left out, in which magnets have no current by the record's mode"
         )
     data = found.to_dict()
+    data["adequacy"] = {
+        kind: output.say_adequacy(
+            judge_adequacy(
+                of_machine(kind, machine) if kind.endswith(FILTER_SUFFIX) else None, machine,
+                nis=data["estimators"][kind]["nis"],
+            ), kind,
+        )
+        for kind in kinds
+    }  # fmt: skip
     write = [(out, lambda path: found.estimates[kinds[0]].save(path))]
     output.deliver(data, [_table(data, found.estimates[kinds[0]].units)], write, as_json=json)
 

@@ -23,6 +23,7 @@ def by_corpus(options: Options, known: Bearing) -> None:
     from ambkit.cli.logs import load_log
     from ambkit.data.reading import load
     from ambkit.identification.corpus.corpus import identify_corpus
+    from ambkit.judge.adequacy import judge_adequacy
     from ambkit.show import plots
     from ambkit.show.pages.corpus import corpus_figure, write_corpus
     from ambkit.workflow.identifying import corpus_filter, noise_at_rest, starting_model
@@ -41,13 +42,14 @@ def by_corpus(options: Options, known: Bearing) -> None:
             for path in options.records
         }
         corpus = identify_corpus(records, start, free, note=done)
-    bearing = corpus.model.late_bearing()
+    bearing, made = corpus.model.late_bearing(), corpus_filter(corpus)
+    adequacy = output.say_adequacy(judge_adequacy(made))
     output.deliver(
-        corpus.to_dict() | {"bearing": known.name},
+        corpus.to_dict() | {"bearing": known.name, "adequacy": adequacy},
         _tables(corpus),
         [
             (options.out, bearing.save),
-            (options.filter, lambda path: corpus_filter(corpus).save(path, bearing=options.out)),
+            (options.filter, lambda path: made.save(path, bearing=options.out)),
             (options.report, lambda path: write_corpus(path, corpus)),
             (options.plot, lambda path: plots.save_figure(corpus_figure(corpus), path)),
         ],

@@ -16,6 +16,7 @@ from ambkit.cli.options import arguments_of_the_user
 from ambkit.cli.output import value
 
 if TYPE_CHECKING:
+    from ambkit.data.rig_units import Inputs
     from ambkit.identification.forces.map import ForceMap
     from ambkit.machine.bearing import Bearing
     from ambkit.workflow.identifying import Identified
@@ -58,6 +59,7 @@ def by_likelihood(options: Options, known: Bearing) -> None:
 
     from ambkit.base import files
     from ambkit.data.reading import load
+    from ambkit.judge.adequacy import judge_adequacy
     from ambkit.show import plots
     from ambkit.show.pages.maximum_likelihood import (
         annotated_toml,
@@ -66,6 +68,8 @@ def by_likelihood(options: Options, known: Bearing) -> None:
     )
     from ambkit.show.plots.maximum_likelihood import identified_figure
     from ambkit.workflow.identifying import (
+        RAISED,
+        identified_filter,
         identify,
         noise_at_rest,
         parameters_to_find,
@@ -103,8 +107,12 @@ def by_likelihood(options: Options, known: Bearing) -> None:
             nodes=options.force_map_nodes,
             note=done,
         )
+    inputs = None if options.channel_map is None else _inputs(options.channel_map)
+    source = ", ".join(record.name for record in options.records)
+    made = identified_filter(found, inputs, source)
     likelihood, checks, forces = found.likelihood, found.validation, found.forces
     data = found.to_dict()
+    data["adequacy"] = output.say_adequacy(judge_adequacy(made))
     shown = [*_rest_table(data["rest"]), *_tables(found)]
     if forces is not None:
         shown.append(_map_said(forces))
@@ -114,7 +122,7 @@ def by_likelihood(options: Options, known: Bearing) -> None:
         [
             (options.out, lambda path: files.write_text(path,
                                                           annotated_toml(likelihood, path.parent))),
-            (options.filter, lambda path: _save_filter(path, found, options)),
+            (options.filter, lambda path: made.save(path, bearing=options.out)),
             (options.force_map, lambda path: None if forces is None else forces.save(path)),
             (options.report, lambda path: write_identification(path, likelihood, checks,
                                                              (others or records)[0])),
@@ -130,6 +138,12 @@ def by_likelihood(options: Options, known: Bearing) -> None:
         output.note(
             f"{options.out} says what to put into the channel map before filtering such a log"
         )
+    if options.filter is not None and RAISED in made.origin.values():
+        output.note(
+            f"noise.disturbance of {options.filter} is {made.variances.disturbance:.3g} N^2/s: the "
+            f"records would have {likelihood.model.load_growth:.3g} N^2/s, with which a load is "
+            "followed too slowly"
+        )
     for said in (*found.of_the_zeros, *likelihood.touched, *likelihood.remarks):
         output.note(said)
     if not likelihood.converged:
@@ -138,15 +152,11 @@ def by_likelihood(options: Options, known: Bearing) -> None:
         output.note("judged on what it was identified from: --validate OTHER.csv would tell more")
 
 
-def _save_filter(path: Path, found: Identified, options: Options) -> None:
-    """Write the filter of what was found, and beside it the bearing if that has no file."""
+def _inputs(channel_map: Path) -> Inputs:
+    """Return what the controller reads: the same numbers as the log has."""
     from ambkit.data.channelmap import ChannelMap, inputs_of
-    from ambkit.workflow.identifying import identified_filter
 
-    channels = options.channel_map
-    inputs = None if channels is None else inputs_of(ChannelMap.load(channels))
-    source = ", ".join(record.name for record in options.records)
-    identified_filter(found, inputs, source).save(path, bearing=options.out)
+    return inputs_of(ChannelMap.load(channel_map))
 
 
 def _map_said(mapped: ForceMap) -> str:

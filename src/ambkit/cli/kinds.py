@@ -187,7 +187,7 @@ def to_export(
         bearing = find_bearing(target)
         return bearing, exported(estimator, bearing, choice)
     else:
-        find_bearing(target)
+        return find_bearing(target), _in_file(estimator, choice)[1]
     return _in_file(estimator, choice)
 
 

@@ -106,6 +106,10 @@ BearingOrFilter = Annotated[
         metavar="BEARING", help="A preset's name, or a TOML file: of a bearing, or of a filter."
     ),
 ]
+Force = Annotated[
+    bool,
+    typer.Option("--force", help="Export it also where it is judged that it must not fly."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, in SI units, for machines.")]
 Plot = Annotated[
     Path | None, file_option("Draw a picture: .png, .svg or .html.", PICTURES, "--plot")

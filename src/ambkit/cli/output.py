@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from ambkit.judge.adequacy import Finding
+
 File = tuple[Path | None, Callable[[Path], object]]
 
 written: list[Path] = []
@@ -93,6 +95,24 @@ def stdout() -> Console:
 
     # A pipe has no width; rich would fold tables at 80 columns.
     return Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False)
+
+
+def say_adequacy(found: Iterable[Finding], name: str = "") -> list[dict[str, Any]]:
+    """Say on stderr what is wrong with a filter, and return all findings as plain data.
+
+    Parameters
+    ----------
+    found : iterable of Finding
+        From :func:`ambkit.judge.adequacy.judge_adequacy`.
+    name : str
+        Of the filter; empty where there is but one.
+    """
+    from ambkit.judge.adequacy import sentences
+
+    found = list(found)
+    for text in sentences(found):
+        note(f"{name}: {text}" if name else text)
+    return [each.to_dict() for each in found]
 
 
 def note(text: str) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ambkit.cli.kinds import NAMES, estimator_option, to_export, whole_to_export
-from ambkit.cli.options import BearingOrFilter, Json, file_option
+from ambkit.cli.options import BearingOrFilter, Force, Json, file_option
 
 if TYPE_CHECKING:
     from ambkit.export.pil import Pil
@@ -38,6 +38,7 @@ def pil(
     report: Annotated[
         Path | None, file_option("Also write a report with a picture.", (".html",), "--report")
     ] = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Fly a simulated bearing or machine by its exported controller, on a Cortex-M4F in qemu.
@@ -67,6 +68,7 @@ def pil(
         kind=chosen.kind,
         filter_file=chosen.file,
         board=board,
+        force=force,
     )
     rows = _rows(found, model.sampling_time)
     output.deliver(

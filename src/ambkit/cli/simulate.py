@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -119,8 +120,9 @@ def simulate(
     from ambkit.cli import output
     from ambkit.cli.kinds import factories, surface_in
     from ambkit.cli.simulate_machine import simulate_machine
+    from ambkit.judge.adequacy import judge_adequacy
     from ambkit.show import plots
-    from ambkit.workflow.simulating import RunSummary, simulate_run
+    from ambkit.workflow.simulating import RunSummary, scenario_for, simulate_run
 
     whole = find_machine(bearing)
     if whole is not None:
@@ -148,6 +150,12 @@ def simulate(
         )  # fmt: skip
     summary = RunSummary(plant, run)
     data = summary.to_dict()
+    happening = scenario_for(
+        plant, scenario, duration=duration, step=step, load=load, seed=seed, reference=reference,
+        injection=injection, from_estimate=estimator != "none",
+    )  # fmt: skip
+    found = judge_adequacy(kalman, plant, happening, data.get("nis", math.nan))
+    data["adequacy"] = output.say_adequacy(found)
     output.deliver(
         data,
         [_table(data, plant)],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -56,6 +57,7 @@ def simulate_machine(
         Options of one axis, by their names, which must not be given.
     """
     from ambkit.cli import output
+    from ambkit.judge.adequacy import judge_adequacy
     from ambkit.show import plots
     from ambkit.simulation.default_control import default_control, is_default
     from ambkit.simulation.flight import Flight
@@ -89,6 +91,8 @@ def simulate_machine(
     speed = float(run.record["speed"][-1]) if "speed" in run.record else machine.speed
     apart = separations(machine, speed)
     data["critical_speeds"] = [each.to_dict() for each in apart]
+    found = judge_adequacy(kalman, machine, happening, data.get("nis", math.nan))
+    data["adequacy"] = output.say_adequacy(found)
     output.deliver(
         data,
         [_table(data, {} if run.estimate is None else run.estimate.units)],

@@ -235,6 +235,7 @@ def tune(
     )
     for warning in found.warnings:
         output.note(f"note: {warning}")
+    output.say_adequacy(found.adequacy)
 
 
 def _peaks(text: str) -> list[float]:

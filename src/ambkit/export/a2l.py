@@ -60,7 +60,9 @@ def symbol(elf: Path, name: str) -> Symbol:
     return Symbol(int(address, 16), int(size, 0), "big endian" in done.stdout)
 
 
-def export_a2l(folder: str | Path, elf: str | Path, variable: str, out: str | Path) -> Path:
+def export_a2l(
+    folder: str | Path, elf: str | Path, variable: str, out: str | Path, *, force: bool = False
+) -> Path:
     """Write an A2L file for the ``amb_calibration`` of a program.
 
     Parameters
@@ -73,6 +75,8 @@ def export_a2l(folder: str | Path, elf: str | Path, variable: str, out: str | Pa
         Name of its ``amb_calibration``.
     out : path
         The file, ``.a2l``.
+    force : bool
+        Write it also for an export that must not fly.
 
     Returns
     -------
@@ -82,7 +86,8 @@ def export_a2l(folder: str | Path, elf: str | Path, variable: str, out: str | Pa
     Raises
     ------
     AmbkitError
-        The export has no calibration; the program has no such variable, or one of another size.
+        The export has no calibration, or must not fly; the program has no such variable, or one of
+        another size.
     """
     described = Path(folder) / "calibration.json"
     if not described.is_file():
@@ -90,6 +95,11 @@ def export_a2l(folder: str | Path, elf: str | Path, variable: str, out: str | Pa
             f"{folder}: is no export with --calibration; {described.name} is not there"
         )
     told: dict[str, Any] = json.loads(files.read_text(described))
+    if told.get("must_not_fly") and not force:
+        raise AmbkitError(
+            f"{folder}: this filter must not fly: {'; '.join(told['must_not_fly'])}. --force, in "
+            "Python force=True, exports it all the same"
+        )
     at = symbol(Path(elf), variable)
     real = 4 if told["precision"] == "float" else 8
     n = len(told["parameters"])

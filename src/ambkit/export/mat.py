@@ -14,6 +14,7 @@ from ambkit.base import files
 from ambkit.base.config import Part
 from ambkit.estimate.kalman import AdaptiveKalmanFilter, KalmanFilter
 from ambkit.export.tabulate import tabulate
+from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.bearing import FILES
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from ambkit.machine.stiffness import stiffness_map
@@ -35,6 +36,7 @@ def export_mat(
     out: str | Path,
     *,
     filter_file: FilterFile | None = None,
+    force: bool = False,
 ) -> dict[str, Any]:
     """Write a MAT-file (version 5) whose bytes depend on its content alone.
 
@@ -49,6 +51,8 @@ def export_mat(
     filter_file : FilterFile, optional
         The linear or adaptive filter whose noise and start are written; by default with those of
         `bearing`.
+    force : bool
+        Export it also where it is judged that it must not fly.
 
     Returns
     -------
@@ -58,17 +62,28 @@ def export_mat(
     Raises
     ------
     AmbkitError
-        The file cannot be written.
+        The file cannot be written; or the filter must not fly, without `force`.
     """
     from scipy.io import savemat
 
-    content = variables(bearing, expert, filter_file)
+    require_adequate(_estimator(bearing, expert, filter_file), bearing, force=force)
+    of = bearing if filter_file is None else filter_file.plant
+    content = variables(of, expert, filter_file)
     text = f"MATLAB 5.0 MAT-file, written by ambkit {version('ambkit')}"
     with files.replacing(out) as temporary:
         savemat(temporary, content, appendmat=False, oned_as="row")
         with temporary.open("r+b") as file:
             file.write(text.encode().ljust(_HEADER))
     return content
+
+
+def _estimator(
+    bearing: Bearing, expert: Expert | None, filter_file: FilterFile | None
+) -> Estimator:
+    """Return the filter whose model and noise are written."""
+    if filter_file is not None:
+        return filter_file.make(magnet=expert)
+    return KalmanFilter(bearing) if expert is None else AdaptiveKalmanFilter(bearing, expert)
 
 
 def variables(
@@ -96,13 +111,7 @@ def variables(
         ``displacement``; a filter asks them at the mean over the sample, ``x + v T/2``.
         ``bearing``: all that describes it. ``about``: where it comes from.
     """
-    estimator: Estimator
-    if filter_file is not None:
-        estimator = filter_file.make(magnet=expert)
-    else:
-        estimator = (
-            KalmanFilter(bearing) if expert is None else AdaptiveKalmanFilter(bearing, expert)
-        )
+    estimator = _estimator(bearing, expert, filter_file)
     content: dict[str, Any] = _model(estimator) | {
         "states": np.array([state.name for state in estimator.states], dtype=object),
         "tables": _tables(bearing, expert),

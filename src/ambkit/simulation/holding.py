@@ -17,7 +17,7 @@ from ambkit.machine.bank import alone_of, weights_of
 from ambkit.machine.hovering import hover_current
 from ambkit.machine.magnets import magnet_of, own_time
 from ambkit.models.linear import linearised
-from ambkit.models.machine import machine_parts, velocity_of
+from ambkit.models.machine import machine_parts, velocities_of
 from ambkit.simulation.gains import PEAK, weight_of
 from ambkit.simulation.holding_margins import Sensitivities, sensitivities, shown_along_axes
 from ambkit.simulation.scenario import PID
@@ -291,10 +291,11 @@ class _Loop:
         self.velocity = None
         if feedback == "estimate":
             at = {state.name: k for k, state in enumerate(system.states)}
+            rates = dict(zip(machine.positions, velocities_of(machine.positions), strict=True))
             self.seen, self.velocity = np.zeros((2, p, len(self.A)))
             for k, axis in enumerate(machine.axes):
                 for q, value in axis.line.form.items():
-                    self.seen[k, at[q]] = self.velocity[k, at[velocity_of(q)]] = value
+                    self.seen[k, at[q]] = self.velocity[k, at[rates[q]]] = value
         self.own = machine.bending
         self.slowest = math.inf if self.own is None else 0.7 * float(self.own.frequency[0])
 

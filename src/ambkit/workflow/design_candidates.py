@@ -8,18 +8,24 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.registry import KINDS
+from ambkit.judge.adequacy import LOAD, Finding, judge_adequacy, load_capacity
 from ambkit.judge.comparison.bench import bench
-from ambkit.judge.comparison.cases import CASES
+from ambkit.judge.comparison.cases import CASES, load_case, trials
 from ambkit.judge.comparison.contenders import Contender
+from ambkit.judge.comparison.criteria import SETTLING
+from ambkit.judge.comparison.tuning import SIGNALS, errors
+from ambkit.machine.magnets import own_time
 from ambkit.workflow.loop_of import zone_of
 from ambkit.workflow.stages import read_json
 from ambkit.workflow.tuning import default_disturbance
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
 
 if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
     from ambkit.workflow.tuned_filter import Tuned
 
 RUNS = 20
@@ -51,11 +57,17 @@ class Candidate:
         Figures on records that it was not tuned on, see `Tuned`.
     errors : mapping of str to float
         Root mean square errors of ``x`` [m], ``v`` [m/s], ``f_d`` [N] in simulated runs of the
-        bearing that was found, with the noise that this filter assumes.
+        bearing that was found, with the noise that this filter assumes, under a step of `load`.
     efficiency : float
         Bound of the position's error over that error; 1 is what nobody exceeds.
     peak : float
         Peak of abs(S) in the loop with the default controller [1]; NaN where it cannot be told.
+    load : float
+        Step of the disturbance force in these runs [N]: half the load capacity, or less where the
+        rotor met a stop.
+    wandering : float
+        Error of the position [m] where the force wanders as the filter assumes: kinds are told
+        apart by it, whatever process noise each was tuned to.
     """
 
     kind: str
@@ -65,6 +77,8 @@ class Candidate:
     errors: Mapping[str, float]
     efficiency: float
     peak: float = math.nan
+    load: float = math.nan
+    wandering: float = math.nan
 
 
 def of_tuning(tuned: Tuned) -> dict[str, Any]:
@@ -86,7 +100,10 @@ def of_tuning(tuned: Tuned) -> dict[str, Any]:
 
 
 def judged(path: Path, seed: int) -> dict[str, Any]:
-    """Judge a filter in runs of its own bearing, noise and load as it assumes them.
+    """Judge a filter in runs of its own bearing, with noise as it assumes it.
+
+    Its errors are those under a step of the stated disturbance force; its efficiency, for which
+    there is a bound, is that with a load that wanders as it assumes.
 
     Parameters
     ----------
@@ -105,13 +122,31 @@ def judged(path: Path, seed: int) -> dict[str, Any]:
     case = replace(CASES["model"], walks=walks)
     field = {file.kind: Contender(file.kind, file.kind, file.make)}
     found = bench(plant, case, field, runs=RUNS, seed=seed)
-    figures = found.default[file.kind]
+    load, errors = _under_a_load(plant, file, seed)
     gain = plant.sensor.gain
     return {
-        "errors": {name: figures.mean(name) for name in ("x", "v", "f_d")},
+        "errors": errors,
+        "wandering": found.default[file.kind].mean("x"),
+        "load": load,
         "efficiency": found.efficiency(file.kind, "x"),
         "raw": math.sqrt(usual.measurement) / abs(gain),
     }
+
+
+def _under_a_load(plant: Bearing, file: FilterFile, seed: int) -> tuple[float, dict[str, float]]:
+    """Return the stated load [N], and a filter's errors under a step of it.
+
+    Where the rotor meets a stop in each run it is a half, a quarter, an eighth of that.
+    """
+    load = LOAD * load_capacity(plant)[0]
+    first = round(SETTLING * own_time(plant) / plant.sampling_time)
+    for share in (1.0, 0.5, 0.25, 0.125):
+        made = trials(load_case(share * load), plant, RUNS, seed)
+        flown = [each for each in made if not each.lost]
+        if flown:
+            means = errors(file.make, flown, first).mean(axis=0).tolist()
+            return share * load, dict(zip(SIGNALS, means, strict=True))
+    raise AmbkitError(f"{plant.name}: the rotor met a stop in all simulated runs")
 
 
 def candidate_in(place: Path, kind: str) -> Candidate:
@@ -129,7 +164,8 @@ def candidate_in(place: Path, kind: str) -> Candidate:
     peak = math.nan if tuning["peak"] is None else tuning["peak"]
     return Candidate(
         kind, place / f"candidates/{kind}.toml", tuning["kept"], tuning["unseen"],
-        judged["errors"], judged["efficiency"], peak,
+        judged["errors"], judged["efficiency"], peak, judged["load"],
+        judged["wandering"],
     )  # fmt: skip
 
 
@@ -147,8 +183,8 @@ def best_of(candidates: Sequence[Candidate]) -> Candidate:
     unlikely = {c.kind: c.unseen[JUDGED["likelihood"]] for c in candidates}
     least = min(unlikely.values())
     likely = [c for c in candidates if unlikely[c.kind] <= least + AS_LIKELY]
-    smallest = min(c.errors["x"] for c in likely)
-    equal = [c for c in likely if c.errors["x"] <= (1 + AS_GOOD) * smallest]
+    smallest = min(c.wandering for c in likely)
+    equal = [c for c in likely if c.wandering <= (1 + AS_GOOD) * smallest]
     return min(equal, key=lambda c: order.index(c.kind))
 
 
@@ -163,8 +199,8 @@ def objections_to(chosen: Candidate, raw: float) -> list[str]:
         What the sensor errs by [m].
     """
     said = []
-    if not chosen.errors["x"] < raw:
-        error, sensor = (engineering(v, "m", digits=3) for v in (chosen.errors["x"], raw))
+    if not chosen.wandering < raw:
+        error, sensor = (engineering(v, "m", digits=3) for v in (chosen.wandering, raw))
         said.append(f"its position errs by {error}, and that of the raw sensor by {sensor}")
     if chosen.efficiency < FAR_FROM_BOUND:
         said.append(
@@ -177,6 +213,12 @@ def objections_to(chosen: Candidate, raw: float) -> list[str]:
             f"{zone_of(chosen.peak)} of ISO 14839-3: another controller may leave more margin"
         )
     return said
+
+
+def adequacy_of(chosen: Candidate) -> list[Finding]:
+    """Return whether a candidate may fly, with NIS on records that it was not tuned on."""
+    made = FilterFile.load(chosen.file).make()
+    return judge_adequacy(made, nis=chosen.unseen.get("nis", math.nan))
 
 
 def why_fly(chosen: Candidate, candidates: Sequence[Candidate], raw: float) -> str:
@@ -201,7 +243,8 @@ def why_fly(chosen: Candidate, candidates: Sequence[Candidate], raw: float) -> s
     return (
         f"Fly the {KINDS[chosen.kind].label}: on records that it was not tuned on it foretells "
         f"the position 10 samples ahead to {ahead(chosen)} rms"
-        f"{beside}; in simulated runs of this bearing it errs by {engineering(x, 'm', digits=3)} "
+        f"{beside}; in simulated runs of this bearing, under a step of the disturbance force of "
+        f"{engineering(chosen.load, 'N', digits=3)}, it errs by {engineering(x, 'm', digits=3)} "
         f"in position, {100 * chosen.efficiency:.0f} % of what is possible, and "
         f"{engineering(f_d, 'N', digits=3)} in the disturbance force, where the raw sensor errs by "
         f"{engineering(raw, 'm', digits=3)}."

@@ -20,6 +20,7 @@ from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.registry import KINDS, kind_called
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import train
+from ambkit.judge.adequacy import Finding, sentences
 from ambkit.judge.evaluation import evaluate
 from ambkit.machine.bearing import Bearing
 from ambkit.show.pages.design import write_design
@@ -27,6 +28,7 @@ from ambkit.show.pages.maximum_likelihood import annotated_toml
 from ambkit.show.plots.filters import filter_figure
 from ambkit.workflow.design_candidates import (
     Candidate,
+    adequacy_of,
     best_of,
     candidate_in,
     judged,
@@ -74,6 +76,8 @@ class Design(Shown):
         Its files in the folder, and what they are.
     notes : tuple of str
         What is to be known of what was identified.
+    adequacy : tuple of Finding
+        Whether the chosen filter may fly.
     """
 
     _card_by = "workflow.cards:design"
@@ -87,6 +91,7 @@ class Design(Shown):
     exported: CExport | None
     made: Mapping[str, str]
     notes: tuple[str, ...] = ()
+    adequacy: tuple[Finding, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
@@ -95,13 +100,15 @@ class Design(Shown):
             "chosen": self.chosen.kind,
             "why": self.why,
             "objections": list(self.objections),
+            "adequacy": [each.to_dict() for each in self.adequacy],
             "notes": list(self.notes),
             "raw_sensor": self.raw,
             "exported": self.exported is not None,
             "files": list(self.made),
             "candidates": [
                 {"kind": c.kind, "file": str(c.file), "kept": c.kept, "unseen": dict(c.unseen),
-                 "errors": dict(c.errors), "efficiency": c.efficiency, "peak": c.peak}
+                 "errors": dict(c.errors), "efficiency": c.efficiency, "peak": c.peak,
+                 "load": c.load}
                 for c in self.candidates
             ],
         }  # fmt: skip
@@ -228,7 +235,7 @@ def design(
         note(f"judging the {kind} filter")
         told = f"candidates/{kind}.judged.json"
         stages.make(
-            f"judge {kind}", [files.sha256(place / name), seed], (told,),
+            f"judge {kind}", [files.sha256(place / name), seed, "under a load"], (told,),
             lambda name=name, told=told: write_json(  # type: ignore[misc]
                 place / told, judged(place / name, seed)
             ),
@@ -236,8 +243,11 @@ def design(
         candidates.append(candidate_in(place, kind))
     chosen = best_of(candidates)
     raw = read_json(place / f"candidates/{chosen.kind}.judged.json")["raw"]
-    objections = tuple(objections_to(chosen, raw))
+    adequacy = tuple(adequacy_of(chosen))
+    fatal = sentences([each for each in adequacy if each.fatal])
+    objections = (*objections_to(chosen, raw), *fatal)
     notes = tuple(read_json(place / "identified.json")["notes"])
+    notes += tuple(sentences([each for each in adequacy if not each.fatal]))
     why = why_fly(chosen, candidates, raw)
     Estimator.load(chosen.file).save(
         place / "filter.toml",
@@ -253,14 +263,16 @@ def design(
     record = records[-1] if records else load_filled(logs[-1], by_inputs)
     _report(place, found.name, why, (objections, notes), candidates, record, made)
     made["design.html"] = FILES["design.html"]
-    return Design(place, tuple(candidates), chosen, raw, why, objections, exported, made, notes)
+    return Design(
+        place, tuple(candidates), chosen, raw, why, objections, exported, made, notes, adequacy
+    )
 
 
 def exported_filter(
     plant: Bearing | Machine, place: Path, precision: str, prefix: str | None,
     flight: Flight | None = None,
 ) -> CExport:  # fmt: skip
-    """Return the design's filter as C, with a flight the whole controller.
+    """Return the design's filter as C, with a flight the whole controller; it is judged before.
 
     Parameters
     ----------
@@ -280,7 +292,7 @@ def exported_filter(
     file = FilterFile.load(place / "filter.toml")
     return export_c(
         plant, file.asked(), place / "c", filter_file=file, flight=flight, prefix=prefix,
-        precision="double" if precision == "double" else "float",
+        precision="double" if precision == "double" else "float", force=True,
     )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
 from ambkit.data.reading import load_filled
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 from ambkit.simulation.controllers import Control
@@ -234,7 +235,9 @@ def design_machine(
         over = assess_over_speed(machine, {chosen: estimator}, control)
         write_verdict(assessed, place / "verdict.html", chosen, over=over)
     step = _overshoot(loop, control)
-    objections = tuple(_objections(loop, max_sensitivity))
+    judged = judge_adequacy(estimator, machine, Flight(feedback="estimate", control=control))
+    fatal = sentences([each for each in judged if each.fatal and each.name != "peak of |S|"])
+    objections = (*_objections(loop, max_sensitivity), *fatal)
     exported = None
     if anyway or not objections:
         note("exporting")

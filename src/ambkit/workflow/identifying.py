@@ -25,6 +25,7 @@ from ambkit.identification.maximum_likelihood.parameters import OFFSETS, named, 
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.validation import Validation, validate
 from ambkit.identification.noise import Noise, measurement_noise
+from ambkit.judge.adequacy import FOLLOWED, LOAD, least_process_noise
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.stiffness import work_points
 
@@ -33,6 +34,13 @@ if TYPE_CHECKING:
     from ambkit.identification.corpus.corpus import Corpus
     from ambkit.identification.forces.lift_off import LiftOff
 
+
+RAISED = made_by(
+    "identify",
+    f"least with which a step of {LOAD:.0%} of the load capacity is followed in {FOLLOWED:g} "
+    "sqrt(m/k_s)",
+)
+"""Where a process noise is from that the records left too small."""
 
 AtRest = Mapping[str, Noise | str]
 """Noise of each signal of a record at rest, or why it cannot be seen."""
@@ -182,7 +190,7 @@ def identified_filter(
         What the records are called, for the filter's file.
     """
     model, of_log = found.likelihood.model, inputs or Inputs()
-    made = ExtendedKalmanFilter(found.bearing, noise=FilterNoise(disturbance=model.load_growth))
+    made, raised = _following_a_load(found.bearing, model.load_growth)
     free = {p.name for p in found.likelihood.parameters}
     made.inputs = of_log
     if found.likelihood.offsets_count:
@@ -196,8 +204,24 @@ def identified_filter(
         "load_growth": "noise.disturbance", "position_offset": "inputs.y.offset",
         "current_offset": "inputs.u.offset",
     }  # fmt: skip
-    made.origin = {key: said for name, key in keys.items() if name in free}
+    made.origin = {key: said for name, key in keys.items() if name in free} | raised
     return made
+
+
+def _following_a_load(
+    bearing: Bearing, intensity: float
+) -> tuple[ExtendedKalmanFilter, dict[str, str]]:
+    """Return a filter that follows the stated load, and where its process noise is from.
+
+    A record whose load rests says that any small process noise is as likely: a filter with such a
+    one follows no load that comes later.
+    """
+
+    def build(disturbance: float) -> ExtendedKalmanFilter:
+        return ExtendedKalmanFilter(bearing, noise=FilterNoise(disturbance=disturbance))
+
+    least = least_process_noise(build, intensity)
+    return build(least), {"noise.disturbance": RAISED} if least > intensity else {}
 
 
 def corpus_filter(corpus: Corpus) -> Estimator:
@@ -209,11 +233,10 @@ def corpus_filter(corpus: Corpus) -> Estimator:
         From :func:`ambkit.identification.corpus.corpus.identify_corpus`.
     """
     model = corpus.model
-    noise = FilterNoise(disturbance=model.load_growth)
-    made = ExtendedKalmanFilter(model.late_bearing(), noise=noise)
+    made, raised = _following_a_load(model.late_bearing(), model.load_growth)
     said = made_by("identify", f"likelihood of {len(corpus.found)} logs")
     keys = ("noise.measurement", "noise.control", "noise.disturbance")
-    made.origin = dict.fromkeys(keys, said)
+    made.origin = dict.fromkeys(keys, said) | raised
     return made
 
 

@@ -76,7 +76,8 @@ def inspect(
     channel_map : path, optional
         What is what in a log.
     bearing : Bearing, optional
-        The bearing that records are said to be of: rate, range, noise and signs are compared.
+        The bearing that records and filters are said to be of: rate, range, noise and signs of
+        records are compared, and whether a filter may fly on it.
 
     Returns
     -------
@@ -103,7 +104,7 @@ def _recognise(
     match path.suffix.lower():
         case ".toml":
             kind = kind_of_toml(path)
-            return kind, lambda p: _describe_document(kind, p)
+            return kind, lambda p: _describe_document(kind, p, bearing)
         case ".json":
             return "expert", _describe_expert
         case ".csv" | ".parquet" if channel_map is None:
@@ -171,9 +172,10 @@ def kind_of_toml(path: str | os.PathLike[str]) -> str:
     return best
 
 
-def _describe_document(kind: str, path: Path) -> _Described:
+def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Described:
     from ambkit.base.config import toml_text
     from ambkit.base.units import engineering
+    from ambkit.judge.adequacy import judge_adequacy, sentences
     from ambkit.simulation.parts import in_words
     from ambkit.workflow import machines
 
@@ -181,8 +183,12 @@ def _describe_document(kind: str, path: Path) -> _Described:
     if kind in _SHORT.values():
         return _Described(f"signals {', '.join(found.signals)}")
     if kind == "filter":
-        found.make()  # what only the whole tells: starts, options, the magnet's file
-        return _Described(f"{found.kind}, for {found.plant.name}")
+        made = found.make()  # what only the whole tells: starts, options, the magnet's file
+        judged = judge_adequacy(made, None if found.machine is not None else bearing)
+        fatal = sentences([each for each in judged if each.fatal])
+        others = [text for text in sentences(judged) if text not in fatal]
+        problems = tuple(f"{path}: this filter must not fly: {text}" for text in fatal)
+        return _Described(f"{found.kind}, for {found.plant.name}", problems, tuple(others))
     if kind == "machine":
         about, remarks = machines.described(found)
         lines = toml_text.parse(files.read_text(path))

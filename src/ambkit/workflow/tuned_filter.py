@@ -18,13 +18,15 @@ from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.filter_saving import made_by, origin_of
 from ambkit.estimate.registry import kind_called, learned_magnet
+from ambkit.judge.adequacy import Finding, judge_adequacy
 from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
 from ambkit.judge.comparison.tuning import Tried, search
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.simulation.controllers import Control
+from ambkit.simulation.flight import Flight
 from ambkit.simulation.linear.settled import tells
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import PID, Scenario
 from ambkit.workflow.given import of_machine
 from ambkit.workflow.loop_of import LoopOf, OutOfReachError, zone_of
 from ambkit.workflow.tuning_machine import MachineByLikelihood, MachineByTruth, check_records
@@ -152,6 +154,17 @@ class Tuned(Shown):
         built = contender_of_kind(self.kind, bearing, self.magnet, whole=True).build(**values)
         return self._loop.peak(built) if tells(built) else math.nan
 
+    @cached_property
+    def adequacy(self) -> list[Finding]:
+        """Whether `estimator` may fly, with NIS on what it was not tuned on."""
+        happening: Any = None
+        if isinstance(self.controller, PID):
+            happening = Scenario(controller=self.controller)
+        elif isinstance(self.controller, Control):
+            happening = Flight(control=self.controller, feedback="estimate")
+        nis = self.unseen.get("nis", (math.nan, math.nan))[self.kept]
+        return judge_adequacy(self.estimator, None, happening, nis)
+
     @property
     def outcome(self) -> str:
         """What became of it, in a sentence."""
@@ -186,6 +199,7 @@ class Tuned(Shown):
             "untuned_peak": self.untuned_peak,
             "max_sensitivity": self.max_sensitivity,
             "warnings": list(self.warnings),
+            "adequacy": [each.to_dict() for each in self.adequacy],
         }  # fmt: skip
 
 
@@ -323,7 +337,7 @@ def tune(
         for peak in of_tried or (0.0,) * len(tried)
     ]
     within = [each for each, far in zip(found.tried, beyond, strict=True) if not far]
-    best = task.cautious(min(within, key=lambda each: each.cost), chosen, cost)
+    best = task.cautious(min(within, key=lambda each: each.cost), chosen, cost, build)
     before = task.figures(lambda: build({}))
     after = task.figures(lambda: build(best.values))
     kept = (

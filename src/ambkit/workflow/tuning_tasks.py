@@ -12,6 +12,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.data.reading.spike_free import without_spikes
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.judge.adequacy import least_process_noise
 from ambkit.judge.comparison.cases import CASES, trials
 from ambkit.judge.comparison.tuning import SIGNALS, Tried, errors
 from ambkit.judge.evaluation import evaluate
@@ -90,12 +91,13 @@ class ByLikelihood:
         return (*NOISE, *own)
 
     def cautious(
-        self, best: Tried, free: Sequence[Range], cost: Callable[[Mapping[str, float]], float]
-    ) -> Tried:
+        self, best: Tried, free: Sequence[Range], cost: Callable[[Mapping[str, float]], float],
+        build: Callable[[Mapping[str, float]], Estimator],
+    ) -> Tried:  # fmt: skip
         """Take the fastest load that the records do not rule out (Edwards 1972).
 
         A record in which the load rests likes any small growth as well, and a filter with such a
-        one follows no load that comes later.
+        one follows no load that comes later: it is raised to what the stated load needs.
         """
         growth = next((each for each in free if each.name == "noise.disturbance"), None)
         if growth is None:
@@ -112,6 +114,14 @@ class ByLikelihood:
                 low, taken = middle, Tried(values, at)
             else:
                 high = middle
+        if cost({**best.values, growth.name: growth.low}) < allowed:  # the load rests
+            found = taken.values[growth.name]
+            raised = least_process_noise(
+                lambda q: build({**best.values, growth.name: q}), found
+            )  # fmt: skip
+            if raised > found:
+                values = {**best.values, growth.name: raised}
+                taken = Tried(values, cost(values))
         return taken
 
     def check(self, estimator: Estimator, kind: str) -> None:
@@ -206,7 +216,7 @@ class ByTruth:
         given = {"noise.control", "noise.disturbance"} <= set(names)
         return tuple(name for name in names if not (given and name == "noise.measurement"))
 
-    def cautious(self, best: Tried, _free: Any, _cost: Any) -> Tried:
+    def cautious(self, best: Tried, _free: Any, _cost: Any, _build: Any) -> Tried:
         """Return the best of the search as it is."""
         return best
 

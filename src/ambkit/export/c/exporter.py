@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -15,6 +16,7 @@ from ambkit.export.c.data import CPrecision, called
 from ambkit.export.c.prefix import checked
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy.expert import Expert
+from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision
 
@@ -85,6 +87,7 @@ def export_c(
     flight: Flight | None = None,
     calibrated: bool = False,
     telemetry: bool = False,
+    force: bool = False,
     **options: Any,
 ) -> CExport:
     """Write a folder of C99 that compiles alone.
@@ -113,8 +116,8 @@ def export_c(
         Whether the model is computed by loops over its arrays and not by straight-line code; by
         default from more than a dozen states on. The paper's axis has none.
     filter_file : FilterFile, optional
-        The filter, in the place of `kind` and `options`; `bearing` and `magnet` are what it says.
-        Its inputs are then the rig's own numbers.
+        The filter, in the place of `kind` and `options`; `magnet` is what it says, and `bearing`
+        what it is to fly on. Its inputs are then the rig's own numbers.
     editable : bool
         Whether each number stands once in the data file, where it can be edited, and what follows
         from it is computed at init into the state: more memory and flash. Of the paper's axis.
@@ -131,6 +134,8 @@ def export_c(
     telemetry : bool
         Whether a small ring of frames is written too: states, innovations and status of each
         sample, which :func:`ambkit.read_telemetry` reads as they were sent.
+    force : bool
+        Export it also where it is judged that it must not fly.
     **options
         Of the kind; of :class:`ambkit.KalmanFilter` noise, gravity, frozen_limit, gate,
         outlier_limit, as_printed.
@@ -138,10 +143,12 @@ def export_c(
     Raises
     ------
     AmbkitError
+        A filter that must not fly, without `force`.
         A kind or a model that cannot be exported so, a prefix that is no C identifier or taken,
         a limit or a table beyond 16 bits; a bound that no table keeps, or that nothing needs;
         a folder with other files, or that cannot be written.
     """
+    flown_on, bearing = bearing, bearing if filter_file is None else filter_file.plant
     name = checked(prefix, bearing.name)
     for limit in ("frozen_limit", "outlier_limit"):
         if options.get(limit, 0) > MOST_COUNTED:
@@ -162,6 +169,7 @@ def export_c(
     elif force_bound is not None:
         raise AmbkitError("force_bound is for an expert in tabulated form")
     estimator = made(kind, bearing, magnet, filter_file, options)
+    wrong = require_adequate(estimator, flown_on, scenario or flight, force=force)
     _check_nodes(estimator)
     spent = cost.of(estimator) if precision == "float" and not editable else None
     controller = None
@@ -177,6 +185,8 @@ def export_c(
             raise AmbkitError("calibration is for a whole controller; give a scenario")
         calibration.check(controller)
     facts = _facts(magnet, precision) | _cost_facts(spent)
+    if wrong:
+        facts = {"MUST NOT FLY": "; ".join(wrong)} | facts
     if estimator.description:
         facts = {"for": estimator.description} | facts
     content = render.render(
@@ -191,6 +201,9 @@ def export_c(
         calibrated=calibrated,
         framed=telemetry,
     )
+    if wrong and calibrated:  # which an A2L file is made from later
+        told = json.loads(content.files["calibration.json"]) | {"must_not_fly": wrong}
+        content.files["calibration.json"] = json.dumps(told, indent=2) + "\n"
     written = folder.write(Path(out), content.files)
     return CExport(
         written,

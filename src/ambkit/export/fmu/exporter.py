@@ -19,6 +19,7 @@ from ambkit.export.c.data import CPrecision
 from ambkit.export.fmu import archive, compiler, flown, sources, variables, xml
 from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
+from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.bearing import Bearing
 from ambkit.simulation.control import Controller, needs_states
 from ambkit.simulation.scenario import PID, Scenario
@@ -68,6 +69,7 @@ def export_fmu(
     filter_file: FilterFile | None = None,
     precision: CPrecision = "double",
     everywhere: bool = False,
+    force: bool = False,
 ) -> FmuExport:
     """Write an FMU around the C of the library: binary and sources, no Python.
 
@@ -105,7 +107,7 @@ def export_fmu(
         paper's filter, linear or adaptive by its magnet. The variances that the FMU lets change
         have no effect on a kind with a constant gain.
     filter_file : FilterFile, optional
-        The filter, in the place of `estimator`; `bearing` and `magnet` are what it says. The FMU's
+        The filter, in the place of `estimator`; `magnet` is what it says. The FMU's
         inputs are in metres and volts all the same.
     precision : {"float", "double"}
         Of an estimator or a whole controller: float is what flies on a controller without double.
@@ -114,10 +116,13 @@ def export_fmu(
         Whether there is a binary for each platform that a cross compiler is installed for
         (``aarch64-linux-gnu-gcc``, ``x86_64-linux-gnu-gcc``, ``x86_64-w64-mingw32-gcc``), and not
         for this one alone.
+    force : bool
+        Export it also where it is judged that it must not fly.
 
     Raises
     ------
     AmbkitError
+        A filter that must not fly, without `force`.
         A plant, a controller alone or a closed loop in float; a controller alone that
         lifts off, or one whose estimator has not the states that it needs.
         There is no C compiler, or the file cannot be written.
@@ -136,6 +141,8 @@ def export_fmu(
     else:
         kind_of_filter = estimator or ("linear" if magnet is None else "adaptive")
         filter_ = kind_called(kind_of_filter).make(bearing, magnet, **of)
+    if kind != "plant":
+        require_adequate(filter_, bearing, scenario, force=force)
     what = scenario or Scenario()
     what = what.model_copy(update={"controller": what.controller.completed(bearing)})
     match kind:

@@ -52,7 +52,7 @@ def export_ssp(
     scenario : Scenario, optional
         Whose controller it is, as of :func:`export_fmu`.
     **options
-        Of :func:`export_fmu`: estimator, filter_file.
+        Of :func:`export_fmu`: estimator, filter_file, force.
 
     Raises
     ------

@@ -41,6 +41,7 @@ def pil(
     kind: str | None = None,
     filter_file: FilterFile | None = None,
     board: str | None = None,
+    force: bool = False,
 ) -> Pil:
     """Fly a simulated plant by the exported controller, on a Cortex-M4F in qemu.
 
@@ -59,11 +60,14 @@ def pil(
         The filter, in the place of `kind` and `magnet`.
     board : str, optional
         For flash, memory and stack: a name in ``boards.BOARDS``; by default what runs in qemu.
+    force : bool
+        Build it also where it is judged that it must not fly.
 
     Raises
     ------
     AmbkitError
-        Tools are missing; a scenario of a machine, or a flight of an axis; or the firmware fails.
+        The filter must not fly, without `force`; tools are missing; a scenario of a machine, or a
+        flight of an axis; or the firmware fails.
     """
     if board is not None and board not in boards.BOARDS:
         raise AmbkitError(f'board must be one of {", ".join(boards.BOARDS)}, is "{board}"')
@@ -77,7 +81,7 @@ def pil(
         estimator = made(kind, bearing, magnet, filter_file, {"precision": "float32"})
         return fly_whole(
             bearing, estimator, flight, for_board,
-            magnet=magnet, kind=kind, filter_file=filter_file,
+            magnet=magnet, kind=kind, filter_file=filter_file, force=force,
         )  # fmt: skip
     scenario = scenario or Scenario(duration=1.0)
     if not isinstance(scenario, Scenario):
@@ -87,7 +91,7 @@ def pil(
         folder = Path(place)
         export = export_c(
             bearing, magnet, folder / "export", kind=kind, filter_file=filter_file, prefix=PREFIX,
-            scenario=flown, telemetry=True,
+            scenario=flown, telemetry=True, force=force,
         ).folder  # fmt: skip
         estimator = made(kind, bearing, magnet, filter_file, {"precision": "float32"})
         fields = [state.field for state in states(estimator.states)][:AXIS_STATES]

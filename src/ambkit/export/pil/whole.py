@@ -49,8 +49,8 @@ def fly_whole(
     board : Board
         For flash, memory and stack.
     **of_filter
-        ``magnet``, ``kind`` and ``filter_file`` of :func:`ambkit.export.c.export_c`, which make
-        that estimator.
+        ``magnet``, ``kind``, ``filter_file`` and ``force`` of :func:`ambkit.export.c.export_c`,
+        which make that estimator.
 
     Raises
     ------

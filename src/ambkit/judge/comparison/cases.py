@@ -439,6 +439,27 @@ def _unbalance(bearing: Bearing, load: float) -> Scenario:
     return _scenario(bearing, 60, _positions(bearing, {6: 0.3}), force)
 
 
+def load_case(force: float) -> Case:
+    """Return the case of a position step and back, then a step of the disturbance force.
+
+    Parameters
+    ----------
+    force : float
+        Its height [N]; it acts against gravity.
+    """
+
+    def scenario(bearing: Bearing, _load: float) -> Scenario:
+        step = Step(amplitude=against_gravity(bearing) * force, time=20 * own_time(bearing))
+        return _scenario(bearing, 32, _positions(bearing, {2: STEPS[-1], 10: 0.0}), step)
+
+    return Case(
+        "load",
+        f"a step to {STEPS[-1]:g} of the travel and back, then a force of {force:.3g} N",
+        "Who assumes too slow a disturbance force is far off it for long.",
+        scenario,
+    )
+
+
 _DEFAULT = (
     Case("paper", "steps as the paper's, then a load",
          "Near the centre all are alike; the further out, the more the force law counts.", _paper),

@@ -71,8 +71,8 @@ def estimator_at(
         return _low_pass(estimator)
     if not tells(estimator):
         raise AmbkitError(f"{estimator.name}: it does not settle to a gain, and has no margins")
-    tangent = _asked(estimator.magnet, "tangent", point)
-    origin = _asked(estimator.magnet, "through_origin", point) if (
+    tangent = tangents_known(estimator.magnet, "tangent", point)
+    origin = tangents_known(estimator.magnet, "through_origin", point) if (
         isinstance(estimator, KalmanFilter)
     ) else tangent  # fmt: skip
     return _assembled(estimator, tangent, origin, told)
@@ -141,6 +141,14 @@ def _assembled(
          *of_axes(Signal("u", "V"), axes)),
         tuple(signals),
     )  # fmt: skip
+
+
+def settled_gain(estimator: Estimator, point: WorkPoint) -> tuple[Array, Array]:
+    """Return the gain (n, m) that a Kalman filter settles to at a work point, see `_settled`."""
+    kind = "through_origin" if isinstance(estimator, KalmanFilter) else "tangent"
+    return _settled(
+        estimator, estimator.linear_model(*tangents_known(estimator.magnet, kind, point))
+    )
 
 
 def _settled(estimator: Estimator, model: LinearModel) -> tuple[Array, Array]:
@@ -212,7 +220,7 @@ def _low_pass(estimator: LowPass) -> LinearSystem:
     )  # fmt: skip
 
 
-def _asked(magnet: Any, method: str, point: WorkPoint) -> tuple[Any, Any]:
+def tangents_known(magnet: Any, method: str, point: WorkPoint) -> tuple[Any, Any]:
     """Ask what an estimator knows of its magnets for k_i [N/A] and k_s [N/m] at a work point.
 
     Numbers of one axis, arrays (p,) of several.

@@ -1,0 +1,269 @@
+"""Filters that must not fly are named, and no other: planted wrong, and good ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import Bearing, FilterNoise, KalmanFilter, Machine
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.main import main
+from ambkit.estimate.kalman import ExtendedKalmanFilter
+from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.export.c import export_c
+from ambkit.judge import adequacy
+from ambkit.judge.adequacy import judge_adequacy, least_process_noise, load_capacity, sentences
+from ambkit.machine.magnets import ConstantStiffness, magnet_of
+from ambkit.machine.presets import machine_names
+from ambkit.simulation.scenario import PID, Scenario, Step
+from ambkit.workflow import design_candidates, identifying
+
+AXIS, BALL = Bearing.preset("zittau_axial"), Bearing.preset("inteco_ml")
+MLPS = Machine.preset("tum_mlps")
+USUAL = KalmanFilter(AXIS).variances
+
+
+def noisy(**factors: float) -> KalmanFilter:
+    """The linear filter with some of its variances off by factors."""
+    return KalmanFilter(
+        AXIS, noise=FilterNoise(**{n: f * getattr(USUAL, n) for n, f in factors.items()})
+    )
+
+
+def other(**changes: Any) -> KalmanFilter:
+    """The filter of an axis with other numbers."""
+    return KalmanFilter(AXIS.replace(**changes))
+
+
+K = ConstantStiffness.of(AXIS)
+
+# Each filter with what it is to fly on, and a word that its sentence has; True: it must not fly.
+WRONG: dict[str, tuple[Callable[[], Any], Any, str, bool]] = {
+    "of another bearing": (lambda: KalmanFilter(BALL), AXIS, "fingerprint", True),
+    "of a machine with other axes": (
+        lambda: KalmanFilter(Machine.preset("compressor")), MLPS, "fingerprint", True),
+    "process noise 1e-4": (lambda: noisy(disturbance=1e-4), None, "noise.disturbance", True),
+    "process noise 1e-8": (lambda: noisy(disturbance=1e-8), None, "is followed to 63 %", True),
+    "process noise 1e4": (lambda: noisy(disturbance=1e4), None, "noise.disturbance", True),
+    "no process noise": (lambda: noisy(disturbance=0.0), None, "is followed to 63 %", True),
+    "measurement noise 1e-4": (lambda: noisy(measurement=1e-4), None, "noise.measurement", True),
+    "measurement noise 1e4": (lambda: noisy(measurement=1e4), None, "noise.measurement", True),
+    "process noise of a machine 1e-4": (
+        lambda: KalmanFilter(MLPS, noise=FilterNoise(disturbance=0.05)), None,
+        "is followed to 63 %", True),
+    "process noise of a machine 1e4": (
+        lambda: KalmanFilter(MLPS, noise=FilterNoise(disturbance=5.8e6)), None,
+        "noise.disturbance", False),
+    "wrong sign of the current": (
+        lambda: KalmanFilter(AXIS, ConstantStiffness(-K.k_i, K.k_s)), None, "k_i", True),
+    "wrong sign of the stiffness": (
+        lambda: KalmanFilter(AXIS, ConstantStiffness(K.k_i, -K.k_s)), None, "k_s", True),
+    "magnet of another bearing": (
+        lambda: ExtendedKalmanFilter(AXIS, magnet_of(BALL)), None, "k_s", True),
+    "another sampling time": (lambda: other(sampling_time="1 ms"), AXIS, "sampling_time", True),
+    "sampled every 0.1 s": (lambda: other(sampling_time="0.1 s"), None, "sampling time", True),
+    "mass of 0.5 g": (lambda: other(rotor__mass="0.5 g"), None, "rotor.mass", True),
+    "mass of 0.5 g for another": (lambda: other(rotor__mass="0.5 g"), AXIS, "rotor.mass", True),
+    "no gravity": (lambda: other(rotor__gravity="none"), AXIS, "weight", True),
+    "weight as a disturbance": (
+        lambda: KalmanFilter(AXIS, gravity="disturbance"), None, "weight", False),
+    "another air gap": (
+        lambda: other(magnet__air_gap="2.6 mm"), AXIS, "magnet.air_gap", True),
+    "another magnet constant": (
+        lambda: other(magnet__magnet_constant=2 * AXIS.magnet.magnet_constant), AXIS,
+        "magnet.magnet_constant", True),
+    "another sensor gain": (lambda: other(sensor__gain=2.0), AXIS, "sensor.gain", True),
+    "another amplifier": (lambda: other(amplifier__gain="2 A/V"), AXIS, "amplifier.gain", True),
+    "sensor far too late": (
+        lambda: other(sensor__lag="30 ms"), None, "peak of |S|", False),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_no_filter_that_is_planted_wrong_passes_without_a_sentence(name: str) -> None:
+    make, plant, word, fatal = WRONG[name]
+    found = judge_adequacy(make(), plant)
+    said = sentences(found)
+    assert any(word in text for text in said), said
+    assert any(each.fatal for each in found) == fatal
+
+
+def test_innovations_are_held_against_their_band() -> None:
+    record = ambkit.simulate(AXIS, step=0.2e-3, duration=0.1, seed=1)
+    for factor, said, fatal in ((1.0, False, False), (0.1, True, False), (1e-3, True, True),
+                                (1e3, True, True)):  # fmt: skip
+        estimate = noisy(measurement=factor).run(record)
+        (nis,) = judge_adequacy(None, AXIS, nis=float(np.nanmean(estimate.nis[1:])))
+        assert bool(nis.sentence) == said
+        assert nis.fatal == fatal
+
+
+def test_what_a_run_asks_for_is_held_against_what_there_is() -> None:
+    high = Scenario(reference=Step(amplitude=1.2e-3), disturbance=Step(amplitude=-12.0))
+    said = sentences(judge_adequacy(KalmanFilter(AXIS), None, high))
+    assert any("reaches 1.2 mm, beyond the clearance of 1 mm" in text for text in said)
+    assert any("load capacity" in text for text in said)
+
+
+def test_a_controller_that_does_not_hold_the_rotor_is_named() -> None:
+    weak = Scenario(controller=PID(kp=100.0, ki=0.0, kd=1.0, derivative_filter=3e-4))
+    (unstable,) = (e for e in judge_adequacy(KalmanFilter(AXIS), None, weak) if e.sentence)
+    assert unstable.fatal
+    assert unstable.sentence == "with this controller the loop is unstable"
+
+
+def kinds_of_machine(name: str) -> Any:
+    """A preset in the long part: some of a second each."""
+    return pytest.param(Machine.preset(name), marks=pytest.mark.long, id=name)
+
+
+SPINDLE = Path(__file__).parents[1] / "examples" / "spindle.toml"
+GOOD = [
+    pytest.param(AXIS, id=AXIS.name), pytest.param(BALL, id=BALL.name),
+    *map(kinds_of_machine, machine_names()),
+    pytest.param(Bearing.load(SPINDLE), id="spindle"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("plant", [MLPS, Machine.preset("tum_mlps_flexible")],
+                         ids=lambda plant: plant.name)  # fmt: skip
+def test_no_good_filter_of_a_machine_is_accused(plant: Machine) -> None:
+    assert sentences(judge_adequacy(KalmanFilter(plant))) == []
+
+
+@pytest.mark.parametrize("plant", GOOD)
+def test_no_good_filter_is_accused(plant: Any) -> None:
+    axis = isinstance(plant, Bearing)
+    for name, kind in KINDS.items():
+        if name == "adaptive" or not (axis or (kind.estimator.several_axes and name != "table")):
+            continue  # which is trained for seconds
+        found = judge_adequacy(kind.make(plant, learned_magnet(name, plant)))
+        assert sentences(found) == [], name
+        assert not any(each.fatal for each in found)
+
+
+@pytest.mark.parametrize(
+    ("what", "factor"), [("disturbance", 1e-2), ("disturbance", 1e2), ("measurement", 1e-2),
+                         ("measurement", 1e2)],
+)  # fmt: skip
+def test_what_tuning_may_find_is_not_accused(what: str, factor: float) -> None:
+    assert sentences(judge_adequacy(noisy(**{what: factor}))) == []
+
+
+def test_a_bearing_as_it_is_identified_is_not_another(tmp_path: Path) -> None:
+    found = other(
+        magnet__magnet_constant=0.93 * AXIS.magnet.magnet_constant, rotor__mass=0.53,
+        sensor__noise_variance=3 * AXIS.sensor.noise_variance,
+    )  # fmt: skip
+    assert sentences(judge_adequacy(found, AXIS)) == []
+
+
+def test_the_same_filter_is_judged_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    judge_adequacy(noisy(disturbance=1.5))
+    monkeypatch.setattr(adequacy, "_of_filter", None)
+    assert judge_adequacy(noisy(disturbance=1.5))
+
+
+def test_a_load_that_the_record_says_nothing_of_is_followed_all_the_same() -> None:
+    def build(disturbance: float) -> KalmanFilter:
+        return KalmanFilter(AXIS, noise=FilterNoise(disturbance=disturbance))
+
+    least = least_process_noise(build, 1.1e-6)
+    assert 1e-3 * USUAL.disturbance < least < USUAL.disturbance
+    assert sentences(judge_adequacy(build(least))) == []
+    assert sentences(judge_adequacy(build(1.1e-6)))
+    assert least_process_noise(build, 200.0) == 200.0
+
+
+def test_the_judgement_holds_against_a_simulated_step_of_half_the_load_capacity() -> None:
+    step = Step(amplitude=0.5 * load_capacity(AXIS)[0], time=0.05)
+    happening = ambkit.scenario_for(AXIS, Scenario(duration=0.3, disturbance=step))
+    record = ambkit.simulate(AXIS, happening)
+    after = record.t > 0.05
+    for factor in (1.0, 1e-4):
+        (told,) = (e for e in judge_adequacy(noisy(disturbance=factor))
+                   if e.name == "time to follow a load")  # fmt: skip
+        f_d = noisy(disturbance=factor).run(record).f_d[after]
+        took = record.t[after][np.flatnonzero(f_d > 0.63 * step.amplitude)[0]] - 0.05
+        assert took == pytest.approx(told.value, rel=0.25)
+
+
+def exit_of(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main([*arguments])
+    return int(ended.value.code or 0)
+
+
+def test_an_export_is_refused_without_force(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    slow = noisy(disturbance=1e-8)
+    slow.save(tmp_path / "slow.toml")
+    out = tmp_path / "c"
+    text = "is followed to 63 %"
+    assert exit_of("export", "c", str(tmp_path / "slow.toml"), "--out", str(out)) == 2
+    assert text in capsys.readouterr().err
+    assert not out.exists()
+    file = ambkit.FilterFile.load(tmp_path / "slow.toml")
+    with pytest.raises(AmbkitError, match=text):
+        export_c(AXIS, None, out, filter_file=file)
+    with pytest.raises(AmbkitError, match="fingerprint"):  # of another bearing
+        export_c(BALL, None, out, filter_file=file)
+    assert exit_of("export", "c", str(tmp_path / "slow.toml"), "--out", str(out), "--force") == 0
+    assert "MUST NOT FLY" in (out / "README.md").read_text()
+    for words in (["mat", "--out", str(tmp_path / "m.mat")], ["fmu", "--out", str(out / "f.fmu")]):
+        assert exit_of("export", words[0], str(tmp_path / "slow.toml"), *words[1:]) == 2
+    assert exit_of("export", "c", "inteco_ml", "--filter", str(tmp_path / "slow.toml"),
+                   "--out", str(out)) == 2  # fmt: skip
+
+
+def test_check_and_simulate_say_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    slow = noisy(disturbance=1e-8)
+    slow.save(tmp_path / "slow.toml")
+    (fatal,) = {e.sentence for e in judge_adequacy(slow) if e.name == "time to follow a load"}
+    assert exit_of("check", str(tmp_path / "slow.toml")) == 2
+    assert fatal in capsys.readouterr().err
+    run = ["simulate", "zittau_axial", "--filter", str(tmp_path / "slow.toml")]
+    exit_of(*run, "--out", str(tmp_path / "run.csv"))
+    assert fatal in capsys.readouterr().err
+    exit_of("filter", str(tmp_path / "run.csv"), "--filter", str(tmp_path / "slow.toml"))
+    assert fatal in capsys.readouterr().err
+    KalmanFilter(AXIS).save(tmp_path / "good.toml")
+    assert exit_of("check", str(tmp_path / "good.toml")) == 0
+    assert capsys.readouterr().err == ""
+    assert exit_of("check", str(tmp_path / "good.toml"), "--bearing", "inteco_ml") == 2
+
+
+def test_identify_writes_no_process_noise_that_follows_no_load() -> None:
+    made, raised = identifying._following_a_load(AXIS, 1.12e-3)  # as a log whose load rests has it
+    assert sentences(judge_adequacy(made)) == []
+    assert raised == {"noise.disturbance": identifying.RAISED}
+    kept, raised = identifying._following_a_load(AXIS, 9620.0)
+    assert (kept.variances.disturbance, raised) == (9620.0, {})
+
+
+def test_design_judges_with_the_stated_load_and_not_with_the_assumed_one(tmp_path: Path) -> None:
+    errors = {}
+    for factor in (1.0, 1e-4):
+        noisy(disturbance=factor).save(tmp_path / "filter.toml")
+        found = design_candidates.judged(tmp_path / "filter.toml", 0)
+        assert found["load"] == pytest.approx(0.5 * load_capacity(AXIS)[0])
+        errors[factor] = found["errors"]
+    assert errors[1e-4]["f_d"] > 1.5 * errors[1.0]["f_d"] > 0.5
+    assert errors[1e-4]["x"] > 5 * errors[1.0]["x"]
+
+
+def test_an_axis_is_judged_alike_as_a_bearing_and_as_a_machine() -> None:
+    machine = Machine.of_axis(AXIS)
+    one, other = (judge_adequacy(KalmanFilter(of), on) for of, on in
+                  ((AXIS, None), (machine, machine)))  # fmt: skip
+    assert [each.name for each in one] == [each.name for each in other]
+    assert [e.value for e in other] == pytest.approx([e.value for e in one], rel=0.05)
+    assert sentences(other) == []
