@@ -1,8 +1,8 @@
 """Prove anew what ``proof/README.md`` of an export records: ``python -m firmware.proof all``.
 
-Kinds may be named in place of ``all``. Each is exported in both precisions and its
-``proof/prove.sh`` is run; minutes each. What came out is stored, and is the table of
-``firmware/README.md``.
+Kinds may be named in place of ``all``. Each is exported in both precisions, alone and with its
+controllers, and its ``proof/prove.sh`` is run; minutes each. What came out is stored, and is the
+table of ``firmware/README.md``.
 """
 
 from __future__ import annotations
@@ -18,14 +18,21 @@ from typing import Any
 
 from ambkit.base import files
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import cost, export_c, proof
+from ambkit.export.c import export_c, proof
 from ambkit.export.c.data import CPrecision
+from ambkit.simulation.scenario import PID, Scenario
 from firmware import measure
 
 NAMES = tuple(name for name in KINDS if name != "steady-state")
 """Kinds; what is steady-state is an observer, the same C with other numbers."""
 
 PRECISIONS: tuple[CPrecision, ...] = ("float", "double")
+
+CONTROLLERS = {
+    "PID of the estimate": PID(),
+    "PID of the reading": PID(feedback="measurement"),
+}
+"""Controllers that are proved, with the linear filter."""
 
 SAID = re.compile(r"^(finite|any) inputs: (\d+) alarms, (\d+) outputs", re.MULTILINE)
 
@@ -38,8 +45,10 @@ def tool() -> str | None:
     return f"Frama-C {done.stdout.strip()}"
 
 
-def prove(kind: str, precision: CPrecision, folder: Path) -> tuple[str, dict[str, int], str]:
-    """Export a kind into `folder` and run its script.
+def prove(
+    kind: str, precision: CPrecision, folder: Path, control: PID | None = None
+) -> tuple[str, dict[str, int], str]:
+    """Export a kind into `folder`, or a controller that it feeds, and run its script.
 
     Returns
     -------
@@ -48,7 +57,10 @@ def prove(kind: str, precision: CPrecision, folder: Path) -> tuple[str, dict[str
     """
     magnet = measure.magnets()[kind]
     of = measure.BEARING
-    made = export_c(of, magnet, folder, kind=kind, precision=precision, prefix="filter")
+    made = export_c(
+        of, magnet, folder, kind=kind, precision=precision, prefix="filter",
+        scenario=None if control is None else Scenario(controller=control),
+    )  # fmt: skip
     done = subprocess.run(
         ["sh", str(made.folder / "proof" / "prove.sh")], capture_output=True, text=True
     )
@@ -56,23 +68,34 @@ def prove(kind: str, precision: CPrecision, folder: Path) -> tuple[str, dict[str
     if set(said) != {"finite", "any"}:
         raise RuntimeError(done.stdout + done.stderr)
     left = {"finite": said["finite"][0], "any": said["any"][0], "open": said["any"][1]}
-    return stored_as(kind, precision), left, done.stdout
+    return stored_as(kind, precision, control), left, done.stdout
 
 
-def stored_as(kind: str, precision: CPrecision) -> str:
-    """Return what the proof of a kind is stored under."""
+def stored_as(kind: str, precision: CPrecision, control: PID | None = None) -> str:
+    """Return what the proof of a kind is stored under, or of a controller that it feeds."""
     estimator = KINDS[kind].make(measure.BEARING, measure.magnets()[kind])
-    return f"{cost.made_of(estimator)}, {precision}"
+    return proof.stored_as(estimator, precision, control)
+
+
+def controllers(kind: str) -> dict[str, PID]:
+    """Return the controllers that are proved with a kind, by their names."""
+    return CONTROLLERS if kind == "linear" else {}
 
 
 def table() -> str:
     """Return what is stored of all kinds, as the table of ``firmware/README.md``."""
-    stored = json.loads(proof.STORED.read_text(encoding="utf-8"))["filters"]
-    lines = ["| filter | float | double |", "| --- | --- | --- |"]
+    stored = json.loads(proof.STORED.read_text(encoding="utf-8"))
+    lines = ["| filter or controller | float | double |", "| --- | --- | --- |"]
     for kind in NAMES:
-        found = [stored.get(stored_as(kind, precision)) for precision in PRECISIONS]
-        cells = " | ".join("not run" if left is None else _in_words(left) for left in found)
-        lines.append(f"| {KINDS[kind].label} | {cells} |")
+        rows = {KINDS[kind].label: (stored["filters"], None)}
+        rows |= {
+            f"{law} with it": (stored["controllers"], control)
+            for law, control in controllers(kind).items()
+        }
+        for label, (of, control) in rows.items():
+            found = [of.get(stored_as(kind, precision, control)) for precision in PRECISIONS]
+            cells = " | ".join("not run" if left is None else _in_words(left) for left in found)
+            lines.append(f"| {label} | {cells} |")
     return "\n".join(lines) + "\n"
 
 
@@ -84,13 +107,18 @@ def main(kinds: list[str]) -> None:
     """Prove these kinds, and store what came out."""
     stored: dict[str, Any] = json.loads(proof.STORED.read_text(encoding="utf-8"))
     stored["tool"] = tool()
-    for kind in kinds:
-        for precision in PRECISIONS:
-            with tempfile.TemporaryDirectory() as folder:
-                name, left, said = prove(kind, precision, Path(folder) / "out")
-            print(name, said, sep="\n", flush=True)
-            stored["filters"][name] = left
-            files.write_text(proof.STORED, json.dumps(stored, indent=2) + "\n")
+    tried = [
+        (kind, precision, control)
+        for kind in kinds
+        for control in (None, *controllers(kind).values())
+        for precision in PRECISIONS
+    ]
+    for kind, precision, control in tried:
+        with tempfile.TemporaryDirectory() as folder:
+            name, left, said = prove(kind, precision, Path(folder) / "out", control)
+        print(name, said, sep="\n", flush=True)
+        stored["filters" if control is None else "controllers"][name] = left
+        files.write_text(proof.STORED, json.dumps(stored, indent=2) + "\n")
     print(table(), end="")
 
 

@@ -191,3 +191,28 @@ def test_a_prefix_that_cannot_be_is_refused(tmp_path: Path, given: str, said: st
 )
 def test_a_name_that_cannot_be_one_gives_another(name: str, made: str) -> None:
     assert prefix.checked(None, name) == made
+
+
+# ---- Headers of two exports in one file ----
+
+
+@needs_gcc
+def test_headers_of_another_precision_are_refused_when_they_are_compiled(tmp_path: Path) -> None:
+    """The first include folder has the core's headers, for both."""
+    made = [
+        export("linear", tmp_path / "a", prefix="a"),
+        export("linear", tmp_path / "b", prefix="b", precision="double"),
+        export("extended", tmp_path / "c", prefix="c"),
+    ]
+    includes = [f"-I{one.folder / at}" for one in made for at in (".", "core/include", "core")]
+
+    def compiled(*names: str) -> subprocess.CompletedProcess[str]:
+        main = tmp_path / "main.c"
+        main.write_text("".join(f'#include "{name}.h"\n' for name in names) + "int main(void);\n")
+        words = ["gcc", "-std=c99", "-fsyntax-only", *includes, str(main)]
+        return subprocess.run(words, capture_output=True, text=True)
+
+    assert compiled("a", "c").returncode == 0  # of one core
+    both = compiled("a", "b")
+    assert both.returncode != 0
+    assert "b.h: the core's headers come from another export" in both.stderr

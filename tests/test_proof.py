@@ -8,11 +8,17 @@ import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from export_cases import KINDS, command, export
+from quick import quick
 
-from ambkit.export.c import CExport, proof
+from ambkit import Flight, Machine
+from ambkit.export.c import CExport, export_c, proof
 from ambkit.export.c.data import CPrecision
+from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.sequence import LiftOff
 from firmware import proof as prover
 
 Exported = Callable[..., CExport]
@@ -28,8 +34,8 @@ needs_frama_c = pytest.mark.skipif(
 def test_of_every_kind_it_is_recorded_in_both_precisions_that_nothing_is_left() -> None:
     names = [prover.stored_as(kind, each) for kind in prover.NAMES for each in prover.PRECISIONS]
     assert set(STORED["filters"]) == set(names)
-    left = [name for name, found in STORED["filters"].items() if any(found.values())]
-    assert left == []
+    stored = STORED["filters"] | STORED["controllers"]
+    assert [name for name, found in stored.items() if any(found.values())] == []
 
 
 def test_the_table_is_what_is_recorded() -> None:
@@ -60,13 +66,70 @@ def test_every_output_is_asked_for(exported: Exported) -> None:
     assert len(numbers) == 8
 
 
+BUILTINS = """
+int Frama_C_interval(int low, int high);
+float Frama_C_float_interval(float low, float high);
+double Frama_C_double_interval(double low, double high);
+"""
+
+
+def export_proved(what: str, out: Path) -> CExport:
+    """Each form that brings a proof, and what has none."""
+    if what in ("machine", "machine and its controllers"):
+        flight = Flight(sequence=LiftOff()) if "controllers" in what else None
+        return export_c(Machine.preset("tum_mlps"), None, out, prefix="f", flight=flight)
+    if what == "editable":
+        return export("linear", out, prefix="f", editable=True)
+    of: dict[str, Any] = {} if what in KINDS else {"scenario": Scenario(controller=LAWS[what])}
+    if what == "calibrated":
+        of["calibrated"] = True
+    return export(what if what in KINDS else "linear", out, prefix="f", **of)
+
+
+WITH_PROOF = [*KINDS, "editable", "lqg", *prover.CONTROLLERS]
+LAWS = prover.CONTROLLERS | {"lqg": PID(type="lqg"), "calibrated": PID()}
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+@pytest.mark.parametrize(
+    "what", quick(WITH_PROOF, ["linear", "editable", "lqg", *prover.CONTROLLERS])
+)
+def test_script_and_harness_parse(what: str, tmp_path: Path) -> None:
+    """As a shell has the one, and a compiler the other, with what Frama-C has built in."""
+    folder = export_proved(what, tmp_path / "c").folder
+    (tmp_path / "__fc_builtin.h").write_text(BUILTINS)
+    script = folder / "proof" / "prove.sh"
+    assert subprocess.run(["sh", "-n", str(script)]).returncode == 0
+    assert "proof/f_proof.c" in script.read_text(encoding="utf-8")
+    for defines in ((), ("-DANY",)):
+        words = [*command("gcc"), "-D__FRAMAC__", *defines, f"-I{tmp_path}", "-fsyntax-only"]
+        words += ["-Wno-unknown-pragmas", "proof/f_proof.c"]
+        done = subprocess.run(words, cwd=folder, capture_output=True, text=True)
+        assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("what", ["machine", "machine and its controllers", "calibrated"])
+def test_of_what_is_not_proved_nothing_is_said(what: str, tmp_path: Path) -> None:
+    made = export_proved(what, tmp_path / "c")
+    assert not [file for file in made.files if file.startswith("proof/")]
+    assert "proof" not in (made.folder / "README.md").read_text(encoding="utf-8")
+
+
 @pytest.mark.study
 @needs_frama_c
-@pytest.mark.parametrize(("kind", "precision"), [("linear", "double"), ("unscented", "float")])
-def test_what_is_recorded_comes_out(kind: str, precision: CPrecision, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("kind", "precision", "law"),
+    [("linear", "double", None), ("unscented", "float", None),
+     ("linear", "float", "PID of the reading")],
+)  # fmt: skip
+def test_what_is_recorded_comes_out(
+    kind: str, precision: CPrecision, law: str | None, tmp_path: Path
+) -> None:
     """Of the others: python -m firmware.proof all."""
-    name, left, said = prover.prove(kind, precision, tmp_path / "out")
-    assert left == STORED["filters"][name] == {"finite": 0, "any": 0, "open": 0}, said
+    control = None if law is None else prover.CONTROLLERS[law]
+    name, left, said = prover.prove(kind, precision, tmp_path / "out", control)
+    of = STORED["filters" if control is None else "controllers"]
+    assert left == of[name] == {"finite": 0, "any": 0, "open": 0}, said
 
 
 @pytest.mark.study

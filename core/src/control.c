@@ -16,6 +16,14 @@ const amb_control *amb_working_by(amb_works_by *works_by)
   return control;
 }
 
+/* A number, held to a limit; `none` where it is not finite. Comparisons of `a` itself: the proof
+ * sees its bounds. */
+static amb_real held(amb_real a, amb_real most, amb_real none)
+{
+  const amb_real beyond = (a > most) ? most : -most;
+  return AMB_WITHIN(a, most) ? a : (amb_is_finite(a) ? beyond : none);
+}
+
 static void start_at(const amb_control *c, amb_control_state *s, void *filter,
                      const amb_real y[AMB_SENSORS])
 {
@@ -25,7 +33,7 @@ static void start_at(const amb_control *c, amb_control_state *s, void *filter,
   for (int i = 0; i < amb_states(model); i++) {
     amb_real sum = c->start[i];
     for (int r = 0; r < m; r++) {
-      sum += c->start_by[(i * m) + r] * y[r];
+      sum += c->start_by[(i * m) + r] * held(y[r], c->estimator->kf->far[r], AMB_C(0.0));
     }
     mean[i] = sum;
   }
@@ -62,7 +70,7 @@ void amb_control_hover(const amb_control *control, amb_control_state *state, con
 {
   const amb_kalman *kf = control->estimator->kf;
   for (int f = 0; f < control->law->axes; f++) {
-    state->u[f] = iu[f] / kf->set.k_ui[f];
+    state->u[f] = held(iu[f], AMB_REAL_ROOT, AMB_C(0.0)) / kf->set.k_ui[f];
     state->from[f] = control->down[f];
   }
   for (int j = 0; j < control->law->pids; j++) {
@@ -117,7 +125,8 @@ static bool is_between_the_stops(const amb_kalman *kf, const amb_real y[AMB_SENS
   for (int r = 0; r < amb_sensors(&kf->model); r++) {
     const amb_real shown = amb_magnitude(kf->set.K_sen[r]) * kf->set.travel[r];
     const amb_real beyond = amb_magnitude(y[r]) - shown;
-    const bool near = (beyond * beyond) <= (AMB_C(16.0) * kf->set.var_y[r]);
+    const bool near =
+        (beyond <= kf->far[r]) && ((beyond * beyond) <= (AMB_C(16.0) * kf->set.var_y[r]));
     between = between && ((beyond <= AMB_C(0.0)) || near);
   }
   return between;
@@ -132,7 +141,8 @@ static amb_status supervise(const amb_control *c, amb_control_state *s, void *fi
   const amb_kalman *kf = c->estimator->kf;
   amb_status told = status;
   bool used = false; /* one reading: where none tells of a coordinate any more, it is held */
-  bool sound = amb_envelope_within(kf, c->bound, ((const amb_kalman_state *)filter)->mean);
+  const amb_kalman_state *base = (const amb_kalman_state *)filter;
+  bool sound = amb_envelope_bounds(kf, c->bound, base->mean, base->cov);
   for (int r = 0; r < amb_sensors(&kf->model); r++) {
     used = used || ((out->estimator.health[r] & AMB_UNUSED) == 0U);
     sound = sound && amb_is_finite(out->estimator.variance[r]);
@@ -188,7 +198,7 @@ static void see(const amb_control *c, const amb_real mean[], const amb_real y[],
     }
   } else {
     for (int r = 0; r < amb_sensors(model); r++) {
-      x[r] = y[r];
+      x[r] = held(y[r], AMB_REAL_ROOT, y[r]);
     }
   }
 }
@@ -202,7 +212,8 @@ static amb_status act(const amb_control *c, amb_control_state *s, const amb_real
   amb_real to[AMB_CONTROLS];
   see(c, mean, y, way, x);
   for (int f = 0; f < c->law->axes; f++) {
-    to[f] = (way < AMB_C(1.0)) ? (s->from[f] + (way * (r[f] - s->from[f]))) : r[f];
+    const bool on_the_way = (way < AMB_C(1.0)) && AMB_WITHIN(r[f], AMB_REAL_ROOT);
+    to[f] = on_the_way ? (s->from[f] + (way * (r[f] - s->from[f]))) : r[f];
   }
   const amb_status status = amb_controllers_step(c->law, s->pid, to, x, speed, iu);
   for (int f = 0; f < c->law->axes; f++) {

@@ -5,9 +5,10 @@
 
 static void keep(amb_pid_state *state, amb_real integral)
 {
-  state->integral = integral;
-  state->copy[0] = integral;
-  state->copy[1] = integral;
+  const amb_real held = amb_clamp(integral, -AMB_REAL_ROOT, AMB_REAL_ROOT);
+  state->integral = held;
+  state->copy[0] = held;
+  state->copy[1] = held;
 }
 
 /* The one of three of which two are equal. */
@@ -29,7 +30,8 @@ amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, am
                         const amb_real *velocity, amb_real *iu)
 {
   amb_status status = AMB_OK;
-  if (!amb_is_finite(x) || ((velocity != NULL) && !amb_is_finite(*velocity))) {
+  if (!AMB_WITHIN(x, AMB_REAL_ROOT) ||
+      ((velocity != NULL) && !AMB_WITHIN(*velocity, AMB_REAL_ROOT))) {
     status |= AMB_MISSING;
   } else {
     if (velocity != NULL) {
@@ -39,12 +41,13 @@ amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, am
       if (!AMB_WITHIN(pid->kd * state->velocity, FASTEST * (pid->iu_max - pid->iu_min))) {
         state->velocity = AMB_C(0.0); /* a bit in memory has flipped */
       }
+      state->velocity = amb_clamp(state->velocity, -AMB_REAL_ROOT, AMB_REAL_ROOT);
     } else { /* nothing to compare it with */
     }
     state->last_x = x;
     state->started = true;
   }
-  if (amb_is_finite(r)) {
+  if (AMB_WITHIN(r, AMB_REAL_ROOT)) {
     state->last_r = r;
   } else {
     status |= AMB_BAD_CONTROL;

@@ -38,7 +38,8 @@ void amb_pid_reset(amb_pid_state *state, amb_real integral);
 /* One sample: reference r [m], position x [m], and the velocity [m/s] where an estimator knows it
  * (`velocity` NULL: the filtered derivative of x). Gives the control current demanded, iu [A], held
  * to its limits. Returns AMB_OK, or flags: AMB_SATURATED, AMB_MISSING (position or velocity not
- * finite), AMB_BAD_CONTROL (reference not finite); the last good ones then stand in. */
+ * finite, or so large that its square is not), AMB_BAD_CONTROL (reference likewise); the last good
+ * ones then stand in. */
 amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, amb_real x,
                         const amb_real *velocity, amb_real *iu);
 

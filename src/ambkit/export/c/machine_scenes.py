@@ -50,6 +50,7 @@ class Vectors(NamedTuple):
     starts: list[int]  # where flights begin at power-on ...
     taken: list[int]  # ... and where those do that are taken over, ...
     taken_with: Array  # ... with these currents (axes,) [A]
+    amplified: NDArray[np.bool_]  # (N,): samples where rounding is amplified
     saturated: int  # samples in which a current was at its limit
 
 
@@ -114,8 +115,10 @@ def vectors(
         n = len(y) if sequenced else within(estimator, run.estimate.mean, bound)
         mode = record["mode"].astype(np.uint8) if sequenced else np.zeros(len(y), np.uint8)
         usable = np.zeros(len(y), bool) if run.usable is None else run.usable
+        # From readings on that are lost or far away.
+        amplified = np.maximum.accumulate((scene.readings != 0).any(axis=1))
         each = (y, r, u, record["speed"], mode, scene.fly > 0, run.status, usable,
-                run.estimate.mean)  # fmt: skip
+                run.estimate.mean, amplified)  # fmt: skip
         parts.append(tuple(values[:n] for values in each))
     flown = len(parts)
     taken_with = np.zeros(len(machine.axes))
@@ -125,7 +128,7 @@ def vectors(
         parts += over
     starts = np.cumsum([0, *(len(each[0]) for each in parts[:-1])]).tolist()
     estimator.turning(None, 1)  # what is written of the filter is of the machine's own speed
-    y, r, u, speed, mode, fly, status, usable, mean = (
+    y, r, u, speed, mode, fly, status, usable, mean, amplified = (
         np.concatenate(each) for each in zip(*parts, strict=True)
     )
     gain = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
@@ -136,7 +139,7 @@ def vectors(
     full = ((u * gain >= high * (1 - 1e-6)) | (u * gain <= low * (1 - 1e-6))).any(axis=1)
     return Vectors(
         y, r, u, speed, mode, fly, status, usable, mean, starts[:flown], starts[flown:],
-        taken_with, int(full.sum()),
+        taken_with, amplified, int(full.sum()),
     )  # fmt: skip
 
 
@@ -167,7 +170,7 @@ def _taken_over(
         given = (np.ascontiguousarray(each, number) for each in (y, wanted, fly))
         told = core.run(*given, float(speed[0]), taken_with)
         over.append((y, wanted, told["u"], speed, told["mode"], fly > 0, told["status"],
-                     told["usable"] > 0, told["mean"]))  # fmt: skip
+                     told["usable"] > 0, told["mean"], np.zeros(TAKEN, bool)))  # fmt: skip
     return over, taken_with
 
 
@@ -210,7 +213,10 @@ def _scenes(machine: Machine, flight: Flight) -> Iterator[Scene]:
 def _happening(
     machine: Machine, flight: Flight, sign: float, share: float, n: int, after: int = 0
 ) -> Flight:
-    """Return a flight on all axes in turn: references of a twentieth of the travel, and loads."""
+    """Return a flight on all axes in turn: references of a twentieth of the travel, and loads.
+
+    With lift-off it begins where the rotor lies, as the exported controller does at power-on.
+    """
     T = machine.sampling_time
     references, loads = [], []
     for k, axis in enumerate(machine.axes):
@@ -222,8 +228,9 @@ def _happening(
         wanted = Step(amplitude=0.05 * way * axis.bearing.travel_limit, time=(12 + late) * T)
         references.append(Reference(axis=axis.name, position=wanted))
         loads.append(Disturbance(axis=axis.name, force=push))
+    start = flight.start if flight.sequence is None else "rest"
     return Flight(
-        duration=(n - 1) * T, start=flight.start, feedback=flight.feedback,
+        duration=(n - 1) * T, start=start, feedback=flight.feedback,
         control=flight.control, reference=tuple(references), disturbance=tuple(loads),
         seed=flight.seed, speed=_speed(machine, flight, sign, n), sequence=flight.sequence,
     )  # fmt: skip
@@ -287,4 +294,5 @@ def marks_of(tested: Vectors) -> NDArray[np.uint8]:
     found = tested.mode + 8 * tested.fly.astype(np.uint8) + 32 * tested.usable.astype(np.uint8)
     found[tested.starts] += 16
     found[tested.taken] += 64
+    found[tested.amplified] += 128
     return found.astype(np.uint8)

@@ -1,4 +1,4 @@
-"""What is shown of an exported filter by abstract interpretation (Frama-C's Eva), and recorded.
+"""What Frama-C's Eva shows of an exported filter or controller, and what is recorded of it.
 
 The analysis takes the exported C as it is, with the numbers of one rig: ``proof/prove.sh`` of an
 export runs it. What came out for the bearing of the tests is stored in ``proof.json``
@@ -19,12 +19,19 @@ from ambkit.export.c import cost
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.export.c.data import CPrecision
+    from ambkit.simulation.control import Controller
+    from ambkit.simulation.scenario import PID
 
 STORED = Path(__file__).with_name("proof.json")
 
+TEMPLATES = {
+    "proof/{}_proof.c": "proof.c", "proof/prove.sh": "prove.sh", "proof/README.md": "PROOF.md",
+}  # fmt: skip
+"""Files, and by which template."""
+
 OPTIONS = (
     "-eva-slevel 6 -eva-subdivide-non-linear 8"
-    " -eva-slevel-function amb_{tag}_envelope_bounds:200,rest_in_the_middle:40{of_each}"
+    " -eva-slevel-function amb_{tag}_envelope_bounds:200,rest_in_the_middle:40,see:60{of_each}"
     " -eva-auto-loop-unroll 128 -eva-split-return auto -eva-widening-delay 10"
 )
 """How finely Eva looks: squares are not negative, loops unrolled, and the ways through the bounds
@@ -56,32 +63,29 @@ class Proof:
         return self.finite == self.any == self.open == 0
 
 
-def recorded(estimator: Estimator, precision: CPrecision, *, editable: bool) -> Proof | None:
+def stored_as(estimator: Estimator, precision: CPrecision, control: PID | None = None) -> str:
+    """Return what the proof of a kind is stored under, or that of a controller with it."""
+    law = "" if control is None else f"{control.type} of the {control.feedback}, "
+    return f"{law}{cost.made_of(estimator)}, {precision}"
+
+
+def recorded(
+    estimator: Estimator, precision: CPrecision, control: PID | None = None, *, editable: bool
+) -> Proof | None:
     """Return what is stored of an estimator's kind; None where that was not tried."""
     if not estimator.engine.built_in or editable:
         return None
     stored = _stored()
-    found = stored["filters"].get(f"{cost.made_of(estimator)}, {precision}")
+    of = stored["filters" if control is None else "controllers"]
+    found = of.get(stored_as(estimator, precision, control))
     return None if found is None else Proof(**found, tool=stored["tool"])
 
 
-def outputs(states: list[str], axes: int, sensors: int) -> list[str]:
-    """Return the numbers of the estimates' struct, each as C names it.
-
-    Parameters
-    ----------
-    states : list of str
-        Their fields.
-    axes, sensors : int
-        Elements of the arrays; 0 where there is one of each, and no array.
-    """
-
-    def each(field: str, n: int) -> list[str]:
-        return [f"{field}[{i}]" for i in range(n)] if n else [field]
-
-    of_axes = [each(field, axes) for field in ("k_i", "k_s")]
-    of_sensors = [each(field, sensors) for field in ("innovation", "variance")]
-    return [*states, *(name for names in (*of_axes, *of_sensors) for name in names)]
+def outputs(states: list[str], coils: int | None) -> list[str]:
+    """Return the numbers of a step's struct, each as C names it; `coils`: of a controller."""
+    if coils is None:
+        return [*states, "k_i", "k_s", "innovation", "variance"]
+    return [*(f"coil[{k}]" for k in range(coils)), "iu", "u", *states, "innovation", "variance"]
 
 
 @cache
@@ -91,9 +95,12 @@ def _stored() -> dict[str, Any]:
 
 
 def context(
-    estimator: Estimator, context: dict[str, Any], core_files: dict[str, str]
+    estimator: Estimator,
+    context: dict[str, Any],
+    core_files: dict[str, str],
+    controller: Controller | None,
 ) -> dict[str, Any]:
-    """Return what the files of the proof say.
+    """Return what the files of the proof say, of an axis.
 
     Parameters
     ----------
@@ -103,9 +110,10 @@ def context(
         What the templates say.
     core_files : dict
         The core's files of the export, by their names.
+    controller : Controller or None
+        That is exported with it.
     """
-    several = context["several"]
-    axes, sensors = (len(several["axes"]), len(several["readings"])) if several else (0, 0)
+    coils, control = (None, None) if controller is None else (controller.coils, controller.pid)
     fields = [state.field for state in context["states"]]
     asked = {name: text for name, text in core_files.items() if name.endswith(".c")}
     uses = {
@@ -118,9 +126,11 @@ def context(
     by_model = f" -eva-min-loop-unroll {models + 1}" if models else ""
     of_each = ",hold_each:60" if models else ""  # the ways through the bounds of each model
     return {
-        "outputs": outputs(fields, axes, sensors),
+        "outputs": outputs(fields, coils),
         "options": OPTIONS.format(tag=context["tag"], of_each=of_each) + by_model + by_contract,
-        "recorded": recorded(estimator, context["precision"], editable=bool(context["editable"])),
+        "recorded": recorded(
+            estimator, context["precision"], control, editable=bool(context["editable"])
+        ),
         "uses_exponential": uses["amb_exp_negative"],
         "uses_root": uses["amb_root"],
     }

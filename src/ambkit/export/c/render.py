@@ -229,9 +229,15 @@ def render(
             flown=controller,
             calibrated=calibrated,
         ),
-        "proof_sentence": _PROVED.replace("NAME", name),
+        "proof_sentence": _PROVED.replace("NAME", name)
+        if controller is None
+        else _PROVED.replace("NAME_reset", "NAME_take_over")
+        .replace("the estimates", "the output")
+        .replace("NAME", name),
     }
-    context["proof"] = proof.context(estimator, context, core_files)
+    # Of machines nothing is proved, nor of what can be calibrated; and nothing is said.
+    shown = not whole and not calibrated
+    context["proof"] = proof.context(estimator, context, core_files, controller) if shown else None
     for each, si in (("y", "m"), ("u", "V")):
         context[f"{each}_unit"] = context["inputs"][each]["unit"] if context["inputs"][each] else si
     context["inputs_text"] = repr(context["inputs"])
@@ -253,14 +259,13 @@ def render(
         f"selftest/{name}_selftest.c": "selftest.c",
         f"selftest/{name}_vectors.c": "vectors.c",
         "selftest/main.c": "main.c",
-        f"proof/{name}_proof.c": "proof.c",
-        "proof/prove.sh": "prove.sh",
-        "proof/README.md": "PROOF.md",
         "core/include/ambkit/precision.h": "precision.h",
         "CMakeLists.txt": "CMakeLists.txt",
         "README.md": "README.md",
         "misra.txt": "misra.txt",
     }
+    if shown:
+        made |= {file.format(name): template for file, template in proof.TEMPLATES.items()}
     if controller is not None:
         more_files = calibration.TEMPLATES if calibrated else {}
         named = {**control.TEMPLATES, **more_files}

@@ -39,6 +39,7 @@ class Scene(NamedTuple):
     name: str
     y: Array  # (n,) or (n, readings) [m]; NaN: lost
     u: Array  # (n,) or (n, axes) [V]; u[k] acts from sample k to k + 1
+    amplifies: int | None = None  # sample from which on rounding is amplified; None: nowhere
 
 
 def of(estimator: Estimator, magnets: list[Magnet], settling: int) -> list[Scene]:
@@ -89,7 +90,7 @@ def _flight(estimator: Estimator, sign: float) -> Scene:
 
 def _spoilt(estimator: Estimator, scene: Scene) -> Scene:
     """Measurements far away and lost, a frozen sensor, demands beyond the limits and no numbers."""
-    bearing, (_, y, u) = estimator.bearing, scene
+    bearing, (_, y, u, _) = estimator.bearing, scene
     far = 1e3 * bearing.sensor.gain * bearing.rotor.travel_limit
     just = 1e-2 * far * np.array([0.98, -0.98, 1.02, -1.02])  # ten travels and more: no rotor
     y[30:38:2] = just
@@ -107,7 +108,7 @@ def _spoilt(estimator: Estimator, scene: Scene) -> Scene:
 def _jumping(estimator: Estimator, scene: Scene) -> Scene:
     """Measurements that jump: just not, and just as far as an outlier; and one that stays."""
     settings = estimator.core.parameters["set"]
-    name, y, u = scene
+    name, y, u, _ = scene
     if not settings["outlier_limit"]:
         return scene
     gate, var_y = settings["gate"], float(settings["var_y"][0])
@@ -211,7 +212,8 @@ def _of_machine(estimator: Estimator) -> Iterator[Scene]:
     y[60:] += 0.3 * whole.gains * whole.travel_seen  # all of them, and it stays
     y[90:, 0] = np.nan
     u[0, 0] = np.nan  # before any was good
-    yield Scene("a load the other way, a jump that stays, and a sensor that is lost", y, u)
+    name = "a load the other way, a jump that stays, and a sensor that is lost"
+    yield Scene(name, y, u, amplifies=60)
     every = np.ones(len(whole.gains), bool)
     yield _outage_of_machine(estimator, every, "an outage")
     half = np.arange(len(whole.gains)) % 2 == 0
@@ -233,7 +235,10 @@ def _settled_machine(estimator: Estimator, settling: int) -> Scene:
 
 
 def _outage_of_machine(estimator: Estimator, lost: NDArray[np.bool_], name: str) -> Scene:
-    """Off the middle, then nothing of some, until the filter says so; the first is back first."""
+    """Off the middle, then nothing of some, until the filter says so; the first is back first.
+
+    What is left of a large covariance by a sharp sensor is what rounding leaves of it.
+    """
     whole: Any = estimator.whole
     seen = whole.gains * whole.travel_seen
     limits = np.array([b.current_max / b.amplifier.gain for b in whole.alone])
@@ -245,7 +250,8 @@ def _outage_of_machine(estimator: Estimator, lost: NDArray[np.bool_], name: str)
     until = int(held[0]) + 5 if held.size else 40
     back = 0.4 * seen * (1 + 1e-3 * np.resize([1.0, 0.0], (20, 1)))
     back[:3, 1:] = np.where(lost[1:], np.nan, back[:3, 1:])
-    return Scene(name, np.concatenate([y[:until], back]), u[: until + 20])
+    amplifies = until if lost.all() else 1
+    return Scene(name, np.concatenate([y[:until], back]), u[: until + 20], amplifies)
 
 
 def _hover(estimator: Estimator, sign: float) -> tuple[Array, Array]:

@@ -29,6 +29,7 @@ def context(tested: vectors.Vectors, estimator: Estimator, precision: CPrecision
     starts = tested.starts.tolist()
     marks = tested.feed_back.copy()
     marks[starts] += 2
+    marks[tested.amplified] += 4
     return {
         "steps": len(tested.y),
         "columns": tested.expected.shape[1],

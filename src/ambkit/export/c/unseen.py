@@ -246,7 +246,7 @@ CONTROL = (
         "a first sample after another, of a PID that is fed by readings",
     ),
     Unseen("", "default:", "no mode is another"),
-    Unseen("", "amb_is_finite(*velocity)", "estimates are finite"),
+    Unseen("", "!AMB_WITHIN(*velocity, AMB_REAL_ROOT)", "estimates are finite"),
     Unseen("", "status |= AMB_MISSING;", "the estimator has said so"),
 )  # fmt: skip
 """Of the whole controller of one axis, with what is a machine's alone."""
@@ -306,7 +306,7 @@ MACHINE = (
         "amb_control_init",
     ),
     Unseen(
-        "control.c", "iu[f] / kf->set.k_ui[f]", "the first sample is a start, without a control",
+        "control.c", "/ kf->set.k_ui[f]", "the first sample is a start, without a control",
         "amb_control_hover",
     ),
     Unseen("control.c", "out->usable = true;", "the supervisor says it"),

@@ -30,6 +30,7 @@ class Vectors(NamedTuple):
     status: NDArray[np.uint16]  # (N,)
     health: NDArray[np.uint16]  # (N, readings)
     feed_back: NDArray[np.uint8]  # (N,): 1 where it may be fed back
+    amplified: NDArray[np.bool_]  # (N,): where rounding is amplified
     runs: tuple[str, ...]  # names of the runs
 
 
@@ -47,13 +48,14 @@ def make(estimator: Estimator, magnets: list[Magnet], *, settling: int, bound: f
     bound : float
         Caps beyond which the exported filter starts anew: a run ends before that.
     """
-    parts = []
+    parts, amplified = [], []
     for scene in scenes.of(estimator, magnets, settling):
         y, u, si = _as_read(estimator, scene)
         told = scenes.run(estimator, *si)
         n = within(estimator, told["mean"], bound)
         told = {name: values[:n].reshape(n, -1) for name, values in told.items()}
         parts.append((scene.name, y[:n], u[:n], told))
+        amplified.append(np.arange(n) >= (n if scene.amplifies is None else scene.amplifies))
     columns = [_columns(estimator, told) for *_, told in parts]
     health = [told.get("health", told["status"]) for *_, told in parts]
     status = [told["status"].ravel() for *_, told in parts]
@@ -69,6 +71,7 @@ def make(estimator: Estimator, magnets: list[Magnet], *, settling: int, bound: f
         status=np.concatenate(status),
         health=np.concatenate(health),
         feed_back=np.concatenate(settled).astype(np.uint8),
+        amplified=np.concatenate(amplified),
         runs=tuple(name for name, *_ in parts),
     )
 
@@ -146,4 +149,9 @@ def coverage(tested: Vectors, estimator: Estimator) -> list[tuple[str, str]]:
         never += [] if found else [f"`AMB_{flag.name}`"]
         rows += [(f"`AMB_{flag.name}`", f"{found} samples")] if found else []
     rows.append(("to be fed back", f"{int(tested.feed_back.sum())} samples"))
+    if tested.amplified.any():
+        amplified = (
+            f"{int(tested.amplified.sum())} samples, compared where each bit must be the same"
+        )
+        rows.append(("rounding is amplified", amplified))
     return [*rows, ("flags that are not raised", ", ".join(never) or "none")]
