@@ -86,6 +86,7 @@ def export_proved(what: str, out: Path) -> CExport:
     return export(what if what in KINDS else "linear", out, prefix="f", **of)
 
 
+QUICKLY = ["linear", "editable", "lqg", *prover.CONTROLLERS]
 WITH_PROOF = [*KINDS, "editable", "lqg", *prover.CONTROLLERS]
 LAWS = prover.CONTROLLERS | {"lqg": PID(type="lqg"), "calibrated": PID()}
 
