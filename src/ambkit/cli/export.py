@@ -14,8 +14,7 @@ from ambkit.cli.kinds import NAMES, estimator_option, to_export, whole_to_export
 from ambkit.cli.options import BearingOrFilter, Force, Json, Synchronous, quantity
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
+    from ambkit.cli.output import Table
     from ambkit.export.c import Cost
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine

@@ -1,0 +1,95 @@
+"""Tables in a terminal of 80 columns, and in a narrower one: no name and no number is cut."""
+
+import pytest
+from rich.console import Console
+
+from ambkit.base.units import engineering
+from ambkit.cli import output
+from ambkit.show.report.terminal import print_summary
+
+FILTERS = "linear,steady-state,observer,low-pass,extended"
+
+
+def _seen(text):
+    """Return the words of a text, in its order, without what tables are drawn with."""
+    return text.replace("─", " ").split()
+
+
+def _wide(tables):
+    """Return the words of all cells, as they are in a terminal with room for all."""
+    words = []
+    for table in tables:
+        if not isinstance(table, str):
+            cells = [cell for row in [table.headers, *table.rows] for cell in row]
+            words += _seen(" ".join([table.title, *cells]))
+    return words
+
+
+@pytest.fixture
+def narrow(monkeypatch):
+    """Let the terminal have so many columns; return the tables that come to be shown."""
+    shown = []
+    show = output.show
+
+    def keep(tables):
+        tables = list(tables)
+        shown.extend(tables)
+        show(tables)
+
+    def to(width):
+        monkeypatch.setattr(output, "stdout", lambda: Console(width=width, highlight=False))
+        monkeypatch.setattr(output, "show", keep)
+        return shown
+
+    return to
+
+
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
+        ("presets", ["zittau_axial", "tum_mlps_flexible", "hindawi_2011"]),
+        ("rotor tum_mlps", ["2045 rpm", "33.57 Hz"]),
+        (f"assess zittau_axial --filter {FILTERS}", ["steady-state", "0.01272972"]),
+        ("assess tum_mlps --filter linear", ["0.15813124", "2044.8 rpm", "416.7 g mm"]),
+        ("simulate zittau_axial --duration 50ms", []),
+        (f"torture zittau_axial --estimators {FILTERS} --faults knock,outage-1ms", []),
+        (f"compare zittau_axial --estimators {FILTERS} --runs 1", FILTERS.split(",")),
+        ("excite zittau_axial --duration 0.5s", []),
+    ],
+)
+def test_no_table_cuts_a_name_or_a_number(call, narrow, words, names):
+    shown = narrow(80)
+    out = call(*words.split()).out
+    assert "…" not in out
+    for name in names:
+        assert name in out
+    seen = _seen(out)
+    assert shown
+    assert not set(_wide(shown)) - set(seen)
+    tables = [line for line in out.splitlines() if line.startswith(" ")]
+    assert max(map(len, tables)) <= 80
+
+
+def test_columns_that_have_no_room_come_below(narrow, capsys):
+    narrow(44)
+    heads = ["", *(f"a-long-name-{k}" for k in range(5))]
+    row = [engineering(k / 7, "m", digits=6) for k in range(5)]
+    output.show([output.table("Errors", heads, [["first row", *row], ["second", *row]])])
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 44
+    for word in (*heads, *row):
+        assert word in out
+    assert out.count("first row") == 3
+
+
+def test_summary_of_the_paper_cuts_nothing(capsys):
+    row = {
+        "id": "figure8.rms", "what": "root mean square of the error of the speed, adaptive filter",
+        "paper": 0.123456789, "ours": 1.23456789e-5, "unit": "mm/s",
+        "verdict": "agrees", "runs": None, "spread": None,
+    }  # fmt: skip
+    print_summary([row], Console(width=60))
+    out = capsys.readouterr().out
+    assert "…" not in out
+    assert set(row["what"].split()) <= set(_seen(out))
+    assert {"agrees", "mm/s", "0.1235"} <= set(_seen(out))
