@@ -318,7 +318,7 @@ def test_a_key_of_toml_is_told_in_one_line() -> None:
 def test_half_a_character_in_an_expert_is_told(tmp_path: Path) -> None:
     text = expert("x").model_dump_json().replace('"source":"x"', r'"source":"a\ud800"')
     (tmp_path / "e.json").write_text(text, encoding="utf-8")
-    with pytest.raises(ConfigError, match=r'e\.json: source: .*, is "a\\ud800"$'):
+    with pytest.raises(ConfigError, match=r'e\.json:1: source: .*, is "a\\ud800"$'):
         Expert.load(tmp_path / "e.json")
 
 
