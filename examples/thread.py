@@ -220,11 +220,11 @@ int main(void)
 {
   static grinder_state state;
   grinder_estimates now;
-  float distance, current, before = 0.0F;
+  float distance, current, u_previous = 0.0F;
   grinder_init(&state);
   while (scanf("%f %f", &distance, &current) == 2) {
-    (void)grinder_step(&state, distance, before, &now); /* the current that acted until now */
-    before = current;
+    (void)grinder_step(&state, distance, u_previous, &now); /* the current that acted until now */
+    u_previous = current;
     printf("%.9g %.9g %.9g\\n", now.x, now.v, now.f_d);
   }
   return 0;

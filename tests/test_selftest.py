@@ -62,6 +62,11 @@ FAULTS = {
         "*status |= AMB_SATURATED;",
         "(void)status;",
     ),
+    "the control signal of this sample, not of the last one": (
+        "selftest/{}_selftest.c",
+        "selftest_u[(k > 0) ? (k - 1) : 0]",
+        "selftest_u[k]",
+    ),
     "a trusted step without its force": (
         "{}.c",
         "amb_step_trusted(kf, &k, &state->filter, &y, &iu);",

@@ -32,16 +32,16 @@ static void go_over(const zittau_axial_estimates *now, amb_real *x, amb_real *v)
   *v += share * (now->v - *v);
 }
 
-/* Every sampling time: y [m], the control signal u [V] that acted since the last one, and position
- * x [m] and velocity v [m/s] by the measurement, which become what is to be fed back. */
-void filter_interrupt(amb_real y, amb_real u, amb_real *x, amb_real *v)
+/* Every sampling time: y [m], the control signal u_previous [V] that acted since the last one, and
+ * position x [m] and velocity v [m/s] by the measurement, which become what is to be fed back. */
+void filter_interrupt(amb_real y, amb_real u_previous, amb_real *x, amb_real *v)
 {
   seen mine;
   if (start_anew) {
     zittau_axial_init(&filter);
     start_anew = false;
   }
-  mine.status = latest.status | zittau_axial_step(&filter, y, u, &mine.now);
+  mine.status = latest.status | zittau_axial_step(&filter, y, u_previous, &mine.now);
   zittau_axial_deviations(&filter, mine.std); /* where somebody wants them: roots take time */
   latest = mine;
   written++;

@@ -160,7 +160,7 @@ def render(
         "sampling_time": engineering(bearing.sampling_time, "s"),
         "several": data_file.several(estimator, magnets, kinds, precision) if whole else None,
         "y_given": "const amb_real y[AMB_SENSORS]" if whole else "amb_real y",
-        "u_given": "const amb_real u[AMB_CONTROLS]" if whole else "amb_real u",
+        "u_given": "const amb_real u_previous[AMB_CONTROLS]" if whole else "amb_real u_previous",
         "sources": sources,
         "bit_headers": _bit_headers(core_files, alone=controller is None),
         "cast_sources": _casts(

@@ -102,7 +102,13 @@ def of_estimator(estimator: Estimator) -> tuple[Variable, ...]:
     return (
         TIME,
         Variable("y", "input", "m", "measured position; NaN: lost", limit="losable"),
-        Variable("u", "input", "V", "control signal; NaN: not known", limit="losable"),
+        Variable(
+            "u",
+            "input",
+            "V",
+            "control signal u[k] from sample k on (C step: u_previous = u[k-1]); NaN: not known",
+            limit="losable",
+        ),
         *_estimates("", estimator),
         *_variances(estimator),
     )
@@ -165,7 +171,7 @@ def of_plant(bearing: Bearing, place: float = 0.0) -> tuple[Variable, ...]:
     shown = ("noise_y", "fault_y_gain", "fault_y_offset", "fault_frozen")
     known = (
         TIME,
-        Variable("u", "input", "V", "control signal"),
+        Variable("u", "input", "V", "control signal, acts from when it is set"),
         Variable("on", "input", "1", "currents, that of the bias too: from 0.5 on", 1.0),
         Variable("f_d", "input", "N", "disturbance force"),
         *_noises(bearing),
