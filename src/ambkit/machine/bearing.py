@@ -212,14 +212,18 @@ class Rotor(Part):
 
 
 class Amplifier(Part):
-    """The current amplifier: iu = gain u, within the limit."""
+    """The current amplifier: iu = gain u, within the limit.
 
-    gain: Annotated[float, Quantity("A/V", "1 A/V", at_least=1e-9, at_most=1e9)]
-    """Gain k_ui [A/V], control current by control signal."""
+    Where the control signal is a current, gain and noise variance are given in A/A and A^2. All
+    numbers of u are then in A, though records, filters and exports name its unit V.
+    """
+
+    gain: Annotated[float, Quantity("A/V", "1 A/V", at_least=1e-9, at_most=1e9, also=("A/A", "1"))]
+    """Gain k_ui [A/V], control current by control signal; [A/A] where that is a current."""
     current_limit: Annotated[float, Quantity("A", "1.5 A", above=0)]
     """Greatest control current |iu| [A]."""
-    noise_variance: Annotated[float, Quantity("V^2", "8e-5 V^2", above=0)]
-    """Variance of the noise on the control signal [V^2] (paper: process noise)."""
+    noise_variance: Annotated[float, Quantity("V^2", "8e-5 V^2", above=0, also=("A^2",))]
+    """Variance of the noise on the control signal [V^2], or [A^2] (paper: process noise)."""
     bandwidth: Annotated[float, Quantity("Hz", "2 kHz", above=0)] | None = None
     """Corner frequency of the current, which follows as a first-order lag [Hz]; at once without."""
     voltage_limit: Annotated[float, Quantity("V", "150 V", above=0)] | None = None

@@ -4,6 +4,7 @@ import json
 import math
 import numbers
 from collections.abc import Callable
+from contextlib import suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
@@ -58,6 +59,8 @@ class Quantity:
         How a user would write a sensible value; of a signal's value the place of use knows that.
     above, at_least, at_most : float or None
         Limits, in `unit`.
+    also : tuple of str
+        Other units that a file may have; their number counts as one in `unit`.
     """
 
     unit: str
@@ -65,6 +68,7 @@ class Quantity:
     above: float | None = None
     at_least: float | None = None
     at_most: float | None = None
+    also: tuple[str, ...] = ()
 
     def read(self, value: Any, info: ValidationInfo) -> float:
         """Give the value in SI, or say what is wrong with it."""
@@ -86,6 +90,9 @@ class Quantity:
     def _number(self, value: Any, in_file: bool) -> float:
         unit = self._unit()
         if isinstance(value, str):
+            for other in self.also:
+                with suppress(ValueError):
+                    return units.parse(value, other)
             return Said.of(value, self.unit) if unit is None else units.parse(value, unit)
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise ValueError(f"{json.dumps(value, default=repr)} is not a number")

@@ -1,0 +1,39 @@
+"""An amplifier whose control signal is a current: its gain is given in A/A."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit.base.errors import ConfigError
+
+VOLTS = ambkit.Bearing.preset("zittau_axial").replace(amplifier__gain="2 A/V")
+
+
+def in_amperes(folder: Path, gain: str) -> Path:
+    path = folder / "b.toml"
+    VOLTS.save(path)
+    text = path.read_text(encoding="utf-8")
+    assert text.count("2 A/V") == 1
+    lines = [
+        line.replace("V^2", "A^2") if line.startswith("noise_variance") else line
+        for line in text.replace("2 A/V", gain).splitlines()
+    ]
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("gain", ["2 A/A", "2000 mA/A", "2"])
+def test_its_number_counts_as_one_in_amperes_per_volt(tmp_path: Path, gain: str) -> None:
+    read = ambkit.Bearing.load(in_amperes(tmp_path, gain))
+    assert "A^2" in (tmp_path / "b.toml").read_text(encoding="utf-8")
+    assert read.amplifier == VOLTS.amplifier
+    runs = [ambkit.simulate(b, step="0.1 mm", duration=0.02, seed=1) for b in (read, VOLTS)]
+    assert np.array_equal(runs[0]["u"], runs[1]["u"])
+
+
+@pytest.mark.parametrize("gain", ["2 V/A", "2 N/A", "2 A"])
+def test_a_gain_of_another_kind_is_refused(tmp_path: Path, gain: str) -> None:
+    with pytest.raises(ConfigError, match=r"amplifier\.gain.*A/V"):
+        ambkit.Bearing.load(in_amperes(tmp_path, gain))
