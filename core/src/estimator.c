@@ -2,10 +2,10 @@
 #include "kalman_step.h"
 
 amb_status amb_estimator_step(const amb_estimator *estimator, void *state,
-                              const amb_real y[AMB_SENSORS], const amb_real u[AMB_CONTROLS],
-                              amb_kalman_result *result)
+                              const amb_real y[AMB_SENSORS],
+                              const amb_real u_previous[AMB_CONTROLS], amb_kalman_result *result)
 {
-  const amb_status predicted = estimator->methods->predict(estimator, state, u, result);
+  const amb_status predicted = estimator->methods->predict(estimator, state, u_previous, result);
   const amb_status updated = estimator->methods->update(estimator, state, y, result);
   result->status = predicted | updated;
   return result->status;

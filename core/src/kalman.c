@@ -128,20 +128,20 @@ amb_status amb_kalman_update(const amb_kalman *kf, amb_kalman_state *state,
 
 amb_status amb_kalman_step(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
                            amb_kalman_state *state, const amb_real y[AMB_SENSORS],
-                           const amb_real u[AMB_CONTROLS], amb_kalman_result *result)
+                           const amb_real u_previous[AMB_CONTROLS], amb_kalman_result *result)
 {
   amb_real iu[AMB_CONTROLS];
   amb_stiffness k[AMB_FORCES];
-  const amb_status status = amb_step_currents(kf, state, u, iu);
+  const amb_status status = amb_step_currents(kf, state, u_previous, iu);
   amb_step_ask_all(kf, magnet, iu, state->mean, k);
   return amb_step_with(kf, k, iu, state, y, status, result);
 }
 
 amb_status amb_kalman_step_given(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES],
                                  amb_kalman_state *state, const amb_real y[AMB_SENSORS],
-                                 const amb_real u[AMB_CONTROLS], amb_kalman_result *result)
+                                 const amb_real u_previous[AMB_CONTROLS], amb_kalman_result *result)
 {
   amb_real iu[AMB_CONTROLS];
-  const amb_status status = amb_step_currents(kf, state, u, iu);
+  const amb_status status = amb_step_currents(kf, state, u_previous, iu);
   return amb_step_with(kf, k, iu, state, y, status, result);
 }

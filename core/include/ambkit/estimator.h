@@ -61,11 +61,11 @@ extern const amb_estimator_methods amb_kalman_methods;
  * tangents in that of the covariance. */
 extern const amb_estimator_methods amb_extended_methods;
 
-/* Prediction with the control signals u that acted since the last sample, then measurements y;
- * returns all that there was to say. */
+/* Prediction with the control signals u_previous that acted since the last sample, u[k - 1], then
+ * measurements y[k]; returns all that there was to say. */
 amb_status amb_estimator_step(const amb_estimator *estimator, void *state,
-                              const amb_real y[AMB_SENSORS], const amb_real u[AMB_CONTROLS],
-                              amb_kalman_result *result);
+                              const amb_real y[AMB_SENSORS],
+                              const amb_real u_previous[AMB_CONTROLS], amb_kalman_result *result);
 
 /* The first measurements y after a reset, which nothing is predicted for. */
 amb_status amb_estimator_start(const amb_estimator *estimator, void *state,

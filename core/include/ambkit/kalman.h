@@ -136,15 +136,17 @@ amb_status amb_kalman_update(const amb_kalman *kf, amb_kalman_state *state,
                              const amb_real y[AMB_SENSORS], amb_kalman_result *result);
 
 /* Fig. 8: stiffnesses of the magnets at the estimated displacements and the control currents, then
- * prediction with the control signals u that acted since the last sample, then measurements y. */
+ * prediction with the control signals u_previous that acted since the last sample, u[k - 1], then
+ * measurements y[k]. */
 amb_status amb_kalman_step(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
                            amb_kalman_state *state, const amb_real y[AMB_SENSORS],
-                           const amb_real u[AMB_CONTROLS], amb_kalman_result *result);
+                           const amb_real u_previous[AMB_CONTROLS], amb_kalman_result *result);
 
 /* The same with given stiffnesses. */
 amb_status amb_kalman_step_given(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES],
                                  amb_kalman_state *state, const amb_real y[AMB_SENSORS],
-                                 const amb_real u[AMB_CONTROLS], amb_kalman_result *result);
+                                 const amb_real u_previous[AMB_CONTROLS],
+                                 amb_kalman_result *result);
 
 #ifdef __cplusplus
 }
