@@ -30,6 +30,8 @@ void each_setting(Settings &s, const Sizes &of, Visit visit)
   visit("var_d", s.var_d, of.noises);
   visit("var_y", s.var_y, of.sensors);
   visit("rise", s.rise, of.sensors);
+  visit("step", s.step, of.sensors);
+  visit("dwell", s.dwell, 0);
   visit("gate", s.gate, 0);
   visit("frozen_limit", s.frozen_limit, 0);
   visit("outlier_limit", s.outlier_limit, 0);
@@ -341,6 +343,7 @@ Named parameters(const Estimator &self)
   all["model"] = shown(self.kf.model);
   all["growth"] = numbers(self.kf.growth, of.entries);
   all["far"] = numbers(self.kf.far, of.sensors);
+  all["rounding"] = numbers(self.kf.rounding, of.sensors);
   all["gate_squared"] = self.kf.gate_squared;
   all["widest"] = numbers(self.kf.widest, of.states);
   all["most"] = numbers(self.kf.most, of.entries);

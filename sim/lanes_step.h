@@ -10,7 +10,8 @@
 /* Parameters and states as the core's structs, a vector for each number. */
 typedef struct lanes_parameters {
   lanes_model model;
-  lanes k_ui, f_0, iu_min, iu_max, x_max, var_u, var_y, rise, reach, gate_squared;
+  lanes k_ui, f_0, iu_min, iu_max, x_max, var_u, var_y, rounding, rise, reach, gate_squared;
+  lanes fine;   /* 1 where the sensor's step is hidden by its noise, else 0 */
   lanes widest; /* of the position */
   lanes growth[AMB_TRIANGLE];
   lanes k_i, k_s; /* of a constant magnet */
@@ -109,7 +110,8 @@ AMB_INLINE lanes lanes_force(const lanes_parameters *p, lanes_of of, lanes iu, l
 /* A measurement within reach that moves. */
 AMB_INLINE lanes_mask lanes_measured(const lanes_parameters *p, lanes_state *s, lanes y)
 {
-  const lanes_mask usual = (y <= p->reach) & (y >= -p->reach) & (y != s->last_y);
+  const lanes_mask usual =
+      (y <= p->reach) & (y >= -p->reach) & (y != s->last_y) & (p->fine > AMB_C(0.0));
   s->last_y = y;
   return usual;
 }
@@ -149,7 +151,7 @@ AMB_INLINE lanes_mask lanes_step_kalman(const lanes_parameters *p, lanes_of of, 
   const lanes there = lanes_model_shown(&p->model, 0, s->mean);
   const lanes share = lanes_clamp(AMB_C(1.0) + p->rise * there, lanes_all_equal(AMB_C(0.125)),
                                   lanes_all_equal(AMB_C(8.0)));
-  const lanes noise = (p->var_y * share) * share;
+  const lanes noise = (p->var_y * share) * share + p->rounding;
   usual &= (AMB_ROOT_EPSILON * shown) <= noise;
   r->variance = shown + noise;
   usual &= lanes_expected(p, s, y - there, r->variance);

@@ -30,6 +30,7 @@ typedef struct team {
   lanes_parameters p;
   lanes_state s;
   unsigned int unchanged[LANES];
+  amb_real chance[LANES];
   unsigned int outliers[LANES];
   bool counting; /* some of these are not 0 */
   block b;
@@ -68,6 +69,8 @@ static void fill_parameters(lanes_parameters *p, size_t i, const amb_estimator *
   for (int j = 0; j < AMB_TRIANGLE; j++)
     p->growth[j][i] = kf->growth[j];
   p->var_y[i] = kf->set.var_y[0];
+  p->rounding[i] = kf->rounding[0];
+  p->fine[i] = amb_step_coarse(kf, 0) ? AMB_C(0.0) : AMB_C(1.0);
   p->rise[i] = kf->set.rise[0];
   p->reach[i] = kf->far[0];
   p->gate_squared[i] = kf->gate_squared;
@@ -114,6 +117,7 @@ static void put(team *t, lanes_state *s, size_t i)
   s->residual[i] = sensor->residual;
   s->surprise[i] = sensor->surprise;
   t->unchanged[i] = sensor->unchanged;
+  t->chance[i] = sensor->chance;
   t->outliers[i] = sensor->outliers;
   t->counting = t->counting || (sensor->unchanged > 0U) || (sensor->outliers > 0U);
   if (t->runs[i]->estimator->methods == &amb_low_pass_methods)
@@ -133,6 +137,7 @@ static void get(const team *t, const lanes_state *s, size_t i)
   sensor->residual = s->residual[i];
   sensor->surprise = s->surprise[i];
   sensor->unchanged = t->unchanged[i];
+  sensor->chance = t->chance[i];
   sensor->outliers = t->outliers[i];
   if (t->runs[i]->estimator->methods == &amb_low_pass_methods)
     ((amb_low_pass_state *)t->runs[i]->state)->force = s->force[i];
@@ -159,6 +164,7 @@ static __attribute__((noinline)) void mend(team *t, size_t b, lanes_mask usual,
     amb_status status = (surprised[i] != 0) ? AMB_SURPRISED : AMB_OK;
     if (usual[i] != 0) {
       t->unchanged[i] = 0U;
+      t->chance[i] = AMB_C(1.0);
       t->outliers[i] = 0U;
     } else {
       if (i < t->count) { /* beyond, the lanes repeat the last run, which has just been mended */

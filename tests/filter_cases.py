@@ -36,9 +36,10 @@ def core_settings(s: oracles.Settings) -> dict[str, Any]:
         "K_sen": [s["K_sen"]], "lag": [s["T_sen"]], "travel": [s["x_max"]], "cap": cap,
         **{name: [s[name]] for name in (
             "k_ui", "iu_min", "iu_max", "f_0", "x_max", "var_u", "var_d", "var_y", "rise",
+            "step",
         )},
     }  # fmt: skip
-    as_they_are = ("T", "gate", "frozen_limit", "outlier_limit")
+    as_they_are = ("T", "dwell", "gate", "frozen_limit", "outlier_limit")
     return own | {name: s[name] for name in as_they_are if name in s}
 
 

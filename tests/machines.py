@@ -53,6 +53,8 @@ def wide(model: Model, s: Settings) -> dict[str, Any]:
         "f_0": np.linspace(-0.3, 0.5, p).tolist(), "x_max": [1e6] * p, "cap": [1e6] * n,
         "var_u": s.var_u.tolist(), "var_d": s.var_noise.tolist(), "var_y": s.var_y.tolist(),
         "rise": [0.0] * m,
+        "step": [0.0] * m,
+        "dwell": 0.0,
         "gate": 1e6, "frozen_limit": 0, "outlier_limit": 0,
     }  # fmt: skip
 
@@ -94,10 +96,12 @@ def axes_settings(model: Model) -> dict[str, Any]:
         "iu_min": b.current_min, "iu_max": b.current_max, "f_0": KNOWN, "x_max": TRAVEL,
         "var_u": b.amplifier.noise_variance, "var_y": b.sensor.noise_variance,
         "rise": b.sensor.noise_rise,
+        "step": 0.0,
     }  # fmt: skip
     return {
         **{name: [value] * p for name, value in each.items()},
-        "T": T, "var_d": [(2 * BEARING.weight) ** 2 * T] * p, "gate": 8.0, "frozen_limit": 10,
+        "T": T, "var_d": [(2 * BEARING.weight) ** 2 * T] * p, "dwell": 0.0, "gate": 8.0,
+        "frozen_limit": 10,
         "outlier_limit": 3, "cap": [caps[state.role] for state in model.states],
     }  # fmt: skip
 

@@ -41,6 +41,8 @@ def settings_of(bearing: Bearing, **changes: float) -> Settings:
         "var_d": bearing.sampling_time * (2 * weight) ** 2,
         "var_y": bearing.sensor.noise_variance,
         "rise": bearing.sensor.noise_rise,
+        "step": 0.0,
+        "dwell": 0.0,
         "frozen_limit": 10,
         "gate": 8.0,
         "outlier_limit": 3,

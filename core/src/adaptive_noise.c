@@ -158,7 +158,8 @@ static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
   amb_status status = AMB_OK;
   for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
     const amb_real e = result->innovation[r];
-    if (a->measurement && ((result->health[r] & AMB_UNTOLD) == AMB_OK)) {
+    if (a->measurement && !amb_step_coarse(self->kf, r) &&
+        ((result->health[r] & AMB_UNTOLD) == AMB_OK)) {
       const amb_real S = variance_of(s, r, result->variance[r]);
       status |= follow(s->share, e * e, S, nominal->var_y[r], a->most, &s->kf.set.var_y[r]);
     }

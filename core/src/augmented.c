@@ -170,7 +170,8 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
 typedef struct hearing {
   amb_augmented_state *s;
   amb_real on_y[AMB_SENSORS]; /* slope of what it shows */
-  amb_real S[AMB_SENSORS];    /* variance of its innovation, were theta known [m^2] */
+  amb_real e[AMB_SENSORS];    /* its innovation [m] */
+  amb_real S[AMB_SENSORS];    /* variance of that, were theta known [m^2] */
 } hearing;
 
 static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r, amb_real y,
@@ -186,6 +187,7 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   copy(n, s->cov, s->base.cov);
   const amb_status status = amb_step_update(kf, &s->base, r, y, noise, told);
   copy(n, s->base.cov, s->cov);
+  h->e[r] = told->innovation;
   h->S[r] = amb_at_least(told->variance, noise); /* as it is: the proof is told so */
   told->variance += h->on_y[r] * s->var * h->on_y[r];
   if ((status & AMB_RESTARTED) != 0U) {
@@ -199,21 +201,25 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
 
 /* Correct theta by what the sensors said, one after the other; each innovation is less what those
  * before have made theta of. */
-static void learn(const amb_model *model, const amb_augmented *own, const hearing *h,
+static void learn(const amb_kalman *kf, const amb_augmented *own, const hearing *h,
                   amb_kalman_result *result)
 {
+  const amb_model *model = &kf->model;
   amb_augmented_state *s = h->s;
   amb_real theta = s->theta;
   for (int r = 0; r < amb_sensors(model); r++) {
     if ((result->health[r] & AMB_UNTOLD) == 0U) {
       const amb_real on_y = h->on_y[r];
-      const amb_real e = result->innovation[r] - on_y * (theta - s->theta);
+      const amb_real known = on_y * (theta - s->theta);
+      const amb_real e = h->e[r] - known;
       const amb_real total = h->S[r] + amb_at_least(on_y * s->var * on_y, AMB_C(0.0));
       const amb_real gain = (s->var * on_y) / total;
       theta = amb_clamp(theta + gain * e, own->min, own->max);
       s->var *= amb_at_most(h->S[r] / total, AMB_C(1.0));
-      result->innovation[r] = e;
-      result->variance[r] = total;
+      result->innovation[r] -= known;
+      if (!amb_step_coarse(kf, r)) {
+        result->variance[r] = total;
+      }
     }
   }
   move(amb_states(model), s, theta);
@@ -230,11 +236,11 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   hearing h;
   h.s = (amb_augmented_state *)state;
   amb_augmented_state *s = h.s;
-  amb_status status = amb_step_each(take_in, kf, own, &h, s->base.mean, y, result);
+  amb_status status = amb_step_each(take_in, kf, own, &h, &s->base, true, y, result);
   if (!amb_step_tells(&kf->model, result)) {
     amb_excitation_miss(&s->excitation);
   } else if (amb_excitation_learns(&s->excitation, &own->learn, kf, s->base.mean)) {
-    learn(&kf->model, own, &h, result);
+    learn(kf, own, &h, result);
   } else {
     status |= AMB_UNEXCITED;
   }

@@ -125,8 +125,8 @@ static bool is_between_the_stops(const amb_kalman *kf, const amb_real y[AMB_SENS
   for (int r = 0; r < amb_sensors(&kf->model); r++) {
     const amb_real shown = amb_magnitude(kf->set.K_sen[r]) * kf->set.travel[r];
     const amb_real beyond = amb_magnitude(y[r]) - shown;
-    const bool near =
-        (beyond <= kf->far[r]) && ((beyond * beyond) <= (AMB_C(16.0) * kf->set.var_y[r]));
+    const amb_real var_y = kf->set.var_y[r] + kf->rounding[r];
+    const bool near = (beyond <= kf->far[r]) && ((beyond * beyond) <= (AMB_C(16.0) * var_y));
     between = between && ((beyond <= AMB_C(0.0)) || near);
   }
   return between;

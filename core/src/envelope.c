@@ -276,7 +276,7 @@ static void restart_there(const amb_kalman *kf, amb_kalman_state *state, int r, 
       state->cov[amb_entry(n, i, i)] = variance[i];
     }
   }
-  add_square(n, kf->set.var_y[r], shown, state->cov);
+  add_square(n, kf->set.var_y[r] + kf->rounding[r], shown, state->cov);
   amb_envelope_place(kf, r, y, state->mean);
   state->sensor[r].residual = AMB_C(0.0);
 }
@@ -290,7 +290,8 @@ static void believe(const amb_kalman *kf, amb_kalman_state *state, int r, amb_re
   amb_real e;
   const amb_real shown = amb_model_shown_variance(&kf->model, r, state->cov);
   const amb_real least = AMB_ROOT_EPSILON * shown;
-  const amb_real most = (variance > kf->set.var_y[r]) ? variance : kf->set.var_y[r];
+  const amb_real own = kf->set.var_y[r] + kf->rounding[r];
+  const amb_real most = (variance > own) ? variance : own;
   const amb_real var_y = (least > most) ? least : most;
   amb_model_update(&kf->model, r, y, shown + var_y, state->mean, state->cov, &e);
 }

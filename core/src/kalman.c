@@ -1,5 +1,15 @@
 #include "ambkit/envelope.h"
+#include "ambkit/root.h"
 #include "kalman_step.h"
+
+/* Standard deviations of the prediction, beyond which a step says no more than where it ends. */
+#define FARTHEST AMB_C(6.0)
+
+/* Half a step, in such, from which on it says more than its rounding's variance. */
+#define NARROW AMB_C(0.5)
+
+/* Share of a variance that a measurement takes at least. */
+#define LEAST AMB_C(1e-4)
 
 static bool not_negative(amb_real a)
 {
@@ -13,11 +23,11 @@ static bool not_zero(amb_real a)
 
 static bool good_settings(const amb_model *model, const amb_kalman_settings *s)
 {
-  bool good = amb_is_positive(s->T) && amb_is_positive(s->gate);
+  bool good = amb_is_positive(s->T) && amb_is_positive(s->gate) && not_negative(s->dwell);
   for (int r = 0; r < amb_sensors(model); r++) {
     good = good && not_zero(s->K_sen[r]) && not_negative(s->lag[r]) &&
            amb_is_positive(s->travel[r]) && amb_is_positive(s->var_y[r]) &&
-           amb_is_finite(s->rise[r]);
+           amb_is_finite(s->rise[r]) && not_negative(s->step[r]);
   }
   for (int c = 0; c < amb_controls(model); c++) {
     good = good && not_zero(s->k_ui[c]) && amb_is_finite(s->iu_min[c]) &&
@@ -36,6 +46,51 @@ static bool good_settings(const amb_model *model, const amb_kalman_settings *s)
   return good;
 }
 
+/* Density of the standard normal distribution. */
+static amb_real density(amb_real t)
+{
+  return AMB_C(0.39894228040143268) * amb_exp_negative(AMB_C(0.5) * (t * t));
+}
+
+/* Its tail beyond t >= 0 over its density, to 1e-4 of itself. */
+static amb_real mills(amb_real t)
+{
+  return (AMB_C(6.59915492) + t * (AMB_C(4.05471361) + t)) /
+         (AMB_C(5.26497952) + t * (AMB_C(7.44659211) + t * (AMB_C(4.06105618) + t)));
+}
+
+amb_rounded amb_kalman_rounded(amb_real e, amb_real shown, amb_real noise, amb_real step)
+{
+  const amb_real S = shown + noise;
+  const amb_real s = amb_root(S);
+  const amb_real middle = amb_magnitude(e) / s;
+  const amb_real half = (AMB_C(0.5) * step) / s;
+  const amb_real near = middle - half; /* ends of the step, in standard deviations */
+  const amb_real far = middle + half;
+  amb_rounded as = {AMB_C(0.0), noise + (step * step) / AMB_C(12.0), AMB_C(0.0)};
+  if (!(near < FARTHEST)) {
+    if (half > NARROW) { /* the nearer end */
+      as.moved = (e < AMB_C(0.0)) ? (AMB_C(0.5) * step) : (AMB_C(-0.5) * step);
+      as.noise = noise;
+    }
+    return as;
+  }
+  const amb_real d_near = density(near);
+  const amb_real d_far = density(far);
+  const amb_real tail = d_far * mills(far);
+  as.chance = (near > AMB_C(0.0)) ? (d_near * mills(near) - tail)
+                                  : (AMB_C(1.0) - d_near * mills(-near) - tail);
+  if (half < NARROW) {
+    return as;
+  }
+  const amb_real shift = (d_near - d_far) / as.chance;
+  const amb_real less =
+      amb_clamp(shift * shift - (near * d_near - far * d_far) / as.chance, LEAST, AMB_C(1.0));
+  as.moved = ((e < AMB_C(0.0)) ? -s : s) * (shift / less) - e;
+  as.noise = noise + S * ((AMB_C(1.0) - less) / less);
+  return as;
+}
+
 amb_status amb_kalman_init(amb_kalman *kf, const amb_model *model, const amb_kalman_settings *s)
 {
   if (!good_settings(model, s)) {
@@ -45,6 +100,10 @@ amb_status amb_kalman_init(amb_kalman *kf, const amb_model *model, const amb_kal
   kf->model = *model;
   for (int r = 0; r < amb_sensors(model); r++) {
     kf->far[r] = amb_magnitude(AMB_FAR * s->travel[r] * s->K_sen[r]);
+    kf->rounding[r] = (s->step[r] * s->step[r]) / AMB_C(12.0);
+    if (amb_step_very_coarse(kf, r)) {
+      kf->rounding[r] *= amb_at_least(s->dwell, AMB_C(1.0));
+    }
   }
   kf->gate_squared = s->gate * s->gate;
   for (int i = 0; i < amb_states(model); i++) {
@@ -94,7 +153,7 @@ amb_status amb_kalman_reset(const amb_kalman *kf, amb_kalman_state *state,
     state->last_u[c] = AMB_C(0.0);
   }
   for (int r = 0; r < amb_sensors(&kf->model); r++) {
-    const amb_sensor_state well = {AMB_C(0.0), AMB_C(0.0), AMB_C(0.0), 0U, 0U};
+    const amb_sensor_state well = {AMB_C(0.0), AMB_C(0.0), AMB_C(0.0), AMB_C(1.0), 0U, 0U};
     state->sensor[r] = well;
   }
   return AMB_OK;

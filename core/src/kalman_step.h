@@ -177,18 +177,41 @@ AMB_INLINE amb_status amb_step_contain(const amb_kalman *kf, amb_kalman_state *s
   return status;
 }
 
-/* Counts equal measurements; true once they are too many in a row. */
-AMB_INLINE bool amb_step_frozen(const amb_kalman *kf, amb_sensor_state *sensor, amb_real y)
+/* Whether steps are so coarse that the noise does not hide them. */
+AMB_INLINE bool amb_step_coarse(const amb_kalman *kf, int r)
+{
+  return (kf->set.step[r] * kf->set.step[r]) > (AMB_COARSE * kf->set.var_y[r]);
+}
+
+/* Whether they are so coarse that the noise hardly ever leads to the next one. */
+AMB_INLINE bool amb_step_very_coarse(const amb_kalman *kf, int r)
+{
+  return (kf->set.step[r] * kf->set.step[r]) > (AMB_VERY_COARSE * kf->set.var_y[r]);
+}
+
+/* Counts equal measurements, and how probable they are of a sensor that shows the rotor. */
+AMB_INLINE void amb_step_watch(const amb_kalman *kf, amb_sensor_state *sensor, amb_real y,
+                               amb_real chance)
 {
   if ((y < sensor->last_y) || (y > sensor->last_y)) {
     sensor->last_y = y;
     sensor->unchanged = 0U;
-    return false;
+    sensor->chance = AMB_C(1.0);
+    return;
   }
   if (sensor->unchanged < kf->set.frozen_limit) {
     sensor->unchanged++;
   }
-  return (kf->set.frozen_limit > 0U) && (sensor->unchanged >= kf->set.frozen_limit);
+  if (sensor->chance > AMB_IMPROBABLE) {
+    sensor->chance *= chance;
+  }
+}
+
+/* Whether so many equal measurements are too many in a row. */
+AMB_INLINE bool amb_step_frozen(const amb_kalman *kf, const amb_sensor_state *sensor)
+{
+  return (kf->set.frozen_limit > 0U) && (sensor->unchanged >= kf->set.frozen_limit) &&
+         (sensor->chance <= AMB_IMPROBABLE);
 }
 
 /* The measurement y of sensor r where it can be the rotor, else 0: within bounds whatever it is.
@@ -199,16 +222,17 @@ AMB_INLINE amb_real amb_step_seen(const amb_kalman *kf, int r, amb_real y)
 }
 
 /* AMB_MISSING or AMB_FROZEN, where the measurement y of sensor r says nothing. */
-AMB_INLINE amb_status amb_step_useless(const amb_kalman *kf, amb_kalman_state *state, int r,
+AMB_INLINE amb_status amb_step_useless(const amb_kalman *kf, const amb_kalman_state *state, int r,
                                        amb_real y)
 {
   if (!AMB_WITHIN(y, kf->far[r])) {
     return AMB_MISSING;
   }
-  return amb_step_frozen(kf, &state->sensor[r], y) ? AMB_FROZEN : AMB_OK;
+  return amb_step_frozen(kf, &state->sensor[r]) ? AMB_FROZEN : AMB_OK;
 }
 
-/* Variance of the measurement of sensor r [m^2] where a mean of the states has the rotor. */
+/* Variance of the noise of sensor r [m^2] where a mean of the states has the rotor, before it is
+ * rounded. */
 AMB_INLINE amb_real amb_step_noise(const amb_kalman *kf, int r, const amb_real mean[AMB_STATES])
 {
   const amb_real rise = kf->set.rise[r];
@@ -238,7 +262,8 @@ AMB_INLINE bool amb_step_goes_on(const amb_kalman *kf, const amb_sensor_state *s
   const amb_real since = kf->set.T * ((amb_real)sensor->outliers + AMB_C(1.0));
   const amb_real pushed = AMB_SUDDEN * kf->set.K_sen[r] * since * since;
   const amb_real jump = e - sensor->residual;
-  const amb_real most = AMB_C(2.0) * kf->gate_squared * kf->set.var_y[r] + pushed * pushed;
+  const amb_real var_y = kf->set.var_y[r] + kf->rounding[r];
+  const amb_real most = AMB_C(2.0) * kf->gate_squared * var_y + pushed * pushed;
   return AMB_WITHIN(jump, AMB_REAL_ROOT) && ((jump * jump) <= most);
 }
 
@@ -291,7 +316,7 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   if (!AMB_WITHIN(y, kf->far[r])) {
     return AMB_MISSING;
   }
-  if (amb_step_frozen(kf, sensor, y)) {
+  if (amb_step_frozen(kf, sensor)) {
     return AMB_FROZEN;
   }
   /* Of a variance at least half the digits must be left: after an outage, a sensor much sharper
@@ -327,26 +352,56 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   return AMB_BAD_VARIANCE;
 }
 
+/* The measurement y [m] of sensor r as one that is not rounded, of a noise of this variance [m^2],
+ * where the filter has use for that; counts how often it has come again. */
+AMB_INLINE amb_rounded amb_step_rounded(const amb_kalman *kf, amb_kalman_state *base, int r,
+                                        amb_real y, amb_real noise, bool interval)
+{
+  amb_sensor_state *sensor = &base->sensor[r];
+  amb_rounded as = {AMB_C(0.0), noise + kf->rounding[r], AMB_C(0.0)};
+  if (!AMB_WITHIN(y, kf->far[r])) {
+    return as;
+  }
+  const bool again = !((y < sensor->last_y) || (y > sensor->last_y));
+  const bool coarse = interval && amb_step_coarse(kf, r);
+  if (amb_step_very_coarse(kf, r)) {
+    as.chance = AMB_C(1.0) - AMB_C(1.0) / amb_at_least(kf->set.dwell, AMB_C(1.0));
+  } else if (coarse || (again && (kf->set.step[r] > AMB_C(0.0)))) {
+    const amb_real shown = amb_model_shown_variance(&kf->model, r, base->cov);
+    const amb_real e = y - amb_model_shown(&kf->model, r, base->mean);
+    if (AMB_WITHIN(e, AMB_REAL_ROOT) && (shown > AMB_C(0.0)) && (shown <= AMB_REAL_ROOT)) {
+      const amb_rounded said = amb_kalman_rounded(e, shown, noise, kf->set.step[r]);
+      as.chance = said.chance;
+      as.moved = coarse ? said.moved : AMB_C(0.0);
+      as.noise = coarse ? said.noise : as.noise;
+    }
+  }
+  amb_step_watch(kf, sensor, y, as.chance);
+  return as;
+}
+
 /* How a kind takes in the measurement y [m] of sensor r, of variance noise [m^2]; own: what only
  * this kind has; of: its state, and whatever else it is to leave its mark on. */
 typedef amb_status (*amb_step_one)(const amb_kalman *kf, const void *own, void *of, int r,
                                    amb_real y, amb_real noise, amb_step_surprise *e);
 
-/* The measurements of all sensors, one after the other. Writes all of the result but its
- * stiffnesses and its status, which it returns. */
+/* The measurements of all sensors, one after the other; base: of the kind's state. Writes all of
+ * the result but its stiffnesses and its status, which it returns. */
 AMB_INLINE amb_status amb_step_each(amb_step_one take_in, const amb_kalman *kf, const void *own,
-                                    void *of, const amb_real mean[AMB_STATES],
+                                    void *of, amb_kalman_state *base, bool interval,
                                     const amb_real y[AMB_SENSORS], amb_kalman_result *result)
 {
   amb_status all = AMB_OK;
   amb_real noise[AMB_SENSORS];
-  amb_step_noises(kf, mean, noise);
+  amb_step_noises(kf, base->mean, noise);
   AMB_EACH_SENSOR(&kf->model)
   {
     amb_step_surprise e;
-    const amb_status status = take_in(kf, own, of, r, y[r], noise[r], &e);
-    result->innovation[r] = e.innovation;
-    result->variance[r] = e.variance;
+    const amb_rounded as = amb_step_rounded(kf, base, r, y[r], noise[r], interval);
+    const amb_status status = take_in(kf, own, of, r, y[r] + as.moved, as.noise, &e);
+    const bool told = (status & (AMB_MISSING | AMB_FROZEN)) == AMB_OK;
+    result->innovation[r] = told ? (e.innovation - as.moved) : e.innovation;
+    result->variance[r] = e.variance - (as.noise - (noise[r] + kf->rounding[r]));
     result->health[r] = status;
     all |= status;
   }
@@ -364,7 +419,7 @@ AMB_INLINE amb_status amb_step_plain(const amb_kalman *kf, const void *own, void
 AMB_INLINE amb_status amb_step_update_all(const amb_kalman *kf, amb_kalman_state *state,
                                           const amb_real y[AMB_SENSORS], amb_kalman_result *result)
 {
-  return amb_step_each(amb_step_plain, kf, NULL, state, state->mean, y, result);
+  return amb_step_each(amb_step_plain, kf, NULL, state, state, true, y, result);
 }
 
 /* Whether parameters can be learned from what the sensors said of a sample: some were taken in, and
@@ -435,7 +490,8 @@ AMB_INLINE void amb_step_trusted(const amb_kalman *kf, const amb_stiffness k[AMB
                                AMB_ROOM(state));
   AMB_EACH_SENSOR(&kf->model)
   {
-    const amb_real S = amb_model_shown_variance(&kf->model, r, state->cov) + noise[r];
+    const amb_real var_y = noise[r] + kf->rounding[r];
+    const amb_real S = amb_model_shown_variance(&kf->model, r, state->cov) + var_y;
     amb_model_update(&kf->model, r, y[r], S, state->mean, state->cov, &innovation);
   }
 }

@@ -62,6 +62,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   amb_low_pass_state *s = (amb_low_pass_state *)state;
   amb_real *mean = s->base.mean;
   const amb_real seen = amb_step_seen(kf, 0, y[0]);
+  (void)amb_step_rounded(kf, &s->base, 0, y[0], kf->set.var_y[0], false);
   const amb_status status = amb_step_useless(kf, &s->base, 0, y[0]);
   result->innovation[0] = AMB_C(0.0);
   result->variance[0] = AMB_C(0.0);

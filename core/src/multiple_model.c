@@ -397,7 +397,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
       h.S[r][j] = AMB_C(1.0);
     }
   }
-  amb_status status = amb_step_each(take_in, kf, own, &h, s->base.mean, y, result);
+  amb_status status = amb_step_each(take_in, kf, own, &h, &s->base, true, y, result);
   const amb_status held = hold_each(kf, own->n, s);
   bool taken = false;
   for (int r = 0; r < amb_sensors(model); r++) {

@@ -87,8 +87,8 @@ static amb_status take_in(const amb_kalman *kf, const void *constants, void *of,
 static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                          amb_kalman_result *result)
 {
-  const amb_kalman_state *s = (const amb_kalman_state *)state;
-  result->status = amb_step_each(take_in, self->kf, self->own, state, s->mean, y, result);
+  amb_kalman_state *s = (amb_kalman_state *)state;
+  result->status = amb_step_each(take_in, self->kf, self->own, state, s, false, y, result);
   return result->status;
 }
 

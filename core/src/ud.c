@@ -298,8 +298,8 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
 static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                          amb_kalman_result *result)
 {
-  const amb_ud_state *s = (const amb_ud_state *)state;
-  result->status = amb_step_each(take_in, self->kf, NULL, state, s->base.mean, y, result);
+  amb_ud_state *s = (amb_ud_state *)state;
+  result->status = amb_step_each(take_in, self->kf, NULL, state, &s->base, true, y, result);
   return result->status;
 }
 

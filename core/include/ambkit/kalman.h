@@ -38,6 +38,16 @@ extern "C" {
 #define AMB_SURPRISING AMB_C(0.25)
 #define AMB_MEMORY AMB_C(128.0)
 
+/* Square of a step over the variance of the noise. Up to the first the rounding is white, of
+ * variance step^2 / 12 (Widrow & Kollar 2008). Up to the second a measurement says that the rotor
+ * is within its step. Beyond, a rotor at rest is rounded alike for long: the same variance for each
+ * of so many samples. */
+#define AMB_COARSE AMB_C(4.0)
+#define AMB_VERY_COARSE AMB_C(121.0)
+
+/* A sensor that repeats a measurement is frozen where this is the probability that it is not. */
+#define AMB_IMPROBABLE AMB_C(1e-16)
+
 /* What the user sets. */
 typedef struct amb_kalman_settings {
   amb_real T;                    /* sampling time [s], > 0 */
@@ -55,8 +65,11 @@ typedef struct amb_kalman_settings {
                                    disturbance force's variance [N^2], >= 0 */
   amb_real var_y[AMB_SENSORS];  /* variance of the measurement in the middle [m^2], > 0 */
   amb_real rise[AMB_SENSORS];   /* by which share its deviation rises a metre shown [1/m] */
-  amb_real gate; /* innovations beyond this many of their standard deviations are outliers, > 0 */
-  unsigned int frozen_limit;  /* equal measurements in a row that are taken for frozen; 0: never */
+  amb_real step[AMB_SENSORS];   /* quantisation of the measurement [m], >= 0; 0: unknown */
+  amb_real dwell; /* samples for which a rotor at rest stays within a very coarse step, >= 0 */
+  amb_real gate;  /* innovations beyond this many of their standard deviations are outliers, > 0 */
+  unsigned int frozen_limit;  /* least number of equal measurements in a row that can be a frozen
+                                 sensor; 0: never */
   unsigned int outlier_limit; /* outliers in a row that are left out; then the filter starts
                                  afresh from the measurement. 0: none is left out */
 } amb_kalman_settings;
@@ -65,11 +78,12 @@ typedef struct amb_kalman_settings {
 typedef struct amb_kalman {
   amb_kalman_settings set;
   amb_model model;
-  amb_real growth[AMB_TRIANGLE]; /* covariance that var_d leaves in a sample; follows it */
-  amb_real far[AMB_SENSORS];     /* the farthest measurement of a rotor [m] */
-  amb_real gate_squared;         /* of the settings' gate [1] */
-  amb_real widest[AMB_STATES];   /* square of the cap: no position is less certain */
-  amb_real most[AMB_TRIANGLE];   /* what no covariance is beyond, by AMB_BOUNDLESS caps */
+  amb_real growth[AMB_TRIANGLE];  /* covariance that var_d leaves in a sample; follows it */
+  amb_real far[AMB_SENSORS];      /* the farthest measurement of a rotor [m] */
+  amb_real rounding[AMB_SENSORS]; /* variance of the rounding to steps, step^2 / 12 [m^2] */
+  amb_real gate_squared;          /* of the settings' gate [1] */
+  amb_real widest[AMB_STATES];    /* square of the cap: no position is less certain */
+  amb_real most[AMB_TRIANGLE];    /* what no covariance is beyond, by AMB_BOUNDLESS caps */
 } amb_kalman;
 
 /* The health of a sensor. */
@@ -77,6 +91,7 @@ typedef struct amb_sensor_state {
   amb_real last_y;        /* last measurement [m] */
   amb_real residual;      /* last measurement taken in, less what it left of the estimate [m] */
   amb_real surprise;      /* share of late innovations beyond twice their standard deviation [1] */
+  amb_real chance;        /* probability that a moving rotor has repeated it so often [1] */
   unsigned int unchanged; /* how many times in a row the last measurement has come again */
   unsigned int outliers;  /* how many measurements in a row were left out as outliers */
 } amb_sensor_state;
@@ -100,6 +115,18 @@ typedef struct amb_kalman_result {
   amb_stiffness stiffness[AMB_FORCES]; /* k_i, k_s that the prediction used */
   amb_status status;
 } amb_kalman_result;
+
+/* A measurement that is rounded to steps, as one without rounding that says the same. */
+typedef struct amb_rounded {
+  amb_real moved;  /* from the measurement to the one without rounding [m] */
+  amb_real noise;  /* variance of that one [m^2] */
+  amb_real chance; /* probability of this step by the prediction [1] */
+} amb_rounded;
+
+/* The measurement of innovation e [m] says that the unrounded one is within half a step [m] of it.
+ * Of a prediction of variance `shown` and white noise of variance `noise` [m^2], both as normal,
+ * mean and variance are those of the truncated normal distribution (Simon 2006, ch. 7.5). */
+amb_rounded amb_kalman_rounded(amb_real e, amb_real shown, amb_real noise, amb_real step);
 
 /* Check the settings and compute the constants. Returns AMB_OK, or AMB_BAD_PARAMETER and leaves
  * `kf` as it was. */

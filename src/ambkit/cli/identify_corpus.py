@@ -42,7 +42,7 @@ def by_corpus(options: Options, known: Bearing) -> None:
             for path in options.records
         }
         corpus = identify_corpus(records, start, free, note=done)
-    bearing, made = corpus.model.late_bearing(), corpus_filter(corpus)
+    bearing, made = corpus.bearing, corpus_filter(corpus)
     adequacy = output.say_adequacy(judge_adequacy(made))
     output.deliver(
         corpus.to_dict() | {"bearing": known.name, "adequacy": adequacy},

@@ -54,7 +54,8 @@ class Estimator(Copyable):
     precision : {"float64", "float32"}
         Which build of the C core computes; float32 is what flies on a Cortex-M4F.
     frozen_limit : int
-        Equal measurements in a row that are taken for a frozen sensor; 0: never.
+        Least number of equal measurements in a row that can be a frozen sensor; they must also be
+        improbable by the prediction and the sensor's quantisation. 0: never.
     gate : float
         Innovations beyond this many of their standard deviations are outliers.
     outlier_limit : int

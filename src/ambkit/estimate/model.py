@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.estimate.noise import with_rounding
 from ambkit.models.model import Model
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ class LinearModel(NamedTuple):
     def of(cls, model: Model, k_i: Any, k_s: Any, settings: Mapping[str, Any]) -> LinearModel:
         """Return a model with the noise of some settings of the core, at a working point."""
         gain, var_u = np.array(settings["k_ui"]), np.array(settings["var_u"])
-        R = settings["var_y"]
+        R = with_rounding(settings["var_y"], settings["step"], settings["dwell"])
         return cls(
             A=model.jacobian(k_i, k_s),
             B=model.input_matrix(k_i) * gain,

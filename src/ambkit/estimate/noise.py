@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base.asked import Given, in_si
 from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.magnets import own_time
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
     from ambkit.models.model import Descriptor
 
+
+VERY_COARSE = 121.0
+"""AMB_VERY_COARSE of the core: square of a step over the variance of the noise."""
 
 UNITS = {"measurement": "m^2", "control": "V^2", "disturbance": "N^2/s"}
 """Of each variance."""
@@ -107,6 +111,34 @@ def completed(bearing: Bearing, noise: FilterNoise) -> Variances:
     )
     check_variances(full)
     return full
+
+
+def dwell(axes: Sequence[Bearing]) -> float:
+    """Return for how many samples a rotor at rest stays within a very coarse step of its sensor.
+
+    Half the time in which the fastest axis falls away by e.
+    """
+    return max(10.0, min(0.5 * own_time(each) / each.sampling_time for each in axes))
+
+
+def with_rounding(
+    variances: Sequence[float], steps: Sequence[float], samples: float
+) -> list[float]:
+    """Return variances of white noise with that of rounding to steps [m^2].
+
+    As ``core/include/ambkit/kalman.h`` has it.
+
+    Parameters
+    ----------
+    variances, steps : sequence of float, m of each
+        Of the noise before it is rounded [m^2], and the steps [m]; 0 where there are none.
+    samples : float
+        See `dwell`.
+    """
+    return [
+        v + q**2 / 12 * (samples if q**2 > VERY_COARSE * v else 1.0)
+        for v, q in zip(variances, steps, strict=True)
+    ]
 
 
 def check_variances(variances: Variances) -> None:

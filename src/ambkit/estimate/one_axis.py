@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.estimate.noise import FilterNoise, Variances, completed
+from ambkit.estimate.noise import FilterNoise, Variances, completed, dwell
 from ambkit.estimate.starting import hovering, start_std
 from ambkit.machine.bank import bias_forces_of
 
@@ -61,6 +61,8 @@ class OneAxis:
             "var_d": variances.growth(T, noises),
             "var_y": [variances.measurement],
             "rise": [b.sensor.noise_rise],
+            "step": [b.sensor.quantisation or 0.0],
+            "dwell": dwell([b]),
         }
 
     def caps(self, states: Sequence[Descriptor]) -> list[float]:

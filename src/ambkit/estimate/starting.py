@@ -13,14 +13,19 @@ from ambkit.machine.magnets import MagnetModel, bias_force_of, own_time
 from ambkit.models.model import Descriptor
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.bearing import Bearing, Sensor
+
+
+def rounding_std(sensor: Sensor) -> float:
+    """Return the standard deviation of a sensor's rounding, a step over sqrt(12) [m]."""
+    return (sensor.quantisation or 0.0) / math.sqrt(12)
 
 
 def start_std(
     bearing: Bearing, variances: Variances, states: Sequence[Descriptor]
 ) -> tuple[float, ...]:
     """Return the standard deviations with which a filter starts; see `Estimator.reset`."""
-    sigma = 3 * math.sqrt(variances.measurement)
+    sigma = 3 * math.hypot(math.sqrt(variances.measurement), rounding_std(bearing.sensor))
     by_role = {
         "position": sigma / abs(bearing.sensor.gain),
         "velocity": 0.1 * bearing.rotor.travel_limit / own_time(bearing),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.data.signals import signal
-from ambkit.estimate.noise import FilterNoise, Variances, check_variances
+from ambkit.estimate.noise import FilterNoise, Variances, check_variances, dwell
 from ambkit.estimate.starting import hovering
 from ambkit.machine import geometry
 from ambkit.machine.bank import Bank, alone_of, bias_forces_of, weights_of
@@ -81,6 +81,11 @@ class Whole:
         return found
 
     @cached_property
+    def steps(self) -> Array:
+        """Quantisation of each reading (m,) [m]; 0 where none is known."""
+        return np.array([r.sensor.quantisation or 0.0 for r in self.machine.readings])
+
+    @cached_property
     def shown(self) -> Array:
         """Coordinates (q, m) that explain readings best of a rotor that does not bend."""
         found = np.zeros((self.C.shape[1], len(self.gains)))
@@ -143,6 +148,8 @@ class Whole:
             "var_d": self.growth(variances, noises),
             "var_y": list(variances.measurement),
             "rise": [each.sensor.noise_rise for each in self.machine.readings],
+            "step": self.steps.tolist(),
+            "dwell": dwell(self.alone),
         }
 
     def caps(self, states: Sequence[Descriptor]) -> list[float]:
@@ -161,7 +168,7 @@ class Whole:
 
     def start_std(self, variances: Variances, states: Sequence[Descriptor]) -> tuple[float, ...]:
         """Return the standard deviations with which a filter starts; see `Estimator.reset`."""
-        sigma = 3 * np.sqrt(np.array(variances.measurement))
+        sigma = 3 * np.sqrt(np.array(variances.measurement) + self.steps**2 / 12)
         quickest = min(own_time(b) for b in self.alone)
         seen = self.seen[: self.rigid]
         bent = np.array([state.size for state in states if state.role == "bending"])

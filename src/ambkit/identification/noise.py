@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from ambkit.base.units import engineering
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,9 @@ LAGS = 10
 
 OUTLIER = 6.0
 """Standard deviations beyond which a sample does not belong to the noise."""
+
+FINE = 0.1
+"""Standard deviations of the noise, below which steps do not count."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +150,7 @@ def measurement_noise(record: Record, signal: str = "y", *, window: float = 0.5)
         unit=unit,
         variance=variance,
         standard_error=variance * float(np.sqrt(2 / samples)),
-        quantisation_step=_quantisation_step(cut[good][clean]),
+        quantisation_step=quantisation_step(cut[good][clean]),
         samples=samples,
         dropped=dropped,
         correlation=_correlation(residuals[clean], variance),
@@ -187,8 +191,37 @@ def _correlation(residuals: Array, variance: float) -> tuple[float, ...]:
     )
 
 
-def _quantisation_step(values: Array) -> float | None:
+def quantisation_step(values: Array) -> float | None:
+    """Return the median distance of neighbouring values; None where hardly one comes twice."""
     levels = np.unique(values)
     if levels.size < 2 or levels.size > values.size / 2:
         return None
     return float(np.median(np.diff(levels)))
+
+
+def position_step(records: Iterable[Record]) -> float | None:
+    """Return the smallest step in which ``y`` of records comes [m]; None where one has none."""
+    steps = [quantisation_step(y[np.isfinite(y)]) for y in (each["y"] for each in records)]
+    known = [step for step in steps if step is not None]
+    return min(known) if len(known) == len(steps) else None
+
+
+def with_steps(bearing: Bearing, step: float | None, *, noise_found: bool = True) -> Bearing:
+    """Return a bearing whose sensor has steps that were found.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is stated of the quantisation stays.
+    step : float or None
+        From `position_step`; None, or much less than the noise: it has none.
+    noise_found : bool
+        Whether the sensor's noise is from such records: that of rounding, ``step^2 / 12``, is taken
+        off it then. A tenth of a step is left.
+    """
+    total, stated = bearing.sensor.noise_variance, bearing.sensor.quantisation
+    step = step if stated is None else stated
+    if step is None or (stated is None and step**2 < FINE**2 * total):
+        return bearing
+    left = max(total - step**2 / 12, 0.01 * step**2) if noise_found else total
+    return bearing.replace(sensor__quantisation=step, sensor__noise_variance=left)

@@ -232,8 +232,7 @@ def corpus_filter(corpus: Corpus) -> Estimator:
     corpus : Corpus
         From :func:`ambkit.identification.corpus.corpus.identify_corpus`.
     """
-    model = corpus.model
-    made, raised = _following_a_load(model.late_bearing(), model.load_growth)
+    made, raised = _following_a_load(corpus.bearing, corpus.model.load_growth)
     said = made_by("identify", f"likelihood of {len(corpus.found)} logs")
     keys = ("noise.measurement", "noise.control", "noise.disturbance")
     made.origin = dict.fromkeys(keys, said) | raised

@@ -32,10 +32,12 @@ from ambkit.identification.maximum_likelihood.validation import (
     little_left,
     predictable,
 )
+from ambkit.identification.noise import with_steps
 from ambkit.machine.parts import Hum
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 
@@ -153,6 +155,15 @@ class Corpus:
     left_out: Mapping[str, str]
     spikes: Mapping[str, str]
     weakened: Weakened | None = None
+
+    @property
+    def bearing(self) -> Bearing:
+        """The bearing found: its delay, its current's lag, the smallest steps of its logs."""
+        steps = [each.position_step for each in self.found.values()]
+        known = [step for step in steps if step is not None]
+        step = min(known) if known and len(known) == len(steps) else None
+        noise_found = any(p.name == "measurement_noise" for p in self.pooled.parameters)
+        return with_steps(self.model.late_bearing(), step, noise_found=noise_found)
 
     @property
     def not_used(self) -> list[tuple[str, str]]:

@@ -51,6 +51,7 @@ from ambkit.identification.maximum_likelihood.search import (
     with_room,
 )
 from ambkit.identification.maximum_likelihood.start import best_start
+from ambkit.identification.noise import position_step
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -219,6 +220,7 @@ def maximum_likelihood(
         steps=search.steps,
         converged=found.converged,
         settling=settling,
+        position_step=position_step(logged),
     )
 
 

@@ -121,9 +121,12 @@ class LoopModel:
     def kalman(self) -> Estimator:
         """Return the filter whose innovations judge this model, in the C core, with its steps."""
         b = _late(self.with_mean_force, 0.0, self.memory)
-        # Drawn anew in each step, and as much in the sum.
+        # Drawn anew in each step, and as much in the sum; the noise found is that of rounding too.
         noise = {"noise_variance": self.substeps * b.amplifier.noise_variance}
-        finer = _changed(b, amplifier=noise, sampling_time=b.sampling_time / self.substeps)
+        finer = _changed(
+            b, amplifier=noise, sensor={"quantisation": None},
+            sampling_time=b.sampling_time / self.substeps,
+        )  # fmt: skip
         return ExtendedKalmanFilter(
             finer,
             self.magnet or magnet_of(b),

@@ -20,6 +20,7 @@ from ambkit.identification.maximum_likelihood.parameters import (
     named,
 )
 from ambkit.identification.maximum_likelihood.search import RULED_OUT
+from ambkit.identification.noise import with_steps
 
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.current import FlowingCurrent
@@ -80,6 +81,8 @@ class MaximumLikelihood(Shown):
         Steps of the search.
     converged : bool
         Whether it ended at a maximum.
+    position_step : float or None
+        Smallest step in which ``y`` of the records comes [m]; None where it has none.
     """
 
     _card_by = "show.notebook.results:maximum_likelihood"
@@ -105,11 +108,14 @@ class MaximumLikelihood(Shown):
     remarks: Sequence[str]
     current: FlowingCurrent | None
     settling: float = field(default=0.0)
+    position_step: float | None = None
 
     @property
     def bearing(self) -> Bearing:
-        """The bearing found, with its delay where `delay_counts`, and its current's lag."""
-        return self.model.late_bearing(delay=self.delay_counts)
+        """The bearing found: its delay where `delay_counts`, its current's lag, its steps."""
+        noise_found = any(p.name == "measurement_noise" for p in self.parameters)
+        late = self.model.late_bearing(delay=self.delay_counts)
+        return with_steps(late, self.position_step, noise_found=noise_found)
 
     @property
     def lines(self) -> Sequence[Hum]:

@@ -31,8 +31,8 @@ void amb_filter_start(const amb_kalman *filter, amb_data_state *state, amb_kalma
   const amb_kalman_state *base = (const amb_kalman_state *)state;
   (void)estimator.methods->reset(&estimator, state, mean, amb_data_std);
   result->innovation[0] = 0;
-  result->variance[0] =
-      amb_model_shown_variance(&filter->model, 0, base->cov) + filter->set.var_y[0];
+  result->variance[0] = amb_model_shown_variance(&filter->model, 0, base->cov) +
+                        (filter->set.var_y[0] + filter->rounding[0]);
   result->health[0] = AMB_OK;
   amb_kalman_stiffness(filter, &amb_data_magnet, none, base->mean, result->stiffness);
   result->status = AMB_OK;

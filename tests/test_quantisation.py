@@ -1,0 +1,71 @@
+"""Sensors with coarse steps: what filters make of them, and what counts as frozen."""
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit.estimate.noise import FilterNoise
+from ambkit.judge.comparison import criteria
+from ambkit.simulation.imposed import Faults, Imposed
+from ambkit.simulation.run import simulate_run
+
+NOISE = 1e-7
+PAPER = ambkit.Bearing.preset("zittau_axial").replace(sensor__noise_variance=NOISE**2)
+T = PAPER.sampling_time
+N = 3001
+WALK = 1e-4 * (2 * PAPER.weight) ** 2
+OWN_TIME = np.sqrt(0.518 / 7537.5)
+
+
+def flown(ratio, feedback="measurement", wander=None, stuck=None, seed=0):
+    """The record and the estimate of an extended filter, of a sensor with steps of `ratio` std."""
+    bearing = PAPER.replace(sensor__quantisation=ratio * NOISE)
+    pid = ambkit.PID.for_bearing(bearing).model_copy(update={"feedback": feedback})
+    scenario = ambkit.Scenario(duration=(N - 1) * T, seed=seed, controller=pid)
+    kalman = ambkit.ExtendedKalmanFilter(bearing, noise=FilterNoise(disturbance=wander))
+    load, faults = None, None
+    if wander is not None:
+        load = np.cumsum(np.random.default_rng(seed).normal(size=N)) * np.sqrt(wander * T)
+    if stuck is not None:
+        none = Faults.none(N)
+        late = np.maximum(np.arange(N) - stuck + 1.0, 0.0)
+        faults = Faults(late, none.y_times, none.y_plus, none.u_times, none.u_plus, none.current)
+    imposed = Imposed(disturbance=load, faults=faults)
+    record = simulate_run(bearing, scenario, estimator=kalman, imposed=imposed)
+    return record.record, record.estimate, kalman
+
+
+def rms(error):
+    return np.sqrt(np.mean(error[300:] ** 2))
+
+
+@pytest.mark.parametrize("feedback", ["measurement", "estimate"])
+@pytest.mark.parametrize("ratio", [0.1, 1, 5, 10, 20, 50, 100])
+def test_coarse_steps_are_no_frozen_sensor_and_no_worse_than_raw(ratio, feedback):
+    record, estimate, _ = flown(ratio, feedback)
+    assert not (estimate.status & ambkit.Status.FROZEN).any()
+    # Beyond 20 std, fed back, a filter of a load that wanders 1e4 times too far is a little worse.
+    most = 1.25 if feedback == "estimate" and ratio > 20 else 1.1
+    assert rms(estimate["x"] - record["x"]) <= most * rms(record["y"] - record["x"])
+
+
+def test_the_papers_rig_with_steps_of_two_micrometres():
+    record, estimate, _ = flown(20)
+    assert rms(estimate["x"] - record["x"]) < rms(record["y"] - record["x"])
+
+
+@pytest.mark.parametrize("ratio", [0.1, 2, 5])
+def test_what_it_says_of_its_errors_holds(ratio):
+    shares = []
+    for seed in range(8):
+        record, _, kalman = flown(ratio, wander=WALK, seed=seed)
+        shares.append(criteria.nees(kalman.run(record, covariance=True), record, 300))
+    assert 0.93 <= np.mean(shares) <= 0.97
+
+
+@pytest.mark.parametrize("ratio", [0.1, 1, 3, 5])
+def test_a_stuck_sensor_is_flagged_within_three_own_times(ratio):
+    _, estimate, _ = flown(ratio, stuck=2000)
+    flagged = np.flatnonzero((estimate.status[2000:] & ambkit.Status.FROZEN) > 0)
+    assert flagged.size
+    assert flagged[0] * T <= 3 * OWN_TIME
