@@ -12,11 +12,11 @@ from ambkit.export.c import export_c
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 STD = BEARING.sensor.noise_variance**0.5
 FORMS = {"plain": {}, "editable": {"editable": True},
-         "calibrated": {"calibrated": True, "scenario": Scenario(duration=0.1)}}  # fmt: skip
+         "control": {"scenario": Scenario(duration=0.1)}}  # fmt: skip
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize(("form", "ratio"), [("plain", 5), ("editable", 1), ("calibrated", 20)])
+@pytest.mark.parametrize(("form", "ratio"), [("plain", 5), ("editable", 1), ("control", 20)])
 def test_it_compiles_without_a_warning_and_passes(form, ratio, precision, tmp_path):
     bearing = BEARING.replace(sensor__quantisation=ratio * STD)
     made = export_c(bearing, None, tmp_path / "c", prefix="rig", precision=precision, **FORMS[form])

@@ -490,9 +490,13 @@ AMB_INLINE void amb_step_trusted(const amb_kalman *kf, const amb_stiffness k[AMB
                                AMB_ROOM(state));
   AMB_EACH_SENSOR(&kf->model)
   {
-    const amb_real var_y = noise[r] + kf->rounding[r];
-    const amb_real S = amb_model_shown_variance(&kf->model, r, state->cov) + var_y;
-    amb_model_update(&kf->model, r, y[r], S, state->mean, state->cov, &innovation);
+    amb_rounded as = {AMB_C(0.0), noise[r] + kf->rounding[r], AMB_C(0.0)};
+    if (amb_step_coarse(kf, r)) {
+      as = amb_step_rounded(kf, state, r, y[r], noise[r], true);
+    }
+    const amb_real S = amb_model_shown_variance(&kf->model, r, state->cov) + as.noise;
+    const amb_real near = y[r] + as.moved;
+    amb_model_update(&kf->model, r, near, S, state->mean, state->cov, &innovation);
   }
 }
 

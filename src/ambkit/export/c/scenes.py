@@ -112,6 +112,7 @@ def _jumping(estimator: Estimator, scene: Scene) -> Scene:
     if not settings["outlier_limit"]:
         return scene
     gate, var_y = settings["gate"], float(settings["var_y"][0])
+    var_y += float(estimator.core.parameters["rounding"][0])
     pushed = 100.0 * settings["K_sen"][0] * settings["T"] ** 2
     turns = [(40 + 6 * n, part) for n, part in enumerate((1.001, 0.999, -1.001, -0.999))]
     # The more are left out, the farther may the next one be.

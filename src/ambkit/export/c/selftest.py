@@ -109,9 +109,9 @@ def stops(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
     precision : {"float", "double"}
         Of the numbers.
     """
-    settings = estimator.core.parameters["set"]
-    gain, travel, var_y = (np.asarray(settings[k], float) for k in ("K_sen", "travel", "var_y"))
-    shown, noise = np.abs(gain) * travel, np.sqrt(var_y)
+    known = estimator.core.parameters
+    gain, travel, var_y = (np.asarray(known["set"][k], float) for k in ("K_sen", "travel", "var_y"))
+    shown, noise = np.abs(gain) * travel, np.sqrt(var_y + np.asarray(known["rounding"], float))
     places = {"between": shown + 3.8 * noise, "beyond": shown + 4.2 * noise}
     sides = {name: np.array([-each, each], float) for name, each in places.items()}
     if estimator.whole is None:
