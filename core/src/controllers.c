@@ -87,10 +87,10 @@ static void leave(const amb_controllers *c, const amb_between *where, amb_real s
   for (int f = 0; f < c->axes; f++) {
     left->current[f] = turned(turn, where, turn->current, f, c->axes, u);
   }
-  const amb_real none = AMB_LET_TURN_NONE * AMB_LET_TURN_NONE;
-  const amb_real full = AMB_LET_TURN_FULL * AMB_LET_TURN_FULL;
+  const amb_real upper = AMB_LET_TURN_NONE * AMB_LET_TURN_NONE;
+  const amb_real lower = AMB_LET_TURN_FULL * AMB_LET_TURN_FULL;
   const amb_real most = taken(c, where, u, speed, left);
-  const amb_real share = amb_clamp((none - most) / (none - full), AMB_C(0.0), AMB_C(1.0));
+  const amb_real share = amb_clamp((upper - most) / (upper - lower), AMB_C(0.0), AMB_C(1.0));
   for (int i = 0; i < turn->moved; i++) {
     left->motion[i] *= share;
   }
