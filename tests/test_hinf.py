@@ -51,7 +51,8 @@ def test_the_same_bearing_in_other_units_has_the_same_loop():
     volts = LATE.replace(amplifier__gain="0.01 A/V", sensor__gain=50.0)
     one, other = (LoopOf(each).hinf() for each in (LATE, volts))
     f = np.geomspace(1, 1900, 30)
-    assert one.of_axis(0, f) == pytest.approx(other.of_axis(0, f), rel=1e-6)
+    # What is synthesised in other units differs by the solution of two Riccati equations.
+    assert one.of_axis(0, f) == pytest.approx(other.of_axis(0, f), rel=5e-6)
     assert one.is_stable
 
 

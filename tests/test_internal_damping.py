@@ -16,6 +16,7 @@ from ambkit.machine.rotors.file import read_matrices
 from ambkit.machine.rotors.modes import reduced
 from ambkit.models.continuous import continuous, open_loop
 from ambkit.models.machine import machine_model
+from ambkit.simulation.controllers import Control
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.holding import holding
 from ambkit.simulation.machine import simulate_machine
@@ -92,7 +93,10 @@ def test_a_flight_shows_the_whirl_grow_that_the_poles_tell() -> None:
         rotor__gravity="none", unbalance=[{"place": 0.0, "amount": 1e-9}]
     )
     (pole,) = (pole for pole in holding(one).growing if abs(pole.imag - FIRST) < 20)
-    run = simulate_machine(one, Flight(duration=0.5, noise=False)).record
+    flight = Flight(
+        duration=0.5, noise=False, feedback="measurement", control=Control(type="decentralised")
+    )
+    run = simulate_machine(one, flight).record
     z = run["q_m1_x"] + 1j * run["q_m1_y"]
     t = run.t
     late = t > 0.25

@@ -136,7 +136,7 @@ static bool are_weights(int n, const amb_real w[AMB_MODELS])
  * those. */
 static void mend(int n, amb_multiple_model_state *s)
 {
-  amb_real w[AMB_MODELS];
+  amb_real w[AMB_MODELS] = {0};
   for (int j = 0; j < n; j++) {
     w[j] = s->model[j].weight;
   }
