@@ -6,12 +6,14 @@ import re
 import sys
 import textwrap
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, get_args
 
 import pytest
 from pydantic import BaseModel
 
 import ambkit
+from ambkit.cli.app import app
 
 SECTIONS = ("Parameters", "Attributes")
 
@@ -178,3 +180,46 @@ def test_what_is_missing_is_noticed():
     assert parameters(step) - documented(step) == {"u"}
     assert documented(ambkit.AdaptiveKalmanFilter) == {"bearing", "magnet", "options"}
     assert {"innovation", "innovation_variance"} <= documented(ambkit.Estimate)
+
+
+def internal() -> Iterator[str]:
+    """Yield each docstring of several lines of what nobody imports from ambkit, by its place."""
+    ours = [thing for thing in map(PUBLIC.get, PUBLIC) if inspect.isclass(thing)]
+    exported = {(each.__module__, each.__name__) for one in ours for each in one.__mro__}
+    exported |= {(thing.__module__, thing.__qualname__) for thing in PUBLIC.values()}
+    exported |= {(each.callback.__module__, each.callback.__name__) for each in commands()}
+    root = Path(ambkit.__file__).parent
+    for path in root.rglob("*.py"):
+        module = ".".join(["ambkit", *path.relative_to(root).with_suffix("").parts])
+        module = module.removesuffix(".__init__")
+        for name, node in definitions(ast.parse(path.read_text())):
+            within, _, own = name.rpartition(".")
+            known = (module, name) in exported or (
+                (module, within) in exported and not own.startswith("_")
+            )
+            if "\n" in (ast.get_docstring(node) or "") and not known:
+                yield f"{path.relative_to(root)}:{node.lineno} {name}"
+
+
+def definitions(node: ast.AST, within: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield all classes and functions, by their qualified names."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, (ast.ClassDef, ast.FunctionDef)):
+            yield within + child.name, child
+            yield from definitions(child, f"{within}{child.name}.")
+        else:
+            yield from definitions(child, within)
+
+
+def commands() -> Iterator[Any]:
+    """Yield all commands, whose docstrings are their help."""
+    groups = [app]
+    while groups:
+        one = groups.pop()
+        groups += [each.typer_instance for each in one.registered_groups]
+        yield from one.registered_commands
+        yield from filter(None, [one.registered_callback])
+
+
+def test_what_is_internal_has_one_line():
+    assert list(internal()) == []

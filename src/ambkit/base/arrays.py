@@ -9,22 +9,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 
 def real(name: str, values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:
-    """Return an array of real numbers; NumPy itself would drop imaginary parts with a warning.
-
-    Parameters
-    ----------
-    name : str
-        What the message calls it.
-    values : array_like
-        What the caller gave; it is not copied where it is such an array already.
-    dtype : dtype
-        Of the result.
-
-    Raises
-    ------
-    ValueError
-        They are complex.
-    """
+    """Return an array of real numbers; NumPy itself would drop imaginary parts with a warning."""
     array = np.asarray(values)
     if np.iscomplexobj(array):
         raise ValueError(f"{name} must hold real numbers, holds {array.dtype}; give its real part")

@@ -24,27 +24,7 @@ def in_si(name: str, value: Given, unit: str) -> float: ...
 @overload
 def in_si(name: str, value: None, unit: str) -> None: ...
 def in_si(name: str, value: Any, unit: str) -> float | None:
-    """Return a quantity in SI.
-
-    Parameters
-    ----------
-    name : str
-        Of the parameter, for the message.
-    value : float or str, optional
-        As the caller gave it; None stays None.
-    unit : str
-        SI unit of the result; ``"1"`` for a plain number or percent.
-
-    Raises
-    ------
-    AmbkitError
-        It is no such quantity.
-
-    Examples
-    --------
-    >>> in_si("step", "50 µm", "m")
-    5e-05
-    """
+    """Return a quantity in SI."""
     if value is None:
         return None
     if isinstance(value, str):
@@ -59,20 +39,7 @@ def in_si(name: str, value: Any, unit: str) -> float | None:
 
 
 def of_type(*wanted: type, **given: Any) -> None:
-    """Refuse what is not of a type, in a line.
-
-    Parameters
-    ----------
-    *wanted : type
-        What it must be, one of these.
-    **given
-        By the names of the parameters.
-
-    Raises
-    ------
-    TypeError
-        With the parameter, the type, and what was given.
-    """
+    """Refuse what is not of a type, in a line."""
     for name, value in given.items():
         if isinstance(value, wanted):
             continue
@@ -89,20 +56,7 @@ def of_type(*wanted: type, **given: Any) -> None:
 
 
 def all_of_type(wanted: type[Kind], **given: Any) -> list[Kind]:
-    """Return what may be one or several of a type as a list, and refuse all else, in a line.
-
-    Parameters
-    ----------
-    wanted : type
-        What each must be.
-    **given
-        One, or a sequence, by the name of the parameter.
-
-    Raises
-    ------
-    TypeError
-        As `of_type`.
-    """
+    """Return what may be one or several of a type as a list, and refuse all else, in a line."""
     ((name, value),) = given.items()
     several = list(value) if isinstance(value, list | tuple) else [value]
     for one in several:
@@ -111,20 +65,7 @@ def all_of_type(wanted: type[Kind], **given: Any) -> list[Kind]:
 
 
 def names_in(*others: type, **given: Any) -> list[Any]:
-    """Return names that are given, one or several, as a list, and refuse all else, in a line.
-
-    Parameters
-    ----------
-    *others : type
-        What else each may be.
-    **given
-        One, or several, by the name of the parameter.
-
-    Raises
-    ------
-    TypeError
-        As `of_type`.
-    """
+    """Return names that are given, one or several, as a list, and refuse all else, in a line."""
     ((name, value),) = given.items()
     one = isinstance(value, (str, os.PathLike, *others)) or not isinstance(value, Iterable)
     several = [value] if one else list(value)

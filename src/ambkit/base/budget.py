@@ -18,13 +18,7 @@ _LEAST = 1 << 20
 
 
 def limit() -> float:
-    """Return how much memory reading one file may take [byte].
-
-    Raises
-    ------
-    AmbkitError
-        The environment variable holds no such size.
-    """
+    """Return how much memory reading one file may take [byte]."""
     given = os.environ.get(VARIABLE, "")
     if not given:
         return LIMIT
@@ -38,24 +32,7 @@ def limit() -> float:
 
 
 def check(path: str | os.PathLike[str], size: float, hint: str = "", *, whole: bool = True) -> None:
-    """Refuse a file that takes more memory to read than it may.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    size : float
-        Memory that reading it takes [byte].
-    hint : str
-        What else may help, before the variable that raises the limit.
-    whole : bool
-        That is all of it; else counting may have ended at the limit.
-
-    Raises
-    ------
-    RecordError
-        That is more than `limit`.
-    """
+    """Refuse a file that takes more memory to read than it may."""
     allowed = limit()
     if size > allowed:
         needed = _shown(size) if whole else f"more than {_shown(allowed)}"
@@ -67,15 +44,7 @@ def check(path: str | os.PathLike[str], size: float, hint: str = "", *, whole: b
 
 
 def read_bytes(path: str | os.PathLike[str], share: float = 1.0) -> bytes:
-    """Read a whole file, of which each byte takes `share` bytes of memory; a device never ends.
-
-    Raises
-    ------
-    RecordError
-        It would take more than `limit`.
-    OSError
-        It cannot be read.
-    """
+    """Read a whole file, of which each byte takes `share` bytes of memory; a device never ends."""
     with open(path, "rb") as file:
         declared = os.fstat(file.fileno()).st_size
         check(path, share * declared)

@@ -72,17 +72,7 @@ class RecordError(_Problems):
 
 
 class ExtraMissing(AmbkitError):
-    """A library that only some users need is not installed.
-
-    Parameters
-    ----------
-    what : str
-        What needs it: ``"run.mf4"``.
-    library : str
-        The library.
-    extra : str
-        The extra of ambkit that brings it.
-    """
+    """A library that only some users need is not installed."""
 
     def __init__(self, what: str, library: str, extra: str) -> None:
         super().__init__(f"{what}: needs {library}: pip install 'ambkit[{extra}]'")

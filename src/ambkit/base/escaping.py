@@ -18,16 +18,10 @@ _MARKDOWN = re.compile(r"[\\`*_{}\[\]<>&|~$#!:@]|^(?:[-+=]|\d+(?=[.)](?:\s|$)))"
 
 
 def one_line(text: object) -> str:
-    r"""Write what cannot be printed as an escape, ``\x1b``, and a line's end as ``\n``.
-
-    These are control characters, which move a terminal's cursor and are no XML; marks that turn
-    the direction of writing; what has no width; and halves of surrogate pairs, which no file takes.
-
-    Parameters
-    ----------
-    text : object
-        The text, or what is printed as one.
-    """
+    r"""Write what cannot be printed as an escape, ``\x1b``, and a line's end as ``\n``."""
+    # These are control characters, which move a terminal's cursor and are no XML; marks that turn
+    # the direction of writing; what has no width; and halves of surrogate pairs, which no file
+    # takes.
     return _escaped(str(text), lambda char: char.encode("unicode_escape").decode())
 
 
@@ -47,10 +41,8 @@ def _escaped(text: str, escape: Callable[[str], str]) -> str:
 
 
 def c_comment(text: object) -> str:
-    """Write a text within a C comment, as MISRA C:2012 wants it: nothing in it opens or closes one.
-
-    Trigraphs are parted too: one of them is a backslash, which would join two lines.
-    """
+    """Write a text within a C comment (MISRA C:2012): nothing in it opens or closes one."""
+    # Trigraphs are parted too: one of them is a backslash, which would join two lines.
     return _TOUCHING.sub(" ", one_line(text))
 
 

@@ -13,15 +13,8 @@ from ambkit.base.errors import AmbkitError
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary file beside `path`, and put it in the place of `path` at the end.
-
-    If the body of the ``with`` fails, the temporary file goes and `path` stays as it was.
-
-    Raises
-    ------
-    AmbkitError
-        The folder or the file cannot be written.
-    """
+    """Give a temporary file beside `path`, and put it in the place of `path` at the end."""
+    # If the body of the ``with`` fails, the temporary file goes and `path` stays as it was.
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
@@ -46,13 +39,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
 
 
 def sha256(path: str | os.PathLike[str]) -> str:
-    """Return the hash of what a file holds, in hexadecimal digits.
-
-    Raises
-    ------
-    AmbkitError
-        It cannot be read, or is larger than may be read.
-    """
+    """Return the hash of what a file holds, in hexadecimal digits."""
     try:
         return hashlib.sha256(budget.read_bytes(path)).hexdigest()
     except OSError as error:
@@ -60,13 +47,7 @@ def sha256(path: str | os.PathLike[str]) -> str:
 
 
 def make_folder(path: str | os.PathLike[str]) -> Path:
-    """Make a folder, and those above it, where they are not there yet.
-
-    Raises
-    ------
-    AmbkitError
-        It cannot be made.
-    """
+    """Make a folder, and those above it, where they are not there yet."""
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -76,23 +57,9 @@ def make_folder(path: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def replacing_in(path: str | os.PathLike[str], first: str = "") -> Iterator[Path]:
-    """Give a temporary folder, and put all files that it holds at the end into `path` at the end.
-
-    If the body of the ``with`` fails, as on a full disk, `path` stays as it was; where it was not
-    there, it is not made.
-
-    Parameters
-    ----------
-    path : path
-        The folder; made, with those above it, where it is not there.
-    first : str
-        The file that is put there before the others.
-
-    Raises
-    ------
-    AmbkitError
-        The folder cannot be made or written.
-    """
+    """Give a temporary folder, whose files go into `path` at the end."""
+    # If the body of the ``with`` fails, as on a full disk, `path` stays as it was; where it was not
+    # there, it is not made.
     path = Path(path)
     new = [each for each in (path, *path.parents) if not each.exists()]
     temporary = path / f".{os.getpid()}.tmp"
@@ -117,13 +84,7 @@ def replacing_in(path: str | os.PathLike[str], first: str = "") -> Iterator[Path
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
-    """Read UTF-8 text.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such file, it cannot be opened, or it is not UTF-8 text.
-    """
+    """Read UTF-8 text."""
     try:
         text = budget.read_bytes(path).decode("utf-8-sig")
         return text.replace("\r\n", "\n").replace("\r", "\n")

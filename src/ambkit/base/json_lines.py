@@ -10,15 +10,7 @@ _SPACE = re.compile(r"[ \t\n\r,:]*")
 
 
 def line_of(text: str, path: Sequence[str | int]) -> int:
-    """Return the line, from 1, of a value; of one that is missing that of what lacks it.
-
-    Parameters
-    ----------
-    text : str
-        Valid JSON.
-    path : sequence of str or int
-        Keys of objects, and places in lists, from outside to inside.
-    """
+    """Return the line, from 1, of a value; of one that is missing that of what lacks it."""
     decode = json.JSONDecoder().raw_decode
     at = _next(text, 0)
     for step in path:

@@ -25,26 +25,7 @@ _REDRAWN = 0.1  # s between two pictures in a notebook; each one is a message to
 def progress(
     what: str, total: int | None = None, *, unit: str = "", begun: int = 0
 ) -> Iterator[Told]:
-    """Show how far the work is: in a notebook below its cell, else on stderr if it is a terminal.
-
-    Parameters
-    ----------
-    what : str
-        What is done, until a step says what is next.
-    total : int, optional
-        Number of steps; without it the bar only moves.
-    unit : str
-        What the steps are, in the plural: then also their number, their rate and the time left are
-        shown.
-    begun : int
-        Steps that were done before, which say nothing of the rate.
-
-    Yields
-    ------
-    callable
-        To be called after each of the `total` steps, with a text that says what is done next; with
-        ``steps=`` where there were several.
-    """
+    """Show progress: in a notebook below its cell, else on stderr if it is a terminal."""
     notebook = in_notebook()
     if not notebook and not sys.stderr.isatty():
         yield _silent
@@ -85,29 +66,13 @@ def progress(
 
 
 class Rate:
-    """How fast steps are done, and how long the rest will take.
-
-    Parameters
-    ----------
-    unit : str
-        What they are, in the plural.
-    """
+    """How fast steps are done, and how long the rest will take."""
 
     def __init__(self, unit: str) -> None:
         self.unit, self.start, self.done = unit, time.monotonic(), 0
 
     def told(self, steps: int, total: int | None, begun: int = 0) -> str:
-        """Count steps, and return their number, rate and the time left in words.
-
-        Parameters
-        ----------
-        steps : int
-            That were done since the last call.
-        total : int, optional
-            Of all.
-        begun : int
-            That were done before the first call.
-        """
+        """Count steps, and return their number, rate and the time left in words."""
         self.done += steps
         rate = self.done / max(time.monotonic() - self.start, 1e-9)
         of = "" if total is None else f" of {total:,}"
@@ -129,15 +94,7 @@ def duration(seconds: float) -> str:
 def reporting(
     done: Callable[..., None] | None, what: str, total: int | None = None, **shown: Any
 ) -> AbstractContextManager[Told]:
-    """Give what the caller of a function wants to be told by; in a notebook a bar, else nothing.
-
-    Parameters
-    ----------
-    done : callable, optional
-        The caller's own.
-    what, total, **shown
-        See `progress`.
-    """
+    """Give what the caller of a function wants to be told by; in a notebook a bar, else nothing."""
     if done is None and in_notebook():
         return progress(what, total, **shown)
     return nullcontext(done or _silent)
@@ -146,15 +103,7 @@ def reporting(
 def shown_in_notebooks(
     what: str, by: str
 ) -> Callable[[Callable[Wanted, Result]], Callable[Wanted, Result]]:
-    """Decorate a function that tells how far it is: a notebook shows a bar where nobody is told.
-
-    Parameters
-    ----------
-    what : str
-        See `progress`.
-    by : str
-        The function's keyword for who is told.
-    """
+    """Decorate a function that tells how far it is: a notebook shows a bar where nobody is told."""
 
     def decorate(work: Callable[Wanted, Result]) -> Callable[Wanted, Result]:
         @wraps(work)

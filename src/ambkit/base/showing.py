@@ -66,16 +66,6 @@ class Drawn:
         return html
 
     def plot(self, *, ax: Any = None, panel: int | str = 0, static: bool = False) -> Any:
-        """Draw it, as `Shown.plot` does.
-
-        Parameters
-        ----------
-        ax : matplotlib axes, or a sequence of such; optional
-            Draw into these.
-        panel : int or str
-            Number of the panel, or a part of its name; for `ax`.
-        static : bool
-            Draw a figure of matplotlib, rather than an interactive one.
-        """
+        """Draw it, as `Shown.plot` does."""
         drawing = import_module("ambkit.show.notebook.drawing")
         return drawing.plot(self.figure(), ax=ax, panel=panel, static=static)

@@ -64,51 +64,12 @@ def _decimal_factor(from_unit: str, to_unit: str) -> Decimal:
 
 
 def factor(from_unit: str, to_unit: str) -> float:
-    """Return what a number in `from_unit` is multiplied with to give `to_unit`.
-
-    Parameters
-    ----------
-    from_unit, to_unit : str
-        Units such as ``"mm"``, ``"N mm^2/A^2"``, ``"A/(m s)"``; ``"1"`` is no unit.
-
-    Raises
-    ------
-    ValueError
-        A unit is not known, or the two measure different things.
-
-    Examples
-    --------
-    >>> factor("mm", "m")
-    0.001
-    """
+    """Return what a number in `from_unit` is multiplied with to give `to_unit`."""
     return float(_decimal_factor(from_unit, to_unit))
 
 
 def parse(text: str, unit: str) -> float:
-    """Read a number with its unit, and give it in `unit`.
-
-    Parameters
-    ----------
-    text : str
-        Such as ``"2 mm"``, ``"6.7 N mm^2/A^2"``.
-    unit : str
-        The unit of the result; ``"1"`` for a plain number.
-
-    Returns
-    -------
-    float
-        The value in `unit`, correctly rounded (decimal prefixes cost no accuracy).
-
-    Raises
-    ------
-    ValueError
-        No number, no unit, an unknown one, or one of another dimension; the message says which.
-
-    Examples
-    --------
-    >>> parse("2 mm", "m")
-    0.002
-    """
+    """Read a number with its unit, and give it in `unit`."""
     comma = _DECIMAL_COMMA.match(text)
     shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
     if comma:
@@ -133,18 +94,7 @@ def parse(text: str, unit: str) -> float:
 
 
 def base_unit(text: str) -> str:
-    """Return the SI base units that a number with its unit is measured in, as pint calls them.
-
-    Parameters
-    ----------
-    text : str
-        Such as ``"50 µm"``.
-
-    Raises
-    ------
-    ValueError
-        It is no number with a unit, or the unit is not known.
-    """
+    """Return the SI base units that a number with its unit is measured in, as pint calls them."""
     match = _QUANTITY.fullmatch(text)
     if match is None or not match[2]:
         parse(text, "m")  # which says what is wrong with it
@@ -156,28 +106,7 @@ def base_unit(text: str) -> str:
 
 
 def engineering(value: float, unit: str, digits: int | None = 6, like: float | None = None) -> str:
-    """Print a value as an engineer writes it: ``0.002, "m"`` gives ``"2 mm"``.
-
-    Parameters
-    ----------
-    value : float
-        In `unit`.
-    unit : str
-        SI unit; its metre (or else its first symbol) takes the largest prefix that leaves
-        a number of at least 0.1 (0.01 of a squared one); none from there up to 10000.
-    digits : int or None
-        Significant digits; None gives as many as it takes for `parse` to return `value` exactly.
-    like : float, optional
-        A value in `unit` that chooses the prefix: that beside which `value` stands as its error or
-        as an end of its interval. Zero (and what is not finite) leaves the choice to `value`.
-
-    Examples
-    --------
-    >>> engineering(6.7e-6, "N m^2/A^2")
-    '6.7 N mm^2/A^2'
-    >>> engineering(8.4e-15, "m^2", like=1.2e-12)
-    '0.0084 µm^2'
-    """
+    """Print a value as an engineer writes it: ``0.002, "m"`` gives ``"2 mm"``."""
     if not math.isfinite(value):
         return f"{value} {unit}"
     exact = Decimal(repr(float(value)) if digits is None else f"{value:.{digits}g}")
@@ -200,38 +129,14 @@ def engineering(value: float, unit: str, digits: int | None = 6, like: float | N
 def interval(
     low: float, high: float, unit: str, digits: int | None = 6, like: float | None = None
 ) -> str:
-    """Print an interval, with its unit once where both ends have the same.
-
-    Parameters
-    ----------
-    low, high : float
-        In `unit`.
-    unit, digits, like
-        As in `engineering`.
-
-    Examples
-    --------
-    >>> interval(0.9e-3, 1.1e-3, "m", like=1e-3)
-    '0.9 to 1.1 mm'
-    """
+    """Print an interval, with its unit once where both ends have the same."""
     first, last = (engineering(end, unit, digits, like) for end in (low, high))
     number, _, of = first.partition(" ")
     return f"{number if last.endswith(f' {of}') else first} to {last}"
 
 
 def with_error(value: float, error: float) -> str:
-    """Print a plain number with its error, both to the place of the error's second digit.
-
-    Parameters
-    ----------
-    value, error : float
-        In the same unit; an error that is not finite is left out.
-
-    Examples
-    --------
-    >>> with_error(3.638, 12.3)
-    '4 ± 12'
-    """
+    """Print a plain number with its error, both to the place of the error's second digit."""
     if not math.isfinite(error):
         return f"{value:.3g}"
     if max(abs(value), error) >= 1e6:
@@ -243,34 +148,14 @@ def with_error(value: float, error: float) -> str:
 
 
 def rpm(speed: float, digits: int = 5) -> str:
-    """Print a speed of rotation [rad/s] in revolutions a minute, without an exponent.
-
-    Parameters
-    ----------
-    speed : float
-        In rad/s.
-    digits : int
-        Significant digits.
-
-    Examples
-    --------
-    >>> rpm(10471.975512)
-    '100000 rpm'
-    """
+    """Print a speed of rotation [rad/s] in revolutions a minute, without an exponent."""
     turns = speed * 30 / math.pi
     return f"{Decimal(f'{turns:.{digits}g}'):f} rpm" if math.isfinite(turns) else f"{turns} rpm"
 
 
 def typeset(text: str) -> str:
-    """Write what `engineering` prints as it stands in a book: ``"-6 mm^2"`` becomes ``"−6 mm²"``.
-
-    No line ends between a number and its unit, within a unit, or before an error.
-
-    Parameters
-    ----------
-    text : str
-        Numbers with units.
-    """
+    """Typeset what `engineering` prints: ``"-6 mm^2"`` becomes ``"−6 mm²"``."""
+    # No line ends between a number and its unit, within a unit, or before an error.
     text = text.replace("^2", "²").replace("-", "−").replace(" ± ", "\u00a0±\u00a0")
     return _WITHIN_QUANTITY.sub("\u00a0", text)
 

@@ -41,37 +41,7 @@ def assess_machine(
     json: bool,
     others: Mapping[str, Any],
 ) -> None:
-    """Say how far a machine's loop is from the limit of stability, and what it asks.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine.
-    estimator : str, optional
-        Whose estimate feeds the controllers: kinds, or none; the linear filter by default.
-    scenario : str, optional
-        How it is controlled: a file, a flight's or a scenario's, or a name.
-    synchronous : sequence of str
-        What turns with the rotor and is estimated too.
-    beside : (bool, bool)
-        Whether the linear-quadratic-Gaussian and the H-infinity controller stand beside.
-    amplitudes : str, optional
-        Sweep with these [m].
-    stepped : bool
-        By one sine after the other.
-    axis : str, optional
-        Which is swept.
-    fastest : float, optional
-        Look over speed up to there [rad/s].
-    orbit : bool or float
-        Whether it is linearised along its orbit, or of which half axis that is [m].
-    report, plot : Path, optional
-        Files for the verdict and for the picture.
-    json : bool
-        Whether machines are to read it.
-    others : mapping
-        Options of one axis, by their names, which must not be given.
-    """
+    """Say how far a machine's loop is from the limit of stability, and what it asks."""
     from ambkit.cli import output
     from ambkit.show import plots
     from ambkit.workflow.assessing import assess
@@ -148,20 +118,7 @@ def assess_machine(
 def control_of(
     machine: Machine, given: str | None
 ) -> tuple[PID | Control | None, dict[str, float], bool]:
-    """Return the controllers, the loads, and whether it is said that a measurement feeds them.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine.
-    given : str, optional
-        A kind of control, or a file of a flight or a scenario.
-
-    Raises
-    ------
-    AmbkitError
-        It is none of them.
-    """
+    """Return the controllers, the loads, and whether it is said that a measurement feeds them."""
     from ambkit.simulation.controllers import TYPES, Control
     from ambkit.simulation.default_control import feedback_of
     from ambkit.simulation.flight import Flight

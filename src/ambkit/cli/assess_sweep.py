@@ -31,31 +31,7 @@ def deliver_sweep(
     axis: str | None = None,
     orbit: bool | float = False,
 ) -> None:
-    """Sweep the simulated loop, and print how far it is from the linear one.
-
-    Parameters
-    ----------
-    plant : Bearing or Machine
-        The plant.
-    filters : collection
-        In the loop, one at most.
-    controller : PID or Control, optional
-        What is not said of it is tuned.
-    amplitudes : str
-        Of the signal [m].
-    stepped : bool
-        One sine after the other.
-    plot : Path, optional
-        File for the picture.
-    json : bool
-        Whether machines are to read it.
-    x, load : optional
-        Where it is done [m], [N]; of a machine loads by the names of its axes.
-    axis : str, optional
-        Of a machine, which.
-    orbit : bool or float
-        Along an orbit, see `ambkit.assess`.
-    """
+    """Sweep the simulated loop, and print how far it is from the linear one."""
     from ambkit.cli import output
     from ambkit.show import plots
     from ambkit.workflow.loop_of import zone_of

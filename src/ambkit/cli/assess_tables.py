@@ -19,13 +19,7 @@ BESIDE = 5
 
 
 def tables(found: Assessment) -> list[Any]:
-    """Return tables with a row for each figure, a column for each loop.
-
-    Parameters
-    ----------
-    found : Assessment
-        Of a bearing.
-    """
+    """Return tables with a row for each figure, a column for each loop."""
     from ambkit.cli.output import table, value
 
     at = f"at {value(found.point.x, 'm')} and {value(found.point.iu, 'A')}"
@@ -39,13 +33,7 @@ def tables(found: Assessment) -> list[Any]:
 
 
 def tables_of_machine(found: Assessment) -> list[Any]:
-    """Return tables of a machine: its loops, the axes of the last one, and unbalance.
-
-    Parameters
-    ----------
-    found : Assessment
-        Of a machine.
-    """
+    """Return tables of a machine: its loops, the axes of the last one, and unbalance."""
     from ambkit.base import units
     from ambkit.cli.output import table, value
 
@@ -92,13 +80,7 @@ def tables_of_machine(found: Assessment) -> list[Any]:
 
 
 def tables_of_unstable(found: Assessment) -> list[Any]:
-    """Return what grows in the loops that are unstable; none where all are stable.
-
-    Parameters
-    ----------
-    found : Assessment
-        Of a bearing or a machine.
-    """
+    """Return what grows in the loops that are unstable; none where all are stable."""
     from ambkit.cli.output import table, value
 
     rows = [
@@ -110,13 +92,7 @@ def tables_of_unstable(found: Assessment) -> list[Any]:
 
 
 def tables_of_critical(found: Sequence[Separation]) -> list[Any]:
-    """Return how far the speed is from each critical speed; none where there is none.
-
-    Parameters
-    ----------
-    found : sequence of Separation
-        From each critical speed.
-    """
+    """Return how far the speed is from each critical speed; none where there is none."""
     from ambkit.cli.output import table
     from ambkit.workflow.separation import BASIS, rpm
 
@@ -131,13 +107,7 @@ def tables_of_critical(found: Sequence[Separation]) -> list[Any]:
 
 
 def tables_over_speed(found: OverSpeed) -> list[Any]:
-    """Return a table of a machine's loop over its speed.
-
-    Parameters
-    ----------
-    found : OverSpeed
-        What was looked at.
-    """
+    """Return a table of a machine's loop over its speed."""
     from ambkit.base import units
     from ambkit.cli.output import table
     from ambkit.workflow.separation import separations
@@ -171,13 +141,7 @@ def tables_over_speed(found: OverSpeed) -> list[Any]:
 
 
 def tables_of_shares(found: Assessment) -> list[Any]:
-    """Return what each piece of the loops costs; none where all are ideal.
-
-    Parameters
-    ----------
-    found : Assessment
-        Of a bearing or a machine.
-    """
+    """Return what each piece of the loops costs; none where all are ideal."""
     from ambkit.cli.output import table
     from ambkit.workflow.assessing import HINF, LQG
 
@@ -290,13 +254,7 @@ def _decibels(*factors: float) -> str:
 
 
 def said(found: Assessment) -> list[str]:
-    """Return the bound, the check, and what all of it is.
-
-    Parameters
-    ----------
-    found : Assessment
-        Of a bearing or a machine.
-    """
+    """Return the bound, the check, and what all of it is."""
     from ambkit.workflow.assessment import BASIS
     from ambkit.workflow.verdict import NEEDED
 

@@ -13,20 +13,7 @@ if TYPE_CHECKING:
 
 
 def say_what_is_odd(path: Path, record: Record, bearing: Bearing) -> None:
-    """Say on stderr what ``ambkit check RECORD --bearing`` would say is wrong with a record.
-
-    Parameters
-    ----------
-    path : Path
-        Where it is from.
-    record, bearing : Record, Bearing
-        See :func:`ambkit.workflow.belonging.check_belongs`.
-
-    Raises
-    ------
-    RecordError
-        Most of the measurements are beyond the air gap.
-    """
+    """Say on stderr what ``ambkit check RECORD --bearing`` would say is wrong with a record."""
     from ambkit.cli import output
     from ambkit.workflow.belonging import check_belongs
 

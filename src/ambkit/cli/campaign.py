@@ -40,16 +40,13 @@ Threads = Annotated[
 
 
 def campaign(context: typer.Context) -> None:
-    """Simulate thousands of machines out of their tolerances.
-
-    Which share is good, which is the worst, and what drives it. 'ambkit campaign STUDY.toml' is
-    short for 'ambkit campaign run STUDY.toml'.
-
-    For example:
-      ambkit campaign tolerances.toml --out out --report out.html
-      ambkit campaign status out
-      ambkit campaign replay out 417 --plot run-417.png
-    """
+    """Simulate thousands of machines out of their tolerances."""
+    # Which share is good, which is the worst, and what drives it. 'ambkit campaign STUDY.toml' is
+    # short for 'ambkit campaign run STUDY.toml'.
+    # For example:
+    #   ambkit campaign tolerances.toml --out out --report out.html
+    #   ambkit campaign status out
+    #   ambkit campaign replay out 417 --plot run-417.png
     if context.invoked_subcommand is None:
         print(context.get_help())
 

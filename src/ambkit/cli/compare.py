@@ -35,13 +35,7 @@ CASES = (
 
 
 def known_case(name: str | None) -> str | None:
-    """Check the name of a case, as the callback of an option.
-
-    Raises
-    ------
-    BadParameter
-        It is not in `CASES`.
-    """
+    """Check the name of a case, as the callback of an option."""
     if name is not None and name not in CASES:
         raise typer.BadParameter(f'there is no case "{name}"; known: {", ".join(CASES)}')
     return name

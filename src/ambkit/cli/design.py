@@ -164,17 +164,7 @@ def design(
 def design_whole(
     machine: Machine, logs: Sequence[Path], out: Path, *, json: bool, **options: Any
 ) -> None:
-    """Design controllers and filter of a whole machine, and say what their loop comes to.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine.
-    logs, out, **options
-        See `ambkit.workflow.designing_machine.design_machine`.
-    json : bool
-        Whether machines are to read it.
-    """
+    """Design controllers and filter of a whole machine, and say what their loop comes to."""
     from ambkit.cli import output
     from ambkit.cli.options import arguments_of_the_user
     from ambkit.estimate.registry import KINDS

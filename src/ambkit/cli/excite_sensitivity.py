@@ -23,31 +23,7 @@ def excite_machine(
     most: tuple[float | None, float | None], ends: tuple[float, float] | None, out: Path | None,
     plot: Path | None, json: bool,
 ) -> None:  # fmt: skip
-    """Design an experiment for each of the axes of a machine.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine.
-    for_sensitivity : bool
-        Whether it is for that, or for parameters.
-    refused : mapping
-        Options that are not for machines, by their names, which must not be given.
-    scenario : Path, optional
-        A flight in TOML.
-    duration, estimator, seed : optional
-        What the user changed in it.
-    axes : list of str
-        Which; ``[""]`` for the worst, ``["all"]`` for each.
-    most : tuple
-        Limits of current [A] and displacement [m]; None where not given.
-    ends : tuple of float, optional
-        Band [Hz].
-    out, plot : Path, optional
-        Files for the signals and the pictures.
-    json : bool
-        Whether machines are to read it.
-    """
+    """Design an experiment for each of the axes of a machine."""
     from ambkit.cli import output
     from ambkit.simulation.flight import Flight
     from ambkit.workflow.flying import flight_for
@@ -85,17 +61,7 @@ def excite_machine(
 def deliver_injections(
     found: list[Injection], out: Path | None, plot: Path | None, json: bool
 ) -> None:
-    """Print experiments, and write each; of several with the name of its axis in the file's.
-
-    Parameters
-    ----------
-    found : list of Injection
-        The experiments.
-    out, plot : Path, optional
-        Files for the signals and the pictures.
-    json : bool
-        Whether machines are to read it.
-    """
+    """Print experiments, and write each; of several with the name of its axis in the file's."""
     from functools import partial
 
     from ambkit.cli import output

@@ -36,11 +36,9 @@ class Form(StrEnum):
 
 
 def export(context: typer.Context) -> None:
-    """Write a filter for the controller.
-
-    For example:
-      ambkit export c zittau_axial --estimator expert.json --out out/
-    """
+    """Write a filter for the controller."""
+    # For example:
+    #   ambkit export c zittau_axial --estimator expert.json --out out/
     if context.invoked_subcommand is None:
         print(context.get_help())
 

@@ -29,25 +29,7 @@ def filter_machine(
     json: bool,
     others: Mapping[str, Any],
 ) -> None:
-    """Run estimators along a record of a machine, and print what they say of it.
-
-    Parameters
-    ----------
-    machine : Machine
-        Of which the record is.
-    log : Record
-        The record.
-    kinds : sequence of str
-        Of estimators.
-    synchronous, noise, settling, smooth
-        See `ambkit.workflow.filtering_machine.filter_machine`.
-    out : Path, optional
-        File for the estimates; of one estimator.
-    json : bool
-        Whether machines are to read it.
-    others : mapping
-        Options of one axis, by their names, which must not be given.
-    """
+    """Run estimators along a record of a machine, and print what they say of it."""
     from ambkit.cli import output
     from ambkit.estimate.registry import FILTER_SUFFIX
     from ambkit.judge.adequacy import judge_adequacy

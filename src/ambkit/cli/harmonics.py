@@ -10,13 +10,7 @@ _SHOWN = {"unbalance": ("g mm", 1e6), "runout": ("µm", 1e6)}
 
 
 def rows(found: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
-    """Return a row of each vector: amplitude and angle, or what can be said in their place.
-
-    Parameters
-    ----------
-    found : mapping
-        Of `Harmonic.to_dict`, by name.
-    """
+    """Return a row of each vector: amplitude and angle, or what can be said in their place."""
     return [[f"{told['role']} {name}", _said(told)] for name, told in found.items()]
 
 

@@ -45,13 +45,7 @@ def names(text: str) -> list[str]:
 
 
 def known(text: str) -> str:
-    """Check such a list, as the callback of an option.
-
-    Raises
-    ------
-    BadParameter
-        One is not in `NAMES`.
-    """
+    """Check such a list, as the callback of an option."""
     try:
         for name in names(text):
             check_named(name)
@@ -61,26 +55,14 @@ def known(text: str) -> str:
 
 
 def one_of(text: str) -> str:
-    """Check the name of one kind, or a filter's file, as the callback of an option.
-
-    Raises
-    ------
-    BadParameter
-        It is neither, or there are several.
-    """
+    """Check the name of one kind, or a filter's file, as the callback of an option."""
     if text == "all" or "," in text:
         raise typer.BadParameter(f"a loop has one estimator, given are {text}")
     return known(text)
 
 
 def is_a_name(name: str) -> str:
-    """Check the name of one kind, as the callback of an option.
-
-    Raises
-    ------
-    BadParameter
-        It is not in `NAMES`.
-    """
+    """Check the name of one kind, as the callback of an option."""
     try:
         return kind_called(name).name
     except AmbkitError as error:
@@ -90,22 +72,7 @@ def is_a_name(name: str) -> str:
 def factories(
     chosen: Iterable[str], bearing: Bearing, expert: Path | None = None
 ) -> dict[str, Factory]:
-    """Return what builds each of the chosen estimators, as often as asked.
-
-    Parameters
-    ----------
-    chosen : iterable of str
-        Some of `NAMES`, ``"all"`` of them, or files of filters.
-    bearing : Bearing
-        What is filtered.
-    expert : Path, optional
-        The expert of ``adaptive``; it is trained from the bearing's own law without it.
-
-    Raises
-    ------
-    AmbkitError
-        The expert cannot be read, or none of the chosen ones asks it.
-    """
+    """Return what builds each of the chosen estimators, as often as asked."""
     from ambkit.workflow.estimators import expanded
     from ambkit.workflow.estimators import factories as built
 
@@ -129,23 +96,7 @@ class Chosen(NamedTuple):
 
 
 def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) -> Chosen:
-    """Return the estimator that a user names, or the adaptive filter of the expert in a file.
-
-    Parameters
-    ----------
-    text : str, optional
-        One of `choice`, a file from ``ambkit train``, or that of a filter; the linear filter
-        without it.
-    bearing : Bearing
-        What is filtered.
-    choice : iterable of str
-        Some of `NAMES`.
-
-    Raises
-    ------
-    AmbkitError
-        It is neither, or the file cannot be read.
-    """
+    """Return the estimator that a user names, or the adaptive filter of the expert in a file."""
     if text is None or text in choice:
         return Chosen(text or "linear", _learned(text or "linear", bearing))
     if text in NAMES:
@@ -163,22 +114,7 @@ def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) 
 def to_export(
     target: str, estimator: str | None, choice: Iterable[str] = NAMES
 ) -> tuple[Bearing, Chosen]:
-    """Return the bearing and the estimator that a user wants to export.
-
-    Parameters
-    ----------
-    target : str
-        A preset or a bearing's file, or that of a filter, which names its bearing itself.
-    estimator : str, optional
-        See `exported`; with a filter's file there is none.
-    choice : iterable of str
-        Some of `NAMES`.
-
-    Raises
-    ------
-    AmbkitError
-        Both name a filter; or see `exported`.
-    """
+    """Return the bearing and the estimator that a user wants to export."""
     if is_filter(target):
         if estimator is not None:
             raise AmbkitError(f"{target} is a filter already: leave out --estimator")
@@ -192,20 +128,7 @@ def to_export(
 
 
 def of_machine(estimator: str | None, machine: Machine) -> Chosen:
-    """Return the estimator of a whole machine that a user wants to export: a kind, linear if none.
-
-    Parameters
-    ----------
-    estimator : str, optional
-        A kind, or a filter's file.
-    machine : Machine
-        What is filtered.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such kind, or the file's filter is not of such a machine.
-    """
+    """The estimator of a whole machine that a user wants to export: a kind, linear if none."""
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
 
@@ -219,25 +142,7 @@ def of_machine(estimator: str | None, machine: Machine) -> Chosen:
 
 
 def whole_to_export(target: str, estimator: str | None) -> tuple[Machine, Chosen] | None:
-    """Return the whole machine and the estimator that a user wants to export.
-
-    Parameters
-    ----------
-    target : str
-        A preset or a machine's file, or that of a filter of a machine.
-    estimator : str, optional
-        See `of_machine`; with a filter's file there is none.
-
-    Returns
-    -------
-    tuple or None
-        None where the target names something else.
-
-    Raises
-    ------
-    AmbkitError
-        Both name a filter; or see `of_machine`.
-    """
+    """Return the whole machine and the estimator that a user wants to export."""
     machine = find_machine(target)
     if machine is None and (machine := machine_of(target)) is not None:
         if estimator is not None:
@@ -259,13 +164,7 @@ def _in_file(path: str, choice: Iterable[str]) -> tuple[Bearing, Chosen]:
 
 
 def machine_of(path: str) -> Machine | None:
-    """Return the whole machine that a filter's file is of; None of any other file.
-
-    Raises
-    ------
-    ConfigError
-        The file is a filter's and not valid.
-    """
+    """Return the whole machine that a filter's file is of; None of any other file."""
     from ambkit.estimate.filter_file import FilterFile
 
     if not is_filter(path):
@@ -296,15 +195,8 @@ def _learned(name: str, bearing: Bearing) -> MagnetModel | None:
 
 
 def read_expert(path: Path, bearing: Bearing) -> Expert | ForceSurface:
-    """Return the expert in a file, and note if it was trained for another bearing.
-
-    Of a table of points of the force it is the surface through them.
-
-    Raises
-    ------
-    AmbkitError
-        It cannot be read.
-    """
+    """Return the expert in a file, and note if it was trained for another bearing."""
+    # Of a table of points of the force it is the surface through them.
     from ambkit.fuzzy.expert import Expert
 
     if path.suffix.lower() in (".csv", ".parquet"):
@@ -316,13 +208,7 @@ def read_expert(path: Path, bearing: Bearing) -> Expert | ForceSurface:
 
 
 def surface_in(path: Path, bearing: Bearing) -> ForceSurface:
-    """Return the surface through the points of a force map.
-
-    Raises
-    ------
-    AmbkitError
-        It cannot be read, or is no force map of this bearing.
-    """
+    """Return the surface through the points of a force map."""
     from ambkit.machine.forces.map_of import surface_in as found_in
 
     with output.progress("finding the force"):

@@ -16,22 +16,7 @@ def load_log(
     begin: float | None = None,
     end: float | None = None,
 ) -> Record:
-    """Read a log, say what was filled in it, and cut it.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    channels : ChannelMap or Path, optional
-        What is what in it.
-    begin, end : float, optional
-        From and to where it is wanted [s].
-
-    Raises
-    ------
-    AmbkitError
-        See :func:`ambkit.data.reading.load_filled`.
-    """
+    """Read a log, say what was filled in it, and cut it."""
     from ambkit.cli import output
     from ambkit.data.reading import load_filled
 

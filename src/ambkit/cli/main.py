@@ -20,14 +20,7 @@ INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run a command and leave with its exit code.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        What stands behind ``ambkit``; those of the process if not given. ``--debug`` may stand
-        anywhere among them.
-    """
+    """Run a command and leave with its exit code."""
     alone = arguments is None
     try:
         if alone:

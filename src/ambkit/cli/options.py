@@ -70,18 +70,7 @@ def file_option(help: str, endings: tuple[str, ...], *names: str) -> Any:
 
 
 def keep_inputs(context: typer.Context) -> None:
-    """Refuse to write a file that the command reads: a log cannot be recorded again.
-
-    Parameters
-    ----------
-    context : Context
-        Of the command, with the values of all its parameters.
-
-    Raises
-    ------
-    AmbkitError
-        An option of `file_option` names the same file as an argument or another option.
-    """
+    """Refuse to write a file that the command reads: a log cannot be recorded again."""
     written: dict[str, Path] = {}
     read: list[Path] = []
     for parameter in context.command.params:
@@ -151,18 +140,7 @@ Synchronous = Annotated[
 
 
 def find_machine(text: str) -> Machine | None:
-    """Return the preset of a whole machine, or that in the TOML file, that the user named.
-
-    Raises
-    ------
-    AmbkitError
-        The file is a machine's and not valid.
-
-    Returns
-    -------
-    Machine or None
-        None where it is something else.
-    """
+    """Return the preset of a whole machine, or that in the TOML file, that the user named."""
     from ambkit.machine import presets
     from ambkit.machine.machine import Machine
     from ambkit.workflow.inspection import kind_of_toml
@@ -175,33 +153,14 @@ def find_machine(text: str) -> Machine | None:
 
 
 def refuse_of_one_axis(machine: Machine, options: Mapping[str, Any]) -> None:
-    """Refuse what a whole machine does not take.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine.
-    options : mapping
-        Values of the options that are of one axis, by their names; None where not given.
-
-    Raises
-    ------
-    AmbkitError
-        One is given.
-    """
+    """Refuse what a whole machine does not take."""
     for name, value in options.items():
         if value is not None:
             raise AmbkitError(f"--{name} is of one axis; {machine.name} is a whole machine")
 
 
 def find_bearing(text: str) -> Bearing:
-    """Return the preset, or the bearing in the TOML file, that the user named.
-
-    Raises
-    ------
-    AmbkitError
-        There is neither; the message names the nearest preset. Or the file is not valid.
-    """
+    """Return the preset, or the bearing in the TOML file, that the user named."""
     from ambkit.machine import presets
     from ambkit.machine.bearing import Bearing
 
@@ -218,18 +177,7 @@ def find_bearing(text: str) -> Bearing:
 
 @contextmanager
 def arguments_of_the_user(prefix: str = "") -> Iterator[None]:
-    """Around library calls whose arguments the user gave: their ValueErrors are the user's.
-
-    Parameters
-    ----------
-    prefix : str
-        Put before the text; ``"--"`` where it begins with an argument that is named as an option.
-
-    Raises
-    ------
-    AmbkitError
-        With the text of the ValueError.
-    """
+    """Around library calls whose arguments the user gave: their ValueErrors are the user's."""
     try:
         yield
     except ValueError as error:

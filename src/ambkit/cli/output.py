@@ -34,13 +34,7 @@ _said: list[str] = []
 
 @contextmanager
 def interrupted_says(text: str) -> Iterator[None]:
-    """Where a command is interrupted within this, let it say so.
-
-    Parameters
-    ----------
-    text : str
-        What is left, and how it goes on.
-    """
+    """Where a command is interrupted within this, let it say so."""
     _said.append(text)
     yield
     _said.pop()
@@ -54,19 +48,7 @@ def left_by_interrupt() -> str | None:
 def deliver(
     data: Any, tables: Iterable[Table | str], files: Sequence[File] = (), *, as_json: bool
 ) -> None:
-    """Write the files, print the results, and say where the files are.
-
-    Parameters
-    ----------
-    data : Any
-        The results as plain data, in SI; a mapping is printed with its ``files``.
-    tables : iterable of Table or str
-        The same for humans; only drawn if they are to be seen.
-    files : sequence of (Path or None, callable)
-        Each path that the user asked for, and what writes it.
-    as_json : bool
-        Print `data` and not `tables`.
-    """
+    """Write the files, print the results, and say where the files are."""
     for path, write in files:
         if path is not None:
             write(path)
@@ -103,15 +85,7 @@ def stdout() -> Console:
 
 
 def say_adequacy(found: Iterable[Finding], name: str = "") -> list[dict[str, Any]]:
-    """Say on stderr what is wrong with a filter, and return all findings as plain data.
-
-    Parameters
-    ----------
-    found : iterable of Finding
-        From :func:`ambkit.judge.adequacy.judge_adequacy`.
-    name : str
-        Of the filter; empty where there is but one.
-    """
+    """Say on stderr what is wrong with a filter, and return all findings as plain data."""
     from ambkit.judge.adequacy import sentences
 
     found = list(found)
@@ -171,28 +145,14 @@ class Table(NamedTuple):
 def table(
     title: str, headers: Sequence[str], rows: Iterable[Sequence[str]], *, wide: bool = False
 ) -> Table:
-    """Build a table whose first column names its rows.
-
-    Parameters
-    ----------
-    title : str
-        Heading.
-    headers : sequence of str
-        Heads of the columns.
-    rows : iterable of sequence of str
-        The cells.
-    wide : bool
-        The last column holds sentences.
-    """
+    """Build a table whose first column names its rows."""
     cells = [[escaping.lines(cell) for cell in row] for row in rows]
     return Table(escaping.lines(title), [escaping.lines(head) for head in headers], cells, wide)
 
 
 def _widths(cells: Sequence[str], *, words: bool) -> tuple[int, int]:
-    """Return the least width of a column that cuts nothing, and the width of its longest cell.
-
-    A number stays with its unit; lines of `words` end between any two, but not too early.
-    """
+    """Return the least width of a column that cuts nothing, and the width of its longest cell."""
+    # A number stays with its unit; lines of `words` end between any two, but not too early.
     from rich.cells import cell_len
 
     least = [1]
@@ -227,10 +187,8 @@ def _spread(widths: Sequence[tuple[int, int]], room: int) -> list[int]:
 
 
 def value(number: float | None, unit: str, digits: int = 4, like: float | None = None) -> str:
-    """Print a value in SI as an engineer writes it; a dash where there is none.
-
-    The error of a value, or what it is compared with, takes the value's prefix: `like`.
-    """
+    """Print a value in SI as an engineer writes it; a dash where there is none."""
+    # The error of a value, or what it is compared with, takes the value's prefix: `like`.
     from ambkit.base.units import engineering
 
     if number is None or not math.isfinite(number):

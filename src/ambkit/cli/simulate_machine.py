@@ -33,29 +33,7 @@ def simulate_machine(
     json: bool,
     others: dict[str, Any],
 ) -> None:
-    """Simulate a machine in closed loop, and print what the run came to.
-
-    Parameters
-    ----------
-    machine : Machine
-        What is simulated.
-    scenario : Path, optional
-        A flight in TOML.
-    estimator : str
-        ``"none"``, a kind, or a filter's file; beside the loop unless the flight says otherwise.
-    duration, load, seed : optional
-        What the user changed in the flight.
-    injection : Path, optional
-        A record whose ``injected_NAME`` is added at the summing point of that axis.
-    synchronous : sequence of str
-        What turns with the rotor and is estimated too.
-    out, plot, waterfall : Path, optional
-        Files for the record and the pictures.
-    json : bool
-        Whether machines are to read it.
-    others : dict
-        Options of one axis, by their names, which must not be given.
-    """
+    """Simulate a machine in closed loop, and print what the run came to."""
     from ambkit.cli import output
     from ambkit.judge.adequacy import judge_adequacy
     from ambkit.show import plots

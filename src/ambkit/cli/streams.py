@@ -16,11 +16,9 @@ _PLAIN = {
 
 
 def prepare() -> None:
-    """Make stdin, stdout and stderr fit to use.
-
-    One that is closed becomes the null device: who closes it does not want the output, and no file
-    that is written may take its number. Letters that a stream does not have are spelt out.
-    """
+    """Make stdin, stdout and stderr fit to use."""
+    # One that is closed becomes the null device: who closes it does not want the output, and no
+    # file that is written may take its number. Letters that a stream does not have are spelt out.
     codecs.register_error("spelt", _spelt)
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         os.set_inheritable(number, True)

@@ -19,19 +19,7 @@ def tune_robust(
     plot: Path | None,
     json: bool,
 ) -> None:
-    """Search, and write filter, controller and picture.
-
-    Parameters
-    ----------
-    study : str
-        File of the study.
-    quantile, ceiling, free, storage, evaluations, seed
-        See `ambkit.tune_robust`; names in `free` with commas between.
-    out, plot : Path, optional
-        Files to write.
-    json : bool
-        Print JSON.
-    """
+    """Search, and write filter, controller and picture."""
     from ambkit.cli import output
     from ambkit.show import plots
     from ambkit.workflow.campaign import robust

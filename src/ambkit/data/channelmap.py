@@ -148,15 +148,9 @@ class ChannelMap(Document):
                 yield f"{place}.time", "with sampling_time there is no other clock"
 
     def with_inputs(self, inputs: Inputs) -> "ChannelMap":
-        """Return the map by which a log's y and u are what a filter reads.
-
-        What else is a place along with y, the reference and what the rig estimated, moves with it.
-
-        Parameters
-        ----------
-        inputs : Inputs
-            Unit, scale, sign and offset of both, in the place of the map's own.
-        """
+        """Return the map by which a log's y and u are what a filter reads."""
+        # What else is a place along with y, the reference and what the rig estimated, moves with
+        # it.
         signals = dict(self.signals)
         moved = inputs.y.zero - signals["y"].zero if "y" in signals else 0.0
         for name in PLACES:
@@ -192,34 +186,14 @@ class ChannelMap(Document):
         return tuple(dict.fromkeys(found))
 
     def apply(self, log: Log) -> Mapped:
-        """Pick the signals out of a log; see `pick`.
-
-        Raises
-        ------
-        RecordError
-            The log lacks an array, row or column, a signal is not as long as its clock, or it has
-            another clock in the file.
-        """
+        """Pick the signals out of a log; see `pick`."""
         mapped, problems = self.pick(log)
         if problems:
             raise RecordError(problems, log.name)
         return mapped
 
     def pick(self, log: Log) -> tuple[Mapped, list[str]]:
-        """Pick those signals out of a log that are there.
-
-        Parameters
-        ----------
-        log : Log
-            What the file holds.
-
-        Returns
-        -------
-        Mapped
-            Signals in SI, each with its clock; they are not shifted yet.
-        list of str
-            What keeps them from being used.
-        """
+        """Pick those signals out of a log that are there."""
         values: dict[str, Array] = {}
         remarks: list[str] = []
         problems: list[str] = []
@@ -314,13 +288,7 @@ class ChannelMap(Document):
 
 
 def inputs_of(channels: ChannelMap) -> Inputs:
-    """Return what a controller reads that has the same numbers as a log.
-
-    Parameters
-    ----------
-    channels : ChannelMap
-        What y and u are in the log.
-    """
+    """Return what a controller reads that has the same numbers as a log."""
     keys = tuple(Scaling.model_fields)
     return Inputs(**{
         name: Scaling(**{key: getattr(channels.signals[name], key) for key in keys})

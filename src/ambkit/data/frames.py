@@ -41,18 +41,7 @@ def to_pandas(series: Series) -> Any:
 
 
 def from_pandas(frame: Any) -> Series:
-    """Read a DataFrame over time: its numbers as they are, and the units that it names.
-
-    Parameters
-    ----------
-    frame : pandas.DataFrame
-        Its index is the time, or else its column ``t``.
-
-    Raises
-    ------
-    RecordError
-        It is no such frame, has no time, or a column that does not hold numbers.
-    """
+    """Read a DataFrame over time: its numbers as they are, and the units that it names."""
     pandas = _library("pandas", "a DataFrame")
     if not isinstance(frame, pandas.DataFrame):
         raise RecordError(f"a DataFrame of pandas is needed, this is a {type(frame).__name__}")
@@ -67,13 +56,7 @@ def from_pandas(frame: Any) -> Series:
 
 
 def to_xarray(series: Series) -> Any:
-    """Return a Dataset over the coordinate t [s]; `from_xarray` gives the same back.
-
-    Raises
-    ------
-    RecordError
-        What else is known cannot be written as JSON.
-    """
+    """Return a Dataset over the coordinate t [s]; `from_xarray` gives the same back."""
     xarray = _library("xarray", "a Dataset")
     try:
         about = json.dumps(dict(series.about), ensure_ascii=False)
@@ -87,18 +70,7 @@ def to_xarray(series: Series) -> Any:
 
 
 def from_xarray(dataset: Any) -> Series:
-    """Read a Dataset over t: its numbers as they are, and the units that it names.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        With the coordinate ``t``.
-
-    Raises
-    ------
-    RecordError
-        It is no such data set, has no time, or a variable that does not hold numbers over it.
-    """
+    """Read a Dataset over t: its numbers as they are, and the units that it names."""
     xarray = _library("xarray", "a Dataset")
     if not isinstance(dataset, xarray.Dataset):
         raise RecordError(f"a Dataset of xarray is needed, this is a {type(dataset).__name__}")
@@ -120,20 +92,7 @@ def from_xarray(dataset: Any) -> Series:
 
 
 def in_si(series: Series, units: Mapping[str, str] | None = None) -> Series:
-    """Convert all columns to SI; what is SI already keeps its bits.
-
-    Parameters
-    ----------
-    series : Series
-        From `from_pandas` or `from_xarray`.
-    units : mapping of str to str, optional
-        Unit of each column, where it names none; the standard names are SI.
-
-    Raises
-    ------
-    RecordError
-        A column has no unit, or one that is not known; or there is no such column.
-    """
+    """Convert all columns to SI; what is SI already keeps its bits."""
     given = {"t": series.t, **series.columns}
     said = UNITS | dict(series.units) | dict(units or {})
     unknown = [name for name in units or {} if name not in given]

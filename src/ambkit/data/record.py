@@ -73,13 +73,7 @@ class Record(Shown):
             object.__setattr__(self, key, value)
 
     def __getitem__(self, name: str) -> Array:
-        """Return a signal by its name, ``t`` too.
-
-        Raises
-        ------
-        RecordError
-            The record has no such signal; the message lists those that it has.
-        """
+        """Return a signal by its name, ``t`` too."""
         if name == "t":
             return self.t
         if name not in self.signals:
@@ -325,15 +319,8 @@ def _check_time(t: Array) -> None:
 
 
 def time_problems(t: Array, place: Callable[[int], str] | None = None) -> Iterator[str]:
-    """Yield all that keeps times from being even.
-
-    Parameters
-    ----------
-    t : ndarray (n,)
-        Times [s], n >= 2.
-    place : callable, optional
-        Says where a sample stands, such as ``log.csv:17``; put before each problem.
-    """
+    """Yield all that keeps times from being even."""
+    # t (n,) [s]
 
     def at_(sample: int) -> str:
         return f"{place(sample)}: " if place else ""

@@ -13,13 +13,7 @@ _FOLDERS = (_PACKAGE / "recordings", _PACKAGE.parents[1] / "examples" / "recordi
 
 
 def folder() -> Path:
-    """Return the folder with the recordings.
-
-    Raises
-    ------
-    AmbkitError
-        They were not installed.
-    """
+    """Return the folder with the recordings."""
     for candidate in _FOLDERS:
         if candidate.is_dir():
             return candidate

@@ -51,15 +51,7 @@ class Scaling(Part):
         return units.parse(self.offset, self.si_unit) if self.offset else 0.0
 
     def value(self, numbers: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
-        """Turn a rig's numbers into the signal, in SI.
-
-        Parameters
-        ----------
-        numbers : array_like
-            As the rig has them.
-        dtype : dtype
-            What it is computed in.
-        """
+        """Turn a rig's numbers into the signal, in SI."""
         raw = np.asarray(numbers, dtype)
         if self.gain == 1.0 and not self.zero:
             return raw
@@ -73,13 +65,7 @@ class Scaling(Part):
         return self.model_copy(update={"offset": offset})
 
     def numbers(self, values: ArrayLike) -> NDArray[np.float64]:
-        """Turn a signal in SI into a rig's numbers.
-
-        Parameters
-        ----------
-        values : array_like
-            In SI.
-        """
+        """Turn a signal in SI into a rig's numbers."""
         given = np.asarray(values, float)
         if self.gain == 1.0 and not self.zero:
             return given

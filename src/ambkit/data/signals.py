@@ -32,23 +32,7 @@ def signal(what: str, name: str) -> str:
 
 @cache
 def si_unit(unit: str) -> str:
-    """Return the SI unit that measures what `unit` does.
-
-    Parameters
-    ----------
-    unit : str
-        Such as ``"mm"``; ``"1"``, ``"-"`` or nothing is a plain number.
-
-    Raises
-    ------
-    ValueError
-        The unit is unknown, or of a kind that no record holds.
-
-    Examples
-    --------
-    >>> si_unit("um/ms")
-    'm/s'
-    """
+    """Return the SI unit that measures what `unit` does."""
     from ambkit.base.units import factor
 
     if unit in ("", "-"):

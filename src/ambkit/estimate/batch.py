@@ -23,37 +23,24 @@ TRUTH = ("x", "v", "f_d")
 
 @dataclass(frozen=True)
 class Batch:
-    """What many runs gave; what was not asked for is None.
+    """What many runs gave; what was not asked for is None."""
 
-    Attributes
-    ----------
-    mean : ndarray (runs, n, states) or None
-        State estimates: x [m], v [m/s], f_d [N], x_m [m], and what else the model has.
-    innovation, innovation_variance : ndarray (runs, n) or None
-        As of :class:`ambkit.Estimate` [m], [m^2].
-    status : ndarray (runs, n) or None
-        What each step had to say, :class:`ambkit.Status`.
-    rmse : ndarray (runs, 3) or None
-        Root mean square errors of x [m], v [m/s], f_d [N]; where the truth was given.
-    flags : ndarray (runs,)
-        All statuses of a run together.
-    """
-
+    #: (runs, n, states) State estimates: x [m], v [m/s], f_d [N], x_m [m], and what else the model
+    #: has.
     mean: Array | None
-    innovation: Array | None
+    innovation: Array | None  #: (runs, n) As of :class:`ambkit.Estimate` [m], [m^2].
     innovation_variance: Array | None
-    status: Array | None
+    status: Array | None  #: (runs, n) What each step had to say, :class:`ambkit.Status`.
+    #: (runs, 3) Root mean square errors of x [m], v [m/s], f_d [N]; where the truth was given.
     rmse: Array | None
-    flags: Array
+    flags: Array  #: (runs,) All statuses of a run together.
 
 
 def instruction_sets() -> list[str]:
-    """Return what this processor can compute lanes with, the fastest last.
-
-    ``"scalar"`` is one run after the other; ``"baseline"`` has 2 lanes in double precision,
-    ``"avx2"`` 4, ``"avx512"`` 8; twice as many in single. A compiler without GCC's vectors has
-    built ``"scalar"`` alone.
-    """
+    """Return what this processor can compute lanes with, the fastest last."""
+    # ``"scalar"`` is one run after the other; ``"baseline"`` has 2 lanes in double precision,
+    # ``"avx2"`` 4, ``"avx512"`` 8; twice as many in single. A compiler without GCC's vectors has
+    # built ``"scalar"`` alone.
     return list(core_module().instruction_sets())
 
 

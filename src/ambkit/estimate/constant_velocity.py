@@ -24,34 +24,12 @@ CONVERGED = 1e-13
 
 
 class ConstantVelocityFilter:
-    """Kalman filter of position and velocity, driven by white acceleration.
+    """Kalman filter of position and velocity, driven by white acceleration."""
 
-    The first measurement is where it starts, the second gives the velocity (two-point start, which
-    assumes nothing). Gains follow from there on by the exact covariance, and once they have settled
-    the record goes through a linear filter of fixed coefficients: a million samples take some
-    hundredths of a second. Missing measurements (NaN) are predicted over.
-
-    Parameters
-    ----------
-    T : float
-        Sampling time [s].
-    q : float
-        Spectral density of the acceleration [m^2/s^3]: the velocity's variance grows by ``q T`` in
-        a sample.
-    R : float
-        Variance of the measured position [m^2].
-
-    Raises
-    ------
-    ValueError
-        A parameter is not positive and finite.
-
-    Examples
-    --------
-    >>> record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.1))
-    >>> naive = tune(record["y"], record.sampling_time)
-    >>> x, v = naive.run(record["y"])
-    """
+    # The first measurement is where it starts, the second gives the velocity (two-point start,
+    # which assumes nothing). Gains follow from there on by the exact covariance, and once they have
+    # settled the record goes through a linear filter of fixed coefficients: a million samples take
+    # some hundredths of a second. Missing measurements (NaN) are predicted over.
 
     def __init__(self, T: float, q: float, R: float) -> None:
         for name, value, unit in (("T", T, "s"), ("q", q, "m^2/s^3"), ("R", R, "m^2")):
@@ -60,65 +38,28 @@ class ConstantVelocityFilter:
         self.T, self.q, self.R = T, q, R
 
     def run(self, y: ArrayLike) -> tuple[Array, Array]:
-        """Filter a record.
-
-        Parameters
-        ----------
-        y : array_like (n,)
-            Measured position [m]; NaN where there is none.
-
-        Returns
-        -------
-        x, v : ndarray (n,)
-            Position [m] and velocity [m/s]; NaN before the first measurement.
-        """
+        """Filter a record."""
+        # y (n,) [m]; x (n,) [m]; v (n,) [m/s]
         x, v, *_ = self._filtered(y)
         return x, v
 
     def predict(self, y: ArrayLike, ahead: int) -> Array:
-        """Predict the measurement ``ahead`` samples after each sample of a record.
-
-        Parameters
-        ----------
-        y : array_like (n,)
-            Measured position [m].
-        ahead : int
-            How many samples ahead, 1 or more.
-
-        Returns
-        -------
-        ndarray (n - ahead,)
-            Element k is the prediction of ``y[k + ahead]`` [m] from all up to ``y[k]``.
-        """
+        """Predict the measurement ``ahead`` samples after each sample of a record."""
+        # y (n,) [m]; returns (n - ahead,)
         if ahead < 1:
             raise ValueError(f"ahead must be 1 sample or more, is {ahead}")
         x, v = self.run(y)
         return (x + ahead * self.T * v)[:-ahead]
 
     def innovations(self, y: ArrayLike) -> tuple[Array, Array]:
-        """Return innovations [m] and the variances that it expects of them [m^2].
-
-        Parameters
-        ----------
-        y : array_like (n,)
-            Measured position [m].
-
-        Returns
-        -------
-        e, S : ndarray (n,)
-            NaN where nothing was measured, and at the two measurements that it starts from.
-        """
+        """Return innovations [m] and the variances that it expects of them [m^2]."""
+        # y (n,) [m]; e (n,); S (n,)
         _, _, e, S = self._filtered(y)
         return e, S
 
     def log_likelihood(self, y: ArrayLike) -> float:
-        """Log likelihood of a record, up to a constant (Schweppe 1965).
-
-        Parameters
-        ----------
-        y : array_like (n,)
-            Measured position [m].
-        """
+        """Log likelihood of a record, up to a constant (Schweppe 1965)."""
+        # y (n,) [m]
         e, S = self.innovations(y)
         known = np.isfinite(e)
         return float(-0.5 * np.sum(np.log(S[known]) + e[known] ** 2 / S[known]))
@@ -156,11 +97,9 @@ def _advance(
     e: Array,
     S: Array,
 ) -> None:
-    """Go on from sample ``at``, in the filter's own units, and fill x, v, e, S.
-
-    Sample by sample while the gains change, which they do after the start and after each missing
-    measurement; between these in one go.
-    """
+    """Go on from sample ``at``, in the filter's own units, and fill x, v, e, S."""
+    # Sample by sample while the gains change, which they do after the start and after each missing
+    # measurement; between these in one go.
     a, b, c = P
     alpha = beta = math.inf  # gains of position and velocity
     pos, vel = float(x[at]), float(v[at])
@@ -214,31 +153,10 @@ def tune(
     truth: ArrayLike | Sequence[ArrayLike] | None = None,
     first: int = 0,
 ) -> ConstantVelocityFilter:
-    """Tune the filter: by what it does not expect, or by the truth where that is known.
-
-    The search is that of :func:`ambkit.workflow.tuning.tune_disturbance`: every decade of the
-    range, then the best of them to a fiftieth of a decade.
-
-    Parameters
-    ----------
-    y : array_like (n,), or a sequence of them
-        Measured positions [m], of one record or several.
-    T : float
-        Sampling time [s].
-    R : float, optional
-        Variance of the measured position where it is known [m^2]; else it is found as well.
-    truth : as y, optional
-        True positions [m]. Given, the root mean square error of the position is made least; else
-        the likelihood of the record greatest, which needs no truth.
-    first : int
-        Samples at the start of each record at which errors against the truth do not count.
-
-    Raises
-    ------
-    ValueError
-        There is nothing to tune by: fewer than three measurements in all records, or measurements
-        that do not change; or y and truth do not fit.
-    """
+    """Tune the filter: by what it does not expect, or by the truth where that is known."""
+    # The search is that of :func:`ambkit.workflow.tuning.tune_disturbance`: every decade of the
+    # range, then the best of them to a fiftieth of a decade.
+    # y (n,) [m]
     from scipy.optimize import minimize_scalar
 
     records, truths = _several(y), None if truth is None else _several(truth)

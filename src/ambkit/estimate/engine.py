@@ -62,27 +62,7 @@ class Nodes(NamedTuple):
 
 
 class Engine:
-    """A build of the core, and the model of a bearing or a machine in it.
-
-    Parameters
-    ----------
-    bearing : Bearing or Machine
-        Whose parts decide: the paper's axis is built in, all else runs by loops over its model.
-    precision : {"float64", "float32"}
-        What it computes in.
-    as_printed : bool
-        Eq. 19 as the paper prints it.
-    noise : bool
-        Whether sensor noise with a memory is among the states.
-    synchronous : sequence of str
-        What turns with a machine's rotor and is among the states: unbalance, runout.
-
-    Raises
-    ------
-    ValueError
-        As printed, with parts that the paper does not have; more states, axes or readings than
-        the core has room for.
-    """
+    """A build of the core, and the model of a bearing or a machine in it."""
 
     def __init__(
         self,
@@ -129,12 +109,10 @@ class Engine:
         return all(np.array_equal(built_in[n], each) for n, each in self.model.pattern.items())
 
     def let_turn(self, slowest: float, fastest: float) -> None:
-        """Let the core's model take any speed of rotation between two [rad/s].
-
-        Its numbers are computed at speeds `NODE` of a radian a sample apart, and interpolated by
-        cubics in between: what turns then keeps its phase to some 1e-8 rad a sample. What unbalance
-        does across while the speed grows is linear in that growth.
-        """
+        """Let the core's model take any speed of rotation between two [rad/s]."""
+        # Its numbers are computed at speeds `NODE` of a radian a sample apart, and interpolated by
+        # cubics in between: what turns then keeps its phase to some 1e-8 rad a sample. What
+        # unbalance does across while the speed grows is linear in that growth.
         nodes = self.nodes(slowest, fastest)
         kept = {
             name: np.ascontiguousarray(
@@ -146,13 +124,7 @@ class Engine:
         self.turned = True
 
     def nodes(self, slowest: float, fastest: float) -> Nodes:
-        """Return the model at the speeds between which it takes any other; see `let_turn`.
-
-        Parameters
-        ----------
-        slowest, fastest : float
-            The speeds that are met [rad/s].
-        """
+        """Return the model at the speeds between which it takes any other; see `let_turn`."""
         step = NODE / self.bearing.sampling_time
         lowest, highest = math.floor(slowest / step) - 1, math.floor(fastest / step) + 2
         found = [self._node(number, step) for number in range(lowest, highest + 1)]
@@ -170,10 +142,8 @@ class Engine:
         return Nodes(lowest, step, still, which, at[:, which], grown, by_growth[:, grown])
 
     def _node(self, number: int, step: float) -> tuple[Array, Array]:
-        """Return the model's numbers at a node, and what growth of the speed does to them there.
-
-        They are kept, as one run of a campaign after the other asks for the same nodes.
-        """
+        """Return the model's numbers at a node, and what growth of the speed does to them there."""
+        # They are kept, as one run of a campaign after the other asks for the same nodes.
         if number not in self._nodes:
             there = self.bearing.model_copy(update={"speed": number * step})
             still, faster = (
@@ -235,13 +205,7 @@ def numbers(model: Model) -> Array:
 
 
 def arrays(model: Model) -> dict[str, Any]:
-    """Return a model as the core's loops want it (``ambkit/loops.h``).
-
-    Raises
-    ------
-    ValueError
-        It has a state of a role that the core does not know.
-    """
+    """Return a model as the core's loops want it (``ambkit/loops.h``)."""
     unknown = [state.name for state in model.states if state.role not in ROLES]
     if unknown:
         raise ValueError(f"states of unknown roles: {', '.join(unknown)}")

@@ -237,20 +237,7 @@ class FilterFile(Document):
 
 
 def magnet_in(path: str | os.PathLike[str], bearing: Bearing) -> MagnetModel:
-    """Return the expert in a file, or the surface through the points of a force map.
-
-    Parameters
-    ----------
-    path : path
-        From ``ambkit train`` (.json), or points of iu, x and f_mag (.csv, .parquet).
-    bearing : Bearing
-        Whose magnet that is.
-
-    Raises
-    ------
-    AmbkitError
-        It cannot be read, or is neither.
-    """
+    """Return the expert in a file, or the surface through the points of a force map."""
     if Path(path).suffix.lower() not in (".csv", ".parquet"):
         from ambkit.fuzzy.expert import Expert
 
@@ -343,15 +330,7 @@ def _option(value: Any, unit: str) -> Any:
 
 
 def written(value: Any, unit: str) -> Any:
-    """Return a value as a file has it.
-
-    Parameters
-    ----------
-    value : Any
-        In SI.
-    unit : str
-        SI unit; empty of a word.
-    """
+    """Return a value as a file has it."""
     if not unit or unit == "1":
         return value
     return units.engineering(in_si("option", value, unit), unit, digits=None)

@@ -28,18 +28,7 @@ class Reference(Part):
 
     @classmethod
     def to(cls, path: str | os.PathLike[str]) -> Self:
-        """Return a reference to a file as it is now.
-
-        Parameters
-        ----------
-        path : path
-            The file.
-
-        Raises
-        ------
-        AmbkitError
-            It cannot be read.
-        """
+        """Return a reference to a file as it is now."""
         return cls(file=os.fspath(path), sha256=files.sha256(path))
 
     @classmethod
@@ -112,10 +101,9 @@ class MachineOf(_PlantOf):
 
 
 class Assumed(Part):
-    """Variances that a filter assumes; the bearing's own where one is not given.
+    """Variances that a filter assumes; the bearing's own where one is not given."""
 
-    Of a whole machine one number is for all readings or axes, a list has one for each.
-    """
+    # Of a whole machine one number is for all readings or axes, a list has one for each.
 
     measurement: (
         Annotated[float | tuple[float, ...], OneOrEach("m^2", "225 µm^2", at_least=0)] | None

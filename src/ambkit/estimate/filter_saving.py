@@ -29,18 +29,7 @@ def described(
     bearing: str | os.PathLike[str],
     magnet: str | os.PathLike[str] | Mapping[str, Path] | None = None,
 ) -> FilterFile:
-    """Return what makes an estimator, for a file.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Which.
-    bearing : path
-        A preset's name, or the file of its bearing or machine.
-    magnet : path or mapping, optional
-        The expert or force map that it asks, where that is not its kind's own; of a machine one for
-        each bearing, by their names.
-    """
+    """Return what makes an estimator, for a file."""
     kind = kind_of(estimator)
     own = KINDS[kind].option_units
     given = {**getattr(estimator, "inner", estimator).options, **estimator.options}
@@ -97,13 +86,7 @@ def save(
     bearing: str | os.PathLike[str] | None = None,
     magnet: str | os.PathLike[str] | None = None,
 ) -> None:
-    """Write an estimator, and beside it what it needs and has no file yet.
-
-    Parameters
-    ----------
-    estimator, path, bearing, magnet
-        See `ambkit.Estimator.save`.
-    """
+    """Write an estimator, and beside it what it needs and has no file yet."""
     path, known = Path(path), estimator.bearing
     machine = None if estimator.whole is None else estimator.whole.machine
     if bearing is None:
@@ -157,13 +140,7 @@ def _alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
 
 
 def _each_beside(path: Path, machine: Machine, magnet: MagnetModel) -> dict[str, Path]:
-    """Write what a machine's filter asks beside its file: for each bearing, by their names.
-
-    Raises
-    ------
-    AmbkitError
-        There is no file of such, or two axes of a bearing ask something else.
-    """
+    """Write what a machine's filter asks beside its file: for each bearing, by their names."""
     assert isinstance(magnet, Bank)
     each: dict[str, MagnetModel] = {}
     for axis, model in zip(machine.axes, magnet.models, strict=True):
@@ -176,13 +153,7 @@ def _each_beside(path: Path, machine: Machine, magnet: MagnetModel) -> dict[str,
 
 
 def _written_beside(path: Path, magnet: MagnetModel) -> Path:
-    """Write what a filter asks beside its file, and return where.
-
-    Raises
-    ------
-    AmbkitError
-        There is no file of such.
-    """
+    """Write what a filter asks beside its file, and return where."""
     from ambkit.fuzzy.expert import Expert
     from ambkit.machine.forces.surface import ForceSurface
 

@@ -16,18 +16,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Whiteness:
-    """Autocorrelation of innovations, and what white ones would stay within.
+    """Autocorrelation of innovations, and what white ones would stay within."""
 
-    Attributes
-    ----------
-    correlation : ndarray (lags,)
-        At lags 1, 2, ...
-    bound : float
-        95 % of a white sequence's correlations are within +-bound.
-    """
-
-    correlation: Array
-    bound: float
+    correlation: Array  #: (lags,) At lags 1, 2, ...
+    bound: float  #: 95 % of a white sequence's correlations are within +-bound.
 
     @property
     def share_within(self) -> float:
@@ -44,18 +36,7 @@ def whiteness(innovation: Array, lags: int = 50) -> Whiteness:
 
 
 def prediction_error(predicted: Array, record: Record, ahead: int, skip: int = 0) -> float:
-    """Root mean square error of predictions against the measured position [m].
-
-    Parameters
-    ----------
-    predicted : ndarray (n - ahead,)
-        Element k predicts ``record["y"][k + ahead]``.
-    record : Record
-        With ``y`` [m].
-    ahead : int
-        How many samples ahead was predicted.
-    skip : int
-        Samples at the start that do not count.
-    """
+    """Root mean square error of predictions against the measured position [m]."""
+    # predicted (n - ahead,)
     error = record["y"][ahead:] - predicted
     return float(np.sqrt(np.nanmean(error[skip:] ** 2)))

@@ -15,10 +15,9 @@ Array = NDArray[np.float64]
 
 
 class LinearModel(NamedTuple):
-    """``X(k+1) = A X(k) + B u(k) + E f_0``, ``y(k) = H X(k)`` (paper, eq. 15-21); all in SI.
+    """``X(k+1) = A X(k) + B u(k) + E f_0``, ``y(k) = H X(k)`` (paper, eq. 15-21); all in SI."""
 
-    Of one axis and one sensor, or of several.
-    """
+    # Of one axis and one sensor, or of several.
 
     A: Array  # (n, n)
     B: Array  # (n, controls)

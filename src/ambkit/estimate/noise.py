@@ -69,37 +69,22 @@ class FilterNoise:
 
 
 class Variances(NamedTuple):
-    """What a filter assumes: R [m^2], control signal [V^2], growth of the disturbance [N^2/s].
+    """What a filter assumes: R [m^2], control signal [V^2], growth of the disturbance [N^2/s]."""
 
-    Numbers of one axis; tuples of numbers of a whole machine, for each reading or axis.
-    """
+    # Numbers of one axis; tuples of numbers of a whole machine, for each reading or axis.
 
     measurement: Any
     control: Any
     disturbance: Any
 
     def growth(self, T: float, noises: Sequence[Descriptor]) -> list[float]:
-        """Return the variances of a model's noises: the load's in a sample [N^2], the others' own.
-
-        Parameters
-        ----------
-        T : float
-            Sampling time [s].
-        noises : sequence of Descriptor
-            Of the model, the load's first.
-        """
+        """The variances of a model's noises: the load's in a sample [N^2], the others' own."""
         _, *others = noises
         return [T * self.disturbance, *(noise.size**2 for noise in others)]
 
 
 def completed(bearing: Bearing, noise: FilterNoise) -> Variances:
-    """Fill in the bearing's figures and check all of them.
-
-    Raises
-    ------
-    ValueError
-        Where a variance is negative or not finite, with its name, limit and value.
-    """
+    """Fill in the bearing's figures and check all of them."""
     for name in UNITS:
         if isinstance(getattr(noise, name), tuple):
             raise ValueError(f"noise.{name} must be one number for one axis, got several")
@@ -114,27 +99,16 @@ def completed(bearing: Bearing, noise: FilterNoise) -> Variances:
 
 
 def dwell(axes: Sequence[Bearing]) -> float:
-    """Return for how many samples a rotor at rest stays within a very coarse step of its sensor.
-
-    Half the time in which the fastest axis falls away by e.
-    """
+    """Return for how many samples a rotor at rest stays within a very coarse step of its sensor."""
+    # Half the time in which the fastest axis falls away by e.
     return max(10.0, min(0.5 * own_time(each) / each.sampling_time for each in axes))
 
 
 def with_rounding(
     variances: Sequence[float], steps: Sequence[float], samples: float
 ) -> list[float]:
-    """Return variances of white noise with that of rounding to steps [m^2].
-
-    As ``core/include/ambkit/kalman.h`` has it.
-
-    Parameters
-    ----------
-    variances, steps : sequence of float, m of each
-        Of the noise before it is rounded [m^2], and the steps [m]; 0 where there are none.
-    samples : float
-        See `dwell`.
-    """
+    """Return variances of white noise with that of rounding to steps [m^2]."""
+    # As ``core/include/ambkit/kalman.h`` has it.
     return [
         v + q**2 / 12 * (samples if q**2 > VERY_COARSE * v else 1.0)
         for v, q in zip(variances, steps, strict=True)

@@ -182,23 +182,19 @@ def _whole(engine: Engine) -> Model:
 
 
 def unstable_pole(bearing: Bearing | Machine) -> float:
-    """Return the pole at which the rotor falls out of its middle, sqrt(k_s / m) [rad/s].
-
-    Of a whole machine, of the fastest axis alone.
-    """
+    """Return the pole at which the rotor falls out of its middle, sqrt(k_s / m) [rad/s]."""
+    # Of a whole machine, of the fastest axis alone.
     return max(
         math.sqrt(ConstantStiffness.of(each).k_s / each.rotor.mass) for each in alone_of(bearing)
     )
 
 
 def placed(model: LinearModel, pole: float) -> Array:
-    """Return the update's gain (4,) that puts all poles of ``(I - L H) A`` at one place.
-
-    Of the states x, v, f_d, x_m. By Ackermann's formula (Ackermann 1972) for the pair A, H A. The
-    lagged position of a sensor that lags by less than a third of a sample is taken to be its last
-    measurement: its pole is zero, and the other three are placed. To slow it down as well would
-    take gains that let the error of a start grow three thousandfold before it decays.
-    """
+    """Return the update's gain (4,) that puts all poles of ``(I - L H) A`` at one place."""
+    # Of the states x, v, f_d, x_m. By Ackermann's formula (Ackermann 1972) for the pair A, H A. The
+    # lagged position of a sensor that lags by less than a third of a sample is taken to be its last
+    # measurement: its pole is zero, and the other three are placed. To slow it down as well would
+    # take gains that let the error of a start grow three thousandfold before it decays.
     A, H = model.A, model.H @ model.A
     n = 4
     if A[3, 3] < FAST_SENSOR:
@@ -214,10 +210,8 @@ def placed(model: LinearModel, pole: float) -> Array:
 
 
 def _grown(model: LinearModel, L: Array, start: Array) -> Array:
-    """Return the most (n,) that an error within plus or minus ``2 start`` (n,) can grow to.
-
-    That is the error of a start between the caps, and of a mean that was held to them.
-    """
+    """Return the most (n,) that an error within plus or minus ``2 start`` (n,) can grow to."""
+    # That is the error of a start between the caps, and of a mean that was held to them.
     n = len(L)
     step = (np.eye(n) - np.outer(L, model.H)) @ model.A
     now, most = np.eye(n), 2 * start

@@ -21,13 +21,7 @@ Array = NDArray[np.float64]
 
 
 class OneAxis:
-    """A bearing as its estimators see it; `Whole` is the same of a machine.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The axis.
-    """
+    """A bearing as its estimators see it; `Whole` is the same of a machine."""
 
     speed: float | None = None
     """Of rotation, which its model does not know."""
@@ -90,10 +84,8 @@ class OneAxis:
         self, states: Sequence[Descriptor], hover: tuple[float, float], x: Any, shown: Any,
         current: Any, precision: str,
     ) -> Array:  # fmt: skip
-        """Return the states (n,) or (runs, n) at rest; see `Estimator.at_rest`.
-
-        What holds the rotor is in the precision of an exported filter.
-        """
+        """Return the states (n,) or (runs, n) at rest; see `Estimator.at_rest`."""
+        # What holds the rotor is in the precision of an exported filter.
         shown = self.bearing.sensor.gain * x if shown is None else shown
         holding = _holding_at(x, hover, precision) if current is None else current
         by_role = {"position": x, "sensor": shown, "current": holding, "past control": holding}
@@ -106,24 +98,8 @@ class OneAxis:
     def at_first(
         self, states: Sequence[Descriptor], hover: tuple[float, float], y: Array, precision: str
     ) -> Array:
-        """Return the states at rest at the first measurement within the travel.
-
-        Parameters
-        ----------
-        states : sequence of Descriptor, n of them
-            Of the model.
-        hover : tuple of float
-            See `hover`.
-        y : ndarray (N,) or (runs, N)
-            Measured positions [m].
-        precision : {"float64", "float32"}
-            Of the filter.
-
-        Returns
-        -------
-        ndarray (n,) or (runs, n)
-            Each in its unit [m, m/s, N ...].
-        """
+        """Return the states at rest at the first measurement within the travel."""
+        # y (N,), (runs, N) [m]; returns (n,), (runs, n) [m, m/s, N ...]
         gain = self.bearing.sensor.gain
         limit = gain * self.bearing.rotor.travel_limit
 

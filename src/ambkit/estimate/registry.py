@@ -25,30 +25,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class InCore:
-    """How a kind is called in the core (``ambkit/estimator.h``).
+    """How a kind is called in the core (``ambkit/estimator.h``)."""
 
-    Attributes
-    ----------
-    binding : str
-        Class of ``ambkit._core``; in C the same with underscores.
-    has_own : bool
-        Whether it has numbers that only this kind has, and so a file of its own.
-    has_state : bool
-        Whether its state is more than an ``amb_kalman_state``; it has a file of its own then, too.
-    base : str
-        Where in such a state the members of ``amb_kalman_state`` are.
-    covariance : str
-        Where the covariance is that the others of such a state follow from; by default the base's.
-    calls : tuple of str
-        Files that it calls besides.
-    """
-
-    binding: str
+    binding: str  #: Class of ``ambkit._core``; in C the same with underscores.
+    #: Whether it has numbers that only this kind has, and so a file of its own.
     has_own: bool = True
+    #: Whether its state is more than an ``amb_kalman_state``; it has a file of its own then, too.
     has_state: bool = False
-    base: str = ""
+    base: str = ""  #: Where in such a state the members of ``amb_kalman_state`` are.
+    #: Where the covariance is that the others of such a state follow from; by default the base's.
     covariance: str = ""
-    calls: tuple[str, ...] = ()
+    calls: tuple[str, ...] = ()  #: Files that it calls besides.
 
     @property
     def methods(self) -> str:
@@ -90,25 +77,14 @@ _ADAPTIVE_NOISE = InCore("AdaptiveNoise", has_state=True, base="inner.base.")
 
 @dataclass(frozen=True)
 class Tunable:
-    """A positive parameter that tuning may change by some decades.
+    """A positive parameter that tuning may change by some decades."""
 
-    Attributes
-    ----------
-    name : str
-        Of the argument of :meth:`Kind.make`, or ``noise.measurement``, ``noise.control``,
-        ``noise.disturbance`` for the variances of :class:`ambkit.FilterNoise`.
-    unit : str
-        Of the argument.
-    default : callable
-        Its value for a bearing.
-    decades : float
-        How far from the default the search goes, to either side.
-    """
-
+    #: Of the argument of :meth:`Kind.make`, or ``noise.measurement``, ``noise.control``,
+    #: ``noise.disturbance`` for the variances of :class:`ambkit.FilterNoise`.
     name: str
-    unit: str
-    default: Callable[[Bearing], float]
-    decades: float = 2.0
+    unit: str  #: Of the argument.
+    default: Callable[[Bearing], float]  #: Its value for a bearing.
+    decades: float = 2.0  #: How far from the default the search goes, to either side.
 
 
 def _noise(name: str) -> Callable[[Bearing], float]:
@@ -132,52 +108,24 @@ NOISE = (
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of estimator.
+    """A kind of estimator."""
 
-    Attributes
-    ----------
-    name : str
-        As the commands know it.
-    label : str
-        In words, for reports.
-    of : str
-        Its class, by module and name in ``ambkit.estimate``.
-    core : InCore
-        How the core calls it.
-    magnet : callable or None
-        What it knows of a bearing's magnet; None where the caller gives that, as a trained expert
-        or a table.
-    tunable : tuple of Tunable
-        What tuning may change.
-    finds_noise : dict, optional
-        Around the class comes an :class:`ambkit.AdaptiveNoise` with these options.
-    ratios : tuple of str
-        Options that are numbers without a unit, and not tuned.
-    """
-
-    name: str
-    label: str
-    of: str
-    core: InCore
+    name: str  #: As the commands know it.
+    label: str  #: In words, for reports.
+    of: str  #: Its class, by module and name in ``ambkit.estimate``.
+    core: InCore  #: How the core calls it.
+    #: What it knows of a bearing's magnet; None where the caller gives that, as a trained expert or
+    #: a table.
     magnet: Callable[[Any], MagnetModel] | None
-    tunable: tuple[Tunable, ...] = NOISE
+    tunable: tuple[Tunable, ...] = NOISE  #: What tuning may change.
+    #: Around the class comes an :class:`ambkit.AdaptiveNoise` with these options.
     finds_noise: Mapping[str, Any] | None = None
-    ratios: tuple[str, ...] = ()
+    ratios: tuple[str, ...] = ()  #: Options that are numbers without a unit, and not tuned.
 
     def make(
         self, bearing: Bearing | Machine, magnet: MagnetModel | None = None, **options: Any
     ) -> Estimator:
-        """Build one.
-
-        Parameters
-        ----------
-        bearing : Bearing or Machine
-            What is filtered.
-        magnet : optional
-            What it knows of its magnet; by default what its kind does.
-        **options
-            Of the kind: what is tunable, and those of :class:`ambkit.KalmanFilter`.
-        """
+        """Build one."""
         if magnet is None and self.magnet is not None:
             magnet = self.magnet(bearing)
         of: Any = self.estimator
@@ -313,26 +261,14 @@ FILTER_SUFFIX = ".toml"
 
 
 def kind_called(name: str) -> Kind:
-    """Return a kind by its name.
-
-    Raises
-    ------
-    AmbkitError
-        There is none; the message has those that there are.
-    """
+    """Return a kind by its name."""
     if not isinstance(name, str) or name not in KINDS:
         raise AmbkitError(f'there is no estimator "{name}"; known: {", ".join(KINDS)}')
     return KINDS[name]
 
 
 def check_named(name: str) -> None:
-    """Refuse what is neither a kind, nor ``"all"`` of them, nor a filter's file.
-
-    Raises
-    ------
-    AmbkitError
-        With what there is.
-    """
+    """Refuse what is neither a kind, nor ``"all"`` of them, nor a filter's file."""
     if name not in KINDS and name != "all" and not name.endswith(FILTER_SUFFIX):
         known = f"known: {', '.join(KINDS)}, all, or the file of a filter ({FILTER_SUFFIX})"
         raise AmbkitError(f'there is no estimator "{name}"; {known}')
@@ -347,20 +283,8 @@ def in_core_of(estimator: Estimator) -> InCore | None:
 
 
 def kind_of(estimator: Estimator) -> str:
-    """Return the name of an estimator's kind.
-
-    Of the kinds that share a class, what the estimator knows of its magnet tells which it is.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Of a class of `KINDS`.
-
-    Raises
-    ------
-    AmbkitError
-        It is of none.
-    """
+    """Return the name of an estimator's kind."""
+    # Of the kinds that share a class, what the estimator knows of its magnet tells which it is.
     from ambkit.machine.bank import Bank
 
     inner = getattr(estimator, "inner", estimator)
@@ -379,20 +303,7 @@ def kind_of(estimator: Estimator) -> str:
 
 
 def learned_magnet(name: str, bearing: Bearing | Machine) -> MagnetModel | None:
-    """Return what a kind that must be given its magnet knows of it where nobody says otherwise.
-
-    Parameters
-    ----------
-    name : str
-        Of the kind.
-    bearing : Bearing or Machine
-        Its magnet is what is learned, of a machine that of each bearing.
-
-    Returns
-    -------
-    MagnetModel or None
-        A table of nodes, or a trained expert; None for a kind that needs neither.
-    """
+    """Return what a kind that must be given its magnet knows of it where nobody says otherwise."""
     from ambkit.machine.bank import Bank, alone_of
     from ambkit.machine.machine import Machine
 

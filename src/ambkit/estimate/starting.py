@@ -43,11 +43,9 @@ def hovering(
     states: Sequence[Descriptor],
     known: float | None = None,
 ) -> tuple[float, float]:
-    """Return the current that holds the rotor in the middle [A], and its slope there [A/m].
-
-    Without a current among the states nobody asks: 0. The weight is there, whether a filter knows
-    it or takes it for a disturbance; or what else is `known` [N].
-    """
+    """Return the current that holds the rotor in the middle [A], and its slope there [A/m]."""
+    # Without a current among the states nobody asks: 0. The weight is there, whether a filter knows
+    # it or takes it for a disturbance; or what else is `known` [N].
     if not {"current", "past control"} & {state.role for state in states}:
         return 0.0, 0.0
     balance = bearing.weight + bias_force_of(magnet, bearing) if known is None else known

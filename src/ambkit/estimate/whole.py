@@ -30,13 +30,7 @@ the speeds tell them, and not the start."""
 
 
 class Whole:
-    """A machine as its estimators see it; `OneAxis` is the same of one axis.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine.
-    """
+    """A machine as its estimators see it; `OneAxis` is the same of one axis."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
@@ -184,11 +178,9 @@ class Whole:
         return tuple(self._each(states, by_role, 1.0, others))
 
     def _run_out(self, states: Sequence[Descriptor]) -> Array:
-        """Return what runout adds to the readings' variance, where it is among the states [m^2].
-
-        A start from the first readings is no surer than that of where the rotor is; else it would
-        tell unbalance from runout at a constant speed, where nothing does.
-        """
+        """Return what runout adds to the readings' variance, where it is among the states [m^2]."""
+        # A start from the first readings is no surer than that of where the rotor is; else it would
+        # tell unbalance from runout at a constant speed, where nothing does.
         found = np.zeros(len(self.gains))
         for state in states:
             if state.role == "runout" and state.name.endswith("_c"):
@@ -259,10 +251,8 @@ class Whole:
         self, states: Sequence[Descriptor], hover: list[tuple[float, float]], y: Array,
         precision: str,
     ) -> Array:  # fmt: skip
-        """Return the states (n,) at rest at the first readings (N, m) within the travel.
-
-        In the precision and the order of an exported filter.
-        """
+        """Return the states (n,) at rest at the first readings (N, m) within the travel."""
+        # In the precision and the order of an exported filter.
         number = np.dtype(precision)
         y = self.first(y)
         if len(self.machine.axes) > 1:  # until the exported C starts by the three stages below
@@ -291,13 +281,8 @@ class Whole:
     def start_form(
         self, states: Sequence[Descriptor], hover: list[tuple[float, float]]
     ) -> tuple[Array, Array]:
-        """Return what starts the states at rest where readings y show the rotor.
-
-        Returns
-        -------
-        ndarray (n,), ndarray (n, m)
-            The states are the first plus the second times y, added up from the first reading on.
-        """
+        """Return what starts the states at rest where readings y show the rotor."""
+        # returns (n,), (n, m)
         zero, one = np.zeros(self.H.shape[1]), np.eye(len(self.gains))
         constant = self.at_rest(states, hover, zero)
         columns = [self.at_rest(states, hover, self.shown @ y, y) - constant for y in one]
@@ -317,13 +302,7 @@ class Whole:
         return np.asarray(np.abs(self.gains) * self.travel_seen)
 
     def signals(self, record: Record) -> tuple[Array, Array]:
-        """Return readings (N, m) [m] and control signals (N, p) [V] of a record.
-
-        Raises
-        ------
-        RecordError
-            It has not all of them.
-        """
+        """Return readings (N, m) [m] and control signals (N, p) [V] of a record."""
         y = [record[signal("y", r.name)] for r in self.machine.readings]
         u = [record[signal("u", axis.name)] for axis in self.machine.axes]
         return _columns(y), _columns(u)

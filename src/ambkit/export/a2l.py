@@ -30,20 +30,7 @@ class Symbol(NamedTuple):
 
 
 def symbol(elf: Path, name: str) -> Symbol:
-    """Return where the linker has put a variable.
-
-    Parameters
-    ----------
-    elf : Path
-        The program.
-    name : str
-        Of the variable; it may be static, in one file only.
-
-    Raises
-    ------
-    AmbkitError
-        There is no tool that reads ELF files, no such file, or not one such variable.
-    """
+    """Return where the linker has put a variable."""
     reader = next((found for found in map(shutil.which, READERS) if found), None)
     if reader is None:
         raise AmbkitError(f"{READERS[0]} is needed and not there: apt-get install binutils")
@@ -63,32 +50,7 @@ def symbol(elf: Path, name: str) -> Symbol:
 def export_a2l(
     folder: str | Path, elf: str | Path, variable: str, out: str | Path, *, force: bool = False
 ) -> Path:
-    """Write an A2L file for the ``amb_calibration`` of a program.
-
-    Parameters
-    ----------
-    folder : path
-        An export with calibration: what its parameters are.
-    elf : path
-        The program that was linked with it: where they are.
-    variable : str
-        Name of its ``amb_calibration``.
-    out : path
-        The file, ``.a2l``.
-    force : bool
-        Write it also for an export that must not fly.
-
-    Returns
-    -------
-    Path
-        What was written.
-
-    Raises
-    ------
-    AmbkitError
-        The export has no calibration, or must not fly; the program has no such variable, or one of
-        another size.
-    """
+    """Write an A2L file for the ``amb_calibration`` of a program."""
     described = Path(folder) / "calibration.json"
     if not described.is_file():
         raise AmbkitError(
@@ -113,17 +75,7 @@ def export_a2l(
 
 
 def text(told: dict[str, Any], at: Symbol, variable: str) -> str:
-    """Return the A2L file.
-
-    Parameters
-    ----------
-    told : dict
-        What ``calibration.json`` says.
-    at : Symbol
-        Where the ``amb_calibration`` is.
-    variable : str
-        Its name.
-    """
+    """Return the A2L file."""
     prefix, parameters = told["prefix"], told["parameters"]
     kind, real = ("FLOAT32_IEEE", 4) if told["precision"] == "float" else ("FLOAT64_IEEE", 8)
     n = len(parameters)

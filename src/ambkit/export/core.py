@@ -23,13 +23,7 @@ INCLUDE_FOLDERS = ("core/include", "core")
 
 
 def folder() -> Path:
-    """Return the folder with the C sources of the core.
-
-    Raises
-    ------
-    AmbkitError
-        They were not installed.
-    """
+    """Return the folder with the C sources of the core."""
     for candidate in _FOLDERS:
         if (candidate / "include" / "ambkit" / "real.h").is_file():
             return candidate
@@ -39,20 +33,7 @@ def folder() -> Path:
 def closure(
     sources: Iterable[str], *, instead: Mapping[str, str | None] | None = None
 ) -> dict[str, str]:
-    """Return C sources and all headers that they include, one through the other.
-
-    Parameters
-    ----------
-    sources : iterable of str
-        Files of the core, such as ``"src/kalman.c"``.
-    instead : mapping, optional
-        Texts in the place of some files' own; None for a file that is left out.
-
-    Returns
-    -------
-    dict
-        Text of each file by its name, relative to the core, in alphabetical order.
-    """
+    """Return C sources and all headers that they include, one through the other."""
     root, given = folder(), instead or {}
     found: dict[str, str] = {}
     waiting = list(sources)

@@ -38,32 +38,7 @@ def export_mat(
     filter_file: FilterFile | None = None,
     force: bool = False,
 ) -> dict[str, Any]:
-    """Write a MAT-file (version 5) whose bytes depend on its content alone.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What is modelled.
-    expert : Expert, optional
-        Goes along with its rules, and as a table.
-    out : path
-        The file, ``.mat``.
-    filter_file : FilterFile, optional
-        The linear or adaptive filter whose noise and start are written; by default with those of
-        `bearing`.
-    force : bool
-        Export it also where it is judged that it must not fly.
-
-    Returns
-    -------
-    dict
-        What was written; see :func:`variables`.
-
-    Raises
-    ------
-    AmbkitError
-        The file cannot be written; or the filter must not fly, without `force`.
-    """
+    """Write a MAT-file (version 5) whose bytes depend on its content alone."""
     from scipy.io import savemat
 
     require_adequate(_estimator(bearing, expert, filter_file), bearing, force=force)
@@ -89,28 +64,7 @@ def _estimator(
 def variables(
     bearing: Bearing, expert: Expert | None, filter_file: FilterFile | None = None
 ) -> dict[str, Any]:
-    """Return what the file holds, by the names in MATLAB; all in SI.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What is modelled.
-    expert : Expert, optional
-        Adds ``expert``, and the tables are its own.
-    filter_file : FilterFile, optional
-        See :func:`export_mat`; adds ``inputs``, gain and zero of what its controller reads.
-
-    Returns
-    -------
-    dict
-        ``A`` (n, n), ``B`` (n, 1), ``C`` (1, n), ``D``, ``E`` (n, 1): the discrete model that the
-        linear filter predicts with, ``X(k+1) = A X(k) + B u(k) + E f_0`` and
-        ``y(k) = C X(k) + D u(k)`` (paper, eq. 15-21, with the force held over the sample and the
-        sensor's lag exact). ``Q`` (n, n), ``R``: its noise; ``P0`` (n, n): the covariance at the
-        start. ``T`` [s], ``f_0`` [N], ``states``. ``tables``: stiffnesses and force, rows of
-        ``displacement``; a filter asks them at the mean over the sample, ``x + v T/2``.
-        ``bearing``: all that describes it. ``about``: where it comes from.
-    """
+    """Return what the file holds, by the names in MATLAB; all in SI."""
     estimator = _estimator(bearing, expert, filter_file)
     content: dict[str, Any] = _model(estimator) | {
         "states": np.array([state.name for state in estimator.states], dtype=object),

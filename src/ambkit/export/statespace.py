@@ -74,77 +74,19 @@ def to_control(
 def plant(
     bearing: Bearing, *, sampled: bool | None = None, point: WorkPoint | None = None
 ) -> control.StateSpace:
-    """Linearised plant at a work point (paper, eq. 2, 14, 18).
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Gives magnet, mass, amplifier, delay and sensor.
-    sampled, point : optional
-        See `to_control`.
-
-    Returns
-    -------
-    control.StateSpace
-        States ``x`` [m], ``v`` [m/s], ``x_m`` [m], with an amplifier's bandwidth ``i`` [A] and with
-        a delay the past controls ``u_1``, ... [A]; inputs ``u`` [V] and ``f_d`` [N], both counted
-        from the work point; outputs ``y`` and ``x`` [m].
-
-    Raises
-    ------
-    AmbkitError
-        Where python-control is not installed; or in continuous time, with a delay.
-    """
+    """Linearised plant at a work point (paper, eq. 2, 14, 18)."""
     continuous = not _is_sampled(bearing, sampled, None)
     return _state_space(_plant(bearing, continuous, point), _name(bearing))
 
 
 def controller(bearing: Bearing, pid: PID) -> control.StateSpace:
-    """Sampled controller, as ``core/src/controller.c`` computes it, without its limits.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Gives sampling time and gains of sensor and amplifier.
-    pid : PID
-        The gains; ``feedback`` says what it is fed by.
-
-    Returns
-    -------
-    control.StateSpace
-        Inputs ``position`` [m], with an estimate ``velocity`` [m/s], and ``r`` [m]; output ``u``
-        [V].
-
-    Raises
-    ------
-    AmbkitError
-        Where python-control is not installed.
-    """
+    """Sampled controller, as ``core/src/controller.c`` computes it, without its limits."""
     tuned = pid.completed(bearing)
     return _state_space(control_of.controller(tuned, bearing), f"{_name(bearing)}_pid")
 
 
 def estimator(filter: Estimator, *, point: WorkPoint | None = None) -> control.StateSpace:
-    """Sampled estimator with the gain that it settles to at a work point.
-
-    Parameters
-    ----------
-    filter : Estimator
-        Of a kind that settles to a gain.
-    point : WorkPoint, optional
-        See `to_control`.
-
-    Returns
-    -------
-    control.StateSpace
-        Inputs ``y`` [m] and ``u`` [V], which acts from the same sample on; outputs ``position`` [m]
-        and ``velocity`` [m/s].
-
-    Raises
-    ------
-    AmbkitError
-        Where python-control is not installed; or the filter does not settle to a gain.
-    """
+    """Sampled estimator with the gain that it settles to at a work point."""
     of_type(Estimator, filter=filter)
     point = point or WorkPoint.hovering(filter.bearing)
     return _state_space(settled.estimator_at(filter, point), f"{_name(filter.bearing)}_estimator")
@@ -158,36 +100,11 @@ def closed_loop(
     sampled: bool | None = None,
     point: WorkPoint | None = None,
 ) -> control.StateSpace:
-    """Linearised closed loop of plant, PID and estimator.
-
-    The controller as the core's (``core/include/ambkit/controller.h``) without its limits: the
-    derivative acts on the position only. In continuous time and with ``feedback = "estimate"`` it
-    gets x and v themselves, as from an ideal estimator; with ``"measurement"`` the lagged position,
-    and its derivative through the filter, which must not be zero.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The plant.
-    pid : PID
-        The controller; sampled, it is fed by the filter if there is one, else by the measurement.
-    filter : Estimator, optional
-        What it is fed by.
-    sampled, point : optional
-        See `to_control`.
-
-    Returns
-    -------
-    control.StateSpace
-        Inputs ``r`` [m] and ``f_d`` [N], sampled also noise ``n_y`` [m] on the measurement and
-        ``n_u`` [V] on the control signal; outputs ``y`` and ``x`` [m], sampled also ``u`` [V].
-
-    Raises
-    ------
-    AmbkitError
-        Where python-control is not installed; the derivative of a measurement has no filter in
-        continuous time; or see `to_control`.
-    """
+    """Linearised closed loop of plant, PID and estimator."""
+    # The controller as the core's (``core/include/ambkit/controller.h``) without its limits: the
+    # derivative acts on the position only. In continuous time and with ``feedback = "estimate"`` it
+    # gets x and v themselves, as from an ideal estimator; with ``"measurement"`` the lagged
+    # position, and its derivative through the filter, which must not be zero.
     name, pid = f"{_name(bearing)}_closed_loop", pid.completed(bearing)
     if not _is_sampled(bearing, sampled, filter):
         return _state_space(_continuous_loop(bearing, pid, point), name)

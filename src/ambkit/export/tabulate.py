@@ -36,28 +36,14 @@ _SAFETY = 0.98  # for what lies between the points
 
 @dataclass(frozen=True, eq=False)
 class TabulatedExpert:
-    """An expert's stiffnesses at the nodes of a grid over its box.
+    """An expert's stiffnesses at the nodes of a grid over its box."""
 
-    Attributes
-    ----------
-    current : ndarray (columns,)
-        Nodes of the control current [A], evenly spaced.
-    displacement : ndarray (rows,)
-        Nodes of the displacement [m], evenly spaced.
-    k_i, k_s : ndarray (rows, columns)
-        Stiffnesses [N/A], [N/m].
-    bound : float
-        The force is nowhere further from the expert's than this [N].
-    error : float
-        The largest deviation of the force that was found [N].
-    """
-
-    current: Array
-    displacement: Array
-    k_i: Array
+    current: Array  #: (columns,) Nodes of the control current [A], evenly spaced.
+    displacement: Array  #: (rows,) Nodes of the displacement [m], evenly spaced.
+    k_i: Array  #: (rows, columns) Stiffnesses [N/A], [N/m].
     k_s: Array
-    bound: float
-    error: float
+    bound: float  #: The force is nowhere further from the expert's than this [N].
+    error: float  #: The largest deviation of the force that was found [N].
 
     def in_core(self, core: ModuleType) -> Table:
         """Build the C implementation: bilinear between the nodes, held at the edge outside."""
@@ -67,27 +53,9 @@ class TabulatedExpert:
 def tabulate(
     expert: Expert, bearing: Bearing, *, bound: float | None = None, precision: Precision
 ) -> TabulatedExpert:
-    """Find the smallest table whose force stays within a bound of the expert's.
-
-    The force ``k_i iu + k_s x`` of both is compared wherever the filter can ask: over the expert's
-    box and, held at its edge, up to the current limits and the stops.
-
-    Parameters
-    ----------
-    expert : Expert
-        What is tabulated.
-    bearing : Bearing
-        Gives current limits and stops.
-    bound : float, optional
-        Largest deviation of the force [N]; by default 0.1 % of the expert's largest force.
-    precision : {"float64", "float32"}
-        In which the table is exported, and so checked.
-
-    Raises
-    ------
-    AmbkitError
-        The bound is not positive, or needs more nodes than a table can have.
-    """
+    """Find the smallest table whose force stays within a bound of the expert's."""
+    # The force ``k_i iu + k_s x`` of both is compared wherever the filter can ask: over the
+    # expert's box and, held at its edge, up to the current limits and the stops.
     search = _Search(expert, bearing, precision)
     if bound is None:
         bound = DEFAULT_SHARE * search.largest_force()
@@ -123,11 +91,9 @@ class _Search:
         )
 
     def candidates(self, bound: float) -> list[tuple[int, int]]:
-        """Return sizes that can do, rows and columns, the smallest first, up to one that must.
-
-        Bilinear interpolation is linear interpolation on one axis after the other: its error is
-        about that of the worse axis at least, and that of both axes, each alone, at most.
-        """
+        """Return sizes that can do, rows and columns, the smallest first, up to one that must."""
+        # Bilinear interpolation is linear interpolation on one axis after the other: its error is
+        # about that of the worse axis at least, and that of both axes, each alone, at most.
         rows = self.errors(bound, lambda n: self.error(n, _ACROSS, (_WITHIN, 1)))
         columns = self.errors(bound, lambda n: self.error(_ACROSS, n, (1, _WITHIN)))
         sizes = {(r, c): (rows[r], columns[c]) for r in rows for c in columns}

@@ -57,22 +57,13 @@ standard errors, and costs five times as much."""
 
 @dataclass(frozen=True)
 class Candidate:
-    """A grid of rules, and how it does on points that it was not trained on.
+    """A grid of rules, and how it does on points that it was not trained on."""
 
-    Attributes
-    ----------
-    shape : tuple of 2 int
-        Rules along the current, and along the displacement.
-    error : float
-        RMS error at the points left out, in its standard deviation as it should be: the point's
-        own, and that of what the others tell of the force there. 1 is as good as can be.
-    standard_error : float
-        Of `error`, from its scatter over the blocks.
-    """
-
-    shape: Shape
+    shape: Shape  #: Rules along the current, and along the displacement.
+    #: RMS error at the points left out, in its standard deviation as it should be: the point's own,
+    #: and that of what the others tell of the force there. 1 is as good as can be.
     error: float
-    standard_error: float
+    standard_error: float  #: Of `error`, from its scatter over the blocks.
 
     @property
     def rules(self) -> int:
@@ -87,22 +78,13 @@ class Candidate:
 
 @dataclass(frozen=True)
 class RuleChoice:
-    """What cross-validation says about the number of rules.
+    """What cross-validation says about the number of rules."""
 
-    Attributes
-    ----------
-    candidates : tuple of Candidate
-        What was tried, from few rules to many.
-    surface_error : float
-        The same error of the force that the networks were trained on: what the points left tell
-        of those left out. The best that any number of rules could do.
-    folds : int
-        Sets of blocks that were left out, one after the other.
-    """
-
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[Candidate, ...]  #: What was tried, from few rules to many.
+    #: The same error of the force that the networks were trained on: what the points left tell of
+    #: those left out. The best that any number of rules could do.
     surface_error: float
-    folds: int
+    folds: int  #: Sets of blocks that were left out, one after the other.
 
     @property
     def best(self) -> Candidate:
@@ -150,36 +132,10 @@ def choose_rules(
     note: Callable[[str], None] = lambda text: None,
     **training: Any,
 ) -> RuleChoice:
-    """Choose the number of rules by cross-validation and the one-standard-error rule.
-
-    The smallest network whose error is within one standard error of the best one's (Breiman,
-    Friedman, Olshen and Stone 1984, section 3.4.3). A candidate has no more rules than points
-    remain when some are left out.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Gives the law, and with the points the box, see `measured_map`.
-    points : ForcePoints
-        What was measured, with standard errors where they are known.
-    candidates : sequence of (int, int), optional
-        Rules along current and displacement. Default: `CANDIDATES`, as far as the points allow.
-    law_error : float, optional
-        See :class:`ambkit.machine.forces.surface.ForceSurface`.
-    threads : int, optional
-        Trainings side by side. Default: a thread for each processor. The result does not depend
-        on it.
-    note : callable
-        Called with a text when a candidate is begun.
-    **training
-        Options of :func:`ambkit.train`; least squares takes `EPOCHS` steps by default.
-
-    Raises
-    ------
-    AmbkitError
-        Too few points for that, candidates that they do not allow, or an option of the training
-        outside its limits.
-    """
+    """Choose the number of rules by cross-validation and the one-standard-error rule."""
+    # The smallest network whose error is within one standard error of the best one's (Breiman,
+    # Friedman, Olshen and Stone 1984, section 3.4.3). A candidate has no more rules than points
+    # remain when some are left out.
     if threads is not None and threads < 1:
         raise AmbkitError(f"threads must be 1 or more, is {threads}")
     if training.get("method", "least-squares") == "least-squares":
@@ -242,22 +198,7 @@ def choose_rules(
 def measured_map(
     bearing: Bearing, points: ForcePoints | ForceSurface, shape: Shape = (5, 5)
 ) -> StiffnessMap:
-    """Return the stiffnesses of a measured force, where the rotor can be and points are.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Its law, the currents that the amplifier gives, and the travel of its rotor.
-    points : ForcePoints or ForceSurface
-        What was measured.
-    shape : tuple of 2 int
-        Nodes along current and displacement, evenly spaced; the expert has a rule at each.
-
-    Raises
-    ------
-    AmbkitError
-        The points are beside the box, or fewer than two nodes a side are asked for.
-    """
+    """Return the stiffnesses of a measured force, where the rotor can be and points are."""
     surface = ForceSurface(bearing, points) if isinstance(points, ForcePoints) else points
     return map_of(bearing, surface, box_of(bearing, surface.points), shape)
 
@@ -308,10 +249,8 @@ def numbered(points: ForcePoints, box: Box) -> NDArray[np.int64]:
 
 
 def _error(squares: Array, block: NDArray[np.int64]) -> tuple[float, float]:
-    """Root of the mean square, and its standard error by the scatter of blocks.
-
-    A ratio of sums over blocks, points being not as many in each (Cochran 1977, section 6.3).
-    """
+    """Root of the mean square, and its standard error by the scatter of blocks."""
+    # A ratio of sums over blocks, points being not as many in each (Cochran 1977, section 6.3).
     _, place = np.unique(block, return_inverse=True)
     size, total = np.bincount(place), np.bincount(place, squares)
     mean, many = float(squares.mean()), size.size

@@ -61,10 +61,9 @@ class Rule(Part):
 
 
 class Training(Part):
-    """How a network came by its widths and weights, with its learning curves (paper, Fig. 10).
+    """How a network came by its widths and weights, with its learning curves (paper, Fig. 10)."""
 
-    The curves are RMS errors over the training samples, from the untrained network on.
-    """
+    # The curves are RMS errors over the training samples, from the untrained network on.
 
     method: Method
     """What trained it."""

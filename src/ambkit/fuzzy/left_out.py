@@ -32,17 +32,10 @@ LAW, REFITTED, SURFACE, NETWORK = "the law", "the law, refitted", "the surface",
 
 @dataclass(frozen=True)
 class LeftOut:
-    """How a model does at points that it was not made from.
+    """How a model does at points that it was not made from."""
 
-    Attributes
-    ----------
-    name : str
-        Of the model.
-    random, blocks : float
-        RMS error at points left out one by one, a fifth at a time, and at whole blocks [N].
-    """
-
-    name: str
+    name: str  #: Of the model.
+    #: RMS error at points left out one by one, a fifth at a time, and at whole blocks [N].
     random: float
     blocks: float
 
@@ -54,15 +47,9 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class ModelChoice:
-    """The models by their errors, and the one to take.
+    """The models by their errors, and the one to take."""
 
-    Attributes
-    ----------
-    models : tuple of LeftOut
-        From the simplest on.
-    """
-
-    models: tuple[LeftOut, ...]
+    models: tuple[LeftOut, ...]  #: From the simplest on.
 
     @property
     def chosen(self) -> LeftOut:
@@ -74,13 +61,7 @@ class ModelChoice:
         return next(model for model in self.models if model.name == name)
 
     def against(self, taken: str) -> str:
-        """Say in a sentence what speaks against a model; nothing where it is the one to take.
-
-        Parameters
-        ----------
-        taken : str
-            Its name.
-        """
+        """Say in a sentence what speaks against a model; nothing where it is the one to take."""
         best, network, law = self.chosen, self[NETWORK], self[LAW]
         worst = [engineering(model.worse, "N", 3) for model in (network, law, best, self[taken])]
         if network.worse > law.worse:
@@ -97,22 +78,8 @@ class ModelChoice:
 
 
 def refitted(bearing: Bearing, points: ForcePoints) -> Bearing:
-    """Return the bearing with magnet constant and air gap as measured points have them.
-
-    By least squares, beside a constant force that may be the load cell's zero.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Where the search begins.
-    points : ForcePoints
-        What was measured; weighed by its standard errors.
-
-    Raises
-    ------
-    ConfigError
-        With that magnet the bearing would contradict itself.
-    """
+    """Return the bearing with magnet constant and air gap as measured points have them."""
+    # By least squares, beside a constant force that may be the load cell's zero.
     changes = _fit(bearing, points)[0]
     return bearing.replace(**bearing.magnet.with_constant(changes[0]), magnet__air_gap=changes[1])
 
@@ -153,26 +120,7 @@ def choose_model(
     note: Callable[[str], None] = lambda text: None,
     **training: Any,
 ) -> ModelChoice | None:
-    """Find by points left out what to believe of a magnet.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Gives the law.
-    surface : ForceSurface
-        Through all points; what it found of the law's errors is kept when some are left out.
-    shape : tuple of 2 int
-        Rules of the network along current and displacement.
-    note : callable
-        Called with a text that says how far the work is.
-    **training
-        Options of :func:`ambkit.train`.
-
-    Returns
-    -------
-    ModelChoice or None
-        None where there are too few points to leave some out.
-    """
+    """Find by points left out what to believe of a magnet."""
     box = box_of(bearing, surface.points)
     points = surface.points.where(surface.points.within(*box))
     block = numbered(points, box)

@@ -28,25 +28,8 @@ def network(
     box: tuple[float, float, float, float],
     normalised: bool,
 ) -> Fuzzy:
-    """Build a network in C.
-
-    Parameters
-    ----------
-    core : module
-        Build of the core.
-    centres : ndarray (2, rules)
-        Current [A], displacement [m].
-    widths : ndarray (2, rules)
-        For k_i, for k_s, in scaled units.
-    weights : ndarray (2, rules)
-        k_i [N/A], k_s [N/m].
-    scale : tuple
-        (1/A, 1/m).
-    box : tuple
-        Lowest and highest current [A], lowest and highest displacement [m].
-    normalised : bool
-        Divide by the sum of the memberships.
-    """
+    """Build a network in C."""
+    # centres (2, rules); widths (2, rules); weights (2, rules)
     scaled = centres * np.array(scale)[:, np.newaxis]
     sharpness = 0.5 / widths**2
     net: Fuzzy = core.Fuzzy(

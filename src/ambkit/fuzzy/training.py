@@ -47,46 +47,8 @@ def train(
     learning_rate: float = 1.0,
     samples: int = 21,
 ) -> Expert:
-    """Train a network with one rule at each node of a stiffness map (paper, section D).
-
-    The same input always gives the same result: nothing is random, every rule starts alike.
-
-    Parameters
-    ----------
-    source : StiffnessMap or Bearing
-        What to learn; for a bearing, its :func:`ambkit.stiffness_map`.
-    method : {"least-squares", "steepest-gradient"}
-        Least squares on force and stiffnesses (SciPy's Levenberg-Marquardt, exact Jacobian); or
-        steepest gradient on the stiffnesses, as the paper does (after eq. 33).
-    weights : bool
-        Train the conclusions of the rules as well as their widths; least squares only.
-    normalised : bool
-        Divide by the sum of the memberships; False is eq. 33 as printed.
-    scaling : {"grid", "unit"} or tuple of 2 floats
-        How the inputs compare, see :meth:`ambkit.Expert.from_map`; the paper's is ``"unit"``.
-    widths : array_like, optional
-        Widths to start from, scaled [1], of a shape that broadcasts to (2, rules). Default: half
-        the larger node step. The paper starts from 0.4.
-    epochs : int, optional
-        Most steps to take: by default 200 of least squares, which ends by itself when it has
-        converged, or 1000 of steepest gradient.
-    learning_rate : float
-        Of the steepest gradient: how far ln(width) first moves for a unit gradient of the mean
-        square error, relative to the mean square stiffness. It grows by 5 % with each step that
-        helps; a step that does not is taken back, and the rate halved.
-    samples : int
-        The box is sampled at ``samples x samples`` points, edges included.
-
-    Returns
-    -------
-    Expert
-        With its learning curves in ``training``.
-
-    Raises
-    ------
-    AmbkitError
-        A parameter outside its limits, or a force that is the same all over the box.
-    """
+    """Train a network with one rule at each node of a stiffness map (paper, section D)."""
+    # The same input always gives the same result: nothing is random, every rule starts alike.
     of_type(Bearing, StiffnessMap, source=source)
     if method not in ("least-squares", "steepest-gradient"):
         raise AmbkitError(f'method must be "least-squares" or "steepest-gradient", is {method!r}')
@@ -128,19 +90,11 @@ class _Trained(NamedTuple):
 
 
 class LeastSquares:
-    """Residuals of a network and their Jacobian, as functions of one vector of changes.
+    """Residuals of a network and their Jacobian, as functions of one vector of changes."""
 
-    The vector holds the changes of ln(width) and, where they are trained, of the weights, in units
-    of the output's largest; each (2, rules). The residuals are relative to the RMS of the force:
-    neither units nor the size of the bearing matter.
-
-    Parameters
-    ----------
-    data : TrainingSet
-        Samples, and the network to start from.
-    weights : bool
-        Train the weights, too.
-    """
+    # The vector holds the changes of ln(width) and, where they are trained, of the weights, in
+    # units of the output's largest; each (2, rules). The residuals are relative to the RMS of the
+    # force: neither units nor the size of the bearing matter.
 
     def __init__(self, data: TrainingSet, weights: bool) -> None:
         self.data = data

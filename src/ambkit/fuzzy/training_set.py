@@ -17,31 +17,18 @@ Array = NDArray[np.float64]
 
 
 class Outputs(NamedTuple):
-    """Answers of a network at n samples; the first axis is the output, k_i [N/A] or k_s [N/m].
+    """Answers of a network at n samples; the first axis is the output, k_i [N/A] or k_s [N/m]."""
 
-    Attributes
-    ----------
-    value : ndarray (2, n)
-        k_i and k_s.
-    by_log_width, by_weight : ndarray (2, n, rules)
-        Their derivatives with respect to ln(width) and weight of each rule.
-    """
-
-    value: Array
+    value: Array  #: (2, n) k_i and k_s.
+    #: (2, n, rules) Their derivatives with respect to ln(width) and weight of each rule.
     by_log_width: Array
     by_weight: Array
 
 
 class Network:
-    """A network asked at fixed points, with its derivatives; its widths and weights change.
+    """A network asked at fixed points, with its derivatives; its widths and weights change."""
 
-    Parameters
-    ----------
-    start : Expert
-        Centres, scale, box and form.
-    inputs : ndarray (2, n)
-        Control current [A] and displacement [m].
-    """
+    # inputs (2, n) Control current [A] and displacement [m].
 
     def __init__(self, start: Expert, inputs: Array) -> None:
         self.start, self.inputs = start, inputs
@@ -70,31 +57,11 @@ class Network:
 
 
 class TrainingSet:
-    """Samples all over the box of a stiffness map, edges included.
+    """Samples all over the box of a stiffness map, edges included."""
 
-    Parameters
-    ----------
-    stiff : StiffnessMap
-        Gives box, force and stiffnesses.
-    start : Expert
-        The network before its training: centres, scale and form.
-    samples : int
-        Samples a side of the box; n is its square.
-
-    Attributes
-    ----------
-    inputs : ndarray (2, n)
-        Control current [A] and displacement [m].
-    force : ndarray (n,)
-        Force relative to ``F(0, 0)`` [N].
-    stiffness : ndarray (2, n)
-        k_i [N/A] and k_s [N/m] of the LSM machine.
-
-    Raises
-    ------
-    AmbkitError
-        The force is the same all over the box.
-    """
+    # inputs (2, n) Control current [A] and displacement [m].
+    # force (n,) Force relative to ``F(0, 0)`` [N].
+    # stiffness (2, n) k_i [N/A] and k_s [N/m] of the LSM machine.
 
     def __init__(self, stiff: StiffnessMap, start: Expert, samples: int) -> None:
         iu, x = np.meshgrid(

@@ -38,45 +38,24 @@ LEAST_RANGE = 20.0
 
 @dataclass(frozen=True)
 class Coil:
-    """A coil and its amplifier.
+    """A coil and its amplifier."""
 
-    Attributes
-    ----------
-    gain : float
-        G, current at rest for a control signal of 1 V [A/V].
-    dead_zone : float
-        u0, control signal up to which no current flows [V].
-    far_time, near_time, length : float
-        a, b [s] and c [m] of the time constant ``a + b exp(-z/c)``.
-    delay : float
-        From a control signal to the change of the current [s].
-    zero : float
-        What the current's sensor shows without any current [A].
-    """
-
-    gain: float
-    dead_zone: float
-    far_time: float
+    gain: float  #: G, current at rest for a control signal of 1 V [A/V].
+    dead_zone: float  #: u0, control signal up to which no current flows [V].
+    far_time: float  #: a, b [s] and c [m] of the time constant ``a + b exp(-z/c)``.
     near_time: float
     length: float
-    delay: float
-    zero: float = 0.0
+    delay: float  #: From a control signal to the change of the current [s].
+    zero: float = 0.0  #: What the current's sensor shows without any current [A].
 
     def time_constant(self, z: Array | float) -> Any:
         """Return L/R [s] with the rotor at a distance z [m] from the magnet."""
         return self.far_time + self.near_time * np.exp(-np.asarray(z) / self.length)
 
     def current(self, record: Record) -> Array:
-        """Return what the sensor would show along a record without noise (n,) [A].
-
-        Exact for a control signal that is held and a rotor that is still within a sample. The first
-        current is the record's own.
-
-        Parameters
-        ----------
-        record : Record
-            With ``u`` [V], ``z`` [m] and ``i`` [A].
-        """
+        """Return what the sensor would show along a record without noise (n,) [A]."""
+        # Exact for a control signal that is held and a rotor that is still within a sample. The
+        # first current is the record's own.
         T = record.sampling_time
         tau = self.time_constant(record["z"])
         target = self.gain * (record["u"] - self.dead_zone)
@@ -99,47 +78,24 @@ class Coil:
 
 @dataclass(frozen=True, eq=False)
 class CoilFit:
-    """A coil from logs, with its errors.
+    """A coil from logs, with its errors."""
 
-    Attributes
-    ----------
-    coil : Coil
-        What was found.
-    standard_errors : mapping of str to float
-        By the names of `Coil`, SI; from blocks of half a second.
-    residual_rms : float
-        Current that is left unexplained, in all logs together [A].
-    noise : float
-        Of the current's sensor, from neighbouring samples while nothing is switched [A].
-    each : mapping of str to float
-        The same by the names of the logs, in what the coil was found from.
-    left_out : mapping of str to float
-        The same where the coil comes from all other logs; empty with fewer than three.
-    distance : mapping of str to float
-        Mean of z in each log [m].
-    """
-
-    coil: Coil
+    coil: Coil  #: What was found.
+    #: By the names of `Coil`, SI; from blocks of half a second.
     standard_errors: Mapping[str, float]
-    residual_rms: float
+    residual_rms: float  #: Current that is left unexplained, in all logs together [A].
+    #: Of the current's sensor, from neighbouring samples while nothing is switched [A].
     noise: float
+    #: The same by the names of the logs, in what the coil was found from.
     each: Mapping[str, float]
+    #: The same where the coil comes from all other logs; empty with fewer than three.
     left_out: Mapping[str, float]
-    distance: Mapping[str, float]
+    distance: Mapping[str, float]  #: Mean of z in each log [m].
 
     def bearing(self, known: Bearing, working_point: float) -> Bearing:
-        """Return a bearing that is driven by the control signal through this coil.
-
-        Its amplifier lags by the time constant at the working point, and its loop is late by the
-        coil's delay. `offset` says what is to be added to the control signal.
-
-        Parameters
-        ----------
-        known : Bearing
-            All else.
-        working_point : float
-            Distance z at x = 0 [m].
-        """
+        """Return a bearing that is driven by the control signal through this coil."""
+        # Its amplifier lags by the time constant at the working point, and its loop is late by the
+        # coil's delay. `offset` says what is to be added to the control signal.
         tau = float(self.coil.time_constant(working_point))
         gain = self.coil.gain
         return known.replace(
@@ -150,13 +106,7 @@ class CoilFit:
         )
 
     def offset(self, known: Bearing) -> float:
-        """Return what a channel map adds to the control signal, so that 0 is the bias current [V].
-
-        Parameters
-        ----------
-        known : Bearing
-            With the bias current.
-        """
+        """What a channel map adds to the control signal, so that 0 is the bias current [V]."""
         return -(self.coil.dead_zone + known.magnet.bias_current / self.coil.gain)
 
     def to_dict(self) -> dict[str, Any]:
@@ -181,23 +131,7 @@ def fit_coil(
     *,
     note: Callable[[str], object] = lambda _: None,
 ) -> CoilFit:
-    """Find a coil by least squares of the current that it would have, along whole logs.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        With the control signal ``u`` [V], the measured current ``i`` [A], and ``z`` [m], the
-        distance of the rotor, which is still or moves slowly.
-    names : sequence of str, optional
-        Of the records; by default they are numbered.
-    note : callable
-        Told what is being done.
-
-    Raises
-    ------
-    RecordError
-        There is no record, one lacks a signal or has gaps, or its current never moves.
-    """
+    """Find a coil by least squares of the current that it would have, along whole logs."""
     names = list(names or (f"log {number}" for number in range(1, len(records) + 1)))
     if not records:
         raise RecordError("there is no log to find a coil from")

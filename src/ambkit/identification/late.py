@@ -30,20 +30,8 @@ def acting(bearing: Bearing, u: Array) -> Array:
 
 
 def delayed(u: Array, samples: float) -> Array:
-    """Return what acts in each sample where a held signal comes later, possibly by a fraction.
-
-    Parameters
-    ----------
-    u : ndarray (n,)
-        The signal; element k is held from sample k to k + 1. Before the first it is the first.
-    samples : float
-        Delay in samples; negative: the signal acts before the log says so.
-
-    Raises
-    ------
-    AmbkitError
-        The delay is longer than the signal.
-    """
+    """Return what acts in each sample where a held signal comes later, possibly by a fraction."""
+    # u (n,)
     if abs(samples) > u.size - 2:
         raise AmbkitError(f"a delay of {samples:.3g} samples is longer than the record, {u.size}")
     whole = math.floor(samples)
@@ -59,17 +47,8 @@ def delayed(u: Array, samples: float) -> Array:
 
 
 def lagged(u: Array, T: float, lag: float) -> Array:
-    """Return the mean over each sample of a held signal that has passed a first-order lag.
-
-    Parameters
-    ----------
-    u : ndarray (n,)
-        The signal, in its equilibrium at the start.
-    T : float
-        Sampling time [s].
-    lag : float
-        Time constant [s]; 0: none.
-    """
+    """Return the mean over each sample of a held signal that has passed a first-order lag."""
+    # u (n,)
     if lag < SHORTEST_LAG * T:
         return u
     from scipy.signal import lfilter

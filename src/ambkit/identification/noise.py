@@ -37,34 +37,21 @@ FINE = 0.1
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of one signal at rest.
+    """Noise of one signal at rest."""
 
-    Attributes
-    ----------
-    signal, unit : str
-        The signal, and its SI unit.
-    variance, standard_error : float
-        Variance of the noise, and its standard error, in the square of the unit.
-    quantisation_step : float or None
-        Median distance of neighbouring values, in the unit; None where hardly a value comes twice.
-    samples : int
-        How many samples the variance rests on.
-    dropped : mapping of str to int
-        How many were not used: ``missing``; ``frozen``, equal for a long time, as a saturated
-        sensor gives; ``in motion`` and ``outliers``, in a window with such; ``left over``, beside
-        a missing or frozen one or at the end.
-    correlation : tuple of float
-        Of the noise with itself, `LAGS` lags from 1 sample on; what taking off straight lines does
-        to it is corrected.
-    """
-
-    signal: str
+    signal: str  #: The signal, and its SI unit.
     unit: str
-    variance: float
+    variance: float  #: Variance of the noise, and its standard error, in the square of the unit.
     standard_error: float
+    #: Median distance of neighbouring values, in the unit; None where hardly a value comes twice.
     quantisation_step: float | None
-    samples: int
+    samples: int  #: How many samples the variance rests on.
+    #: How many were not used: ``missing``; ``frozen``, equal for a long time, as a saturated sensor
+    #: gives; ``in motion`` and ``outliers``, in a window with such; ``left over``, beside a missing
+    #: or frozen one or at the end.
     dropped: Mapping[str, int]
+    #: Of the noise with itself, `LAGS` lags from 1 sample on; what taking off straight lines does
+    #: to it is corrected.
     correlation: tuple[float, ...] = field(default=(), repr=False)
 
     @property
@@ -93,28 +80,12 @@ class Noise:
 
 
 def measurement_noise(record: Record, signal: str = "y", *, window: float = 0.5) -> Noise:
-    """Estimate the variance of a signal's noise from where the record is at rest.
-
-    The record is cut into windows. In each a straight line is taken off, and the ratio of the mean
-    squared difference of neighbours to the variance says whether what is left is noise or motion
-    (von Neumann, 1941). A window with an outlier is left out too, as judged by the median of the
-    windows' variances: the outlier would tilt its line. Noise that is slower than a few samples
-    counts as motion.
-
-    Parameters
-    ----------
-    record : Record
-        The recording.
-    signal : str
-        Name of the signal.
-    window : float
-        Length of a window [s]; at least 20 samples are taken.
-
-    Raises
-    ------
-    RecordError
-        The signal is nowhere at rest, or shows no noise there; the message says what it does.
-    """
+    """Estimate the variance of a signal's noise from where the record is at rest."""
+    # The record is cut into windows. In each a straight line is taken off, and the ratio of the
+    # mean squared difference of neighbours to the variance says whether what is left is noise or
+    # motion (von Neumann, 1941). A window with an outlier is left out too, as judged by the median
+    # of the windows' variances: the outlier would tilt its line. Noise that is slower than a few
+    # samples counts as motion.
     x, unit = record[signal], record.units[signal]
     missing = np.isnan(x)
     frozen = _in_long_runs(x) & ~missing
@@ -173,11 +144,9 @@ def _straightened(windows: Array) -> Array:
 
 
 def _correlation(residuals: Array, variance: float) -> tuple[float, ...]:
-    """Correlation of straightened windows (m, L) at lags from 1 on, without the lines' part in it.
-
-    Of white noise a straight line takes ``(I - H)`` leaves, so that neighbours correlate by
-    ``-H``; that is known and added back.
-    """
+    """Correlation of detrended windows (m, L) at lags from 1 on, without the lines' part."""
+    # Of white noise a straight line takes ``(I - H)`` leaves, so that neighbours correlate by
+    # ``-H``; that is known and added back.
     windows, length = residuals.shape
     ramp = np.linspace(-1.0, 1.0, length)
     H = 1 / length + np.outer(ramp, ramp) / (ramp @ ramp)
@@ -207,18 +176,7 @@ def position_step(records: Iterable[Record]) -> float | None:
 
 
 def with_steps(bearing: Bearing, step: float | None, *, noise_found: bool = True) -> Bearing:
-    """Return a bearing whose sensor has steps that were found.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What is stated of the quantisation stays.
-    step : float or None
-        From `position_step`; None, or much less than the noise: it has none.
-    noise_found : bool
-        Whether the sensor's noise is from such records: that of rounding, ``step^2 / 12``, is taken
-        off it then. A tenth of a step is left.
-    """
+    """Return a bearing whose sensor has steps that were found."""
     total, stated = bearing.sensor.noise_variance, bearing.sensor.quantisation
     step = step if stated is None else stated
     if step is None or (stated is None and step**2 < FINE**2 * total):

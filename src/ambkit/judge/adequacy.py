@@ -105,25 +105,7 @@ def judge_adequacy(
     happening: Scenario | Flight | None = None,
     nis: float = math.nan,
 ) -> list[Finding]:
-    """Judge whether an estimator may fly.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Of any kind; of a class of the user's own only NIS and demands are judged.
-    plant : Bearing or Machine, optional
-        What it is to fly on; by default what it was made for.
-    happening : Scenario or Flight, optional
-        Gives the controller, and reference and disturbance force; without it the default
-        controller is fed by the estimate.
-    nis : float, optional
-        Mean normalised innovation squared along a record or a run.
-
-    Returns
-    -------
-    list of Finding
-        All figures, those that are right too.
-    """
+    """Judge whether an estimator may fly."""
     own = getattr(estimator, "bearing", None)
     plant = own if plant is None else plant
     found = list(_innovations(nis))
@@ -147,13 +129,7 @@ def require_adequate(
     *,
     force: bool,
 ) -> list[str]:
-    """Refuse to export what must not fly; with `force` return why.
-
-    Raises
-    ------
-    AmbkitError
-        A finding is fatal, and `force` is not given.
-    """
+    """Refuse to export what must not fly; with `force` return why."""
     fatal = sentences([e for e in judge_adequacy(estimator, plant, happening) if e.fatal])
     if fatal and not force:
         raise AmbkitError(
@@ -174,21 +150,7 @@ def load_capacity(plant: Bearing | Machine) -> list[float]:
 
 
 def least_process_noise(make: Callable[[float], Estimator], found: float) -> float:
-    """Return the process noise intensity [N^2/s] with which the stated load is followed.
-
-    Parameters
-    ----------
-    make : callable
-        ``make(disturbance)`` builds the filter with it.
-    found : float
-        What a record made of it; it is never lowered.
-
-    Returns
-    -------
-    float
-        The least with which a step of `LOAD` of the capacity is followed in `FOLLOWED` of the
-        rotor's own time constants; at most that of a random walk that covers it in that time.
-    """
+    """Return the process noise intensity [N^2/s] with which the stated load is followed."""
     first = make(found)
     plant = _plant_of(first)
     walks = (
@@ -445,10 +407,8 @@ class _Following(NamedTuple):
 
 
 def _following(estimator: Estimator) -> list[_Following]:
-    """Return how an estimate follows a step of each disturbance force, by its model and gain.
-
-    The error of the state goes by ``e+ = A (I - K H) e`` from the step on, whatever the control.
-    """
+    """Return how an estimate follows a step of each disturbance force, by its model and gain."""
+    # The error of the state goes by ``e+ = A (I - K H) e`` from the step on, whatever the control.
     plant = _plant_of(estimator)
     point, alone = _point(plant), alone_of(plant)
     model = estimator.linear_model(*tangents_known(estimator.magnet, "tangent", point))

@@ -59,20 +59,7 @@ class Verdict(NamedTuple):
 
 
 def evaluate_record(record: Record, bearing: Bearing) -> Verdict:
-    """Compare a record with the bearing that it is said to be of.
-
-    Parameters
-    ----------
-    record : Record
-        With y [m] and u [V], as far as it has them.
-    bearing : Bearing
-        The bearing.
-
-    Returns
-    -------
-    Verdict
-        Problems and remarks, each a sentence with value and limit.
-    """
+    """Compare a record with the bearing that it is said to be of."""
     swapped = list(_signs(record, bearing))
     problems = [*_rate(record, bearing), *swapped]
     remarks = [] if swapped else list(_gravity(record, bearing))
@@ -153,11 +140,9 @@ def _position(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
 
 
 def _smoothed(y: Array) -> bool:
-    """Whether the noise of a position (n,) is less rough than white noise.
-
-    Of white noise the fourth differences have 70 times its variance, the second ones 6 times. What
-    repeats its values was rounded after whatever was done to it, and tells nothing.
-    """
+    """Whether the noise of a position (n,) is less rough than white noise."""
+    # Of white noise the fourth differences have 70 times its variance, the second ones 6 times.
+    # What repeats its values was rounded after whatever was done to it, and tells nothing.
     if y.size < _LEAST or in_steps(y):
         return False
     second, fourth = (float(np.median(abs(np.diff(y, order)))) for order in (2, 4))
@@ -165,12 +150,10 @@ def _smoothed(y: Array) -> bool:
 
 
 def averaged(y: Array) -> int:
-    """Return of how many samples a position (n,) holds the running mean; 0 if of none.
-
-    Second differences of white noise go together over two samples only. Those of a mean of N are
-    ``e0 - e1 - eN + e(N+1)``, so N samples apart their correlation is -1/2, and 1/4 one before and
-    one after. What is slow, or a line, has the same sign there.
-    """
+    """Return of how many samples a position (n,) holds the running mean; 0 if of none."""
+    # Second differences of white noise go together over two samples only. Those of a mean of N are
+    # ``e0 - e1 - eN + e(N+1)``, so N samples apart their correlation is -1/2, and 1/4 one before
+    # and one after. What is slow, or a line, has the same sign there.
     if y.size < _LEAST:
         return 0
     bend = np.diff(y, 2)
@@ -213,11 +196,9 @@ def _motion(record: Record, bearing: Bearing) -> Iterator[str]:
 
 
 def _balance(record: Record, bearing: Bearing) -> Iterator[str]:
-    """Tell of a control signal that is too small to hold the bearing's rotor where it goes.
-
-    Held at rest, the rotor needs a current of k_s/k_i for each metre; moved, or held stiffly by its
-    controller, it takes more, and never less.
-    """
+    """Tell of a control signal that is too small to hold the bearing's rotor where it goes."""
+    # Held at rest, the rotor needs a current of k_s/k_i for each metre; moved, or held stiffly by
+    # its controller, it takes more, and never less.
     if "y" not in record or "u" not in record:
         return
     at_rest = ConstantStiffness.of(bearing)
@@ -237,10 +218,8 @@ def _balance(record: Record, bearing: Bearing) -> Iterator[str]:
 
 
 def _flying(record: Record, bearing: Bearing) -> tuple[Array, Array, int]:
-    """Return what is slow in y and u where the rotor is on no stop, and over how many samples.
-
-    Means over half the plant's own time, without the first quarter: it may be a start.
-    """
+    """Return what is slow in y and u where the rotor is on no stop, and over how many samples."""
+    # Means over half the plant's own time, without the first quarter: it may be a start.
     size = max(1, round(0.5 * own_time(bearing) / record.sampling_time))
     first = int(_START * len(record))
     lies = _at_stop(record, bearing, -1) | _at_stop(record, bearing, 1)
@@ -314,11 +293,9 @@ def _signs(record: Record, bearing: Bearing) -> Iterator[str]:
 
 
 def _gravity(record: Record, bearing: Bearing) -> Iterator[str]:
-    """Tell of a magnet that pulls with gravity, as in a record whose signs are both swapped.
-
-    On the mean of a record the magnet's force, the weight and the load are in balance. Mirrored,
-    the force that holds the weight adds to it, and a load of twice the weight is left.
-    """
+    """Tell of a magnet that pulls with gravity, as in a record whose signs are both swapped."""
+    # On the mean of a record the magnet's force, the weight and the load are in balance. Mirrored,
+    # the force that holds the weight adds to it, and a load of twice the weight is left.
     from ambkit.machine.magnets import magnet_of
 
     weight = bearing.weight
@@ -351,27 +328,13 @@ def _gravity(record: Record, bearing: Bearing) -> Iterator[str]:
 
 
 def mirror_correlation(record: Record, bearing: Bearing) -> float:
-    """Correlation of the slow parts of y and u, whose sign the plant dictates.
-
-    Of the undamped plant ``m a = k_i iu + k_s x`` with k_i, k_s > 0, the response from current to
-    displacement is ``-k_i / (m w^2 + k_s)``: real and negative at every frequency w, whatever the
-    controller does; and a controller that holds the rotor answers a displacement by the other load
-    with a current against it. So the two move against each other. Noise makes them do so too, where
-    the signs are right, and the other way where one is swapped: it is averaged away over half the
-    plant's own time sqrt(m / k_s).
-
-    Parameters
-    ----------
-    record : Record
-        With y and u; its first quarter does not count, it may be a start, nor does what lies.
-    bearing : Bearing
-        Gives sqrt(m / k_s).
-
-    Returns
-    -------
-    float
-        From -1, as it must be, to 1; 0 where it cannot be told.
-    """
+    """Correlation of the slow parts of y and u, whose sign the plant dictates."""
+    # Of the undamped plant ``m a = k_i iu + k_s x`` with k_i, k_s > 0, the response from current to
+    # displacement is ``-k_i / (m w^2 + k_s)``: real and negative at every frequency w, whatever the
+    # controller does; and a controller that holds the rotor answers a displacement by the other
+    # load with a current against it. So the two move against each other. Noise makes them do so
+    # too, where the signs are right, and the other way where one is swapped: it is averaged away
+    # over half the plant's own time sqrt(m / k_s).
     y, u, _ = _flying(record, bearing)
     if y.size < 20:
         return 0.0

@@ -27,56 +27,36 @@ LAGS = 50
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """What a record says about a filter that ran along it.
+    """What a record says about a filter that ran along it."""
 
-    Attributes
-    ----------
-    estimate : Estimate
-        What the filter estimated, all samples.
-    settling : float
-        Time at the start that does not count below [s]; the first sample never does.
-    samples, used : int
-        Samples that count, and those of them whose measurement the filter took in.
-    innovation_mean, innovation_std : float
-        Of the measurements taken in [m].
-    expected_std : float
-        Root mean square of what the filter expected its innovations to be, ``sqrt(S)`` [m].
-    nis : float
-        Mean normalised innovation squared; 1 where model and noise are right. Below 1 the filter
-        expects more noise than there is, above 1 less. NaN where it expects nothing.
-    whiteness : Whiteness or None
-        Autocorrelation of the innovations, `LAGS` lags; None where fewer than four times as many
-        measurements were taken in, or all innovations are equal.
-    status : mapping of str to int
-        How many samples had which flag of :class:`ambkit.Status`; flags that did not occur are
-        left out.
-    prediction : mapping of int to float
-        Steps ahead, and the RMS error of the filter's prediction of the measured position [m].
-    held : mapping of int to float
-        The same where the last measurement is held for the prediction [m].
-    logged : mapping of str to (mapping of int to float)
-        The same for the estimates that the rig logged [m], see `logged_predictions`.
-    rmse : mapping of str to float
-        RMS errors of ``x`` [m], ``v`` [m/s], ``f_d`` [N] against the truth; empty without it.
-    disturbance_mean, disturbance_std : float
-        Of the estimated disturbance force [N].
-    """
-
-    estimate: Estimate
+    estimate: Estimate  #: What the filter estimated, all samples.
+    #: Time at the start that does not count below [s]; the first sample never does.
     settling: float
-    samples: int
+    samples: int  #: Samples that count, and those of them whose measurement the filter took in.
     used: int
-    innovation_mean: float
+    innovation_mean: float  #: Of the measurements taken in [m].
     innovation_std: float
+    #: Root mean square of what the filter expected its innovations to be, ``sqrt(S)`` [m].
     expected_std: float
+    #: Mean normalised innovation squared; 1 where model and noise are right. Below 1 the filter
+    #: expects more noise than there is, above 1 less. NaN where it expects nothing.
     nis: float
+    #: Autocorrelation of the innovations, `LAGS` lags; None where fewer than four times as many
+    #: measurements were taken in, or all innovations are equal.
     whiteness: Whiteness | None
+    #: How many samples had which flag of :class:`ambkit.Status`; flags that did not occur are left
+    #: out.
     status: Mapping[str, int]
+    #: Steps ahead, and the RMS error of the filter's prediction of the measured position [m].
     prediction: Mapping[int, float]
+    #: The same where the last measurement is held for the prediction [m].
     held: Mapping[int, float]
+    #: (mapping of int to float) The same for the estimates that the rig logged [m], see
+    #: `logged_predictions`.
     logged: Mapping[str, Mapping[int, float]]
+    #: RMS errors of ``x`` [m], ``v`` [m/s], ``f_d`` [N] against the truth; empty without it.
     rmse: Mapping[str, float]
-    disturbance_mean: float
+    disturbance_mean: float  #: Of the estimated disturbance force [N].
     disturbance_std: float
 
     def to_dict(self) -> dict[str, Any]:
@@ -110,28 +90,7 @@ def evaluate(
     horizons: Sequence[int] = (1, 10),
     settling: float = 0.0,
 ) -> Evaluation:
-    """Run a filter along a record and say how well the two fit.
-
-    Parameters
-    ----------
-    kalman : Estimator
-        The filter; it starts afresh at the record's first measurement.
-    record : Record
-        With ``y`` [m] and ``u`` [V]; with truth where simulated.
-    horizons : sequence of int
-        How many steps ahead to predict, each 1 or more.
-    settling : float
-        Time at the start that does not count [s], 0 or more.
-
-    Raises
-    ------
-    RecordError
-        The record is too short for the horizons and the settling, or no measurement that counts
-        could be taken in.
-    ValueError
-        A horizon or the settling is out of its range; the record's sampling time is not the
-        bearing's.
-    """
+    """Run a filter along a record and say how well the two fit."""
     _check(record, horizons, settling)
     estimate = kalman.run(record)
     # The filter starts from the first measurement, which is then no surprise to it.
@@ -182,26 +141,9 @@ def evaluate(
 def logged_predictions(
     record: Record, horizons: Sequence[int] = (1, 10), *, first: int = 0
 ) -> dict[str, dict[int, float]]:
-    """Return how well a rig's own logged estimates predict the measured position.
-
-    The rig's filter does not say how it would predict. Two ways are judged: its position is held,
-    and, where the velocity was logged too, it goes on with that.
-
-    Parameters
-    ----------
-    record : Record
-        With ``y`` [m], and ``x_logged`` [m] and ``v_logged`` [m/s] if the rig logged them.
-    horizons : sequence of int
-        Steps ahead.
-    first : int
-        Samples at the start that do not count.
-
-    Returns
-    -------
-    dict of str to (dict of int to float)
-        RMS errors [m] for ``"x_logged held"`` and ``"x_logged and v_logged"``; empty without
-        ``x_logged``.
-    """
+    """Return how well a rig's own logged estimates predict the measured position."""
+    # The rig's filter does not say how it would predict. Two ways are judged: its position is held,
+    # and, where the velocity was logged too, it goes on with that.
     if "x_logged" not in record:
         return {}
     x, T = record["x_logged"], record.sampling_time

@@ -360,24 +360,7 @@ def _raw(
 def errors_along(
     estimate: Estimate, record: Record, first: int = 0, end: int | None = None
 ) -> dict[str, float]:
-    """Return root mean square errors against the truth of a whole machine's record.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        What an estimator says.
-    record : Record
-        With truth where simulated, see `ambkit.simulation.machine.MachineRun`.
-    first : int
-        Sample from which on it counts.
-    end : int, optional
-        And before which; by default the end of the record.
-
-    Returns
-    -------
-    dict of str to float
-        By the names of states, coordinates and loads, each in its unit, of which there is truth.
-    """
+    """Return root mean square errors against the truth of a whole machine's record."""
     truth = {state.name: f"q_{state.name}" for state in estimate.states} | {
         signal("f_d", axis): signal("f_d", axis) for axis in estimate.axes
     }

@@ -26,23 +26,11 @@ FINER = 10
 
 
 def bound(estimator: Estimator, record: Record, W: Array, start: int) -> Array:
-    """Return the least standard deviations once settled (quantities,), root mean square.
-
-    With the tangents of the magnets where the rotor hovers the machine is linear and its noise
-    normal: the Cramer-Rao bound is then the covariance of the linear filter that knows them, which
-    depends on no reading (Tichavsky 1998).
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Whose machine, noise and start.
-    record : Record
-        With the truth of the magnets' displacements and currents.
-    W : ndarray (quantities, states)
-        What is judged.
-    start : int
-        Sample from which on it counts.
-    """
+    """Return the least standard deviations once settled (quantities,), root mean square."""
+    # With the tangents of the magnets where the rotor hovers the machine is linear and its noise
+    # normal: the Cramer-Rao bound is then the covariance of the linear filter that knows them,
+    # which depends on no reading (Tichavsky 1998).
+    # W (quantities, states)
     whole = estimator.whole
     assert whole is not None
     tangents = []
@@ -69,12 +57,10 @@ def variances(estimate: Estimate, W: Array, start: int = 0) -> Array:
 
 
 def finer(estimator: Estimator) -> Estimator:
-    """Return the extended filter of a machine's law with `FINER` steps in a sample.
-
-    The noise of a control, held over a sample, is that of as many shorter ones together. Loads,
-    unbalance and runout grow as they do. A delay of the loop is taken out of its model and put into
-    the control signals, see `run_finer`.
-    """
+    """Return the extended filter of a machine's law with `FINER` steps in a sample."""
+    # The noise of a control, held over a sample, is that of as many shorter ones together. Loads,
+    # unbalance and runout grow as they do. A delay of the loop is taken out of its model and put
+    # into the control signals, see `run_finer`.
     machine = _machine(estimator)
     given = estimator.variances
     noise = FilterNoise(
@@ -89,17 +75,7 @@ def finer(estimator: Estimator) -> Estimator:
 
 
 def run_finer(other: Estimator, record: Record, delay: float) -> Estimate:
-    """Return what the finer filter says at the samples of a record.
-
-    Parameters
-    ----------
-    other : Estimator
-        Of `finer`.
-    record : Record
-        Of the machine; between its samples the finer filter has no reading.
-    delay : float
-        Of the loop [s].
-    """
+    """Return what the finer filter says at the samples of a record."""
     whole = other.whole
     assert whole is not None
     machine, n = whole.machine, (len(record) - 1) * FINER + 1

@@ -20,27 +20,16 @@ from ambkit.machine.magnets import (
 
 @dataclass(frozen=True)
 class Bank:
-    """What is known of the magnets of several axes.
+    """What is known of the magnets of several axes."""
 
-    Parameters
-    ----------
-    models : sequence of MagnetModel (p,)
-        Of each axis, in their order: force laws, experts, maps, constant stiffnesses.
-    """
-
+    #: (p,) Of each axis, in their order: force laws, experts, maps, constant stiffnesses.
     models: tuple[MagnetModel, ...]
 
     def __init__(self, models: Iterable[MagnetModel]) -> None:
         object.__setattr__(self, "models", tuple(models))
 
     def in_core(self, core: ModuleType) -> Any:
-        """Build the C implementations, a list.
-
-        Parameters
-        ----------
-        core : module
-            The build of the core that computes, see `core_module`.
-        """
+        """Build the C implementations, a list."""
         return [model.in_core(core) for model in self.models]
 
 

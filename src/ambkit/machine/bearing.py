@@ -38,17 +38,7 @@ GRAVITY = 9.81
 
 
 def magnet_constant(turns: float, pole_area: float, pole_angle: float = 0.0) -> float:
-    """Return k = mu0 A N^2 cos(angle) / 4 [N m^2/A^2] (paper, below eq. 1).
-
-    Parameters
-    ----------
-    turns : float
-        Turns N of one magnet's coil.
-    pole_area : float
-        Cross section A of one air gap [m^2].
-    pole_angle : float
-        Between the pull of a pole and the axis [rad].
-    """
+    """Return k = mu0 A N^2 cos(angle) / 4 [N m^2/A^2] (paper, below eq. 1)."""
     return MU_0 * pole_area * turns**2 / 4 * math.cos(pole_angle)
 
 
@@ -71,14 +61,13 @@ FILES = ("force_map", "force_channels")
 
 
 class Magnet(Part):
-    """The electromagnets of one axis, and the law of their force.
+    """The electromagnets of one axis, and the law of their force."""
 
-    With the magnet constant k, the bias current i0, the gap s0, the control current iu and the
-    displacement x, a two-sided magnet pulls with
-    ``F = k [((i0 + iu)/(s0 - x))^2 - ((i0 - iu)/(s0 + x))^2]`` (paper, eq. 1, without its second
-    equality, a slip), a one-sided one with its first half alone: x is positive towards it. Iron
-    that saturates takes from that (`ambkit.SaturatingLaw`).
-    """
+    # With the magnet constant k, the bias current i0, the gap s0, the control current iu and the
+    # displacement x, a two-sided magnet pulls with ``F = k [((i0 + iu)/(s0 - x))^2 - ((i0 - iu)/(s0
+    # + x))^2]`` (paper, eq. 1, without its second equality, a slip), a one-sided one with its first
+    # half alone: x is positive towards it. Iron that saturates takes from that
+    # (`ambkit.SaturatingLaw`).
 
     model_config = ConfigDict(json_schema_extra=_constant_or_coil)
 
@@ -131,16 +120,9 @@ class Magnet(Part):
         return data
 
     def with_constant(self, constant: float) -> dict[str, float | None]:
-        """Return what :meth:`Bearing.replace` is to change for another magnet constant.
-
-        A coil would contradict it, and is left out; where the iron saturates and so needs its
-        turns, the pole area is what changes. A force map is scaled as much.
-
-        Parameters
-        ----------
-        constant : float
-            The other one, k [N m^2/A^2].
-        """
+        """Return what :meth:`Bearing.replace` is to change for another magnet constant."""
+        # A coil would contradict it, and is left out; where the iron saturates and so needs its
+        # turns, the pole area is what changes. A force map is scaled as much.
         ratio = constant / self.magnet_constant
         changes: dict[str, float | None] = {}
         if self.force_map is not None:
@@ -212,11 +194,10 @@ class Rotor(Part):
 
 
 class Amplifier(Part):
-    """The current amplifier: iu = gain u, within the limit.
+    """The current amplifier: iu = gain u, within the limit."""
 
-    Where the control signal is a current, gain and noise variance are given in A/A and A^2. All
-    numbers of u are then in A, though records, filters and exports name its unit V.
-    """
+    # Where the control signal is a current, gain and noise variance are given in A/A and A^2. All
+    # numbers of u are then in A, though records, filters and exports name its unit V.
 
     gain: Annotated[float, Quantity("A/V", "1 A/V", at_least=1e-9, at_most=1e9, also=("A/A", "1"))]
     """Gain k_ui [A/V], control current by control signal; [A/A] where that is a current."""
@@ -242,11 +223,10 @@ class Amplifier(Part):
 
 
 class Sensor(Part):
-    """The position sensor: a first-order lag with noise (paper, eq. 18).
+    """The position sensor: a first-order lag with noise (paper, eq. 18)."""
 
-    It sees the displacement and the runout, bends it to ``x (1 + quadratic x + cubic x^2)``, and
-    lags; then come gain, noise and rounding.
-    """
+    # It sees the displacement and the runout, bends it to ``x (1 + quadratic x + cubic x^2)``, and
+    # lags; then come gain, noise and rounding.
 
     gain: Annotated[float, Quantity("1", "1", at_least=1e-9, at_most=1e9)]
     """Gain K_Sen [1]."""

@@ -117,15 +117,7 @@ class Shaft(NamedTuple):
         return cls(rotor.centre, rotor.bending(places), rotor.type == "mass")
 
     def line(self, place: float, angle: float) -> Line:
-        """Return a direction across the shaft.
-
-        Parameters
-        ----------
-        place : float
-            Where, as the machine's places are measured [m].
-        angle : float
-            From x towards y [rad].
-        """
+        """Return a direction across the shaft."""
         if self.translation:
             return Line(math.nan, 1.0, 0.0)
         out = () if self.bending is None else tuple(self.bending.shape(place).tolist())
@@ -185,10 +177,8 @@ def masses(
 
 
 def compliance(rotor: AnyRotor, axes: tuple[Axis, ...]) -> Array:
-    """Return the acceleration along each axis by a force of 1 N along each (p, p) [1/kg].
-
-    Of the rigid body: for less time than a bending takes it is more.
-    """
+    """Return the acceleration along each axis by a force of 1 N along each (p, p) [1/kg]."""
+    # Of the rigid body: for less time than a bending takes it is more.
     positions = positions_of(axes)
     H = matrix([axis.line for axis in axes], positions)
     inverse = 1 / np.array(list(masses(rotor, positions).values()))
@@ -196,10 +186,8 @@ def compliance(rotor: AnyRotor, axes: tuple[Axis, ...]) -> Array:
 
 
 def supporting_forces(rotor: AnyRotor, axes: tuple[Axis, ...], gravity: float) -> Array:
-    """Return the forces along the axes that carry the rotor's weight (p,) [N].
-
-    Where more axes carry it than are needed, those of the least sum of squares.
-    """
+    """Return the forces along the axes that carry the rotor's weight (p,) [N]."""
+    # Where more axes carry it than are needed, those of the least sum of squares.
     positions = positions_of(axes)
     weight = weight_of(rotor, positions, gravity)
     H = matrix([axis.line for axis in axes], positions)

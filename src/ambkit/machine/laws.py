@@ -50,12 +50,10 @@ class Bearing(Protocol):
 
 
 def equally_far(bearing: Bearing) -> tuple[float, float]:
-    """Current [A] and displacement [m] that count as equally far from the origin.
-
-    The paper's least squares steps 0.01 A and 0.01 mm (eq. 27): on its rig, with 1.5 A and 2 mm,
-    one ampere weighs as one millimetre. Another bearing keeps the ratio to its bias current and
-    air gap, so that its stiffnesses divide the force between them as the paper's do.
-    """
+    """Current [A] and displacement [m] that count as equally far from the origin."""
+    # The paper's least squares steps 0.01 A and 0.01 mm (eq. 27): on its rig, with 1.5 A and 2 mm,
+    # one ampere weighs as one millimetre. Another bearing keeps the ratio to its bias current and
+    # air gap, so that its stiffnesses divide the force between them as the paper's do.
     return bearing.magnet.bias_current / 1.5, bearing.magnet.air_gap / 2
 
 
@@ -71,20 +69,7 @@ NEAR = 2e-15
 
 
 def core_module(precision: Precision = "float64", *, any_model: bool = False) -> ModuleType:
-    """Return a build of the C core.
-
-    Parameters
-    ----------
-    precision : {"float64", "float32"}
-        What it computes in.
-    any_model : bool
-        The build with loops over any model, instead of that with the paper's axis built in.
-
-    Raises
-    ------
-    ValueError
-        There is no such precision.
-    """
+    """Return a build of the C core."""
     if precision not in _BUILDS:
         raise ValueError(f"precision must be 'float64' or 'float32', got {precision!r}")
     return import_module((_ANY_MODEL if any_model else _BUILDS)[precision])
@@ -259,13 +244,7 @@ class SaturatingLaw(Law):
 
 
 def law_of(bearing: Bearing) -> Law:
-    """Return the law that a bearing describes, without what a force map says of its magnet.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Whose ``[magnet]``.
-    """
+    """Return the law that a bearing describes, without what a force map says of its magnet."""
     return ClosedLaw(bearing) if bearing.magnet.saturation is None else SaturatingLaw(bearing)
 
 

@@ -53,10 +53,9 @@ REFERENCE = 293.15
 
 
 class Coil(Part):
-    """How each coil of an axis warms: one body, cooled by what is about it.
+    """How each coil of an axis warms: one body, cooled by what is about it."""
 
-    The amplifier's resistance is that at 293.15 K, and grows in proportion to the temperature.
-    """
+    # The amplifier's resistance is that at 293.15 K, and grows in proportion to the temperature.
 
     thermal_resistance: Annotated[float, Quantity("K/W", "1.5 K/W", above=0)]
     """From a coil to what cools it [K/W]."""
@@ -78,11 +77,10 @@ class Coil(Part):
 
 
 class Stop(Part):
-    """A stop that gives way: ``stiffness d^1.5 (1 + 3/2 damping d')`` in the depth d, and no pull.
+    """A stop with the force ``stiffness d^1.5 (1 + 3/2 damping d')`` at the depth d, no pull."""
 
-    Hunt and Crossley, Coefficient of restitution interpreted as damping in vibroimpact, 1975. An
-    impact with the velocity v comes back with ``(1 - damping v) v`` where that loss is small.
-    """
+    # Hunt and Crossley, Coefficient of restitution interpreted as damping in vibroimpact, 1975. An
+    # impact with the velocity v comes back with ``(1 - damping v) v`` where that loss is small.
 
     stiffness: Annotated[float, Quantity("N/m^1.5", "1e8 N/m^1.5", above=0)]
     """Stiffness [N/m^1.5]."""
@@ -91,13 +89,7 @@ class Stop(Part):
 
 
 def parts_contradictions(read: Read) -> Iterator[tuple[str, str]]:
-    """Yield (key of the bearing, what is wrong) for parts that do not go with the rest.
-
-    Parameters
-    ----------
-    read : callable
-        As for `Part._contradictions`, of a bearing.
-    """
+    """Yield (key of the bearing, what is wrong) for parts that do not go with the rest."""
     T, speed = read("sampling_time"), read("speed")
     yield from delay_contradictions(T, read("delay"))
     yield from voltage_contradictions(read)
@@ -135,15 +127,7 @@ def coil_contradictions(read: Read) -> Iterator[tuple[str, str]]:
 
 
 def gap_contradictions(read: Read, travel: str) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong between gap, bias current and the limits of travel and current.
-
-    Parameters
-    ----------
-    read : callable
-        As for `Part._contradictions`, of what has a magnet and an amplifier.
-    travel : str
-        Its key of the travel limit.
-    """
+    """Yield what is wrong between gap, bias current and the limits of travel and current."""
     way, gap = read(travel), read("magnet.air_gap")
     if way >= gap:
         limit = f"magnet.air_gap, {engineering(gap, 'm')}"
@@ -157,17 +141,7 @@ def gap_contradictions(read: Read, travel: str) -> Iterator[tuple[str, str]]:
 def line_contradictions(
     T: float, speed: float | None, runout: Any, hum: Any
 ) -> Iterator[tuple[str, str]]:
-    """Yield (key of the sensor, what is wrong) for lines too fast for the sampling time T [s].
-
-    Parameters
-    ----------
-    T : float
-        Sampling time [s].
-    speed : float, optional
-        Of rotation [rad/s].
-    runout, hum : tuple
-        Of the sensor; anything else is told elsewhere.
-    """
+    """Yield (key of the sensor, what is wrong) for lines too fast for the sampling time T [s]."""
     nyquist = engineering(0.5 / T, "Hz") if T > 0 else ""
     for at, line in enumerate(runout if isinstance(runout, tuple) else ()):
         frequency = line.order * (speed or 0.0) / (2 * math.pi)

@@ -93,13 +93,7 @@ class RigidRotor(Part):
         return 0.0
 
     def bending(self, magnets: tuple[float, ...]) -> None:
-        """Return its bending modes: none.
-
-        Parameters
-        ----------
-        magnets : tuple of float
-            Places of the radial magnets [m].
-        """
+        """Return its bending modes: none."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -145,11 +139,10 @@ ROTORS = (RigidRotor, ShaftRotor, MatrixRotor, ModalRotor, MassRotor)
 
 
 class PlacedBearing(Part):
-    """A bearing of the machine: the magnets of one axis, of each of its axes, and where they are.
+    """A bearing of the machine: the magnets of each of its axes, and where they are."""
 
-    A radial one has two axes, NAME1 at its angle and NAME2 a quarter turn on; a thrust bearing has
-    one, NAME, along the shaft.
-    """
+    # A radial one has two axes, NAME1 at its angle and NAME2 a quarter turn on; a thrust bearing
+    # has one, NAME, along the shaft.
 
     name: Label = ""
     """Short name, letters and digits."""
@@ -182,11 +175,10 @@ class PlacedBearing(Part):
 
 
 class PlacedSensor(Sensor):
-    """A position sensor of the machine, and where it looks.
+    """A position sensor of the machine, and where it looks."""
 
-    A radial one has two readings, NAME1 at its angle and NAME2 a quarter turn on; a single one has
-    the first of them, NAME, and an axial one looks along the shaft.
-    """
+    # A radial one has two readings, NAME1 at its angle and NAME2 a quarter turn on; a single one
+    # has the first of them, NAME, and an axial one looks along the shaft.
 
     name: Label = ""
     """Short name, letters and digits."""

@@ -163,11 +163,9 @@ class StiffnessMap:
 
 
 def work_points(bearing: Bearing) -> tuple[Array, Array]:
-    """Return the nodes of the paper's 25 work points (Tables 2 and 3), for any bearing.
-
-    Five control currents [A] over what the amplifier gives, and five displacements [m] over half
-    the travel to either side.
-    """
+    """Return the nodes of the paper's 25 work points (Tables 2 and 3), for any bearing."""
+    # Five control currents [A] over what the amplifier gives, and five displacements [m] over half
+    # the travel to either side.
     half_travel = bearing.rotor.travel_limit / 2
     return (
         np.linspace(bearing.current_min, bearing.current_max, 5),
@@ -267,27 +265,7 @@ def local_stiffness(
     delta_current: float = 0.01,
     delta_displacement: float = 1e-5,
 ) -> tuple[Array, Array, Array]:
-    """Least squares at single work points (paper, eq. 27-31).
-
-    Parameters
-    ----------
-    force : callable
-        ``force(iu [A], x [m]) -> [N]`` on arrays of one shape.
-    iu, x : array_like
-        Work points [A], [m], of shapes that broadcast.
-    delta_current, delta_displacement : float
-        Steps of the nine points [A], [m].
-
-    Returns
-    -------
-    k_i, k_s, residual : ndarray
-        [N/A], [N/m], and the RMS residual of the nine points [N]; broadcast shape.
-
-    Raises
-    ------
-    AmbkitError
-        The force is not finite at a point.
-    """
+    """Least squares at single work points (paper, eq. 27-31)."""
     iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
     currents = iu[..., np.newaxis] + delta_current * _STEP_CURRENT
     displacements = x[..., np.newaxis] + delta_displacement * _STEP_DISPLACEMENT

@@ -32,16 +32,7 @@ PAPER_CONSTANTS: Mapping[tuple[str, int, int], str] = {
 
 
 def axis_parts(bearing: Any, *, noise: bool = True) -> list[Part]:
-    """Return the parts of a bearing of one axis, as its keys give them.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Keys that it does not have (``delay``, ``amplifier.bandwidth``, ``sensor.coloured_noise``,
-        ``sensor.hum``) count as not given.
-    noise : bool, optional
-        Without: sensor noise that has states of its own is left out.
-    """
+    """Return the parts of a bearing of one axis, as its keys give them."""
     typical = Typical.of(bearing)
     kinds = [kind for kind in PARTS if noise or kind not in SENSOR_NOISE]
     return [part for kind in kinds for part in kind.of_axis(bearing, typical)]
@@ -50,22 +41,7 @@ def axis_parts(bearing: Any, *, noise: bool = True) -> list[Part]:
 def axis_model(
     bearing: Any, *, T: float | None = None, as_printed: bool = False, noise: bool = True
 ) -> Model:
-    """Return the sampled model of one axis.
-
-    Parameters
-    ----------
-    bearing, noise
-        See `axis_parts`.
-    T : float, optional
-        Sampling time [s]; the bearing's own by default.
-    as_printed : bool, optional
-        Eq. 15-21 to the letter: the position is held within the sample. For the paper's axis only.
-
-    Raises
-    ------
-    ValueError
-        As printed, with parts that the paper does not have.
-    """
+    """Return the sampled model of one axis."""
     parts = axis_parts(bearing, noise=noise)
     model = compose(parts, bearing.sampling_time if T is None else T, name="axial")
     return printed(model) if as_printed else model

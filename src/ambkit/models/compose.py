@@ -12,22 +12,7 @@ from ambkit.models.sampling import Sampling
 
 
 def compose(parts: Sequence[Part], T: float, *, name: str = "model") -> Model:
-    """Return the model of a machine, sampled.
-
-    Parameters
-    ----------
-    parts : sequence of parts
-        Their states stand in this order.
-    T : float
-        Sampling time [s].
-    name : str, optional
-        What the kind of machine is called, an identifier of C.
-
-    Raises
-    ------
-    ValueError
-        A part names what no part declares, or two declare the same.
-    """
+    """Return the model of a machine, sampled."""
     if not (np.isfinite(T) and T > 0):
         raise ValueError(f"T must be positive, is {T!r}")
     plan = Plan(T)

@@ -15,11 +15,10 @@ from ambkit.models.sampling import Sampling
 
 
 class Continuous(NamedTuple):
-    """``dX/dt = (A + speed spin) X + b F + B_u u``, with what moves by itself in X.
+    """``dX/dt = (A + speed spin) X + b F + B_u u``, with what moves by itself in X."""
 
-    These are the rotor, the lagged readings, and the currents of amplifiers that lag. Magnet f
-    pulls with its current and its displacement ``h_f X``.
-    """
+    # These are the rotor, the lagged readings, and the currents of amplifiers that lag. Magnet f
+    # pulls with its current and its displacement ``h_f X``.
 
     states: tuple[Descriptor, ...]
     """The n states."""
@@ -48,13 +47,7 @@ class Continuous(NamedTuple):
 
 
 def continuous(machine: Any) -> Continuous:
-    """Return the continuous model of a machine, at any speed.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine; its delay and its disturbances are left out.
-    """
+    """Return the continuous model of a machine, at any speed."""
     plans = [_plan(machine, speed) for speed in (0.0, 1.0)]
     plan = plans[0]
     n, p, _, _ = Sampling(plan).sizes
@@ -104,17 +97,8 @@ class OpenLoop(NamedTuple):
 
 
 def open_loop(machine: Any, k_s: ArrayLike, speed: float | None = None) -> OpenLoop:
-    """Return the poles of the rotor in its magnets, without control.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine.
-    k_s : array_like (p,)
-        Position stiffnesses of its axes [N/m].
-    speed : float, optional
-        Of rotation [rad/s]; the machine's own by default.
-    """
+    """Return the poles of the rotor in its magnets, without control."""
+    # k_s (p,) [N/m]
     of, at = continuous(machine), machine.speed if speed is None else speed
     q = 2 * len(machine.positions)
     A = of.A + at * of.spin + of.b @ (np.asarray(k_s)[:, None] * of.h)

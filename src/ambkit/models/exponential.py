@@ -27,21 +27,11 @@ def transition(A: Array, time: float) -> Array:
 
 
 def growth(A: Array, intensity: Array, time: float) -> Array:
-    """Return the covariance that white noise leaves in the state over a time (n, n).
-
-    It solves ``dN/dt = A N + N A' + W`` (Van Loan 1978): by its series over a share of the time,
-    and from there by ``N(2t) = N(t) + Phi(t) N(t) Phi(t)'``, a sum of squares. Van Loan's own
-    exponential holds exp(-A t), which overflows for a fast sensor.
-
-    Parameters
-    ----------
-    A : ndarray, shape (n, n)
-        ``dX/dt = A X``.
-    intensity : ndarray, shape (n,)
-        Variance that the noise adds to each state in a second.
-    time : float
-        The time [s].
-    """
+    """Return the covariance that white noise leaves in the state over a time (n, n)."""
+    # It solves ``dN/dt = A N + N A' + W`` (Van Loan 1978): by its series over a share of the time,
+    # and from there by ``N(2t) = N(t) + Phi(t) N(t) Phi(t)'``, a sum of squares. Van Loan's own
+    # exponential holds exp(-A t), which overflows for a fast sensor.
+    # A (n, n); intensity (n,)
     share, doublings = _share(A * time)
     Phi = _series(share)
     N = term = np.diag(intensity * (time / 2.0**doublings))
@@ -65,10 +55,8 @@ def _series(share: Array) -> Array:
 
 
 def _share(A: Array) -> tuple[Array, int]:
-    """Return ``A / 2^k``, whose circles pass on at most half of what they are given, and k.
-
-    That is the spectral radius of |A|, its norm in the units in which that is least.
-    """
+    """Return ``A / 2^k``, whose circles pass on at most half of what they are given, and k."""
+    # That is the spectral radius of |A|, its norm in the units in which that is least.
     radius = float(np.abs(np.linalg.eigvals(np.abs(A))).max())
     doublings = max(0, math.ceil(math.log2(radius)) + 1) if radius > 0 else 0
     return A / 2.0**doublings, doublings

@@ -36,40 +36,19 @@ class Signal(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LinearSystem:
-    """``X+ = A X + B w, z = C X + D w``, or in continuous time ``dX/dt = A X + B w``; all in SI.
+    """``X+ = A X + B w, z = C X + D w``, or in continuous time ``dX/dt = A X + B w``; all in SI."""
 
-    Attributes
-    ----------
-    A, B, C, D : ndarray (n, n), (n, inputs), (outputs, n), (outputs, inputs)
-        The matrices.
-    T : float or None
-        Sampling time [s]; None: continuous.
-    states, inputs, outputs : tuple of Signal
-        Their names and units.
-    """
-
-    A: Array
+    A: Array  #: (n, n) (n, inputs) (outputs, n) (outputs, inputs) The matrices.
     B: Array
     C: Array
     D: Array
-    T: float | None
-    states: tuple[Signal, ...]
+    T: float | None  #: Sampling time [s]; None: continuous.
+    states: tuple[Signal, ...]  #: Their names and units.
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
 
     def select(self, outputs: Sequence[str], inputs: Sequence[str]) -> LinearSystem:
-        """Return the same system with some of its outputs and inputs, by their names.
-
-        Parameters
-        ----------
-        outputs, inputs : sequence of str
-            Which, and in this order.
-
-        Raises
-        ------
-        ValueError
-            There is no signal of a name.
-        """
+        """Return the same system with some of its outputs and inputs, by their names."""
         z, w = _places(self.outputs, outputs), _places(self.inputs, inputs)
         return LinearSystem(
             self.A, self.B[:, w], self.C[z], self.D[np.ix_(z, w)], self.T, self.states,
@@ -77,13 +56,8 @@ class LinearSystem:
         )  # fmt: skip
 
     def response(self, frequency: ArrayLike) -> Complex:
-        """Return the frequency response (k, outputs, inputs).
-
-        Parameters
-        ----------
-        frequency : array_like (k,)
-            Frequencies [Hz].
-        """
+        """Return the frequency response (k, outputs, inputs)."""
+        # frequency (k,) [Hz]
         s = 2j * np.pi * np.atleast_1d(np.asarray(frequency, float))
         n = len(self.A)
         if self.T is None:
@@ -151,35 +125,12 @@ LOAD = "disturbance force"
 def linearised(
     parts: Sequence[Part], T: float, k_i: ArrayLike, k_s: ArrayLike, *, continuous: bool = False
 ) -> LinearSystem:
-    """Return a machine with linear magnets: demanded currents and loads in, readings out.
-
-    Of machines alike, whose parts have arrays (n,) for numbers, it returns matrices (n, ...).
-    Sampled, it is exact: the position stiffness acts within the sample (it is part of the
-    exponential), demanded currents and loads are held over it, and where a dead time ends within
-    the sample, the transition is the product of those before and after.
-
-    Parameters
-    ----------
-    parts : sequence of parts
-        Of the machine; see `ambkit.models.compose.compose`. Disturbance forces become inputs.
-    T : float
-        Sampling time [s].
-    k_i, k_s : array_like, scalar or shape (..., p)
-        Current stiffnesses [N/A], position stiffnesses [N/m] of the p magnets.
-    continuous : bool, optional
-        In continuous time, which needs a machine without dead time.
-
-    Returns
-    -------
-    LinearSystem
-        Inputs: the demanded currents [A], then the loads [N]. Outputs: the measurements, then the
-        rotor's positions [m].
-
-    Raises
-    ------
-    ValueError
-        In continuous time, with a dead time.
-    """
+    """Return a machine with linear magnets: demanded currents and loads in, readings out."""
+    # Of machines alike, whose parts have arrays (n,) for numbers, it returns matrices (n, ...).
+    # Sampled, it is exact: the position stiffness acts within the sample (it is part of the
+    # exponential), demanded currents and loads are held over it, and where a dead time ends within
+    # the sample, the transition is the product of those before and after.
+    # k_i (..., p) [N/A]; k_s (..., p) [N/m]
     plan = Plan(T)
     for part in parts:
         plan.add(part)

@@ -60,22 +60,7 @@ def machine_parts(
     synchronous: Sequence[str] = (),
     speeding: float = 0.0,
 ) -> list[Part]:
-    """Return the parts of a machine, as its keys give them.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine.
-    noise : bool, optional
-        Without: sensor noise that has states of its own is left out.
-    delay : bool, optional
-        Without: the demanded currents act at once.
-    synchronous : sequence of str
-        Of `SYNCHRONOUS`, which are states: the unbalance in two planes, and the runout of each
-        sensor.
-    speeding : float, optional
-        By how much the machine's speed grows meanwhile [rad/s^2].
-    """
+    """Return the parts of a machine, as its keys give them."""
     axes, sizes = machine.axes, [_typical(machine, axis.name) for axis in machine.axes]
     parts: list[Part] = [rotor_part(machine, sizes)]
     each = list(zip(axes, sizes, strict=True))
@@ -104,10 +89,8 @@ def machine_parts(
 
 
 def unbalance_planes(machine: Any) -> list[float]:
-    """Return where unbalance is estimated: one or two described planes, or at the outer bearings.
-
-    Two planes are all that a rigid rotor has, and one that bends has another for each mode.
-    """
+    """Where unbalance is estimated: one or two described planes, or at the outer bearings."""
+    # Two planes are all that a rigid rotor has, and one that bends has another for each mode.
     given = {each.place for each in machine.unbalance}
     most = 2 if machine.bending is None else 2 + len(machine.bending.frequency)
     if 0 < len(given) <= most:
@@ -182,10 +165,8 @@ def rotor_part(machine: Any, sizes: list[Typical]) -> Rotor:
 def _coupled(
     bending: Bending,
 ) -> tuple[dict[tuple[str, str], float], dict[tuple[str, str], float]]:
-    """Return entries of G, of which those across the diagonal follow, and of D.
-
-    In one plane the slopes are th_y and those of the modes, in the other -th_x and those.
-    """
+    """Return entries of G, of which those across the diagonal follow, and of D."""
+    # In one plane the slopes are th_y and those of the modes, in the other -th_x and those.
     planes = [
         [("x", 1.0), ("th_y", 1.0), *((f"{name}_x", 1.0) for name in bending.names)],
         [("y", 1.0), ("th_x", -1.0), *((f"{name}_y", 1.0) for name in bending.names)],
@@ -209,11 +190,9 @@ def _coupled(
 
 
 def _circulatory(bending: Bending) -> dict[tuple[str, str], float]:
-    """Return entries of N: of D_internal (q' - speed J q), what is not of q'.
-
-    J turns from x towards y. What stands still for a rotor that turns moves for its material, which
-    so drives a whirl that is slower than the rotor.
-    """
+    """Return entries of N: of D_internal (q' - speed J q), what is not of q'."""
+    # J turns from x towards y. What stands still for a rotor that turns moves for its material,
+    # which so drives a whirl that is slower than the rotor.
     found: dict[tuple[str, str], float] = {}
     for k, m in np.argwhere(bending.internal):
         one, other, value = bending.names[k], bending.names[m], float(bending.internal[k, m])
@@ -279,14 +258,6 @@ def machine_model(
     synchronous: Sequence[str] = (),
     speeding: float = 0.0,
 ) -> Model:
-    """Return the sampled model of a whole machine.
-
-    Parameters
-    ----------
-    machine, noise, synchronous, speeding
-        See `machine_parts`.
-    T : float, optional
-        Sampling time [s]; the machine's own by default.
-    """
+    """Return the sampled model of a whole machine."""
     parts = machine_parts(machine, noise=noise, synchronous=synchronous, speeding=speeding)
     return compose(parts, machine.sampling_time if T is None else T, name="machine")

@@ -56,12 +56,12 @@ MATRICES = {
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """One sample of a machine, exact with the magnets' forces held over it.
+    """One sample of a machine, exact with the magnets' forces held over it."""
 
-    ``X+ = L X + B_u u + sum_f b_f F_f + noise`` with ``F_f = magnet_f(i_f, s_f) + f_0f + r_f X``,
-    ``i_f = e_f X + d_f u``, ``s_f = h_f X`` and ``y = c X + v``; currents and displacements are
-    means over the sample. SI; u are the demanded currents [A] of this sample. Arrays are read-only.
-    """
+    # ``X+ = L X + B_u u + sum_f b_f F_f + noise`` with ``F_f = magnet_f(i_f, s_f) + f_0f + r_f X``,
+    # ``i_f = e_f X + d_f u``, ``s_f = h_f X`` and ``y = c X + v``; currents and displacements are
+    # means over the sample. SI; u are the demanded currents [A] of this sample. Arrays are
+    # read-only.
 
     name: str
     """Kind of machine, an identifier of C."""
@@ -140,13 +140,8 @@ class Model:
         return text.hexdigest()
 
     def force_rows(self, k_i: ArrayLike, k_s: ArrayLike) -> Array:
-        """Return the forces' derivatives by the state (p, n) [N per unit of the state].
-
-        Parameters
-        ----------
-        k_i, k_s : array_like, scalar or shape (..., p)
-            Current stiffnesses [N/A], position stiffnesses [N/m].
-        """
+        """Return the forces' derivatives by the state (p, n) [N per unit of the state]."""
+        # k_i (..., p) [N/A]; k_s (..., p) [N/m]
         i, s = self._per_force(k_i)[..., None], self._per_force(k_s)[..., None]
         return s * self.h + i * self.e + self.r
 
@@ -159,17 +154,8 @@ class Model:
         return self.B_u + self.b @ (self._per_force(k_i)[..., None] * self.d)
 
     def process_noise(self, k_i: ArrayLike, var_u: ArrayLike, var_noise: ArrayLike) -> Array:
-        """Return Q (n, n).
-
-        Parameters
-        ----------
-        k_i : array_like, scalar or shape (p,)
-            Current stiffnesses [N/A].
-        var_u : array_like, scalar or shape (c,)
-            Variances of the demanded currents [A^2].
-        var_noise : array_like, scalar or shape (k,)
-            Variances of the sources of noise, in the squares of their units.
-        """
+        """Return Q (n, n)."""
+        # k_i (p,) [N/A]; var_u (c,) [A^2]; var_noise (k,)
         B = self.input_matrix(k_i)
         scales = np.broadcast_to(np.asarray(var_noise, float), len(self.noises))
         driven = (B * np.asarray(var_u, float)) @ np.swapaxes(B, -1, -2)
@@ -183,24 +169,8 @@ class Model:
 def compressed_rows(
     values: Array, there: NDArray[np.bool_]
 ) -> tuple[list[int], list[int], list[float]]:
-    """Return the entries of a matrix that are there, row by row.
-
-    Parameters
-    ----------
-    values : ndarray (rows, columns)
-        The matrix.
-    there : ndarray of bool (rows, columns)
-        Which of its entries are structural; a number that happens to be 0 is.
-
-    Returns
-    -------
-    start : list of int
-        Row i has the entries start[i] to start[i + 1] - 1.
-    column : list of int
-        Column of each entry; they ascend in a row.
-    value : list of float
-        Its number.
-    """
+    """Return the entries of a matrix that are there, row by row."""
+    # values (rows, columns); there (rows, columns)
     row, column = np.nonzero(there)
     start = np.searchsorted(row, np.arange(len(values) + 1))
     return start.tolist(), column.tolist(), values[row, column].tolist()

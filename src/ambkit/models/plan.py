@@ -34,26 +34,10 @@ class Part(Protocol):
 
 
 class Plan:
-    """The continuous linear model as a list of named terms.
+    """The continuous linear model as a list of named terms."""
 
-    States, forces and controls share one name space; any of them may drive a state. The order of
-    declaration is the order of the states.
-
-    Parameters
-    ----------
-    T : float
-        Sampling time [s].
-
-    Attributes
-    ----------
-    inertia : dict
-        For each position, what a force of 1 N there adds to the velocities [m/s^2].
-    currents : dict
-        For each force, the state or control that is its magnet's current.
-    past : dict
-        For each demanded current that is late, the states that hold those of samples before, and up
-        to which share of a sample the last of them acts; then the one before it does.
-    """
+    # States, forces and controls share one name space; any of them may drive a state. The order of
+    # declaration is the order of the states.
 
     def __init__(self, T: float) -> None:
         self.T = T
@@ -120,17 +104,7 @@ class Plan:
         self.readings[names.index(measurement)].update(reading)
 
     def noise(self, name: str, unit: str, size: float, intensity: Row, *, walk: bool) -> None:
-        """Add a source of noise, white and independent in each state that it drives.
-
-        Parameters
-        ----------
-        name, unit, size : str, str, float
-            Of its standard deviation.
-        intensity : mapping
-            For each state, what it adds to the variance in a second, for a source of variance 1.
-        walk : bool
-            A random walk that grows by its variance in a sample, a structural one.
-        """
+        """Add a source of noise, white and independent in each state that it drives."""
         role = "random walk" if walk else "noise"
         self.noises.append(Descriptor(name, unit, size, role))
         self.sources.append((dict(intensity), walk))
@@ -140,13 +114,7 @@ class Plan:
         self.rests[state] = dict(values)
 
     def check(self) -> None:
-        """Check that what parts name of each other is there.
-
-        Raises
-        ------
-        ValueError
-            It is not.
-        """
+        """Check that what parts name of each other is there."""
         forces, controls = ({at.name for at in of} for of in (self.forces, self.controls))
         for state, force in self.riders.items():
             if force not in forces:

@@ -17,13 +17,12 @@ from ambkit.models.structure import Flags, Kinds, pattern_of, set_one, structure
 
 @dataclass
 class Sampling:
-    """A plan over one sample.
+    """A plan over one sample."""
 
-    The exponential is taken of one state that holds everything which moves or is held over the
-    sample: the n states, p forces and c controls, and the integrals of the p displacements and p
-    currents, from which their means come. Where a delay ends within the sample, it is the product
-    of the exponentials before and after.
-    """
+    # The exponential is taken of one state that holds everything which moves or is held over the
+    # sample: the n states, p forces and c controls, and the integrals of the p displacements and p
+    # currents, from which their means come. Where a delay ends within the sample, it is the product
+    # of the exponentials before and after.
 
     plan: Plan
 
@@ -179,10 +178,8 @@ class Sampling:
         return N, pattern.astype(np.int8)
 
     def _rest(self) -> Kinds:
-        """Return what each state is at rest, each dependent one traced back to free ones.
-
-        What rests on a demanded current is free itself, unless a past control holds that.
-        """
+        """Return what each state is at rest, each dependent one traced back to free ones."""
+        # What rests on a demanded current is free itself, unless a past control holds that.
         controls = {at.name for at in self.plan.controls}
         held = {control: past[0] for control, (past, _) in self.plan.past.items()}
         rests = {

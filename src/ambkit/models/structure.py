@@ -13,11 +13,9 @@ Kinds = tuple[Array, Pattern]
 
 
 def pattern_of(driven: Flags) -> Pattern:
-    """Return the pattern of the exponential of a matrix of this structure.
-
-    What something drives, at once or by way of others, has a number; what nothing drives back to
-    itself has a one on the diagonal.
-    """
+    """Return the pattern of the exponential of a matrix of this structure."""
+    # What something drives, at once or by way of others, has a number; what nothing drives back to
+    # itself has a one on the diagonal.
     n = len(driven)
     reach = driven.copy()
     for k in range(n):  # Warshall 1962

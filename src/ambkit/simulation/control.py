@@ -27,28 +27,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """Estimator, controller, lift-off and landing of one axis: what flies.
+    """Estimator, controller, lift-off and landing of one axis: what flies."""
 
-    Parameters
-    ----------
-    bearing : Bearing
-        What is held.
-    estimator : Estimator
-        That feeds the controller, or looks after the sensor beside it.
-    pid : PID
-        How it is controlled, complete.
-    sequence : LiftOff, optional
-        Lift-off and landing; without, it flies from the start and nobody looks after it.
-
-    Raises
-    ------
-    AmbkitError
-        The estimator has no states that the controller needs.
-    """
-
-    bearing: Bearing
-    estimator: Estimator
-    pid: PID
+    bearing: Bearing  #: What is held.
+    estimator: Estimator  #: That feeds the controller, or looks after the sensor beside it.
+    pid: PID  #: How it is controlled, complete.
+    #: Lift-off and landing; without, it flies from the start and nobody looks after it.
     sequence: LiftOff | None = None
 
     def __post_init__(self) -> None:
@@ -84,15 +68,7 @@ class Controller:
         return Controllers([gains_of(self.pid, *limits)], names, one, one, unseen, seen)
 
     def integral(self, current: float, x: float) -> float:
-        """Return the integral with which a rotor is held at rest.
-
-        Parameters
-        ----------
-        current : float
-            That holds it [A].
-        x : float
-            Where it and its reference are [m].
-        """
+        """Return the integral with which a rotor is held at rest."""
         states = self.estimator.at_rest(x, current=current)
         states[[state.role == "disturbance force" for state in self.estimator.states]] = 0.0
         fed = states if self.pid.feedback == "estimate" else None
@@ -109,13 +85,7 @@ class Controller:
         return lies_at(self.bearing)
 
     def held(self, x: float) -> float:
-        """Return the current [A] that holds the rotor: in the middle, where it lies, and the line.
-
-        Parameters
-        ----------
-        x : float
-            Displacement [m].
-        """
+        """The current [A] that holds the rotor: in the middle, where it lies, and the line."""
         b, down = self.bearing, self.down
         law = magnet_of(b)
         balance = b.weight + bias_force_of(law, b)
@@ -166,41 +136,15 @@ class Controller:
         )
 
     def in_core(self, **other: Any) -> Any:
-        """Return the core's controller, around the core's estimator.
-
-        Parameters
-        ----------
-        **other
-            Fields of another value than `fields` have.
-        """
+        """Return the core's controller, around the core's estimator."""
         return self.estimator.engine.core.Control(self.estimator.core, self.fields | other)
 
     def run(
         self, y: ArrayLike, r: ArrayLike, fly: ArrayLike, *, taken_over: float | None = None,
         other: dict[str, Any] | None = None,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
-        """Run along readings from power-on, as the exported C does: to the last bit.
-
-        Parameters
-        ----------
-        y : array_like (n,)
-            What the sensor shows, in the unit that the estimator's `inputs` say, [m] without.
-        r : array_like (n,)
-            References [m].
-        fly : array_like (n,)
-            Whether it is to fly, 1 or 0.
-        taken_over : float, optional
-            Control current that acts at the first sample [A], for a controller that takes over a
-            rotor in flight; by default it starts at power-on.
-        other : dict, optional
-            Fields of another value than `fields` have.
-
-        Returns
-        -------
-        dict
-            ``iu`` [A] and ``u`` [V] (n,), ``coil`` (n, coils) [A], ``mean`` (n, states),
-            ``status``, ``mode``, ``share``, ``on``, ``usable``.
-        """
+        """Run along readings from power-on, as the exported C does: to the last bit."""
+        # y (n,) [m]; r (n,) [m]; fly (n,)
         number = np.dtype(self.estimator.precision).type
         position, _ = self.estimator.in_si(y, np.zeros(0))
         told: dict[str, Any] = self.in_core(**(other or {})).run(
@@ -216,49 +160,25 @@ class Controller:
 
 
 def lies_at(bearing: Bearing) -> float:
-    """Return where a rotor lies [m]: on the stop to which its weight pulls it.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Whose.
-    """
+    """Return where a rotor lies [m]: on the stop to which its weight pulls it."""
     travel = bearing.rotor.travel_limit
     return travel if bearing.weight > 0 else -travel
 
 
 def needs_states(pid: PID) -> bool:
-    """Say whether a controller feeds more back than position and velocity.
-
-    Parameters
-    ----------
-    pid : PID
-        The controller.
-    """
+    """Say whether a controller feeds more back than position and velocity."""
     return pid.type == "lqg" or pid.feed_forward > 0
 
 
 def settling_of(estimator: Estimator) -> int:
-    """Return the plant's own time in samples, at least one, as many as 16 bits count.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Of the plant.
-    """
+    """Return the plant's own time in samples, at least one, as many as 16 bits count."""
     alone = alone_of(estimator.bearing)
     samples = max(own_time(each) for each in alone) / alone[0].sampling_time
     return min(max(round(samples), 1), MOST_COUNTED)
 
 
 def bound_of(estimator: Estimator) -> float:
-    """Return how many caps a mean may be away: ten, or what an observer's transients reach.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Whose mean.
-    """
+    """Return how many caps a mean may be away: ten, or what an observer's transients reach."""
     far = estimator.core.own.get("far")
     if far is None:
         return 10.0

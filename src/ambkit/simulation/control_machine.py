@@ -28,27 +28,13 @@ axis is held by the stiffnesses of the middle."""
 
 @dataclass(frozen=True, eq=False)
 class MachineController:
-    """Estimator, controllers, lift-off and landing of a whole machine: what flies.
+    """Estimator, controllers, lift-off and landing of a whole machine: what flies."""
 
-    Parameters
-    ----------
-    plant : Plant
-        The machine.
-    estimator : Estimator
-        That feeds the controllers, or looks after the sensors beside them.
-    controllers : Controllers
-        Of all axes.
-    sequence : LiftOff
-        Lift-off and landing, of all axes together.
-    fed : bool
-        Whether the estimator feeds the controllers; else the readings do.
-    """
-
-    plant: Plant
-    estimator: Estimator
-    controllers: Controllers
-    sequence: LiftOff
-    fed: bool
+    plant: Plant  #: The machine.
+    estimator: Estimator  #: That feeds the controllers, or looks after the sensors beside them.
+    controllers: Controllers  #: Of all axes.
+    sequence: LiftOff  #: Lift-off and landing, of all axes together.
+    fed: bool  #: Whether the estimator feeds the controllers; else the readings do.
 
     @property
     def _whole(self) -> Whole:
@@ -62,10 +48,8 @@ class MachineController:
 
     @cached_property
     def _held(self) -> tuple[Array, Array]:
-        """Currents that hold the rotor in the middle (p,) [A], and more a metre away [A/m].
-
-        On the line through the middle and where it lies, as magnets pull harder the nearer it is.
-        """
+        """Currents that hold the rotor in the middle (p,) [A], and more a metre away [A/m]."""
+        # On the line through the middle and where it lies, as magnets pull harder the nearer it is.
         nothing, down = np.zeros(len(self.down)), self.down
         (_, middle), (_, lying) = (self.plant.hovering(at, nothing) for at in (nothing, down))
         k = [ConstantStiffness.of(each) for each in self.plant.alone]
@@ -76,13 +60,8 @@ class MachineController:
         return middle, slope
 
     def integrals(self, place: Array) -> Array:
-        """Return the integrals (q,) [A] with which a rotor is held at rest.
-
-        Parameters
-        ----------
-        place : ndarray (p,)
-            Where it and its references are along the axes [m].
-        """
+        """Return the integrals (q,) [A] with which a rotor is held at rest."""
+        # place (p,) [m]
         middle, slope = self._held
         currents, whole = middle + slope * place, self._whole
         q = np.zeros(whole.H.shape[1])
@@ -115,11 +94,5 @@ class MachineController:
         )
 
     def in_core(self, **other: Any) -> Any:
-        """Return the core's controller, around the core's estimator.
-
-        Parameters
-        ----------
-        **other
-            Fields of another value than `fields` have.
-        """
+        """Return the core's controller, around the core's estimator."""
         return self.estimator.engine.core.Control(self.estimator.core, self.fields | other)

@@ -96,18 +96,7 @@ class Control(Part):
         return self.type == "lqg" or self.cross_feedback > 0 or self.unbalance != "fought"
 
     def check_names(self, known: Sequence[str]) -> None:
-        """Refuse PIDs of what the machine has not.
-
-        Parameters
-        ----------
-        known : sequence of str
-            Its axes, or the coordinates of its rotor.
-
-        Raises
-        ------
-        AmbkitError
-            One is of something else.
-        """
+        """Refuse PIDs of what the machine has not."""
         for name in self.pid:
             if name not in known:
                 raise AmbkitError(
@@ -117,46 +106,22 @@ class Control(Part):
 
 @dataclass(frozen=True)
 class Controllers:
-    """PIDs of combinations of the axes' positions, and feedback of an estimator's states.
+    """PIDs of combinations of the axes' positions, and feedback of an estimator's states."""
 
-    Attributes
-    ----------
-    pids : list of list
-        Gains and limits of each of the q PIDs, as ``amb_pid`` has them after T.
-    names : tuple of str
-        What each PID is of: an axis, or a coordinate of the rigid rotor.
-    of_axes : ndarray (q, p)
-        Of the axes' positions, what each PID looks at.
-    spread : ndarray (p, q)
-        What each PID's current [A] is to the axes' [A].
-    unseen : ndarray (q,)
-        What each integral is ahead at a reference of 1 [A/m], see `PID.unseen`.
-    feedback : dict
-        Matrices (q, n) and (p, n) of the estimator's states, by the names in ``amb_controllers``.
-    let_turn : LetTurn or None
-        The synchronous motion that they leave to a rotor that bends.
-    """
-
+    #: Gains and limits of each of the q PIDs, as ``amb_pid`` has them after T.
     pids: list[list[float]]
-    names: tuple[str, ...]
-    of_axes: Array
-    spread: Array
-    unseen: Array
+    names: tuple[str, ...]  #: What each PID is of: an axis, or a coordinate of the rigid rotor.
+    of_axes: Array  #: (q, p) Of the axes' positions, what each PID looks at.
+    spread: Array  #: (p, q) What each PID's current [A] is to the axes' [A].
+    unseen: Array  #: (q,) What each integral is ahead at a reference of 1 [A/m], see `PID.unseen`.
+    #: Matrices (q, n) and (p, n) of the estimator's states, by the names in ``amb_controllers``.
     feedback: dict[str, Array] = field(default_factory=dict)
+    #: The synchronous motion that they leave to a rotor that bends.
     let_turn: LetTurn | None = None
 
     def integrals(self, currents: Array, place: Array, states: Array | None) -> Array:
-        """Return the integrals (q,) of a rotor that is held.
-
-        Parameters
-        ----------
-        currents : ndarray (p,)
-            That hold it [A].
-        place : ndarray (p,)
-            References of the axes where it is [m].
-        states : ndarray (n,), optional
-            What the estimator says then.
-        """
+        """Return the integrals (q,) of a rotor that is held."""
+        # currents (p,) [A]; place (p,) [m]; states (n,)
         if states is not None and "fed_back" in self.feedback:
             currents = currents - self.feedback["fed_back"] @ states
         held = np.linalg.lstsq(self.spread, currents, rcond=None)[0]
@@ -170,27 +135,7 @@ def controllers_of(
     pids: Sequence[PID] | None = None,
     fastest: float | None = None,
 ) -> Controllers:
-    """Return the controllers that a machine is flown with.
-
-    Parameters
-    ----------
-    plant : Plant
-        The machine.
-    control : Control
-        Of which kind; without a type decentralised, see `ambkit.simulation.default_control`.
-    estimator : Estimator, optional
-        That feeds them; without, the readings do.
-    pids : sequence of PID (p,), optional
-        Of each axis, for decentralised control; by default they are tuned to the axes alone.
-    fastest : float, optional
-        Speed up to which the unbalance is let turn or kept still [rad/s]; the machine's own by
-        default.
-
-    Raises
-    ------
-    AmbkitError
-        What is asked needs an estimator that is in the loop, or states that it has not.
-    """
+    """Return the controllers that a machine is flown with."""
     if estimator is None and control.needs_estimate and control.type != "lqg":
         asked = "cross_feedback" if control.cross_feedback else f'unbalance = "{control.unbalance}"'
         raise AmbkitError(f'{asked} is made of the estimate: feedback must be "estimate"')
@@ -225,22 +170,7 @@ def controllers_of(
 def pids_of(
     machine: Machine, control: Control, feedback: Literal["measurement", "estimate"]
 ) -> list[PID]:
-    """Return the PID of each axis of decentralised control, with what is not said tuned.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine.
-    control : Control
-        What is said.
-    feedback : {"measurement", "estimate"}
-        What feeds them.
-
-    Raises
-    ------
-    AmbkitError
-        A PID is of an axis that there is not.
-    """
+    """Return the PID of each axis of decentralised control, with what is not said tuned."""
     names = [axis.name for axis in machine.axes]
     control.check_names(names)
     if set(names) <= {n for n, pid in control.pid.items() if pid.model_fields_set >= GAINS}:
@@ -253,17 +183,7 @@ def pids_of(
 
 
 def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) -> dict[str, Any]:
-    """Return the fields of ``amb_controllers``, for the core.
-
-    Parameters
-    ----------
-    controllers : Controllers
-        Of the machine.
-    plant : Plant
-        The machine.
-    estimator : Estimator, optional
-        That feeds them; without, the readings do.
-    """
+    """Return the fields of ``amb_controllers``, for the core."""
     told = dict.fromkeys(
         ("velocity", "turning", "fed_back", "fed_back_by_speed", "fed_back_by_square"), None
     ) | {name: values.ravel().tolist() for name, values in controllers.feedback.items()}
@@ -285,15 +205,7 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
 
 
 def gains_of(pid: PID, low: float, high: float) -> list[float]:
-    """Return a PID as ``amb_pid`` has it after T.
-
-    Parameters
-    ----------
-    pid : PID
-        Its gains.
-    low, high : float
-        Limits of its output.
-    """
+    """Return a PID as ``amb_pid`` has it after T."""
     return [pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup, pid.setpoint_weight,
             low, high]  # fmt: skip
 
@@ -308,11 +220,9 @@ def _decentralised(plant: Plant, pids: Sequence[PID]) -> Controllers:
 
 
 def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
-    """One PID for each coordinate of the rigid rotor, tuned to its own mass and stiffness.
-
-    Each counts in metres at the radius at which the magnets are, and in amperes of a first axis
-    that were to hold the coordinate alone.
-    """
+    """One PID for each coordinate of the rigid rotor, tuned to its own mass and stiffness."""
+    # Each counts in metres at the radius at which the magnets are, and in amperes of a first axis
+    # that were to hold the coordinate alone.
     masses = dict(zip(plant.machine.rigid_positions, plant.machine.masses, strict=False))
     control.check_names(list(masses))
     k = [ConstantStiffness.of(alone) for alone in plant.alone]
@@ -402,12 +312,10 @@ def _gyroscopic(plant: Plant) -> Array:
 
 
 def _synchronous(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
-    """Return the synchronous motion of a free rotor (q, n), and the currents (p, n) that balance.
-
-    For each kg m of the estimated unbalance, at any speed: forces and accelerations both go with
-    its square. The rotor is M q'' + W G q' = W^2 S u, and u turns by u' = W J u, which for
-    q = X u leaves S = -M X + G X J.
-    """
+    """The synchronous motion of a free rotor (q, n), and the currents (p, n) that balance."""
+    # For each kg m of the estimated unbalance, at any speed: forces and accelerations both go with
+    # its square. The rotor is M q'' + W G q' = W^2 S u, and u turns by u' = W J u, which for q = X
+    # u leaves S = -M X + G X J.
     states, machine = _places(estimator, "unbalance"), plant.machine
     check_unbalance(estimator)
     from ambkit.models.machine import unbalance_planes
@@ -429,10 +337,8 @@ def _synchronous(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
 
 
 def _leave_out(plant: Plant, estimator: Estimator, feedback: dict[str, Array]) -> None:
-    """Take the free rotor's synchronous motion out of what the controllers see, in place.
-
-    What the magnets pull by that motion itself is balanced by a current.
-    """
+    """Take the free rotor's synchronous motion out of what the controllers see, in place."""
+    # What the magnets pull by that motion itself is balanced by a current.
     moved, _ = _synchronous(plant, estimator)
     k = [ConstantStiffness.of(alone) for alone in plant.alone]
     pull = np.array([each.k_s / each.k_i for each in k])

@@ -65,26 +65,13 @@ ERRORS = (0.1, 0.05, 0.02, 0.01)
 
 
 class Tried(NamedTuple):
-    """A structure of controllers, and what it comes to over the speed range.
+    """A structure of controllers, and what it comes to over the speed range."""
 
-    Attributes
-    ----------
-    control : Control
-        The structure.
-    feedback : {"measurement", "estimate"}
-        What feeds it.
-    peak : float
-        Greatest of abs(S) of an axis with all others closed [1]; infinite: unstable.
-    speed : float
-        Where that is, or a speed at which it is unstable [rad/s].
-    bears : float
-        Of a regulator, error of the polar inertia with which its peak is at most twice as high [1].
-    """
-
-    control: Control
-    feedback: Feedback
-    peak: float
-    speed: float
+    control: Control  #: The structure.
+    feedback: Feedback  #: What feeds it.
+    peak: float  #: Greatest of abs(S) of an axis with all others closed [1]; infinite: unstable.
+    speed: float  #: Where that is, or a speed at which it is unstable [rad/s].
+    #: Of a regulator, error of the polar inertia with which its peak is at most twice as high [1].
     bears: float = math.inf
 
     def __str__(self) -> str:
@@ -99,23 +86,13 @@ class Tried(NamedTuple):
 
 @dataclass(frozen=True)
 class DefaultControl:
-    """The default controllers of a machine.
+    """The default controllers of a machine."""
 
-    Attributes
-    ----------
-    machine : str
-        Its name.
-    fastest : float
-        Its speed of rotation [rad/s].
-    chosen : Tried
-        What is flown; where nothing that was tried holds the rotor, decentralised control.
-    tried : tuple of Tried
-        All that was looked at, in turn; empty of a machine that does not turn.
-    """
-
-    machine: str
-    fastest: float
+    machine: str  #: Its name.
+    fastest: float  #: Its speed of rotation [rad/s].
+    #: What is flown; where nothing that was tried holds the rotor, decentralised control.
     chosen: Tried
+    #: All that was looked at, in turn; empty of a machine that does not turn.
     tried: tuple[Tried, ...] = ()
 
     @property
@@ -172,27 +149,12 @@ def name_of(control: Control) -> str:
 
 
 def default_control(machine: Machine, feedback: Feedback | None = None) -> DefaultControl:
-    """Return the controllers that a machine has where nothing else is given.
-
-    A machine that does not turn has decentralised PIDs. Of one that turns the structures are tried
-    in turn, from simple to linear-quadratic, on the peak of abs(S) of its worst axis with all
-    others closed, from rest to its speed, gyroscopics, dead time and the linear Kalman filter with
-    its default noise in the loop: the first whose peak is at most `ENOUGH`, or the simplest within
-    a factor `AS_GOOD` of the lowest.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine, with its speed.
-    feedback : {"measurement", "estimate"}, optional
-        What feeds the controllers; by default the measurement, unless a linear-quadratic regulator
-        is better by more than `FACTOR`.
-
-    Returns
-    -------
-    DefaultControl
-        What was chosen and what was tried.
-    """
+    """Return the controllers that a machine has where nothing else is given."""
+    # A machine that does not turn has decentralised PIDs. Of one that turns the structures are
+    # tried in turn, from simple to linear-quadratic, on the peak of abs(S) of its worst axis with
+    # all others closed, from rest to its speed, gyroscopics, dead time and the linear Kalman filter
+    # with its default noise in the loop: the first whose peak is at most `ENOUGH`, or the simplest
+    # within a factor `AS_GOOD` of the lowest.
     if not machine.speed:
         fed_by = feedback or "measurement"
         return DefaultControl(machine.name, 0.0, Tried(PIDS[0], fed_by, math.nan, 0.0))
@@ -226,20 +188,7 @@ def feedback_of(machine: Machine, flight: Flight) -> Feedback:
 
 
 def settled_flight(machine: Machine, flight: Flight) -> Flight:
-    """Return a flight with controllers and feedback chosen where they are not given.
-
-    Parameters
-    ----------
-    machine : Machine
-        What flies.
-    flight : Flight
-        As it is given.
-
-    Raises
-    ------
-    AmbkitError
-        They are to be chosen, and none was found that holds the rotor.
-    """
+    """Return a flight with controllers and feedback chosen where they are not given."""
     feedback = feedback_of(machine, flight)
     control = settled(machine, flight.control, feedback)
     if is_default(flight.control):
@@ -313,10 +262,8 @@ class _Loops:
             yield from (self.peaks(control, feedback) for control in (*CROSSED, *REGULATORS))
 
     def _tuned(self, control: Control, feedback: Feedback) -> Tried:
-        """Return the PIDs with the greatest integral gain whose peak is at most `ENOUGH`.
-
-        Or of the lowest peak. Only those are changed that the gyroscopics act on.
-        """
+        """Return the PIDs with the greatest integral gain whose peak is at most `ENOUGH`."""
+        # Or of the lowest peak. Only those are changed that the gyroscopics act on.
         filters = FILTER if feedback == "measurement" else FILTER[:1]
         best = Tried(control.model_copy(update={"pid": self._usual(control)}), feedback, math.inf,
                      self.machine.speed)  # fmt: skip
@@ -417,17 +364,7 @@ class _AtSpeed:
     def peak(
         self, flown: Controllers, feedback: Feedback, system: LinearSystem | None = None
     ) -> float:
-        """Return the peak of abs(S) of the worst axis [1]; infinite where it is unstable.
-
-        Parameters
-        ----------
-        flown : Controllers
-            The controllers.
-        feedback : {"measurement", "estimate"}
-            What feeds them.
-        system : LinearSystem, optional
-            Another plant than the estimator knows.
-        """
+        """Return the peak of abs(S) of the worst axis [1]; infinite where it is unstable."""
         system = self.system if system is None else system
         control = controllers(flown, self.machine, measured=feedback == "measurement")
         shown, inner = flown.of_axes @ self.shown, None

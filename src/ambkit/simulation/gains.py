@@ -55,20 +55,13 @@ class Gains(NamedTuple):
 
 @lru_cache(maxsize=128)
 def chosen(bearing: Bearing) -> Gains:
-    """Return the stiffest gains that keep the sensitivity below `PEAK` and the step calm.
-
-    Both loops are looked at, as they are sampled and late: fed by the measurement, and by a linear
-    Kalman filter with its default noise. With the stiffnesses k_i, k_s at the centre and
-    ``kp = c k_s/k_i`` a loop has the frequency ``w = sqrt((c - 1) k_s/m)``, and with
-    ``kd = 2 D m w/k_i`` the damping D; integral, derivative filter and tracking time go with w. Of
-    all c, from high to low, the first is taken with which some D has no peak of abs(S) above `PEAK`
-    and no overshoot above `OVERSHOOT`; where there is none, the c and D of the lowest peak.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What is to be held.
-    """
+    """Return the stiffest gains that keep the sensitivity below `PEAK` and the step calm."""
+    # Both loops are looked at, as they are sampled and late: fed by the measurement, and by a
+    # linear Kalman filter with its default noise. With the stiffnesses k_i, k_s at the centre and
+    # ``kp = c k_s/k_i`` a loop has the frequency ``w = sqrt((c - 1) k_s/m)``, and with ``kd = 2 D m
+    # w/k_i`` the damping D; integral, derivative filter and tracking time go with w. Of all c, from
+    # high to low, the first is taken with which some D has no peak of abs(S) above `PEAK` and no
+    # overshoot above `OVERSHOOT`; where there is none, the c and D of the lowest peak.
     at = _work_point(bearing)
     P = plant(bearing, at)
     P = P.select(["y", "x"], P.inputs[0][:1])
@@ -93,32 +86,16 @@ def chosen(bearing: Bearing) -> Gains:
 
 
 def textbook(bearing: Bearing) -> Gains:
-    """Return gains by a rule of thumb: ``kp = 4 k_s/k_i``, D = 0.56, all of the reference to kp.
-
-    A step overshoots by a half: it takes the rotor far out, where filters differ.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What is to be held.
-    """
+    """Return gains by a rule of thumb: ``kp = 4 k_s/k_i``, D = 0.56, all of the reference to kp."""
+    # A step overshoots by a half: it takes the rotor far out, where filters differ.
     return _gains(bearing, STIFFEST, 0.56)._replace(setpoint_weight=1.0)
 
 
 def weight_of(bearing: Bearing, kp: float, ki: float, kd: float) -> float:
-    """Return the set-point weight with which the integral does not show in a step.
-
-    The slow pole that the integral brings is then cancelled by the zero that it brings too. Without
-    an integral the rotor would come to rest at ``kp k_i/(kp k_i - k_s)`` of the reference, as the
-    magnet pulls the harder the closer the rotor is: the weight takes that back.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Gives mass, and the stiffnesses at the centre.
-    kp, ki, kd : float
-        Gains [A/m], [A/(m s)], [A s/m].
-    """
+    """Return the set-point weight with which the integral does not show in a step."""
+    # The slow pole that the integral brings is then cancelled by the zero that it brings too.
+    # Without an integral the rotor would come to rest at ``kp k_i/(kp k_i - k_s)`` of the
+    # reference, as the magnet pulls the harder the closer the rotor is: the weight takes that back.
     k, m = ConstantStiffness.of(bearing), bearing.rotor.mass
     stiffness = k.k_i * kp - k.k_s
     if not stiffness > 0:
@@ -171,10 +148,9 @@ def _peaks(
     P: Complex,
     E: Complex | None,
 ) -> NDArray[np.float64]:
-    """Return the higher peak of abs(S) of both loops for each candidate, stable or not.
-
-    The controller's response is written out, as `controller` has it in states: hundreds are asked.
-    """
+    """Return the higher peak of abs(S) of both loops for each candidate, stable or not."""
+    # The controller's response is written out, as `controller` has it in states: hundreds are
+    # asked.
     T, volts = bearing.sampling_time, 1 / bearing.amplifier.gain
     kp, ki, kd, T_f, *_ = np.array([each[:-1] for each in candidates]).T[:, :, None]
     z = np.exp(2j * np.pi * f * T)

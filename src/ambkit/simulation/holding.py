@@ -58,21 +58,11 @@ LEFT_TO_IT = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """Controllers of a machine's axes, and the poles of the loop with them.
+    """Controllers of a machine's axes, and the poles of the loop with them."""
 
-    Attributes
-    ----------
-    pids : tuple of PID
-        Of each axis.
-    poles : ndarray of complex (n,)
-        Of the sampled loop at the machine's speed, with its delay [1/s].
-    score : float
-        At most 1, where all is well damped; not above 0 where the rotor is not held.
-    """
-
-    pids: tuple[PID, ...]
-    poles: Complex
-    score: float
+    pids: tuple[PID, ...]  #: Of each axis.
+    poles: Complex  #: (n,) Of the sampled loop at the machine's speed, with its delay [1/s].
+    score: float  #: At most 1, where all is well damped; not above 0 where the rotor is not held.
 
     @property
     def held(self) -> bool:
@@ -89,24 +79,14 @@ class Holding:
 def holding(
     machine: Machine, feedback: Literal["measurement", "estimate"] = "measurement"
 ) -> Holding:
-    """Return controllers for a machine, each axis with its own.
-
-    Each is tuned to its axis alone, see `PID.for_bearing`. Where that shakes a bending mode, by the
-    loop's delay or a sensor on the other side of a node, softer gains and slower derivatives are
-    tried, the same for all axes, and those are taken that leave most damping: to the rigid body up
-    to `WELL_DAMPED`, to a bending mode up to `LEFT_TO_IT` of its own. Where the peak of abs(S) of
-    an axis with all others closed is `ENOUGH` or more then, those that bring it down to that of one
-    axis alone, `PEAK`, with most stiffness; or the lowest that is found. Where a step of a
-    reference overshoots by more than `OVERSHOOT`, kp sees less of it.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine.
-    feedback : {"measurement", "estimate"}
-        What the controllers are fed by. An estimator that knows displacements and velocities along
-        the axes is taken for right: in a linear loop it moves no pole but its own.
-    """
+    """Return controllers for a machine, each axis with its own."""
+    # Each is tuned to its axis alone, see `PID.for_bearing`. Where that shakes a bending mode, by
+    # the loop's delay or a sensor on the other side of a node, softer gains and slower derivatives
+    # are tried, the same for all axes, and those are taken that leave most damping: to the rigid
+    # body up to `WELL_DAMPED`, to a bending mode up to `LEFT_TO_IT` of its own. Where the peak of
+    # abs(S) of an axis with all others closed is `ENOUGH` or more then, those that bring it down to
+    # that of one axis alone, `PEAK`, with most stiffness; or the lowest that is found. Where a step
+    # of a reference overshoots by more than `OVERSHOOT`, kp sees less of it.
     return _held(machine, feedback)
 
 
@@ -115,15 +95,7 @@ def overshoot_of(
     pids: Sequence[PID],
     feedback: Literal["measurement", "estimate"] = "measurement",
 ) -> float:
-    """Return how far an axis goes beyond a step of its reference, of all axes the most [1].
-
-    Parameters
-    ----------
-    machine, feedback
-        See `holding`.
-    pids : sequence of PID (p,)
-        Of the axes.
-    """
+    """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
     return _Loop(machine, feedback).overshoot(tuple(pids))
 
 
@@ -189,10 +161,8 @@ class _Search:
         return self._refined(best, near, margins) if best is not found else best
 
     def _refined(self, best: Holding, near: Array, margins: Sensitivities) -> Holding:
-        """Look for a lower peak beside what was tried: of all axes alike, then of each bearing.
-
-        By the simplex of Nelder and Mead, in the logarithms of the shares.
-        """
+        """Look for a lower peak beside what was tried: of all axes alike, then of each bearing."""
+        # By the simplex of Nelder and Mead, in the logarithms of the shares.
         names = list(dict.fromkeys(axis.bearing.name for axis in self.machine.axes))
         of_axis = np.array([names.index(axis.bearing.name) for axis in self.machine.axes])
         free = 3 if len(self.slower) > 1 else 2

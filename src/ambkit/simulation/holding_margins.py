@@ -32,23 +32,7 @@ POINTS, NEAR, WITHIN = 200, 21, 0.06
 
 
 class Sensitivities:
-    """A machine's loops, each axis with its own PID and all others closed.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine, at its speed.
-    estimated : bool
-        Whether a linear Kalman filter with its default noise feeds the controllers, and not the
-        measurement.
-
-    Raises
-    ------
-    AmbkitError
-        Nothing holds the rotor in the middle, or the filter settles to no gain.
-    ValueError
-        The machine has more states than a filter takes.
-    """
+    """A machine's loops, each axis with its own PID and all others closed."""
 
     def __init__(self, machine: Machine, *, estimated: bool) -> None:
         point = WorkPoint.of_machine(machine)
@@ -66,16 +50,9 @@ class Sensitivities:
             self.estimator = E[:, :, :m], E[:, :, m:]
 
     def peaks(self, pids: Sequence[Any]) -> Array:
-        """Return the peak of abs(S) of each axis (p,) [1], be the loop stable or not.
-
-        The controllers' response is written out, as `controller` has it in states: hundreds are
-        asked.
-
-        Parameters
-        ----------
-        pids : sequence of PID (p,)
-            Of the axes.
-        """
+        """Return the peak of abs(S) of each axis (p,) [1], be the loop stable or not."""
+        # The controllers' response is written out, as `controller` has it in states: hundreds are
+        # asked.
         told = [(pid.kp, pid.ki, pid.kd, pid.derivative_filter) for pid in pids]
         kp, ki, kd, T_f = np.array(told).T
         z, T, p = self.z[:, None], self.T, len(pids)
@@ -96,13 +73,7 @@ class Sensitivities:
 
 
 def sensitivities(machine: Machine, *, estimated: bool) -> Sensitivities | None:
-    """Return a machine's loops; None where nothing holds it in the middle, or no filter takes it.
-
-    Parameters
-    ----------
-    machine, estimated
-        See `Sensitivities`.
-    """
+    """A machine's loops; None where nothing holds it in the middle, or no filter takes it."""
     try:
         return Sensitivities(machine, estimated=estimated)
     except (AmbkitError, ValueError):
@@ -110,10 +81,8 @@ def sensitivities(machine: Machine, *, estimated: bool) -> Sensitivities | None:
 
 
 def shown_along_axes(machine: Machine) -> Array:
-    """Return the displacements along the axes (p, m), by the readings.
-
-    It is that of the rigid rotor which explains all readings best.
-    """
+    """Return the displacements along the axes (p, m), by the readings."""
+    # It is that of the rigid rotor which explains all readings best.
     positions = machine.rigid_positions
     H = geometry.matrix([axis.line for axis in machine.axes], positions)
     C = geometry.matrix([r.line for r in machine.readings], positions)

@@ -11,30 +11,21 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class Faults:
-    """What is wrong between plant, controller and estimator, one value a sample, all (n,).
+    """What is wrong between plant, controller and estimator, one value a sample, all (n,)."""
 
-    Parameters
-    ----------
-    late : ndarray
-        The measurement is that of so many samples ago, 0 or more; between two of them on the line
-        through both. One that grows by 1 a sample is a sensor that is stuck [samples].
-    y_times, y_plus : ndarray
-        It is then multiplied by the one [1] and added to the other [m].
-    u_times, u_plus : ndarray
-        The same for the control signal that the estimator is told [1], [V]; the amplifier gets the
-        true one.
-    current : ndarray
-        Share of the amplifier's range that is left, which nobody is told [1].
-    beside : bool
-        Whether the controller, where it is fed by the measurement, gets the true one.
-    """
-
+    #: The measurement is that of so many samples ago, 0 or more; between two of them on the line
+    #: through both. One that grows by 1 a sample is a sensor that is stuck [samples].
     late: NDArray[np.float64]
+    #: It is then multiplied by the one [1] and added to the other [m].
     y_times: NDArray[np.float64]
     y_plus: NDArray[np.float64]
+    #: The same for the control signal that the estimator is told [1], [V]; the amplifier gets the
+    #: true one.
     u_times: NDArray[np.float64]
     u_plus: NDArray[np.float64]
+    #: Share of the amplifier's range that is left, which nobody is told [1].
     current: NDArray[np.float64]
+    #: Whether the controller, where it is fed by the measurement, gets the true one.
     beside: bool = False
 
     @classmethod
@@ -51,29 +42,20 @@ class Faults:
 
 @dataclass(frozen=True, eq=False)
 class Imposed:
-    """Series that a run is given from outside, one value a sample.
+    """Series that a run is given from outside, one value a sample."""
 
-    Parameters
-    ----------
-    disturbance : ndarray (n,), optional
-        Force on the rotor, added to the scenario's [N].
-    sensor_noise : ndarray (n,), optional
-        Noise on the measured position, in place of all that the bearing's sensor has [m].
-    magnet_scale : ndarray (n,), optional
-        Factor on the force of the plant's magnet, such as that of a drifting magnet constant [1].
-        Where the rotor hovers at the start, it is held as if the factor were 1.
-    faults : Faults, optional
-        Faults of sensor, control signal and amplifier. The record's y and u are those that the
-        estimator gets, with NaN for infinity.
-    place : float, optional
-        Where the rotor lies at the start [m]. Neither controller nor estimator is told: they start
-        as if it hovered at the reference.
-    """
-
+    #: (n,) Force on the rotor, added to the scenario's [N].
     disturbance: NDArray[np.float64] | None = None
+    #: (n,) Noise on the measured position, in place of all that the bearing's sensor has [m].
     sensor_noise: NDArray[np.float64] | None = None
+    #: (n,) Factor on the force of the plant's magnet, such as that of a drifting magnet constant
+    #: [1]. Where the rotor hovers at the start, it is held as if the factor were 1.
     magnet_scale: NDArray[np.float64] | None = None
+    #: Faults of sensor, control signal and amplifier. The record's y and u are those that the
+    #: estimator gets, with NaN for infinity.
     faults: Faults | None = None
+    #: Where the rotor lies at the start [m]. Neither controller nor estimator is told: they start
+    #: as if it hovered at the reference.
     place: float | None = None
 
 

@@ -56,34 +56,19 @@ class _Control(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class LetTurn:
-    """What is left to the rotor, as ``amb_let_turn`` has it.
+    """What is left to the rotor, as ``amb_let_turn`` has it."""
 
-    Attributes
-    ----------
-    first, step : float
-        The first speed, at which nothing is left to it yet, and from one to the next [rad/s].
-    start : int
-        Which state is the first of the unbalance's.
-    motion : ndarray (nodes, moved, w)
-        Of positions and velocities [m/(kg m)], [m/s/(kg m)], of angles in rad.
-    current : ndarray (nodes, p, w)
-        That it needs [A/(kg m)].
-    share : ndarray (nodes,)
-        Of the free motion, or of that of a rotor held still, which both have [1].
-    reach : ndarray (p, moved / 2)
-        Share of an axis's travel that a position takes [1/m], [1/rad].
-    ampere : ndarray (p,)
-        Share of an axis's greatest control current that 1 A takes [1/A].
-    """
-
+    #: The first speed, at which nothing is left to it yet, and from one to the next [rad/s].
     first: float
     step: float
-    start: int
+    start: int  #: Which state is the first of the unbalance's.
+    #: (nodes, moved, w) Of positions and velocities [m/(kg m)], [m/s/(kg m)], of angles in rad.
     motion: Array
-    current: Array
+    current: Array  #: (nodes, p, w) That it needs [A/(kg m)].
+    #: (nodes,) Of the free motion, or of that of a rotor held still, which both have [1].
     share: Array
-    reach: Array
-    ampere: Array
+    reach: Array  #: (p, moved / 2) Share of an axis's travel that a position takes [1/m], [1/rad].
+    ampere: Array  #: (p,) Share of an axis's greatest control current that 1 A takes [1/A].
 
     @property
     def counts(self) -> dict[str, int]:
@@ -92,13 +77,7 @@ class LetTurn:
         return {"nodes": nodes, "from": self.start, "width": width, "moved": moved}
 
     def at(self, speed: float) -> tuple[Array, Array]:
-        """Return motion (moved, w) [m], [m/s] and currents (p, w) [A] for 1 kg m, as in C.
-
-        Parameters
-        ----------
-        speed : float
-            Of rotation [rad/s].
-        """
+        """Return motion (moved, w) [m], [m/s] and currents (p, w) [A] for 1 kg m, as in C."""
         return self._between(self.motion, speed), self._between(self.current, speed)
 
     def share_at(self, speed: float) -> float:
@@ -106,15 +85,8 @@ class LetTurn:
         return float(self._between(self.share, speed))
 
     def limited(self, speed: float, unbalance: Array) -> float:
-        """Return what share of that is left of an unbalance as large as this, as in C.
-
-        Parameters
-        ----------
-        speed : float
-            Of rotation [rad/s].
-        unbalance : ndarray (w,)
-            States of the unbalance, x and y of each plane [kg m].
-        """
+        """Return what share of that is left of an unbalance as large as this, as in C."""
+        # unbalance (w,) [kg m]
         motion, current = self.at(speed)
         across = np.stack([-unbalance[1::2], unbalance[::2]], axis=1).ravel()
         positions = self.reach @ motion[: self.reach.shape[1]]
@@ -136,15 +108,7 @@ class LetTurn:
         )
 
     def sentence(self, name: str, low: float, high: float) -> str | None:
-        """Return where it is plain control between two speeds [rad/s]; None where it is not.
-
-        Parameters
-        ----------
-        name : str
-            Of the control, as "force-free".
-        low, high : float
-            The slowest and the fastest.
-        """
+        """Return where it is plain control between two speeds [rad/s]; None where it is not."""
         speeds = np.abs(self.first + self.step * np.arange(len(self.share)))
         inner = speeds[(speeds > abs(low)) & (speeds < abs(high))]
         asked = np.array(sorted({abs(low), *map(float, inner), abs(high)}))
@@ -201,33 +165,10 @@ def let_turn(
     start: float | None = None,
     fastest: float | None = None,
 ) -> LetTurn:
-    """Return the motion that controllers are to leave to the rotor, over the speeds.
-
-    Less of it, and in the end nothing, is left where the orbit would be considerably larger than
-    under plain control: where the magnets' reaction is what damps, as near a critical speed of the
-    free rotor, or of the one that is held still. That is a ratio, whatever the unbalance.
-
-    Parameters
-    ----------
-    plant : Plant
-        The machine.
-    estimator : Estimator
-        That feeds them.
-    control : Controllers
-        Plain control: the same without.
-    unbalance : {"force-free", "still"}
-        That of the free rotor, with currents that take the magnets' pull at it back; or that of one
-        that is held where its magnets are, with the currents that hold it.
-    start : float, optional
-        Speed from which on [rad/s]; `SLOWEST`, or half of the fastest, by default.
-    fastest : float, optional
-        Up to which [rad/s]; the machine's own by default.
-
-    Raises
-    ------
-    AmbkitError
-        The estimator has no unbalance among its states; there is no speed between both.
-    """
+    """Return the motion that controllers are to leave to the rotor, over the speeds."""
+    # Less of it, and in the end nothing, is left where the orbit would be considerably larger than
+    # under plain control: where the magnets' reaction is what damps, as near a critical speed of
+    # the free rotor, or of the one that is held still. That is a ratio, whatever the unbalance.
     check_unbalance(estimator)
     machine = plant.machine
     top = max(abs(machine.speed), abs(fastest or 0.0))
@@ -324,10 +265,9 @@ class _Rotor:
         return np.asarray(moved + give @ held, complex), held / self.k_i
 
     def plain(self, speed: float, control: _Control) -> Complex:
-        """Return the positions (q, planes) under plain control.
-
-        The estimator has the unbalance among its states, so that its mean turns as the rotor does.
-        """
+        """Return the positions (q, planes) under plain control."""
+        # The estimator has the unbalance among its states, so that its mean turns as the rotor
+        # does.
         T, q = self.T, len(self.still)
         kp, ki, kd = np.array([pid[:3] for pid in control.pids]).T[:, :, None]
         of, z = control.feedback, np.exp(1j * speed * T)

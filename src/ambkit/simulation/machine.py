@@ -41,29 +41,17 @@ STREAMS = 64
 
 @dataclass(frozen=True, eq=False)
 class MachineRun(Drawn):
-    """A simulated run of a whole machine.
+    """A simulated run of a whole machine."""
 
-    Attributes
-    ----------
-    machine : Machine
-        What was simulated.
-    record : Record
-        Of each reading ``y_NAME`` [m], of each axis ``u_NAME`` [V], and the truth: ``s_NAME``
-        displacement [m], ``iu_NAME`` current [A], ``f_mag_NAME`` magnet force [N], ``f_d_NAME``
-        load [N]; the rotor's coordinates and velocities; the speed of rotation [rad/s]; with
-        lift-off and landing the ``mode``, `ambkit.simulation.sequence.Mode`.
-    estimate : Estimate or None
-        What the estimator said meanwhile.
-    status : ndarray (n,)
-        The sum of the flags of estimator and controllers, `Status`.
-    usable : ndarray (n,) or None
-        With lift-off and landing, whether what feeds the controllers could be used.
-    """
-
-    machine: Machine
+    machine: Machine  #: What was simulated.
+    #: Of each reading ``y_NAME`` [m], of each axis ``u_NAME`` [V], and the truth: ``s_NAME``
+    #: displacement [m], ``iu_NAME`` current [A], ``f_mag_NAME`` magnet force [N], ``f_d_NAME`` load
+    #: [N]; the rotor's coordinates and velocities; the speed of rotation [rad/s]; with lift-off and
+    #: landing the ``mode``, `ambkit.simulation.sequence.Mode`.
     record: Record
-    estimate: Estimate | None
-    status: NDArray[np.uint16]
+    estimate: Estimate | None  #: What the estimator said meanwhile.
+    status: NDArray[np.uint16]  #: (n,) The sum of the flags of estimator and controllers, `Status`.
+    #: (n,) With lift-off and landing, whether what feeds the controllers could be used.
     usable: NDArray[np.bool_] | None
 
     def figure(self) -> Any:
@@ -73,10 +61,8 @@ class MachineRun(Drawn):
 
     @property
     def fed(self) -> slice:
-        """The samples in which magnets have current: up to where the power fails.
-
-        From then on no control current says so: it takes from one side what it gives the other.
-        """
+        """The samples in which magnets have current: up to where the power fails."""
+        # From then on no control current says so: it takes from one side what it gives the other.
         off = self.record.meta["flight"].get("off")
         t = self.record.t
         return slice(None) if off is None else slice(int(np.searchsorted(t, off)))

@@ -119,20 +119,13 @@ class Planned:
 
 @dataclass(frozen=True)
 class Many:
-    """What many runs gave, in their order.
+    """What many runs gave, in their order."""
 
-    Attributes
-    ----------
-    figures : mapping of str to ndarray (runs,)
-        By the names of :data:`FIGURES`, in SI; NaN where one does not apply.
-    status : mapping of str to ndarray of int64 (runs,)
-        By the names of :class:`ambkit.Status` in lower case: samples at which it was said.
-    traces : mapping of int to Run
-        Of those that were asked for, by their place, with all samples.
-    """
-
+    #: (runs,) By the names of :data:`FIGURES`, in SI; NaN where one does not apply.
     figures: Mapping[str, Array]
+    #: (runs,) By the names of :class:`ambkit.Status` in lower case: samples at which it was said.
     status: Mapping[str, Counts]
+    #: Of those that were asked for, by their place, with all samples.
     traces: Mapping[int, Run] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -155,15 +148,8 @@ class Windows(NamedTuple):
 
 
 def windows(r: Array, f_d: Array, first: int) -> Windows:
-    """Find where a step response and a recovery can be seen.
-
-    Parameters
-    ----------
-    r, f_d : ndarray (n,)
-        Reference [m] and load [N].
-    first : int
-        The first sample that errors count from.
-    """
+    """Find where a step response and a recovery can be seen."""
+    # r (n,) [m]; f_d (n,) [N]
     n = len(r)
     steps, loads = np.flatnonzero(np.diff(r)) + 1, np.flatnonzero(np.diff(f_d)) + 1
     step = load = None
@@ -393,20 +379,7 @@ class _Engine:
 
 
 def first_of(settling: float, T: float, n: int) -> int:
-    """Return the first sample that errors count from.
-
-    Parameters
-    ----------
-    settling, T : float
-        What is left out, and the sampling time [s].
-    n : int
-        Samples.
-
-    Raises
-    ------
-    ValueError
-        There is none.
-    """
+    """Return the first sample that errors count from."""
     first = max(1, round(settling / T))
     if first >= n:
         raise ValueError(

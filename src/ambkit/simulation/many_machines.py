@@ -55,22 +55,12 @@ FIGURES: dict[str, Figure] = {
 
 @dataclass(frozen=True, slots=True)
 class PlannedMachine:
-    """One run of many.
+    """One run of many."""
 
-    Attributes
-    ----------
-    machine, flight : Machine, Flight
-        The plant, and what happens to it: seed and run are the key of its noise.
-    estimator : Estimator or None
-        In the loop or beside it; it is not changed.
-    controllers : Controllers or None
-        Where they are made already.
-    """
-
-    machine: Machine
+    machine: Machine  #: The plant, and what happens to it: seed and run are the key of its noise.
     flight: Flight
-    estimator: Estimator | None = None
-    controllers: Controllers | None = None
+    estimator: Estimator | None = None  #: In the loop or beside it; it is not changed.
+    controllers: Controllers | None = None  #: Where they are made already.
 
     def simulated(self) -> MachineRun:
         """Simulate it by itself, with every sample kept."""
@@ -88,32 +78,8 @@ def simulate_machines(
     threads: int | None = None,
     done: Callable[[int], None] | None = None,
 ) -> Many:
-    """Simulate many machines and judge each by the truth.
-
-    The numbers follow from each run alone, whatever the threads and what else is there.
-
-    Parameters
-    ----------
-    runs : iterable of PlannedMachine
-        Any mixture.
-    settling : float
-        Time at the start of each run that errors leave out [s]; the first sample always is.
-    band : float
-        Control error that a rotor has recovered within, as a share of its travel limit.
-    threads : int, optional
-        Default: as many as the process may use.
-    done : callable, optional
-        Called with the number of runs that were finished since the last call.
-
-    Returns
-    -------
-    Many
-
-    Raises
-    ------
-    ValueError
-        A run has no sample after the settling.
-    """
+    """Simulate many machines and judge each by the truth."""
+    # The numbers follow from each run alone, whatever the threads and what else is there.
     own = threading.local()  # an estimator has a state: each thread has its own
 
     def fly(planned: PlannedMachine) -> tuple[list[float], list[int]]:
@@ -152,17 +118,7 @@ def _copied(estimator: Estimator) -> Estimator:
 def figures_of(
     run: MachineRun, estimator: Estimator | None, settling: float = 0.0, band: float = 0.05
 ) -> dict[str, float]:
-    """Return what a run is judged by.
-
-    Parameters
-    ----------
-    run : MachineRun
-        With its truth.
-    estimator : Estimator or None
-        That it was flown with.
-    settling, band : float
-        See `simulate_machines`.
-    """
+    """Return what a run is judged by."""
     machine, record = run.machine, run.record
     names = [axis.name for axis in machine.axes]
     travel = np.array([axis.bearing.travel_limit for axis in machine.axes])
@@ -197,17 +153,8 @@ def figures_of(
 
 
 def errors_of(run: MachineRun, estimator: Estimator) -> dict[str, Array]:
-    """Return the errors of x, v and f_d along the axes, sample by sample (n, p) [m], [m/s], [N].
-
-    Without f_d where the estimator has no loads among its states.
-
-    Parameters
-    ----------
-    run : MachineRun
-        With an estimate.
-    estimator : Estimator
-        Whose; it may know the machine by other values.
-    """
+    """Return the errors of x, v and f_d along the axes, sample by sample (n, p) [m], [m/s], [N]."""
+    # Without f_d where the estimator has no loads among its states.
     machine, record, estimate = run.machine, run.record, run.estimate
     assert estimate is not None
     assert estimator.whole is not None

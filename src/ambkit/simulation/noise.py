@@ -29,19 +29,11 @@ CONTROL, SENSOR = 0, 1
 
 @dataclass(frozen=True)
 class Stream:
-    """One stream of random numbers.
+    """One stream of random numbers."""
 
-    Attributes
-    ----------
-    seed, run : int
-        From 0 to below 2^64.
-    number : int
-        Of the stream.
-    """
-
-    seed: int
+    seed: int  #: From 0 to below 2^64.
     run: int = 0
-    number: int = 0
+    number: int = 0  #: Of the stream.
 
     def next(self, by: int = 1) -> Stream:
         """Return the stream that is so many farther."""
@@ -68,11 +60,9 @@ def drawn(bearing: Bearing, scenario: Scenario, n: int) -> tuple[Array, Array]:
 
 
 def white(bearing: Bearing, scenario: Scenario) -> tuple[float, float] | None:
-    """Return the standard deviations of the noise on control signal [V] and measurement [m].
-
-    They are all that there is to know of `drawn`; None where the sensor has noise that is not
-    white.
-    """
+    """Return the standard deviations of the noise on control signal [V] and measurement [m]."""
+    # They are all that there is to know of `drawn`; None where the sensor has noise that is not
+    # white.
     if not scenario.noise:
         return 0.0, 0.0
     sensor = bearing.sensor
@@ -82,19 +72,7 @@ def white(bearing: Bearing, scenario: Scenario) -> tuple[float, float] | None:
 
 
 def of_sensor(sensor: Sensor, T: float, n: int, stream: Stream) -> Array:
-    """Return n samples of the noise of a sensor [m].
-
-    Parameters
-    ----------
-    sensor : Sensor
-        What noise it has.
-    T : float
-        Sampling time [s].
-    n : int
-        Samples.
-    stream : Stream
-        Of the white noise; the next ones are of the coloured one, and of each line.
-    """
+    """Return n samples of the noise of a sensor [m]."""
     noise = stream.normal(math.sqrt(sensor.noise_variance), n)
     if sensor.coloured_noise is not None:
         noise += coloured(sensor.coloured_noise, T, n, stream.next())
@@ -104,21 +82,8 @@ def of_sensor(sensor: Sensor, T: float, n: int, stream: Stream) -> Array:
 
 
 def coloured(noise: ColouredNoise, T: float, n: int, stream: Stream) -> Array:
-    """Return n samples of stationary first-order noise, exact at every T [m].
-
-    ``z(k+1) = a z(k) + sqrt((1 - a^2) variance) w(k)`` with ``a = exp(-2 pi bandwidth T)``.
-
-    Parameters
-    ----------
-    noise : ColouredNoise
-        Variance and corner frequency.
-    T : float
-        Sampling time [s].
-    n : int
-        Samples.
-    stream : Stream
-        The random stream.
-    """
+    """Return n samples of stationary first-order noise, exact at every T [m]."""
+    # ``z(k+1) = a z(k) + sqrt((1 - a^2) variance) w(k)`` with ``a = exp(-2 pi bandwidth T)``.
     white = stream.normal(math.sqrt(noise.variance), n)
     rate = 2 * math.pi * noise.bandwidth * T
     white[1:] *= math.sqrt(-math.expm1(-2 * rate))
@@ -126,22 +91,9 @@ def coloured(noise: ColouredNoise, T: float, n: int, stream: Stream) -> Array:
 
 
 def hum(line: Hum, T: float, n: int, stream: Stream) -> Array:
-    """Return n samples of a narrow line [m].
-
-    Without a bandwidth, a sine of random phase. Else a phasor ``z(k+1) = exp((j omega - alpha) T)
-    z(k) + noise`` with ``alpha = 2 pi bandwidth``, stationary and of the same power.
-
-    Parameters
-    ----------
-    line : Hum
-        Frequency, amplitude and bandwidth.
-    T : float
-        Sampling time [s].
-    n : int
-        Samples.
-    stream : Stream
-        The random stream.
-    """
+    """Return n samples of a narrow line [m]."""
+    # Without a bandwidth, a sine of random phase. Else a phasor ``z(k+1) = exp((j omega - alpha) T)
+    # z(k) + noise`` with ``alpha = 2 pi bandwidth``, stationary and of the same power.
     turning = 2j * math.pi * line.frequency * T
     if line.bandwidth == 0:
         phase = 2 * math.pi * stream.share()

@@ -21,18 +21,9 @@ if TYPE_CHECKING:
 
 
 def substeps(bearing: Bearing, least: int) -> int:
-    """Steps of Runge-Kutta in a sample.
-
-    Two in the sensor's lag, which is unstable from 2.8 lags a step on; four in the time constant of
-    the current, which moves the rotor; four in a radian of the fastest runout.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The plant.
-    least : int
-        So many at least.
-    """
+    """Steps of Runge-Kutta in a sample."""
+    # Two in the sensor's lag, which is unstable from 2.8 lags a step on; four in the time constant
+    # of the current, which moves the rotor; four in a radian of the fastest runout.
     T = bearing.sampling_time
     fastest = max((line.order for line in bearing.sensor.runout), default=0) * (bearing.speed or 0)
     needed = (2 * T / bearing.sensor_lag, 4 * T * _corner(bearing), 4 * T * fastest)
@@ -46,15 +37,7 @@ def _corner(bearing: Bearing) -> float:
 
 
 def parts_of(bearing: Bearing, dtype: str = "float64") -> dict[str, Any] | None:
-    """Return the parts of a bearing by the names of ``amb_parts``, or None where there are none.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What is simulated.
-    dtype : str
-        Of the arrays.
-    """
+    """Return the parts of a bearing by the names of ``amb_parts``, or None where there are none."""
     parts = amplifier_of(bearing) | delay_of(bearing) | _sensor(bearing, dtype) | _contact(bearing)
     return parts or None
 
@@ -94,10 +77,8 @@ def in_words(bearing: Bearing) -> list[str]:
 
 
 def coil_fields(bearing: Bearing) -> dict[str, Any] | None:
-    """Return the law of one coil of a pair whose currents can differ, by its fields, or None.
-
-    Only the ideal law is known coil by coil; another magnet pulls by the mean of both currents.
-    """
+    """Return the law of one coil of a pair whose currents can differ, by its fields, or None."""
+    # Only the ideal law is known coil by coil; another magnet pulls by the mean of both currents.
     law = magnet_of(bearing)
     pair = bearing.amplifier.voltage_limit is not None and bearing.magnet.type == "two-sided"
     if not (pair and isinstance(law, ClosedLaw)):
@@ -107,13 +88,7 @@ def coil_fields(bearing: Bearing) -> dict[str, Any] | None:
 
 
 def amplifier_of(bearing: Bearing) -> dict[str, Any]:
-    """Return what an amplifier does, by the names of ``amb_parts``; nothing where it is at once.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Whose amplifier, and coils.
-    """
+    """Return what an amplifier does, by the names of ``amb_parts``; nothing where it is at once."""
     amplifier, magnet = bearing.amplifier, bearing.magnet
     if amplifier.bandwidth is None:
         return {}
@@ -156,19 +131,7 @@ def _sensor(bearing: Bearing, dtype: str) -> dict[str, Any]:
 def of_sensor(
     sensor: Sensor, runout: Iterable[Runout], dtype: str, around: float = 0.0
 ) -> dict[str, Any]:
-    """Return what a sensor does beside its gain and its lag, by the names of ``amb_parts``.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        Non-linearity, rounding, and how its noise depends on the position.
-    runout : iterable of Runout
-        What it sees of the rotation.
-    dtype : str
-        Of the arrays.
-    around : float
-        By how much farther round the rotor it looks than where the runout is told of [rad].
-    """
+    """Return what a sensor does beside its gain and its lag, by the names of ``amb_parts``."""
     parts = dict[str, Any]()
     if sensor.quadratic or sensor.cubic:
         parts |= {"quadratic": sensor.quadratic, "cubic": sensor.cubic}

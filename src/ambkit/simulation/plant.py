@@ -32,13 +32,7 @@ LOSS = 0.5
 
 
 class Plant:
-    """A machine as the C of the simulation wants it.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine.
-    """
+    """A machine as the C of the simulation wants it."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
@@ -63,16 +57,8 @@ class Plant:
         return self.machine.axes
 
     def hovering(self, place: Array, load: Array) -> tuple[Array, Array]:
-        """Return displacements (q,) and currents (p,) [A] of a rotor that hovers.
-
-        Parameters
-        ----------
-        place : ndarray (p,)
-            Where it is along the axes [m]; the nearest that the rotor can be, bent by what it takes
-            to hold it.
-        load : ndarray (p,)
-            Forces along the axes, besides magnets and weight [N].
-        """
+        """Return displacements (q,) and currents (p,) [A] of a rotor that hovers."""
+        # place (p,) [m]; load (p,) [N]
         machine = self.machine
         rigid = machine.rigid_positions
         H = self.H[:, : len(rigid)]
@@ -109,18 +95,7 @@ class Plant:
         return X
 
     def arrays(self, core: ModuleType, substeps: int, fastest: float) -> dict[str, Any]:
-        """Return the fields of ``amb_machine``.
-
-        Parameters
-        ----------
-        core : module
-            The build of the core that computes.
-        substeps : int
-            Steps of the integrator in a sample, at least.
-        fastest : float
-            Greatest speed of rotation in the run [rad/s].
-
-        """
+        """Return the fields of ``amb_machine``."""
         machine, model = self.machine, self.model
         n, readings = len(model.states), machine.readings
         index, more = model.place, len(self.pairs)
@@ -212,11 +187,9 @@ class Plant:
         return rings
 
     def _substeps(self, least: int, fastest: float) -> int:
-        """Return steps in a sample: what is fast needs short ones.
-
-        Two in a sensor's lag, four in an amplifier's, four in a radian of the fastest runout and
-        eight in one of the fastest bending, which they damp then by less than 1e-7 of its own.
-        """
+        """Return steps in a sample: what is fast needs short ones."""
+        # Two in a sensor's lag, four in an amplifier's, four in a radian of the fastest runout and
+        # eight in one of the fastest bending, which they damp then by less than 1e-7 of its own.
         T, machine = self.machine.sampling_time, self.machine
         orders = [line.order for sensor in machine.sensor for line in sensor.runout]
         needed = [4 * T * fastest * max(orders, default=1)]

@@ -37,52 +37,21 @@ BETWEEN = (0.15, 0.3, 0.45, 0.6, 0.8, 0.9)
 
 
 def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
-    """Return the feedback (p, n) of an estimator's states, and (p, p) of the axes' references.
-
-    The currents are ``iu = -K x + F r`` [A]. Least is the mean of the squared deflections in tenths
-    of the travel and of the currents in a share of their limits (Bryson and Ho 1975). The estimated
-    loads are cancelled at rest, and references held.
-
-    Parameters
-    ----------
-    plant : Plant
-        The machine.
-    estimator : Estimator
-        Whose model is regulated, with its amplifiers and dead time.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such regulator.
-    """
+    """Return the feedback (p, n) of an estimator's states, and (p, p) of the axes' references."""
+    # The currents are ``iu = -K x + F r`` [A]. Least is the mean of the squared deflections in
+    # tenths of the travel and of the currents in a share of their limits (Bryson and Ho 1975). The
+    # estimated loads are cancelled at rest, and references held.
     assert estimator.whole is not None
     along = estimator.whole.along_axes(estimator.states)[0]
     return regulator_of(plant.alone, estimator, along)
 
 
 def scheduled(plant: Plant, estimator: Estimator) -> tuple[dict[str, Array], Array]:
-    """Return feedback whose gains follow the speed of rotation, and (p, p) of the references.
-
-    By the speed W it is K_0 + W K_1 + W^2 K_2, equal to that of `regulator` at rest, at the
-    machine's speed, and at the one of `MIDDLES` that leaves most damping between. As gyroscopics
-    turn with W, even powers are of what they leave in its plane, odd ones of what they take across.
-    The references' gains are those of the machine's speed.
-
-    Parameters
-    ----------
-    plant, estimator
-        See `regulator`.
-
-    Returns
-    -------
-    (dict, ndarray (p, p))
-        The feedback as `Controllers` has it, and that of the references.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such regulator at one of these speeds.
-    """
+    """Return feedback whose gains follow the speed of rotation, and (p, p) of the references."""
+    # By the speed W it is K_0 + W K_1 + W^2 K_2, equal to that of `regulator` at rest, at the
+    # machine's speed, and at the one of `MIDDLES` that leaves most damping between. As gyroscopics
+    # turn with W, even powers are of what they leave in its plane, odd ones of what they take
+    # across. The references' gains are those of the machine's speed.
     machine, names = plant.machine, [state.name for state in estimator.states]
     filters = {
         share: KalmanFilter(machine.model_copy(update={"speed": share * machine.speed}))
@@ -127,22 +96,8 @@ def _regulated(
 def regulator_of(
     alone: Sequence[Bearing], estimator: Estimator, along: Array
 ) -> tuple[Array, Array]:
-    """Return the same of axes.
-
-    Parameters
-    ----------
-    alone : sequence of Bearing (p,)
-        The axes, each by itself.
-    estimator : Estimator
-        Whose model is regulated.
-    along : ndarray (p, n)
-        Displacements along the axes by the estimator's states.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such regulator.
-    """
+    """Return the same of axes."""
+    # along (p, n)
     from scipy.linalg import solve_discrete_are
 
     model, own, A, B = _regulated(alone, estimator)

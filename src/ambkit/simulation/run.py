@@ -69,13 +69,7 @@ def _adds_noise(bearing: Bearing) -> bool:
 
 
 def samples(bearing: Bearing, scenario: Scenario) -> int:
-    """Return how many samples a run has.
-
-    Raises
-    ------
-    AmbkitError
-        More than the memory of this machine holds.
-    """
+    """Return how many samples a run has."""
     T, most = bearing.sampling_time, _memory() // _BYTES
     if scenario.duration / T > most:
         raise AmbkitError(
@@ -104,24 +98,7 @@ def simulate(
     magnet: MagnetModel | None = None,
     imposed: Imposed | None = None,
 ) -> Record:
-    """Simulate the closed loop; see :func:`simulate_run`, which also returns the estimate.
-
-    Parameters
-    ----------
-    bearing, scenario : Bearing, Scenario
-        The plant, and what happens to it.
-    estimator : Estimator, optional
-        In the loop or beside it.
-    magnet : optional
-        The plant's own magnet, where it is not the bearing's closed law.
-    imposed : Imposed, optional
-        Series of disturbance, noise and magnet from outside.
-
-    Returns
-    -------
-    Record
-        With truth.
-    """
+    """Simulate the closed loop; see :func:`simulate_run`, which also returns the estimate."""
     run = simulate_run(bearing, scenario, estimator=estimator, magnet=magnet, imposed=imposed)
     return run.record
 
@@ -134,43 +111,15 @@ def simulate_run(
     magnet: MagnetModel | None = None,
     imposed: Imposed | None = None,
 ) -> Run:
-    """Simulate plant, amplifier, sensor, controller and estimator in closed loop.
-
-    A loop with an estimator in single precision is computed in single precision, plant and all.
-    The plant is continuous (Runge-Kutta of order 4 with ``scenario.substeps`` steps in a sample,
-    or as many more as a fast sensor needs):
-    nonlinear force law, weight, disturbance, sensor lag, mechanical stops, and what else the
-    bearing has: an amplifier's bandwidth and voltage, a dead time, runout, a stop that bounces.
-    Demanded control current and disturbance are held over a sample. Noise on the control signal and
-    on the measurement is normal, white unless the sensor has coloured noise or hum, from
-    independent streams of counters with ``scenario.seed`` and ``scenario.run`` as their key
-    (``sim/noise.h``).
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The plant.
-    scenario : Scenario
-        What happens to it. With ``controller.feedback = "estimate"`` the controller is fed by the
-        estimator, otherwise by the measurement.
-    estimator : Estimator, optional
-        In the loop or beside it. Where the controller needs one and none is given, the linear
-        filter of the bearing.
-    magnet : optional
-        The plant's own magnet, where it is not the bearing's closed law.
-    imposed : Imposed, optional
-        Series of disturbance, noise and magnet from outside.
-
-    Returns
-    -------
-    Run
-        The record, with truth, and the estimate (None without an estimator).
-
-    Raises
-    ------
-    ValueError
-        A series has not one value a sample.
-    """
+    """Simulate plant, amplifier, sensor, controller and estimator in closed loop."""
+    # A loop with an estimator in single precision is computed in single precision, plant and all.
+    # The plant is continuous (Runge-Kutta of order 4 with ``scenario.substeps`` steps in a sample,
+    # or as many more as a fast sensor needs): nonlinear force law, weight, disturbance, sensor lag,
+    # mechanical stops, and what else the bearing has: an amplifier's bandwidth and voltage, a dead
+    # time, runout, a stop that bounces. Demanded control current and disturbance are held over a
+    # sample. Noise on the control signal and on the measurement is normal, white unless the sensor
+    # has coloured noise or hum, from independent streams of counters with ``scenario.seed`` and
+    # ``scenario.run`` as their key (``sim/noise.h``).
     return Loop(bearing, scenario, estimator=estimator, magnet=magnet, imposed=imposed).run()
 
 
@@ -195,36 +144,11 @@ class Sampled(NamedTuple):
 
 
 class Loop:
-    """A closed loop that can stop between two samples, and go on with another estimator.
+    """A closed loop that can stop between two samples, and go on with another estimator."""
 
-    What is simulated is that of :func:`simulate_run`, and in stretches it is the same, to the last
-    bit, as in one go. In between, `estimator` may be replaced by one that goes on where the old one
-    is, see :meth:`ambkit.Estimator.take_over`: so a filter is learned anew in flight.
-
-    Parameters
-    ----------
-    bearing, scenario, estimator, magnet, imposed
-        As for :func:`simulate_run`.
-    elsewhere : callable, optional
-        A whole controller that is not in this process, such as in a processor in the loop; in the
-        place of the scenario's and of the estimator, which then only says the precision.
-    sampled : Sampled, optional
-        Of the scenario with this sampling time, where it is known already.
-
-    Raises
-    ------
-    ValueError
-        As :func:`simulate_run`.
-
-    Examples
-    --------
-    >>> loop = Loop(bearing, scenario, estimator=ambkit.KalmanFilter(bearing))
-    >>> before = loop.run(until=0.2)
-    >>> better = ambkit.AdaptiveKalmanFilter(bearing, expert)
-    >>> better.take_over(loop.estimator)
-    >>> loop.estimator = better
-    >>> after = loop.run()
-    """
+    # What is simulated is that of :func:`simulate_run`, and in stretches it is the same, to the
+    # last bit, as in one go. In between, `estimator` may be replaced by one that goes on where the
+    # old one is, see :meth:`ambkit.Estimator.take_over`: so a filter is learned anew in flight.
 
     def __init__(
         self,
@@ -315,15 +239,7 @@ class Loop:
     def arguments(
         self, core: ModuleType, given: Callable[[NDArray[np.float64]], NDArray[Any]]
     ) -> dict[str, Any]:
-        """Return what a core is told of the loop and of what comes from outside, without noise.
-
-        Parameters
-        ----------
-        core : module
-            The build of the core that computes.
-        given : callable
-            Makes of a series what the core takes of it.
-        """
+        """Return what a core is told of the loop and of what comes from outside, without noise."""
         bearing, estimator, pid = self.bearing, self.estimator, self.scenario.controller
         faults, precision = self._faults, "float64" if estimator is None else estimator.precision
         return {
@@ -383,24 +299,7 @@ class Loop:
         return told | ({"hover": self._held} if hovering else down)
 
     def run(self, until: float | None = None) -> Run:
-        """Go on, to the end of the scenario or to a time before it.
-
-        Parameters
-        ----------
-        until : float, optional
-            The first sample at this time or later is left to the next stretch [s].
-
-        Returns
-        -------
-        Run
-            Of this stretch.
-
-        Raises
-        ------
-        ValueError
-            Nothing is left to be run until then; a loop with faults is to run in stretches; or the
-            estimator has not the precision of the one that the loop began with.
-        """
+        """Go on, to the end of the scenario or to a time before it."""
         bearing, estimator = self.bearing, self.estimator
         precision = "float64" if estimator is None else estimator.precision
         if self._at == 0:

@@ -28,11 +28,11 @@ class Mode(IntEnum):
 
 
 class LiftOff(Part):
-    """When the currents are on: lift-off, landing, and what ends a flight.
+    """When the currents are on: lift-off, landing, and what ends a flight."""
 
-    With ``start = "rest"`` the rotor lies on the stop to which its weight pulls it, and both coils
-    are without current until it lifts. It lifts when the estimate has settled, from where it lies.
-    """
+    # With ``start = "rest"`` the rotor lies on the stop to which its weight pulls it, and both
+    # coils are without current until it lifts. It lifts when the estimate has settled, from where
+    # it lies.
 
     start: Annotated[float, Quantity("s", "50 ms", at_least=0)] = 0.0
     """When it is told to fly [s]."""
@@ -56,24 +56,13 @@ class LiftOff(Part):
             yield "stop", f"must be after start, {read('start'):g} s; is {stop:g} s"
 
     def fly(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return whether it is told to fly, 1 or 0.
-
-        Parameters
-        ----------
-        t : ndarray (n,)
-            Times of the samples [s].
-        """
+        """Return whether it is told to fly, 1 or 0."""
+        # t (n,) [s]
         told = t >= self.start
         return (told if self.stop is None else told & (t < self.stop)).astype(float)
 
     def in_samples(self, T: float) -> dict[str, Any]:
-        """Return the fields of ``amb_sequence``.
-
-        Parameters
-        ----------
-        T : float
-            Sampling time [s].
-        """
+        """Return the fields of ``amb_sequence``."""
         return {
             "waiting": _samples(self.wait, T),
             "lost": _samples(self.lost, T),

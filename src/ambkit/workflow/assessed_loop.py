@@ -26,30 +26,17 @@ from ambkit.workflow.loop_of import LoopOf, zone_of
 
 @dataclass(frozen=True, eq=False)
 class AssessedAxis:
-    """One axis of a stable loop, all other loops closed.
+    """One axis of a stable loop, all other loops closed."""
 
-    Attributes
-    ----------
-    name : str
-        Of the axis.
-    margins : Margins
-        Of its loop.
-    peak, peak_frequency : float
-        Greatest of abs(S) within the standard's range [1], and where [Hz].
-    current_noise, position_noise : float
-        Standard deviations of the demanded current [A] and of the position [m] by the sensors'
-        white noise and the amplifiers' noise.
-    demands : Demands
-        What it asks of the machine, and what load it bears.
-    """
-
-    name: str
-    margins: Margins
-    peak: float
+    name: str  #: Of the axis.
+    margins: Margins  #: Of its loop.
+    peak: float  #: Greatest of abs(S) within the standard's range [1], and where [Hz].
     peak_frequency: float
+    #: Standard deviations of the demanded current [A] and of the position [m] by the sensors' white
+    #: noise and the amplifiers' noise.
     current_noise: float
     position_noise: float
-    demands: Demands
+    demands: Demands  #: What it asks of the machine, and what load it bears.
 
     @property
     def zone(self) -> str:
@@ -90,34 +77,17 @@ class AssessedAxis:
 
 @dataclass(frozen=True, eq=False)
 class AssessedLoop:
-    """One loop, of one axis or of several, and what is said of it.
+    """One loop, of one axis or of several, and what is said of it."""
 
-    Attributes
-    ----------
-    name : str
-        By what its controllers are fed.
-    loop : Loop
-        The linear loop, to be asked for any response.
-    stable : bool
-        Whether it is; nothing below means anything else.
-    axes : dict of str to AssessedAxis
-        By their names; empty of an unstable loop.
-    largest : tuple of float
-        Greatest singular value of S up to half the sampling rate [1], and where [Hz]; NaN of an
-        unstable loop.
-    integral : BodeIntegral
-        The check of all of it.
-    of : LoopOf
-        Plant and work point.
-    """
-
-    name: str
-    loop: Loop
-    stable: bool
-    axes: dict[str, AssessedAxis]
+    name: str  #: By what its controllers are fed.
+    loop: Loop  #: The linear loop, to be asked for any response.
+    stable: bool  #: Whether it is; nothing below means anything else.
+    axes: dict[str, AssessedAxis]  #: By their names; empty of an unstable loop.
+    #: Greatest singular value of S up to half the sampling rate [1], and where [Hz]; NaN of an
+    #: unstable loop.
     largest: tuple[float, float]
-    integral: BodeIntegral
-    of: LoopOf
+    integral: BodeIntegral  #: The check of all of it.
+    of: LoopOf  #: Plant and work point.
 
     @property
     def worst(self) -> AssessedAxis | None:
@@ -213,17 +183,7 @@ class AssessedLoop:
 
 
 def assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:
-    """Return a loop with all that is said of it.
-
-    Parameters
-    ----------
-    name : str
-        By what its controllers are fed.
-    loop : Loop
-        Of `of`, or of another controller on its plant.
-    of : LoopOf
-        Gives plant and work point.
-    """
+    """Return a loop with all that is said of it."""
     integral = bode_integral(loop)
     if not loop.is_stable:
         return AssessedLoop(name, loop, False, {}, (math.nan, math.nan), integral, of)

@@ -35,33 +35,18 @@ BASIS = (
 
 @dataclass(frozen=True, eq=False)
 class AssessedLog(Shown):
-    """A measured sensitivity, and what is said of it.
-
-    Attributes
-    ----------
-    measured : MeasuredSensitivity
-        What the record tells.
-    top : float
-        End of the range that the zones are taken from [Hz].
-    peak, peak_frequency : float
-        Greatest magnitude of S within it [1], and where [Hz].
-    interval : tuple of float
-        What holds the greatest magnitude at the measured frequencies, with 95 % or more [1].
-    model : Assessment or None
-        The linear loops of the bearing, where it is given.
-    axis : int
-        Which axis of a machine.
-    """
+    """A measured sensitivity, and what is said of it."""
 
     _card_by = "workflow.cards:assessed_log"
 
-    measured: MeasuredSensitivity
-    top: float
-    peak: float
+    measured: MeasuredSensitivity  #: What the record tells.
+    top: float  #: End of the range that the zones are taken from [Hz].
+    peak: float  #: Greatest magnitude of S within it [1], and where [Hz].
     peak_frequency: float
+    #: What holds the greatest magnitude at the measured frequencies, with 95 % or more [1].
     interval: tuple[float, float]
-    model: Assessment | None
-    axis: int = 0
+    model: Assessment | None  #: The linear loops of the bearing, where it is given.
+    axis: int = 0  #: Which axis of a machine.
 
     @property
     def zone(self) -> str:
@@ -208,20 +193,7 @@ def assess_log(
 
 
 def of_one_axis(record: Record, machine: Machine) -> tuple[int, Record]:
-    """Return which axis of a machine something was injected at, and the record of that axis alone.
-
-    Parameters
-    ----------
-    record : Record
-        Of the machine.
-    machine : Machine
-        Gives places and gains of the readings.
-
-    Raises
-    ------
-    RecordError
-        It has not all readings, or not one axis that something was injected at.
-    """
+    """Which axis of a machine something was injected at, and the record of that axis alone."""
     names = [axis.name for axis in machine.axes]
     told = [name for name in names if signal("injected", name) in record]
     if len(told) != 1:

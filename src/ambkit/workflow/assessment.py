@@ -27,27 +27,16 @@ BASIS = (
 
 @dataclass(frozen=True, eq=False)
 class Assessment(Shown):
-    """Loops of one bearing or machine and its controllers, assessed.
-
-    Attributes
-    ----------
-    of : LoopOf
-        Plant, controllers and work point.
-    estimators : dict of str to Estimator
-        Those in the loops.
-    least : tuple of float
-        Peaks of S and T, by their largest singular values, that no controller can be below with
-        this plant.
-    loops : dict of str to AssessedLoop
-        By what the controllers are fed, the measurement first.
-    """
+    """Loops of one bearing or machine and its controllers, assessed."""
 
     _card_by = "workflow.cards:assessment"
 
-    of: LoopOf
-    estimators: dict[str, Estimator]
+    of: LoopOf  #: Plant, controllers and work point.
+    estimators: dict[str, Estimator]  #: Those in the loops.
+    #: Peaks of S and T, by their largest singular values, that no controller can be below with this
+    #: plant.
     least: tuple[float, float]
-    loops: dict[str, AssessedLoop]
+    loops: dict[str, AssessedLoop]  #: By what the controllers are fed, the measurement first.
 
     @property
     def bearing(self) -> Any:
@@ -56,10 +45,8 @@ class Assessment(Shown):
 
     @property
     def controllers(self) -> dict[str, PID]:
-        """Gains, with what was not said tuned: by axis, or coordinate of a machine's rotor.
-
-        As they are fed in the last of the loops.
-        """
+        """Gains, with what was not said tuned: by axis, or coordinate of a machine's rotor."""
+        # As they are fed in the last of the loops.
         return self.of.pids(self.estimators.get(list(self.loops)[-1]))
 
     @property
@@ -135,18 +122,7 @@ class Assessment(Shown):
         return sorted(one for one in each if one is not None)
 
     def grades(self, filter: str | None = None) -> list[Grade]:
-        """Return what unbalance of each balance quality grade would do at the machine's speed.
-
-        Parameters
-        ----------
-        filter : str, optional
-            By what the controllers of the loop are fed; by default the last one.
-
-        Returns
-        -------
-        list of Grade
-            None of one axis, of a machine that does not turn, or of an unstable loop.
-        """
+        """Return what unbalance of each balance quality grade would do at the machine's speed."""
         loop = list(self.loops.values())[-1] if filter is None else self.loops[filter]
         machine = self.of.machine
         if machine is None or not machine.speed or not loop.stable:
@@ -154,23 +130,10 @@ class Assessment(Shown):
         return of_grades(loop.loop, machine, loop.of.point)
 
     def shares(self, filter: str | None = None) -> dict[str, float]:
-        """Return the peak of abs(S) as it is, and with each piece of the loop ideal in turn [1].
-
-        The worst axis within the standard's range; controllers, filter and work point stay as they
-        are, so that what is told is the piece's own. Infinite where the loop is unstable then.
-
-        Parameters
-        ----------
-        filter : str, optional
-            By what the controllers of the loop are fed; by default the last one.
-
-        Returns
-        -------
-        dict of str to float
-            ``"as it is"``, and by the pieces that are not ideal already: ``"amplifier"`` without
-            lag, ``"sensor"`` without lag, ``"delay"`` without dead time but for the hold,
-            ``"filter"`` replaced by the measurement.
-        """
+        """Return the peak of abs(S) as it is, and with each piece of the loop ideal in turn [1]."""
+        # The worst axis within the standard's range; controllers, filter and work point stay as
+        # they are, so that what is told is the piece's own. Infinite where the loop is unstable
+        # then.
         name = list(self.loops)[-1] if filter is None else filter
         estimator = self.estimators.get(name)
         found = {"as it is": self.loops[name].peak if self.loops[name].stable else math.inf}
@@ -182,17 +145,10 @@ class Assessment(Shown):
         return found
 
     def figure(self, filter: str | None = None) -> Figure:
-        """Return Bode of S with the zones, Nyquist, compliance and noise as a picture.
-
-        Of one axis with all loops that are stable; of a machine with all axes of one loop, singular
-        values, and the determinant of the return difference. Of a loop that is unstable Nyquist,
-        loop gain and poles of just this loop.
-
-        Parameters
-        ----------
-        filter : str, optional
-            By what the controllers of the loop are fed; by default the last one.
-        """
+        """Return Bode of S with the zones, Nyquist, compliance and noise as a picture."""
+        # Of one axis with all loops that are stable; of a machine with all axes of one loop,
+        # singular values, and the determinant of the return difference. Of a loop that is unstable
+        # Nyquist, loop gain and poles of just this loop.
         from ambkit.show.plots.assessment import Curves, assessment_figure, unstable_figure
 
         name = list(self.loops)[-1] if filter is None else filter
@@ -220,13 +176,7 @@ class Assessment(Shown):
         )  # fmt: skip
 
     def alike(self, filter: str) -> list[list[str]]:
-        """Return the names of a loop's axes, those together whose curves are the same.
-
-        Parameters
-        ----------
-        filter : str
-            By what the controllers of the loop are fed.
-        """
+        """Return the names of a loop's axes, those together whose curves are the same."""
         found: list[list[str]] = []
         axes = self.loops[filter].axes
         for name, each in axes.items():
@@ -242,13 +192,7 @@ class Assessment(Shown):
         return found
 
     def capacity_figure(self, filter: str | None = None) -> Figure:
-        """Return the load that each loop, or each axis of a machine, bears over the frequency.
-
-        Parameters
-        ----------
-        filter : str, optional
-            Of a machine, by what the controllers of the loop are fed; by default the last one.
-        """
+        """Return the load that each loop, or each axis of a machine, bears over the frequency."""
         from ambkit.show.plots.capacity import capacity_figure
 
         demands: dict[str, tuple[float, float]] = {}

@@ -41,20 +41,9 @@ class Grade(NamedTuple):
 
 
 def of_grades(loop: Loop, machine: Machine, point: WorkPoint) -> list[Grade]:
-    """Return what the unbalance of each grade would do.
-
-    In the planes that are described, or else at the outer bearings; the planes' shares as the
-    machine's own are graded, and their angles as bad as can be.
-
-    Parameters
-    ----------
-    loop : Loop
-        Stable, at the machine's speed.
-    machine : Machine
-        Which turns.
-    point : WorkPoint
-        Where it is linearised.
-    """
+    """Return what the unbalance of each grade would do."""
+    # In the planes that are described, or else at the outer bearings; the planes' shares as the
+    # machine's own are graded, and their angles as bad as can be.
     alone, pairs = alone_of(machine), pairs_of(machine)
     travel = np.array([b.rotor.travel_limit for b in alone])
     per_grade = [
@@ -74,15 +63,7 @@ def of_grades(loop: Loop, machine: Machine, point: WorkPoint) -> list[Grade]:
 
 
 def permitted(machine: Machine, grade: float) -> list[Unbalance]:
-    """Return the unbalance that a grade permits, plane by plane.
-
-    Parameters
-    ----------
-    machine : Machine
-        Which turns.
-    grade : float
-        Balance quality grade [m/s].
-    """
+    """Return the unbalance that a grade permits, plane by plane."""
     places = unbalance_planes(machine)
     places = places if len(places) < 3 else [places[0], places[-1]]
     if len(places) == 2 and places[0] * places[1] >= 0:
@@ -93,15 +74,8 @@ def permitted(machine: Machine, grade: float) -> list[Unbalance]:
 
 
 def grade_of(machine: Machine) -> float | None:
-    """Return the balance quality grade of a machine's unbalance at its speed [m/s]; None: none.
-
-    The planes' amounts are added up.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine.
-    """
+    """Return the balance quality grade of a machine's unbalance at its speed [m/s]; None: none."""
+    # The planes' amounts are added up.
     if not machine.speed or not machine.unbalance:
         return None
     whole = sum(amount for _, amount, _ in machine.unbalances())
@@ -109,15 +83,8 @@ def grade_of(machine: Machine) -> float | None:
 
 
 def unbalance_forces(machine: Machine) -> NDArray[np.float64]:
-    """Return the amplitudes of the forces along the axes that do what the unbalance does (p,) [N].
-
-    To the rigid rotor, at the machine's speed.
-
-    Parameters
-    ----------
-    machine : Machine
-        Gives speed and unbalance.
-    """
+    """The amplitudes of the forces along the axes that do what the unbalance does (p,) [N]."""
+    # To the rigid rotor, at the machine's speed.
     positions = machine.rigid_positions
     H = geometry.matrix([axis.line for axis in machine.axes], positions)
     pushed = np.zeros(len(positions), complex)

@@ -18,26 +18,7 @@ MOST = 0.5
 
 
 def check_belongs(record: Record, bearing: Bearing) -> list[str]:
-    """Return what is odd about a record of a bearing, or refuse it.
-
-    Parameters
-    ----------
-    record : Record
-        With y [m] and u [V], as far as it has them.
-    bearing : Bearing
-        The bearing.
-
-    Returns
-    -------
-    list of str
-        What is wrong, and of the remarks those that ask whether a unit is. Nothing where the rate
-        is another, which every estimator refuses.
-
-    Raises
-    ------
-    RecordError
-        Most of the measurements are beyond the air gap.
-    """
+    """Return what is odd about a record of a bearing, or refuse it."""
     if off_rate(record, bearing):
         return []
     verdict = evaluate_record(record, bearing)

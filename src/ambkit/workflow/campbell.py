@@ -39,27 +39,16 @@ class CriticalSpeed(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Campbell(Drawn):
-    """Poles of a rotor in its magnets, over the speed of rotation.
+    """Poles of a rotor in its magnets, over the speed of rotation."""
 
-    Attributes
-    ----------
-    machine : str
-        Its name.
-    speed : ndarray (n,)
-        Speeds of rotation [rad/s].
-    poles : ndarray of complex (n, modes)
-        Each mode's pole, followed from speed to speed; of a pair the one above [1/s].
-    forwards : ndarray of bool (modes,)
-        Whether the mode whirls with the rotation; else against it or, where `axial`, along the
-        shaft.
-    axial : ndarray of bool (modes,)
-        Whether the mode moves along the shaft, and does not whirl.
-    """
-
-    machine: str
-    speed: Array
+    machine: str  #: Its name.
+    speed: Array  #: (n,) Speeds of rotation [rad/s].
+    #: (n, modes) Each mode's pole, followed from speed to speed; of a pair the one above [1/s].
     poles: NDArray[np.complex128]
+    #: (modes,) Whether the mode whirls with the rotation; else against it or, where `axial`, along
+    #: the shaft.
     forwards: NDArray[np.bool_]
+    #: (modes,) Whether the mode moves along the shaft, and does not whirl.
     axial: NDArray[np.bool_]
 
     @property
@@ -169,15 +158,7 @@ def stiffnesses(machine: Machine) -> list[ConstantStiffness]:
 
 
 def held(machine: Machine, pids: Sequence[PID] | None = None) -> tuple[Array, Array]:
-    """Return A at rest, and what it gains by 1 rad/s, of the rotor on its controllers.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine.
-    pids : sequence of PID (p,), optional
-        Of the axes; by default those of `holding`.
-    """
+    """Return A at rest, and what it gains by 1 rad/s, of the rotor on its controllers."""
     of, q2 = continuous(machine), 2 * len(machine.positions)
     A, spin = of.A[:q2, :q2], of.spin[:q2, :q2]
     pids = holding(machine).pids if pids is None else pids
@@ -193,10 +174,8 @@ def held(machine: Machine, pids: Sequence[PID] | None = None) -> tuple[Array, Ar
 
 
 def _apart(machine: Machine, A: Array) -> Array:
-    """Return what tells whirls that nothing else does: of one frequency, as of a symmetric rotor.
-
-    Gyroscopics that change a frequency by some 1e-9.
-    """
+    """What tells whirls that nothing else does: of one frequency, as of a symmetric rotor."""
+    # Gyroscopics that change a frequency by some 1e-9.
     at, n = {name: k for k, name in enumerate(machine.positions)}, len(machine.positions)
     least = np.zeros_like(A)
     rate = 1e-9 * float(np.abs(np.linalg.eigvals(A)).max())

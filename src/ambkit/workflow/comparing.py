@@ -35,23 +35,7 @@ HEIGHTS = (0.1, 0.3, 0.5)
 
 
 def cases_called(name: str = "paper", spread: Given | None = None) -> dict[str, Case]:
-    """Return a case, or all of them.
-
-    Parameters
-    ----------
-    name : str
-        Of :data:`ambkit.judge.comparison.cases.CASES`, or ``all``.
-    spread : float or str, optional
-        How far the plant is off at most, from 0 to below 1: magnet constant, mass, air gap, sensor
-        and load. By default what the case says.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such case.
-    ValueError
-        `spread` is out of its range.
-    """
+    """Return a case, or all of them."""
     if name != "all" and name not in CASES:
         raise AmbkitError(f'there is no case "{name}"; known: {", ".join(CASES)}, all')
     cases = dict(CASES) if name == "all" else {name: CASES[name]}
@@ -77,37 +61,7 @@ def compare_in_case(
     whole: bool = False,
     done: Callable[[str], None] | None = None,
 ) -> Study:
-    """Compare estimators along the same records, and each in the loop, by all that counts.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What the estimators know.
-    case : str or Case
-        What happens, see `cases_called`.
-    estimators : sequence of str, optional
-        Kinds, or ``file.py:Class``; by default all kinds.
-    runs, budget, seed : int
-        How many runs, evaluations to tune each with (0: defaults), and the first seed.
-    spread : float or str, optional
-        See `cases_called`; of a case by name.
-    magnets : mapping of str to MagnetModel, optional
-        What kinds know of the magnet, in place of what would be learned.
-    plant : ForceSurface, optional
-        The plant's true magnet, such as ``ForceSurface(bearing, points)`` of a measured or computed
-        force: which estimator is best on your own iron. Maps that are learned, are learned from it.
-    whole : bool
-        Whether the errors by step, wrong k and the limit are wanted, for a report.
-    done : callable, optional
-        Called after each piece of work with what is next; a notebook shows a bar without it.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such case or estimator.
-    ValueError
-        `spread` is out of its range.
-    """
+    """Compare estimators along the same records, and each in the loop, by all that counts."""
     chosen = cases_called(case, spread)[case] if isinstance(case, str) else case
     if plant is not None:
         chosen = replace(chosen, magnet=plant)
@@ -131,13 +85,7 @@ def compare_in_all(
     plant: ForceSurface | None = None,
     done: Callable[[str], None] | None = None,
 ) -> Benches:
-    """Compare estimators in all cases, tuned anew in each.
-
-    Parameters
-    ----------
-    bearing, estimators, runs, budget, seed, spread, magnets, plant, done
-        See `compare_in_case`.
-    """
+    """Compare estimators in all cases, tuned anew in each."""
     cases = cases_called("all", spread)
     if plant is not None:
         cases = {name: replace(case, magnet=plant) for name, case in cases.items()}
@@ -150,21 +98,12 @@ def compare_in_all(
 
 @dataclass(frozen=True)
 class Happening:
-    """What happens to the loops that are compared.
+    """What happens to the loops that are compared."""
 
-    Attributes
-    ----------
-    scenario : Scenario
-        The run; its seed is replaced.
-    step : float or None
-        Step of the reference [m]; None where it is the user's own scenario, without one.
-    load : float or None
-        Load after half of the run [N], if one was put in.
-    """
-
-    scenario: Scenario
+    scenario: Scenario  #: The run; its seed is replaced.
+    #: Step of the reference [m]; None where it is the user's own scenario, without one.
     step: float | None = None
-    load: float | None = None
+    load: float | None = None  #: Load after half of the run [N], if one was put in.
 
 
 def happenings(
@@ -176,24 +115,7 @@ def happenings(
     duration: Given | None = None,
     name: str = "scenario",
 ) -> dict[str, Happening]:
-    """Return what happens, by name: the user's own scenario, or a step of each height.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The controller is tuned to it, see `ambkit.scenario_for`.
-    scenario : Scenario, optional
-        The user's own.
-    steps : iterable of float or str, optional
-        Heights [m], such as 5e-5 or ``"50 µm"``; without a scenario by default `HEIGHTS` of the
-        travel.
-    load : float or str, optional
-        Load after half of the run [N].
-    duration : float or str, optional
-        Length of the run [s].
-    name : str
-        Of the user's own scenario.
-    """
+    """Return what happens, by name: the user's own scenario, or a step of each height."""
     load = in_si("load", load, "N")
     heights: list[float | None] = [None]
     if steps is not None:
@@ -210,26 +132,15 @@ def happenings(
 
 @dataclass(frozen=True)
 class LoopScores(Shown):
-    """Estimators, each in its own loop, over the same seeds.
-
-    Attributes
-    ----------
-    bearing : Bearing
-        The plant, and what the estimators know.
-    happenings : mapping of str to Happening
-        What happened, by name.
-    scores : mapping of str to (mapping of str to Score)
-        By the same names, and by estimator.
-    seeds : range
-        Of the runs.
-    """
+    """Estimators, each in its own loop, over the same seeds."""
 
     _card_by = "workflow.cards:loop_scores"
 
-    bearing: Bearing
-    happenings: Mapping[str, Happening]
+    bearing: Bearing  #: The plant, and what the estimators know.
+    happenings: Mapping[str, Happening]  #: What happened, by name.
+    #: (mapping of str to Score) By the same names, and by estimator.
     scores: Mapping[str, Mapping[str, Score]]
-    seeds: range
+    seeds: range  #: Of the runs.
 
     @property
     def steps(self) -> list[float] | None:
@@ -261,25 +172,7 @@ def compare_in_loops(
     plant: ForceSurface | None = None,
     done: Callable[[], None] = lambda: None,
 ) -> LoopScores:
-    """Compare estimators, each in its own loop, against the same noise, with the same Q and R.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The plant, and what the estimators know.
-    what : mapping of str to Happening
-        From `happenings`.
-    estimators : iterable of str, or mapping of str to callable
-        Some of :data:`ambkit.estimate.registry.KINDS`, or what builds them.
-    runs, seed : int
-        How many runs, and the first seed.
-    magnets : mapping of str to MagnetModel, optional
-        What kinds know of the magnet, in place of what would be learned.
-    plant : ForceSurface, optional
-        The plant's true magnet; by default what the bearing describes.
-    done : callable
-        Called after each run.
-    """
+    """Compare estimators, each in its own loop, against the same noise, with the same Q and R."""
     built: Mapping[str, Callable[[], Estimator]] = (
         estimators if isinstance(estimators, Mapping) else factories(estimators, bearing, magnets)
     )

@@ -43,52 +43,28 @@ AS_GOOD = 0.02
 
 @dataclass(frozen=True)
 class Candidate:
-    """A tuned filter, and how it did.
+    """A tuned filter, and how it did."""
 
-    Attributes
-    ----------
-    kind : str
-        Of the filter.
-    file : Path
-        The filter.
-    kept : bool
-        Whether tuning was of use.
-    unseen : mapping of str to float
-        Figures on records that it was not tuned on, see `Tuned`.
-    errors : mapping of str to float
-        Root mean square errors of ``x`` [m], ``v`` [m/s], ``f_d`` [N] in simulated runs of the
-        bearing that was found, with the noise that this filter assumes, under a step of `load`.
-    efficiency : float
-        Bound of the position's error over that error; 1 is what nobody exceeds.
-    peak : float
-        Peak of abs(S) in the loop with the default controller [1]; NaN where it cannot be told.
-    load : float
-        Step of the disturbance force in these runs [N]: half the load capacity, or less where the
-        rotor met a stop.
-    wandering : float
-        Error of the position [m] where the force wanders as the filter assumes: kinds are told
-        apart by it, whatever process noise each was tuned to.
-    """
-
-    kind: str
-    file: Path
-    kept: bool
-    unseen: Mapping[str, float]
+    kind: str  #: Of the filter.
+    file: Path  #: The filter.
+    kept: bool  #: Whether tuning was of use.
+    unseen: Mapping[str, float]  #: Figures on records that it was not tuned on, see `Tuned`.
+    #: Root mean square errors of ``x`` [m], ``v`` [m/s], ``f_d`` [N] in simulated runs of the
+    #: bearing that was found, with the noise that this filter assumes, under a step of `load`.
     errors: Mapping[str, float]
-    efficiency: float
+    efficiency: float  #: Bound of the position's error over that error; 1 is what nobody exceeds.
+    #: Peak of abs(S) in the loop with the default controller [1]; NaN where it cannot be told.
     peak: float = math.nan
+    #: Step of the disturbance force in these runs [N]: half the load capacity, or less where the
+    #: rotor met a stop.
     load: float = math.nan
+    #: Error of the position [m] where the force wanders as the filter assumes: kinds are told apart
+    #: by it, whatever process noise each was tuned to.
     wandering: float = math.nan
 
 
 def of_tuning(tuned: Tuned) -> dict[str, Any]:
-    """Return what is kept of a filter's tuning, as plain data.
-
-    Parameters
-    ----------
-    tuned : Tuned
-        The filter.
-    """
+    """Return what is kept of a filter's tuning, as plain data."""
     taken = 1 if tuned.kept else 0
     unseen = {name: pair[taken] for name, pair in tuned.unseen.items()}
     return {
@@ -100,18 +76,9 @@ def of_tuning(tuned: Tuned) -> dict[str, Any]:
 
 
 def judged(path: Path, seed: int) -> dict[str, Any]:
-    """Judge a filter in runs of its own bearing, with noise as it assumes it.
-
-    Its errors are those under a step of the stated disturbance force; its efficiency, for which
-    there is a bound, is that with a load that wanders as it assumes.
-
-    Parameters
-    ----------
-    path : Path
-        Its file.
-    seed : int
-        Of the runs.
-    """
+    """Judge a filter in runs of its own bearing, with noise as it assumes it."""
+    # Its errors are those under a step of the stated disturbance force; its efficiency, for which
+    # there is a bound, is that with a load that wanders as it assumes.
     file = FilterFile.load(path)
     made = file.make()
     usual = made.variances
@@ -134,10 +101,8 @@ def judged(path: Path, seed: int) -> dict[str, Any]:
 
 
 def _under_a_load(plant: Bearing, file: FilterFile, seed: int) -> tuple[float, dict[str, float]]:
-    """Return the stated load [N], and a filter's errors under a step of it.
-
-    Where the rotor meets a stop in each run it is a half, a quarter, an eighth of that.
-    """
+    """Return the stated load [N], and a filter's errors under a step of it."""
+    # Where the rotor meets a stop in each run it is a half, a quarter, an eighth of that.
     load = LOAD * load_capacity(plant)[0]
     first = round(SETTLING * own_time(plant) / plant.sampling_time)
     for share in (1.0, 0.5, 0.25, 0.125):
@@ -150,15 +115,7 @@ def _under_a_load(plant: Bearing, file: FilterFile, seed: int) -> tuple[float, d
 
 
 def candidate_in(place: Path, kind: str) -> Candidate:
-    """Return a candidate as its files in a folder have it.
-
-    Parameters
-    ----------
-    place : Path
-        The folder of the design.
-    kind : str
-        Of the filter.
-    """
+    """Return a candidate as its files in a folder have it."""
     tuning = read_json(place / f"candidates/{kind}.json")
     judged = read_json(place / f"candidates/{kind}.judged.json")
     peak = math.nan if tuning["peak"] is None else tuning["peak"]
@@ -170,15 +127,8 @@ def candidate_in(place: Path, kind: str) -> Candidate:
 
 
 def best_of(candidates: Sequence[Candidate]) -> Candidate:
-    """Return who errs least among those that unseen records like best; of equals the simplest.
-
-    Where a rotor hardly moves, its records do not tell the kinds apart; simulated truth does.
-
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-        Who was tried.
-    """
+    """Return who errs least among those that unseen records like best; of equals the simplest."""
+    # Where a rotor hardly moves, its records do not tell the kinds apart; simulated truth does.
     order = list(KINDS)
     unlikely = {c.kind: c.unseen[JUDGED["likelihood"]] for c in candidates}
     least = min(unlikely.values())
@@ -189,15 +139,7 @@ def best_of(candidates: Sequence[Candidate]) -> Candidate:
 
 
 def objections_to(chosen: Candidate, raw: float) -> list[str]:
-    """Return what speaks against flying a candidate.
-
-    Parameters
-    ----------
-    chosen : Candidate
-        The filter.
-    raw : float
-        What the sensor errs by [m].
-    """
+    """Return what speaks against flying a candidate."""
     said = []
     if not chosen.wandering < raw:
         error, sensor = (engineering(v, "m", digits=3) for v in (chosen.wandering, raw))
@@ -222,17 +164,7 @@ def adequacy_of(chosen: Candidate) -> list[Finding]:
 
 
 def why_fly(chosen: Candidate, candidates: Sequence[Candidate], raw: float) -> str:
-    """Return which filter to fly and why, in a sentence.
-
-    Parameters
-    ----------
-    chosen : Candidate
-        That filter.
-    candidates : sequence of Candidate
-        All that were tried.
-    raw : float
-        What the sensor errs by [m].
-    """
+    """Return which filter to fly and why, in a sentence."""
     x, f_d = chosen.errors["x"], chosen.errors["f_d"]
     others = [c for c in candidates if c is not chosen]
 

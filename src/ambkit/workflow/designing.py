@@ -54,44 +54,20 @@ KINDS_TRIED = ("linear", "extended", "adaptive")
 
 @dataclass(frozen=True)
 class Design(Shown):
-    """A filter to fly, and why.
-
-    Attributes
-    ----------
-    folder : Path
-        Where all of it lies.
-    candidates : tuple of Candidate
-        Who was tried.
-    chosen : Candidate
-        Who is to fly.
-    raw : float
-        What the sensor errs by in the same simulated runs [m].
-    why : str
-        Which filter to fly and why, in a sentence.
-    objections : tuple of str
-        What speaks against flying it; empty if nothing does.
-    exported : CExport or None
-        The C; None where objections kept it from being written.
-    made : mapping of str to str
-        Its files in the folder, and what they are.
-    notes : tuple of str
-        What is to be known of what was identified.
-    adequacy : tuple of Finding
-        Whether the chosen filter may fly.
-    """
+    """A filter to fly, and why."""
 
     _card_by = "workflow.cards:design"
 
-    folder: Path
-    candidates: tuple[Candidate, ...]
-    chosen: Candidate
-    raw: float
-    why: str
-    objections: tuple[str, ...]
-    exported: CExport | None
-    made: Mapping[str, str]
-    notes: tuple[str, ...] = ()
-    adequacy: tuple[Finding, ...] = ()
+    folder: Path  #: Where all of it lies.
+    candidates: tuple[Candidate, ...]  #: Who was tried.
+    chosen: Candidate  #: Who is to fly.
+    raw: float  #: What the sensor errs by in the same simulated runs [m].
+    why: str  #: Which filter to fly and why, in a sentence.
+    objections: tuple[str, ...]  #: What speaks against flying it; empty if nothing does.
+    exported: CExport | None  #: The C; None where objections kept it from being written.
+    made: Mapping[str, str]  #: Its files in the folder, and what they are.
+    notes: tuple[str, ...] = ()  #: What is to be known of what was identified.
+    adequacy: tuple[Finding, ...] = ()  #: Whether the chosen filter may fly.
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
@@ -272,21 +248,7 @@ def exported_filter(
     plant: Bearing | Machine, place: Path, precision: str, prefix: str | None,
     flight: Flight | None = None,
 ) -> CExport:  # fmt: skip
-    """Return the design's filter as C, with a flight the whole controller; it is judged before.
-
-    Parameters
-    ----------
-    plant : Bearing or Machine
-        What it was designed for.
-    place : Path
-        The design's folder, which has ``filter.toml`` and gets ``c``.
-    precision : {"float", "double"}
-        Of the C.
-    prefix : str or None
-        Of its names.
-    flight : Flight, optional
-        Whose controllers the C carries.
-    """
+    """Return the design's filter as C, with a flight the whole controller; it is judged before."""
     from ambkit.export.c import export_c
 
     file = FilterFile.load(place / "filter.toml")

@@ -58,44 +58,21 @@ FILES = {
 
 @dataclass(frozen=True, eq=False)
 class MachineDesign(Shown):
-    """Controllers and a filter for a whole machine, and what their loop comes to.
-
-    Attributes
-    ----------
-    folder : Path
-        Where all of it lies.
-    machine : Machine
-        The machine.
-    control : Control
-        The controllers, with all their gains.
-    tuned : dict of str to Tuned
-        The filters that were tried, by kind.
-    chosen : str
-        The kind that is to fly.
-    assessed : Assessment
-        The loop with it, and the one with the same controllers on the measurement.
-    overshoot : float
-        Of a step of a reference, of all axes the greatest [1].
-    objections : tuple of str
-        What speaks against flying it; empty if nothing does.
-    exported : CExport or None
-        The C; None where objections kept it from being written.
-    made : mapping of str to str
-        Its files in the folder, and what they are.
-    """
+    """Controllers and a filter for a whole machine, and what their loop comes to."""
 
     _card_by = "workflow.cards:machine_design"
 
-    folder: Path
-    machine: Machine
-    control: Control
-    tuned: Mapping[str, Tuned]
-    chosen: str
+    folder: Path  #: Where all of it lies.
+    machine: Machine  #: The machine.
+    control: Control  #: The controllers, with all their gains.
+    tuned: Mapping[str, Tuned]  #: The filters that were tried, by kind.
+    chosen: str  #: The kind that is to fly.
+    #: The loop with it, and the one with the same controllers on the measurement.
     assessed: Assessment
-    overshoot: float
-    objections: tuple[str, ...]
-    exported: CExport | None
-    made: Mapping[str, str]
+    overshoot: float  #: Of a step of a reference, of all axes the greatest [1].
+    objections: tuple[str, ...]  #: What speaks against flying it; empty if nothing does.
+    exported: CExport | None  #: The C; None where objections kept it from being written.
+    made: Mapping[str, str]  #: Its files in the folder, and what they are.
 
     @property
     def loop(self) -> AssessedLoop:
@@ -249,18 +226,7 @@ def design_machine(
 
 
 def control_for(machine: Machine) -> Control:
-    """Return the default controllers of a machine that an estimate feeds, as they are written down.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine.
-
-    Raises
-    ------
-    AmbkitError
-        None was found that holds the rotor.
-    """
+    """The default controllers of a machine that an estimate feeds, as they are written down."""
     found = default_control(machine, "estimate")
     if not found.held:
         raise AmbkitError(found.why)

@@ -49,24 +49,7 @@ def factories(
     bearing: Bearing,
     magnets: Mapping[str, MagnetModel] | None = None,
 ) -> dict[str, Factory]:
-    """Return what builds each of the chosen estimators, as often as asked.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Some of :data:`ambkit.estimate.registry.KINDS`, ``"all"`` of them, or files of filters;
-        each counts once.
-    bearing : Bearing
-        What is filtered; a filter from a file assumes its own.
-    magnets : mapping of str to MagnetModel, optional
-        What kinds ask for k_i and k_s, such as ``{"adaptive": Expert.load("expert.json")}``. Who
-        is not there asks what is learned from the bearing's own law, or knows by itself.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such estimator, or a magnet is for one that is not among them.
-    """
+    """Return what builds each of the chosen estimators, as often as asked."""
     chosen, given = expanded(names), dict(magnets or {})
     for name in given:
         if name not in chosen:
@@ -84,13 +67,7 @@ def factories(
 
 
 def expanded(names: Iterable[str]) -> list[str]:
-    """Return names of estimators, each once, with all kinds for ``"all"``.
-
-    Raises
-    ------
-    AmbkitError
-        One is neither a kind nor a filter's file.
-    """
+    """Return names of estimators, each once, with all kinds for ``"all"``."""
     found: dict[str, None] = {}
     for name in map(os.fspath, names_in(estimators=names)):
         check_named(name)

@@ -135,26 +135,7 @@ def save_filter(
     bearing: str | os.PathLike[str] | None = None,
     written: str | os.PathLike[str] | None = None,
 ) -> None:
-    """Write the filter that knows what was written of a training.
-
-    Parameters
-    ----------
-    found : TrainedExpert
-        From `ambkit.workflow.training.train_expert`.
-    path : path
-        The filter's file.
-    bearing : path, optional
-        The bearing's file, or a preset's name; without it the file is written beside `path`.
-    written : path, optional
-        A file that holds what was taken, in one of its `FORMS`: the expert, which the filter
-        asks; the points, whose surface it asks; or the bearing whose law it assumes. Without it
-        that is written beside `path`.
-
-    Raises
-    ------
-    AmbkitError
-        A file cannot be written.
-    """
+    """Write the filter that knows what was written of a training."""
     law, magnet = found.model
     made = AdaptiveKalmanFilter(law, magnet)
     said = made_by("train", found.expert.source)

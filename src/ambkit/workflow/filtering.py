@@ -32,40 +32,17 @@ ABSURD_NIS = 25.0
 
 @dataclass(frozen=True)
 class Stretch:
-    """The stretch of a record that filters are tuned on; they are judged on what comes after.
+    """The stretch of a record that filters are tuned on; they are judged on what comes after."""
 
-    Attributes
-    ----------
-    start, stop : float
-        From the record's first sample on [s].
-    by_itself : bool
-        Nobody asked for it: the tuning is kept only if it fits the rest better than the untuned.
-    """
-
-    start: float
+    start: float  #: From the record's first sample on [s].
     stop: float
+    #: Nobody asked for it: the tuning is kept only if it fits the rest better than the untuned.
     by_itself: bool
 
 
 def stretch_to_tune_on(record: Record, tune: Given | None = None) -> Stretch | None:
-    """Return what to tune on: what was asked for, or the second quarter of a measured record.
-
-    The first quarter is often a start. Where the truth is known, nothing is tuned unasked.
-
-    Parameters
-    ----------
-    record : Record
-        What is to be filtered.
-    tune : float or str, optional
-        Time at the start to tune on [s].
-
-    Raises
-    ------
-    AmbkitError
-        `tune` is no time.
-    ValueError
-        `tune` is not above 0, or leaves no time to judge by.
-    """
+    """Return what to tune on: what was asked for, or the second quarter of a measured record."""
+    # The first quarter is often a start. Where the truth is known, nothing is tuned unasked.
     tune = in_si("tune", tune, "s")
     span = float(record.t[-1] - record.t[0])
     if tune is not None:
@@ -82,52 +59,25 @@ def stretch_to_tune_on(record: Record, tune: Given | None = None) -> Stretch | N
 
 @dataclass(frozen=True)
 class TunedNoise:
-    """What tuning gave, and what speaks for it.
+    """What tuning gave, and what speaks for it."""
 
-    Attributes
-    ----------
-    found, untuned : FilterNoise
-        As the stretch makes it most likely, and with `default_disturbance`.
-    why : str
-        Why it is that, where the stretch does not single one out; else empty.
-    worse : bool
-        Whether the rest of the record is less likely with it than untuned.
-    kept : bool
-        Whether the filter took it nevertheless: it was asked for.
-    """
-
-    found: FilterNoise
+    found: FilterNoise  #: As the stretch makes it most likely, and with `default_disturbance`.
     untuned: FilterNoise
-    why: str
-    worse: bool
-    kept: bool
+    why: str  #: Why it is that, where the stretch does not single one out; else empty.
+    worse: bool  #: Whether the rest of the record is less likely with it than untuned.
+    kept: bool  #: Whether the filter took it nevertheless: it was asked for.
 
 
 @dataclass(frozen=True, eq=False)
 class Filtered:
-    """One estimator along a record.
+    """One estimator along a record."""
 
-    Attributes
-    ----------
-    name : str
-        Of the estimator.
-    noise : FilterNoise
-        What it assumes in the end.
-    evaluation : Evaluation
-        How well the two fit, with its estimate.
-    tuning : TunedNoise or None
-        None where nothing was tuned.
-    smoothed : Estimate or None
-        Each sample estimated from the whole record, if asked for.
-    outside : OutsideOfBox or None
-        None where no expert is asked beyond its box in more than a hundredth of the samples.
-    """
-
-    name: str
-    noise: FilterNoise
-    evaluation: Evaluation
-    tuning: TunedNoise | None = None
-    smoothed: Estimate | None = None
+    name: str  #: Of the estimator.
+    noise: FilterNoise  #: What it assumes in the end.
+    evaluation: Evaluation  #: How well the two fit, with its estimate.
+    tuning: TunedNoise | None = None  #: None where nothing was tuned.
+    smoothed: Estimate | None = None  #: Each sample estimated from the whole record, if asked for.
+    #: None where no expert is asked beyond its box in more than a hundredth of the samples.
     outside: OutsideOfBox | None = None
 
     @property
@@ -138,29 +88,15 @@ class Filtered:
 
 @dataclass(frozen=True, eq=False)
 class Filtering(Shown):
-    """Estimators along a record.
-
-    Attributes
-    ----------
-    bearing : Bearing
-        What they assume.
-    record : Record
-        What they filtered.
-    stretch : Stretch or None
-        What they were tuned on.
-    settling : float
-        Time at the start that does not count [s].
-    estimators : mapping of str to Filtered
-        By name.
-    """
+    """Estimators along a record."""
 
     _card_by = "workflow.cards:filtering"
 
-    bearing: Bearing
-    record: Record
-    stretch: Stretch | None
-    settling: float
-    estimators: Mapping[str, Filtered]
+    bearing: Bearing  #: What they assume.
+    record: Record  #: What they filtered.
+    stretch: Stretch | None  #: What they were tuned on.
+    settling: float  #: Time at the start that does not count [s].
+    estimators: Mapping[str, Filtered]  #: By name.
 
     def __getitem__(self, name: str) -> Filtered:
         """Return what became of one of the estimators."""
@@ -177,13 +113,7 @@ class Filtering(Shown):
         return {n: e.smoothed for n, e in self.estimators.items() if e.smoothed is not None}
 
     def after(self, name: str) -> dict[str, Any]:
-        """Return what is told of a smoothed estimate: its load, and its errors against the truth.
-
-        Parameters
-        ----------
-        name : str
-            Of the estimator.
-        """
+        """What is told of a smoothed estimate: its load, and its errors against the truth."""
         estimate, log = self.smoothed[name], self.record
         late = log.t - log.t[0] >= self.settling
         return {

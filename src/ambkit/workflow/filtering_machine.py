@@ -25,26 +25,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class MachineFiltering:
-    """Estimators along a record of a whole machine.
+    """Estimators along a record of a whole machine."""
 
-    Attributes
-    ----------
-    machine : Machine
-        Of which the record is.
-    record : Record
-        What was filtered: of lift-off and landing what lies between.
-    estimates : mapping
-        Of each kind, what it says.
-    settled : int
-        Sample from which on it counts.
-    turning : mapping
-        Of each kind, what it says of unbalance and runout at the end of the record.
-    """
-
-    machine: Machine
-    record: Record
-    estimates: Mapping[str, Estimate]
-    settled: int
+    machine: Machine  #: Of which the record is.
+    record: Record  #: What was filtered: of lift-off and landing what lies between.
+    estimates: Mapping[str, Estimate]  #: Of each kind, what it says.
+    settled: int  #: Sample from which on it counts.
+    #: Of each kind, what it says of unbalance and runout at the end of the record.
     turning: Mapping[str, Sequence[Harmonic]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
@@ -91,31 +78,7 @@ def filter_machine(
     settling: float = 0.0,
     smooth: bool = False,
 ) -> MachineFiltering:
-    """Run estimators along a record of a whole machine.
-
-    Parameters
-    ----------
-    machine : Machine
-        Of which the record is.
-    record : Record
-        With ``y_NAME`` of each reading [m], ``u_NAME`` of each axis [V], and where it changes the
-        ``speed`` of rotation [rad/s].
-    kinds : sequence of str
-        Of ``ambkit.estimate.registry.KINDS``, or filters' files.
-    synchronous : sequence of str
-        Of unbalance and runout, which are estimated too.
-    noise : FilterNoise, optional
-        That of the machine by default.
-    settling : float
-        Time at the start that does not count [s].
-    smooth : bool
-        Estimate each sample from the whole record.
-
-    Raises
-    ------
-    AmbkitError
-        A kind takes no machine, or the record has not what it needs.
-    """
+    """Run estimators along a record of a whole machine."""
     lacking = [
         name
         for name in (
@@ -142,16 +105,9 @@ def filter_machine(
 
 
 def in_flight(record: Record) -> tuple[float | None, float | None]:
-    """Return from when to when the magnets have currents, in a record of lift-off and landing [s].
-
-    A rotor that lies has the backup bearings' forces, and magnets that are off, which no estimator
-    is told. None and None: a record without a ``mode``, or one that never lifts.
-
-    Parameters
-    ----------
-    record : Record
-        With the ``mode``, `ambkit.simulation.sequence.Mode`, where there is one.
-    """
+    """From when to when the magnets have currents, in a record of lift-off and landing [s]."""
+    # A rotor that lies has the backup bearings' forces, and magnets that are off, which no
+    # estimator is told. None and None: a record without a ``mode``, or one that never lifts.
     if "mode" not in record:
         return None, None
     on = np.flatnonzero(np.isin(record["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING)))

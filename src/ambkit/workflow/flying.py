@@ -28,17 +28,7 @@ if TYPE_CHECKING:
 
 
 def plain_control(machine: Machine, flight: Flight, estimator: Estimator | None) -> str | None:
-    """Return a sentence on where a flight's unbalance control is plain control.
-
-    Parameters
-    ----------
-    machine : Machine
-        What flies.
-    flight : Flight
-        What happens to it.
-    estimator : Estimator or None
-        That feeds the controllers.
-    """
+    """Return a sentence on where a flight's unbalance control is plain control."""
     if flight.control.unbalance == "fought" or estimator is None:
         return None
     flight = settled_flight(machine, flight)
@@ -59,29 +49,7 @@ def flight_for(
     seed: int | None = None,
     injection: Path | None = None,
 ) -> Flight:
-    """Return a flight with what the user changed in it.
-
-    Parameters
-    ----------
-    machine : Machine
-        What flies.
-    flight : Flight, optional
-        What is said already.
-    duration : float, optional
-        Length of the run [s].
-    load : float, optional
-        Force along the first axis, after half of the run [N].
-    seed : int, optional
-        Seed of the noise.
-    injection : Path, optional
-        A record whose ``injected_NAME`` is added at the summing point of that axis; without
-        `duration` the run is as long as it.
-
-    Raises
-    ------
-    AmbkitError
-        It cannot be read, or nothing in it is added at an axis of the machine.
-    """
+    """Return a flight with what the user changed in it."""
     happening = Flight() if flight is None else flight
     if injection is not None:
         happening = _along(injection, machine, happening)
@@ -115,17 +83,10 @@ def _along(path: Path, machine: Machine, flight: Flight) -> Flight:
 
 @dataclass(frozen=True)
 class FlightSummary:
-    """What a run of a whole machine came to.
+    """What a run of a whole machine came to."""
 
-    Attributes
-    ----------
-    run : MachineRun
-        The run.
-    turning : sequence of Harmonic
-        What its estimator says of unbalance and runout at the end, where it flies then.
-    """
-
-    run: MachineRun
+    run: MachineRun  #: The run.
+    #: What its estimator says of unbalance and runout at the end, where it flies then.
     turning: Sequence[Harmonic] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -155,12 +116,10 @@ class FlightSummary:
         return found
 
     def _in_flight(self) -> tuple[int, int | None]:
-        """Return the first sample in which the rotor flew and the one after it last did.
-
-        A rotor that lies has the backup bearings' forces, which no estimator knows, and a filter
-        takes the magnets for switched on; so it is after a power failure. 0 and None: all of the
-        record.
-        """
+        """Return the first sample in which the rotor flew and the one after it last did."""
+        # A rotor that lies has the backup bearings' forces, which no estimator knows, and a filter
+        # takes the magnets for switched on; so it is after a power failure. 0 and None: all of the
+        # record.
         if "mode" not in self.run.record:
             return 0, self.run.fed.stop
         mode = self.run.record["mode"]

@@ -16,20 +16,7 @@ if TYPE_CHECKING:
 
 
 def given_load(bearing: Bearing | Machine, load: Any) -> Any:
-    """Return a constant load in SI: a number [N], or of a machine a mapping by its axes.
-
-    Parameters
-    ----------
-    bearing : Bearing or Machine
-        What is loaded.
-    load : optional
-        See `assess`.
-
-    Raises
-    ------
-    AmbkitError
-        It is a number and a machine's, or a mapping and a bearing's.
-    """
+    """Return a constant load in SI: a number [N], or of a machine a mapping by its axes."""
     if isinstance(load, Mapping) != isinstance(bearing, Machine) and load not in (0.0, None):
         kind = "a mapping by axes" if isinstance(bearing, Machine) else "a number"
         raise AmbkitError(f"load: of {bearing.name} it must be {kind}, is {load!r}")
@@ -39,20 +26,7 @@ def given_load(bearing: Bearing | Machine, load: Any) -> Any:
 
 
 def given_estimators(given: Any, bearing: Bearing | Machine) -> dict[str, Estimator]:
-    """Return the estimators that were given or named, by their names.
-
-    Parameters
-    ----------
-    given : optional
-        See `assess`.
-    bearing : Bearing or Machine
-        What they run on.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such estimator, it has another sampling time, or two have one name.
-    """
+    """Return the estimators that were given or named, by their names."""
     from ambkit.estimate.base import Estimator
 
     if given is None:
@@ -80,24 +54,7 @@ def given_estimators(given: Any, bearing: Bearing | Machine) -> dict[str, Estima
 def of_machine(
     name: str, machine: Machine, *, synchronous: Sequence[str] = (), noise: Any = None
 ) -> Estimator:
-    """Return an estimator for a machine, of a kind or in a file.
-
-    Parameters
-    ----------
-    name : str
-        Of :data:`ambkit.estimate.registry.KINDS`, or a filter's file.
-    machine : Machine
-        What is filtered.
-    synchronous : sequence of str
-        What turns with its rotor and is estimated too; a file says so itself.
-    noise : FilterNoise, optional
-        What a kind assumes; a filter in a file assumes its own.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such kind, or it is of one axis alone; or the file is not of such a machine.
-    """
+    """Return an estimator for a machine, of a kind or in a file."""
     from ambkit.estimate.registry import FILTER_SUFFIX, kind_called, learned_magnet
 
     if name.endswith(FILTER_SUFFIX):

@@ -26,39 +26,21 @@ CLEAR = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Harmonic:
-    """One vector that turns with the rotor, as it stood when the rotor was where the record began.
+    """A vector that rotates with the rotor, at the angle where the record began."""
 
-    Attributes
-    ----------
-    name : str
-        Of its states, ``U1`` for the unbalance of the first plane, ``r1_La`` for the runout of a
-        sensor at its first harmonic.
-    role : {"unbalance", "runout"}
-        What it is.
-    unit : str
-        Of cosine and sine: kg m of unbalance, m of runout.
-    cosine, sine : float
-        Of the vector, in `unit`.
-    covariance : ndarray (2, 2)
-        Of these two, in `unit` squared.
-    start : float
-        Standard deviation of each at the start, in `unit`.
-    start_share : float
-        Of the variance, the share in directions of all that turns of which the record told next to
-        nothing [1].
-    order : int
-        Turns that it makes in one of the rotor.
-    """
-
+    #: Of its states, ``U1`` for the unbalance of the first plane, ``r1_La`` for the runout of a
+    #: sensor at its first harmonic.
     name: str
-    role: str
-    unit: str
-    cosine: float
+    role: str  #: What it is.
+    unit: str  #: Of cosine and sine: kg m of unbalance, m of runout.
+    cosine: float  #: Of the vector, in `unit`.
     sine: float
-    covariance: Array
-    start: float
+    covariance: Array  #: (2, 2) Of these two, in `unit` squared.
+    start: float  #: Standard deviation of each at the start, in `unit`.
+    #: Of the variance, the share in directions of all that turns of which the record told next to
+    #: nothing [1].
     start_share: float
-    order: int = 1
+    order: int = 1  #: Turns that it makes in one of the rotor.
 
     @property
     def std(self) -> float:
@@ -67,19 +49,15 @@ class Harmonic:
 
     @property
     def by_start(self) -> bool:
-        """Whether the start dominates: what is not known of it is mostly what was not at the start.
-
-        So it is at a constant speed, where unbalance and runout cannot be told apart.
-        """
+        """Whether what is not known of it is mostly what was not known at the start."""
+        # So it is at a constant speed, where unbalance and runout cannot be told apart.
         return self.start_share > 0.5
 
     @property
     def amplitude(self) -> tuple[float, float] | None:
-        """Amplitude and its standard deviation, in `unit`.
-
-        None where the start says more than the record, or where it is not clear of 0: then cosine,
-        sine and their covariance are all that can be said.
-        """
+        """Amplitude and its standard deviation, in `unit`."""
+        # None where the start says more than the record, or where it is not clear of 0: then
+        # cosine, sine and their covariance are all that can be said.
         size = math.hypot(self.cosine, self.sine)
         if self.by_start or size <= CLEAR * self.std:
             return None

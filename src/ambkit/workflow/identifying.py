@@ -47,13 +47,7 @@ AtRest = Mapping[str, Noise | str]
 
 
 def noise_at_rest(record: Record) -> dict[str, Noise | str]:
-    """Return the noise of each signal of a record at rest, or why it cannot be seen.
-
-    Parameters
-    ----------
-    record : Record
-        Of a rotor that does not move.
-    """
+    """Return the noise of each signal of a record at rest, or why it cannot be seen."""
     found: dict[str, Noise | str] = {}
     for name in record:
         try:
@@ -78,35 +72,20 @@ def _noise_as_data(noise: Noise | str) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Identified(Shown):
-    """A bearing from records of the loop, with its uncertainty, and how it did on others.
-
-    Attributes
-    ----------
-    given : Bearing
-        What was known before, without what `rest` says.
-    records : list of Record
-        What it was identified from.
-    likelihood : MaximumLikelihood
-        What was found.
-    validation : list of Validation
-        How it did on each of the other records; without others, on `records`.
-    on_others : bool
-        Whether these are others.
-    rest : mapping of str to (Noise or str)
-        Noise at rest by signal, or why it cannot be seen; empty without such a record.
-    forces : ForceMap or None
-        Force at the nodes of a grid, if asked for.
-    """
+    """A bearing from records of the loop, with its uncertainty, and how it did on others."""
 
     _card_by = "workflow.cards:identified"
 
-    given: Bearing
-    records: Sequence[Record]
-    likelihood: MaximumLikelihood
+    given: Bearing  #: What was known before, without what `rest` says.
+    records: Sequence[Record]  #: What it was identified from.
+    likelihood: MaximumLikelihood  #: What was found.
+    #: How it did on each of the other records; without others, on `records`.
     validation: Sequence[Validation]
-    on_others: bool
+    on_others: bool  #: Whether these are others.
+    #: (Noise or str) Noise at rest by signal, or why it cannot be seen; empty without such a
+    #: record.
     rest: AtRest
-    forces: ForceMap | None = None
+    forces: ForceMap | None = None  #: Force at the nodes of a grid, if asked for.
 
     @property
     def bearing(self) -> Bearing:
@@ -178,17 +157,7 @@ class Identified(Shown):
 def identified_filter(
     found: Identified, inputs: Inputs | None = None, source: str = ""
 ) -> Estimator:
-    """Return the extended filter of what was found: its noise, its delay, the log's offsets.
-
-    Parameters
-    ----------
-    found : Identified
-        From `identify`.
-    inputs : Inputs, optional
-        What the log's y and u are; the offsets that were found are added, where they count.
-    source : str
-        What the records are called, for the filter's file.
-    """
+    """Return the extended filter of what was found: its noise, its delay, the log's offsets."""
     model, of_log = found.likelihood.model, inputs or Inputs()
     made, raised = _following_a_load(found.bearing, model.load_growth)
     free = {p.name for p in found.likelihood.parameters}
@@ -211,11 +180,9 @@ def identified_filter(
 def _following_a_load(
     bearing: Bearing, intensity: float
 ) -> tuple[ExtendedKalmanFilter, dict[str, str]]:
-    """Return a filter that follows the stated load, and where its process noise is from.
-
-    A record whose load rests says that any small process noise is as likely: a filter with such a
-    one follows no load that comes later.
-    """
+    """Return a filter that follows the stated load, and where its process noise is from."""
+    # A record whose load rests says that any small process noise is as likely: a filter with such a
+    # one follows no load that comes later.
 
     def build(disturbance: float) -> ExtendedKalmanFilter:
         return ExtendedKalmanFilter(bearing, noise=FilterNoise(disturbance=disturbance))
@@ -225,13 +192,7 @@ def _following_a_load(
 
 
 def corpus_filter(corpus: Corpus) -> Estimator:
-    """Return the extended filter of what many logs say together.
-
-    Parameters
-    ----------
-    corpus : Corpus
-        From :func:`ambkit.identification.corpus.corpus.identify_corpus`.
-    """
+    """Return the extended filter of what many logs say together."""
     made, raised = _following_a_load(corpus.bearing, corpus.model.load_growth)
     said = made_by("identify", f"likelihood of {len(corpus.found)} logs")
     keys = ("noise.measurement", "noise.control", "noise.disturbance")
@@ -242,17 +203,7 @@ def corpus_filter(corpus: Corpus) -> Estimator:
 def starting_model(
     bearing: Bearing, *, rest: AtRest | None = None, load_std: Given | None = None
 ) -> LoopModel:
-    """Return the model that identification starts from.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What is known already.
-    rest : mapping of str to (Noise or str), optional
-        From `noise_at_rest`: the noise of ``y`` is the sensor's.
-    load_std : float or str, optional
-        How far from zero the load may be at the start of a record [N]; by default the weight.
-    """
+    """Return the model that identification starts from."""
     load_std = in_si("load_std", load_std, "N")
     seen = (rest or {}).get("y")
     if isinstance(seen, Noise):
@@ -261,20 +212,7 @@ def starting_model(
 
 
 def parameters_to_find(start: LoopModel, free: Iterable[str] | None = None) -> tuple[str, ...]:
-    """Return what is looked for: what is asked for, or what a record usually tells.
-
-    Parameters
-    ----------
-    start : LoopModel
-        What is known already.
-    free : iterable of str, optional
-        Names of parameters.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such parameter.
-    """
+    """Return what is looked for: what is asked for, or what a record usually tells."""
     names = usual(start) if free is None else tuple(free)
     named(names)
     return tuple(names)
@@ -364,24 +302,15 @@ def identify(
 
 @dataclass(frozen=True, eq=False)
 class LiftedOff(Shown):
-    """A bearing from the points at which its rotor lifts off.
-
-    Attributes
-    ----------
-    bearing : Bearing
-        With the constant that was found, and the air gap and bias current of the working point;
-        as it was given without one.
-    fit : LiftOffFit
-        The law through the points.
-    working_point : float or None
-        Distance at x = 0 [m].
-    """
+    """A bearing from the points at which its rotor lifts off."""
 
     _card_by = "workflow.cards:lifted_off"
 
+    #: With the constant that was found, and the air gap and bias current of the working point; as
+    #: it was given without one.
     bearing: Bearing
-    fit: LiftOffFit
-    working_point: float | None
+    fit: LiftOffFit  #: The law through the points.
+    working_point: float | None  #: Distance at x = 0 [m].
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
@@ -400,13 +329,7 @@ class LiftedOff(Shown):
 
 
 def check_lifts_off(bearing: Bearing) -> None:
-    """Refuse a bearing that lift-off points tell nothing of.
-
-    Raises
-    ------
-    AmbkitError
-        Its magnet is two-sided, or gravity pulls at an angle.
-    """
+    """Refuse a bearing that lift-off points tell nothing of."""
     if bearing.magnet.type != "one-sided":
         raise AmbkitError(
             f"lift-off points tell of a one-sided magnet; that of {bearing.name} is two-sided"
@@ -425,24 +348,7 @@ def identify_by_lift_off(
     gap_range: tuple[Given, Given] = (0.0, math.inf),
     working_point: Given | None = None,
 ) -> LiftedOff:
-    """Fit the law of a one-sided magnet to the points at which its rotor lifts off.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What is known already.
-    points : iterable of LiftOff
-        From :func:`ambkit.identification.forces.lift_off.load_points` or ``find_lift_off``.
-    gap_range : (float or str, float or str)
-        Distances z [m] between which the law is to hold.
-    working_point : float or str, optional
-        Distance z at x = 0 [m]: gives air gap and bias current.
-
-    Raises
-    ------
-    AmbkitError
-        The magnet is two-sided, or too few points are left.
-    """
+    """Fit the law of a one-sided magnet to the points at which its rotor lifts off."""
     check_lifts_off(bearing)
     near, far = (in_si("gap_range", end, "m") for end in gap_range)
     working_point = in_si("working_point", working_point, "m")

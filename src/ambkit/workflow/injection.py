@@ -26,38 +26,19 @@ PERIODS = 10
 
 @dataclass(frozen=True, eq=False)
 class Injection(Shown):
-    """An experiment for the sensitivity, and what it would tell.
-
-    Attributes
-    ----------
-    name : str
-        Of the bearing, or of the machine and its axis.
-    axis : str
-        Of a machine, at whose summing point the signal is added; else empty.
-    excitation : Excitation
-        One period, of amplitude 1.
-    added : ndarray (n,)
-        What is to be added to the measurement [m].
-    band : tuple of float
-        Lowest and highest frequency [Hz].
-    record : Record
-        The experiment, simulated with noise: ``y``, ``injected``, ``iu`` and ``x`` of the axis.
-    limits : Limits
-        What it keeps within.
-    expected : MeasuredSensitivity
-        What that record tells.
-    """
+    """An experiment for the sensitivity, and what it would tell."""
 
     _card_by = "workflow.cards:injection"
 
-    name: str
-    axis: str
-    excitation: Excitation
-    added: Array
-    band: tuple[float, float]
+    name: str  #: Of the bearing, or of the machine and its axis.
+    axis: str  #: Of a machine, at whose summing point the signal is added; else empty.
+    excitation: Excitation  #: One period, of amplitude 1.
+    added: Array  #: (n,) What is to be added to the measurement [m].
+    band: tuple[float, float]  #: Lowest and highest frequency [Hz].
+    #: The experiment, simulated with noise: ``y``, ``injected``, ``iu`` and ``x`` of the axis.
     record: Record
-    limits: Limits
-    expected: MeasuredSensitivity
+    limits: Limits  #: What it keeps within.
+    expected: MeasuredSensitivity  #: What that record tells.
 
     @property
     def amplitude(self) -> float:
@@ -81,10 +62,8 @@ class Injection(Shown):
         return np.asarray((high - low) / 2 / np.abs(self.expected.sensitivity))
 
     def file(self) -> Record:
-        """Return the signal as a record, to be saved and run: ``t`` and ``injected``.
-
-        Of a machine ``injected_NAME`` of its axis.
-        """
+        """Return the signal as a record, to be saved and run: ``t`` and ``injected``."""
+        # Of a machine ``injected_NAME`` of its axis.
         low, high = self.band
         source = f"ambkit excite --for sensitivity, {low:.4g} to {high:.4g} Hz, for {self.name}"
         name = signal("injected", self.axis) if self.axis else "injected"

@@ -18,29 +18,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Finding:
-    """What a file turned out to be.
+    """What a file turned out to be."""
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    kind : str
-        ``"bearing"``, ``"machine"``, ``"scenario"``, ``"flight"``, ``"study"``, ``"filter"``,
-        ``"channel map"``, ``"expert"``, ``"record"``, ``"lift-off points"``, ``"measured force"``;
-        ``"file"`` where that cannot be told.
-    about : str
-        What it holds, in a few words; empty where it is not valid.
-    problems : tuple of str
-        All that is wrong, each with its place.
-    remarks : tuple of str
-        What is odd about a record, and may be right.
-    """
-
-    path: Path
+    path: Path  #: The file.
+    #: ``"bearing"``, ``"machine"``, ``"scenario"``, ``"flight"``, ``"study"``, ``"filter"``,
+    #: ``"channel map"``, ``"expert"``, ``"record"``, ``"lift-off points"``, ``"measured force"``;
+    #: ``"file"`` where that cannot be told.
     kind: str
-    about: str
-    problems: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
+    about: str  #: What it holds, in a few words; empty where it is not valid.
+    problems: tuple[str, ...] = ()  #: All that is wrong, each with its place.
+    remarks: tuple[str, ...] = ()  #: What is odd about a record, and may be right.
 
     @property
     def ok(self) -> bool:
@@ -67,23 +54,7 @@ def inspect(
     channel_map: str | os.PathLike[str] | None = None,
     bearing: Bearing | None = None,
 ) -> Finding:
-    """Find out what a file is by what it holds, and check it.
-
-    Parameters
-    ----------
-    path : path
-        A ``.toml`` or ``.json``, a table, or a log of any format.
-    channel_map : path, optional
-        What is what in a log.
-    bearing : Bearing, optional
-        The bearing that records and filters are said to be of: rate, range, noise and signs of
-        records are compared, and whether a filter may fly on it.
-
-    Returns
-    -------
-    Finding
-        With all problems; a file that cannot be read is a problem too.
-    """
+    """Find out what a file is by what it holds, and check it."""
     path = Path(path)
     kind = "file"
     try:
@@ -140,13 +111,7 @@ def _documents() -> dict[str, Any]:
 
 
 def kind_of_toml(path: str | os.PathLike[str]) -> str:
-    """Return the kind of description that shares most keys with a file.
-
-    Raises
-    ------
-    AmbkitError
-        It cannot be read, is no TOML, or shares none.
-    """
+    """Return the kind of description that shares most keys with a file."""
     from ambkit.base.config import toml_text
     from ambkit.base.config.document import TOLD
 

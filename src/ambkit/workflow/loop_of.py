@@ -67,13 +67,7 @@ def zone_of(peak: float) -> str:
 
 
 def ideal_pieces(bearing: Bearing | Machine) -> dict[str, Any]:
-    """Return a bearing or a machine with one piece of its loop ideal, by the piece's name.
-
-    Parameters
-    ----------
-    bearing : Bearing or Machine
-        As it is; pieces that are ideal already are left out.
-    """
+    """Return a bearing or a machine with one piece of its loop ideal, by the piece's name."""
     found: dict[str, Any] = {}
 
     def fast(amplifier: Any) -> Any:
@@ -101,29 +95,7 @@ def ideal_pieces(bearing: Bearing | Machine) -> dict[str, Any]:
 
 
 class LoopOf:
-    """The loop of a bearing or a machine at a work point, with one filter or another.
-
-    Parameters
-    ----------
-    bearing : Bearing or Machine
-        The plant; a machine at its speed.
-    controller : PID, sequence of PID (p,), or Control, optional
-        Of each axis, or one for all; what is not said is tuned to the bearing, or to each axis
-        alone. Or how a machine is controlled.
-    x : float, optional
-        Displacement at which a bearing is linearised [m].
-    load : float, or mapping of str to float, optional
-        Constant load there [N]; of a machine by the names of its axes.
-    point : WorkPoint, optional
-        Where it is linearised, where it is known.
-    flown : Controllers, optional
-        A machine's, where they are made already: of another speed, or for another plant.
-
-    Raises
-    ------
-    AmbkitError
-        Nothing holds the rotor there; or a bearing's controller is a machine's.
-    """
+    """The loop of a bearing or a machine at a work point, with one filter or another."""
 
     def __init__(
         self,
@@ -213,20 +185,7 @@ class LoopOf:
         return [one.model_copy(update={"feedback": feedback}) for one in found]
 
     def flown_by(self, estimator: Estimator | None, fastest: float | None = None) -> Controllers:
-        """Return the controllers as they fly, fed by an estimator or the measurement.
-
-        Parameters
-        ----------
-        estimator : Estimator or None
-            That feeds them.
-        fastest : float, optional
-            Speed up to which they fly [rad/s]; the machine's own by default.
-
-        Raises
-        ------
-        AmbkitError
-            They need an estimate, or other states.
-        """
+        """Return the controllers as they fly, fed by an estimator or the measurement."""
         if self._flown is not None:
             return self._flown
         if self.machine is None:
@@ -248,10 +207,8 @@ class LoopOf:
         return turn.for_unbalance_of(self.machine).sentence(self.control.unbalance, speed, speed)
 
     def pids(self, estimator: Estimator | None = None) -> dict[str, PID]:
-        """Return the PIDs by what each is of: an axis, or a coordinate of the rotor.
-
-        None of a regulator.
-        """
+        """Return the PIDs by what each is of: an axis, or a coordinate of the rotor."""
+        # None of a regulator.
         if self.machine is None:
             return dict(zip(self.axes, self.fed_by(estimator), strict=True))
         if self.control_for(estimator).type == "lqg":
@@ -287,13 +244,7 @@ class LoopOf:
         return moved
 
     def loop(self, estimator: Estimator | None = None) -> Loop:
-        """Return the loop whose controllers are fed by an estimator, or by the measurement.
-
-        Raises
-        ------
-        AmbkitError
-            The estimator does not settle to a gain, or the controllers need another.
-        """
+        """Return the loop whose controllers are fed by an estimator, or by the measurement."""
         m = len(self.shown[0])
         pid = None if self.machine is not None else self.fed_by(estimator)[0]
         if pid is not None and not needs_states(pid):
@@ -323,15 +274,8 @@ class LoopOf:
         )
 
     def static_compliance(self, estimator: Estimator | None = None) -> float | None:
-        """Return the greatest deflection by a load at rest, if there were no integral [m/N].
-
-        None where the loop would be unstable then, and of a regulator, which has none.
-
-        Parameters
-        ----------
-        estimator : Estimator, optional
-            Of a machine, what feeds the controllers: a rotor that bends has other gains with it.
-        """
+        """Return the greatest deflection by a load at rest, if there were no integral [m/N]."""
+        # None where the loop would be unstable then, and of a regulator, which has none.
         if self.needs_estimate or self.control_for(estimator).type == "lqg":
             return None
         if self.machine is None:
@@ -347,11 +291,9 @@ class LoopOf:
         return float(np.abs(np.diagonal(loop.compliance([0.0])[0])).max())
 
     def lqg(self) -> Loop:
-        """Return the loop of the linear-quadratic-Gaussian controller that needs least control.
-
-        It has state and loads from a Kalman filter of this very plant, told of the noise of sensors
-        and amplifiers and the usual growth of the loads.
-        """
+        """Return the loop of the linear-quadratic-Gaussian controller that needs least control."""
+        # It has state and loads from a Kalman filter of this very plant, told of the noise of
+        # sensors and amplifiers and the usual growth of the loads.
         told = KalmanFilter(self.bearing).variances
         sensors, amplifiers = self.noise()
         noise = Noise(sensors, amplifiers, told.disturbance)
@@ -359,13 +301,7 @@ class LoopOf:
         return Loop(self.plant, K, len(sensors), *self._summing())
 
     def hinf(self) -> Loop:
-        """Return the loop of H-infinity controllers, of each axis one for the axis alone.
-
-        Raises
-        ------
-        AmbkitError
-            What computes them is not installed.
-        """
+        """Return the loop of H-infinity controllers, of each axis one for the axis alone."""
         each = []
         for b in self.alone:
             of = self if self.machine is None else LoopOf(b)
@@ -393,15 +329,8 @@ class LoopOf:
         return (None, None) if self.added is None else (self.shown, self.added)
 
     def peak(self, estimator: Estimator | None = None) -> float:
-        """Return the peak of abs(S) within the standard's range [1].
-
-        Infinite where the loop is unstable or the estimator has no gain that it could be told of.
-
-        Parameters
-        ----------
-        estimator : Estimator, optional
-            What feeds the controller; None: the measurement.
-        """
+        """Return the peak of abs(S) within the standard's range [1]."""
+        # Infinite where the loop is unstable or the estimator has no gain that it could be told of.
         try:
             loop = self.loop(estimator)
         except AmbkitError:
@@ -413,13 +342,7 @@ class LoopOf:
         return max(highest(partial(loop.of_axis, k), within)[0] for k in range(loop.axes))
 
     def check(self, estimator: Estimator, ceiling: float) -> None:
-        """Refuse a ceiling on the peak of abs(S) that this filter cannot be held to.
-
-        Raises
-        ------
-        OutOfReachError
-            The filter does not settle to a gain, or no controller can be below the ceiling.
-        """
+        """Refuse a ceiling on the peak of abs(S) that this filter cannot be held to."""
         if not tells(estimator):
             raise OutOfReachError(
                 f"{estimator.name}: it does not settle to a gain, so that no peak of the "

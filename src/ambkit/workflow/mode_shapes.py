@@ -25,32 +25,15 @@ POINTS = 401
 
 @dataclass(frozen=True, eq=False)
 class ModeShapes(Drawn):
-    """Bending modes of the free rotor that its model keeps.
+    """Bending modes of the free rotor that its model keeps."""
 
-    Attributes
-    ----------
-    machine : str
-        Its name.
-    frequency : ndarray (modes,)
-        Undamped, at rest [rad/s].
-    damping_ratio : ndarray (modes,)
-        Of each mode alone [1].
-    mass : ndarray (modes,)
-        Modal masses of shapes that are 1 where they are largest [kg].
-    place : ndarray (n,)
-        Along the shaft, as the machine's places are measured [m].
-    shape : ndarray (n, modes)
-        Deflections there [1].
-    magnets, sensors : mapping of str to (float, ndarray (modes,))
-        Of each radial one its place [m], and the deflections there [1].
-    """
-
-    machine: str
-    frequency: Array
-    damping_ratio: Array
-    mass: Array
-    place: Array
-    shape: Array
+    machine: str  #: Its name.
+    frequency: Array  #: (modes,) Undamped, at rest [rad/s].
+    damping_ratio: Array  #: (modes,) Of each mode alone [1].
+    mass: Array  #: (modes,) Modal masses of shapes that are 1 where they are largest [kg].
+    place: Array  #: (n,) Along the shaft, as the machine's places are measured [m].
+    shape: Array  #: (n, modes) Deflections there [1].
+    #: (float, ndarray (modes,)) Of each radial one its place [m], and the deflections there [1].
     magnets: Mapping[str, tuple[float, Array]]
     sensors: Mapping[str, tuple[float, Array]]
 

@@ -20,32 +20,18 @@ OUTSIDE = 0.01
 
 @dataclass(frozen=True)
 class OutsideOfBox:
-    """How often an expert was asked beyond the box that it was trained for.
+    """How often an expert was asked beyond the box that it was trained for."""
 
-    Attributes
-    ----------
-    share : float
-        Of the samples.
-    current, displacement : tuple of float
-        Of each direction: the ends of the box [A] or [m], and the share beyond them.
-    """
-
-    share: float
+    share: float  #: Of the samples.
+    #: Of each direction: the ends of the box [A] or [m], and the share beyond them.
     current: tuple[float, float, float]
     displacement: tuple[float, float, float]
 
 
 def lost_control(record: Record) -> tuple[int, int]:
-    """Return how many samples lack the control signal, and how many in a row at most.
-
-    Nobody knows what acted on the rotor then: filters hold the last value, and are less sure for a
-    while than they say.
-
-    Parameters
-    ----------
-    record : Record
-        With ``u`` [V].
-    """
+    """Return how many samples lack the control signal, and how many in a row at most."""
+    # Nobody knows what acted on the rotor then: filters hold the last value, and are less sure for
+    # a while than they say.
     lost = ~np.isfinite(record["u"])
     if not lost.any():
         return 0, 0
@@ -54,17 +40,7 @@ def lost_control(record: Record) -> tuple[int, int]:
 
 
 def outside_of_box(estimator: Estimator, estimate: Estimate, record: Record) -> OutsideOfBox | None:
-    """Return how often an expert was asked beyond its box, if that is worth a word.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Nothing is said of one that asks no expert.
-    estimate : Estimate
-        What it estimated.
-    record : Record
-        With ``u`` [V].
-    """
+    """Return how often an expert was asked beyond its box, if that is worth a word."""
     expert, b = getattr(estimator, "magnet", None), estimator.bearing
     if not isinstance(expert, Expert):
         return None

@@ -28,27 +28,10 @@ HELD = 0.9
 
 
 def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = None) -> LoopOf:
-    """Return a loop at the work point of its orbit.
-
-    Harmonic balance of the first order (Nayfeh and Mook 1979): what the magnets pull at the speed
-    of rotation beyond their mean stiffnesses goes back into the loop, and their mean pull carries
-    what it did at rest. Runout is not in the orbit.
-
-    Parameters
-    ----------
-    of : LoopOf
-        At its work point at rest.
-    estimator : Estimator or None
-        What feeds its controllers.
-    amplitude : float, optional
-        Of the orbit: its greatest half axis [m], for which a machine's unbalance is scaled; by
-        default that which the unbalance makes. A bearing of one axis needs it.
-
-    Raises
-    ------
-    AmbkitError
-        Nothing turns, or there is no unbalance; the orbit does not settle, or goes beyond the gap.
-    """
+    """Return a loop at the work point of its orbit."""
+    # Harmonic balance of the first order (Nayfeh and Mook 1979): what the magnets pull at the speed
+    # of rotation beyond their mean stiffnesses goes back into the loop, and their mean pull carries
+    # what it did at rest. Runout is not in the orbit.
     bearing = of.bearing
     if not bearing.speed:
         raise AmbkitError(f"{bearing.name} does not turn: it has no orbit")

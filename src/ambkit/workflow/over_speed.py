@@ -55,52 +55,30 @@ UNKNOWN = 1000.0
 
 @dataclass(frozen=True, eq=False)
 class OverSpeed(Shown):
-    """A machine's loop at several speeds of rotation.
-
-    Attributes
-    ----------
-    machine : Machine
-        The machine.
-    fed_by : str
-        What its controllers are fed by.
-    axes : tuple of str
-        Names of its p axes.
-    speed : ndarray (n,)
-        Speeds of rotation [rad/s], ascending.
-    peaks : ndarray (n, p)
-        Peak of abs(S) of each axis within the range of ISO 14839-3 [1]; NaN where the loop is
-        unstable.
-    largest : ndarray (n,)
-        Greatest singular value of S up to half the sampling rate [1].
-    poles : tuple of ndarray (n,)
-        Of the closed loop at each speed, as rates [1/s].
-    orbit : ndarray (n, p)
-        How far the rotor goes from the middle: where it is held, unbalance, runout, and three times
-        the noise's rms [m].
-    current : ndarray (n, p)
-        Greatest control current, likewise [A].
-    voltage : ndarray (n, p) or None
-        Greatest voltage of a coil without noise, of its limit [1]; None where there is none.
-    temperature : ndarray (n, p) or None
-        Of the hottest coil, where the machine stays at the speed [K], infinite where it runs away;
-        None where it is not known how all of them warm.
-    integrals : dict of float to BodeIntegral
-        The check, at rest, at the machine's speed, and at the greatest.
-    """
+    """A machine's loop at several speeds of rotation."""
 
     _card_by = "workflow.cards:over_speed"
 
-    machine: Machine
-    fed_by: str
-    axes: tuple[str, ...]
-    speed: Array
+    machine: Machine  #: The machine.
+    fed_by: str  #: What its controllers are fed by.
+    axes: tuple[str, ...]  #: Names of its p axes.
+    speed: Array  #: (n,) Speeds of rotation [rad/s], ascending.
+    #: (n, p) Peak of abs(S) of each axis within the range of ISO 14839-3 [1]; NaN where the loop is
+    #: unstable.
     peaks: Array
-    largest: Array
+    largest: Array  #: (n,) Greatest singular value of S up to half the sampling rate [1].
+    #: (n,) Of the closed loop at each speed, as rates [1/s].
     poles: tuple[NDArray[np.complex128], ...]
+    #: (n, p) How far the rotor goes from the middle: where it is held, unbalance, runout, and three
+    #: times the noise's rms [m].
     orbit: Array
-    current: Array
+    current: Array  #: (n, p) Greatest control current, likewise [A].
+    #: (n, p) Greatest voltage of a coil without noise, of its limit [1]; None where there is none.
     voltage: Array | None
+    #: (n, p) Of the hottest coil, where the machine stays at the speed [K], infinite where it runs
+    #: away; None where it is not known how all of them warm.
     temperature: Array | None
+    #: The check, at rest, at the machine's speed, and at the greatest.
     integrals: dict[float, BodeIntegral]
 
     @property
@@ -386,15 +364,7 @@ class _Run:
 
 
 def told_speed(estimator: Estimator, machine: Machine) -> Estimator:
-    """Return an estimator anew, for a machine that turns at another speed.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Of the same machine.
-    machine : Machine
-        At the speed that it is to be told.
-    """
+    """Return an estimator anew, for a machine that turns at another speed."""
     args, options = estimator._made
     if isinstance(estimator, AdaptiveNoise):
         return told_speed(estimator.inner, machine)

@@ -60,41 +60,22 @@ class Peak(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """Kept modes against all modes of the matrices.
+    """Kept modes against all modes of the matrices."""
 
-    Attributes
-    ----------
-    kept, every : int
-        How many modes are kept, and how many there are.
-    tolerance : float
-        Greatest error that is permitted [1].
-    fastest : float
-        Up to which speed they are compared [rad/s].
-    highest : float
-        Up to which frequency whirls are compared [Hz].
-    whirl : WhirlError
-        Of the free rotor, against the full matrices.
-    critical : tuple of (float, float)
-        Critical speeds up to `fastest`, but for those critically damped, with the modes kept and
-        with all [rad/s]; NaN: there is none.
-    peak : Peak, optional
-        Of the default loop, where both differ most; None where it is unstable with those kept.
-    grows : complex, optional
-        Pole of the default loop that grows with all modes [1/s], and not with those kept.
-    needed : float
-        What `modes_up_to` must be, at least, for the whirls [Hz].
-    """
-
-    kept: int
+    kept: int  #: How many modes are kept, and how many there are.
     every: int
-    tolerance: float
-    fastest: float
-    highest: float
-    whirl: WhirlError
+    tolerance: float  #: Greatest error that is permitted [1].
+    fastest: float  #: Up to which speed they are compared [rad/s].
+    highest: float  #: Up to which frequency whirls are compared [Hz].
+    whirl: WhirlError  #: Of the free rotor, against the full matrices.
+    #: (float, float) Critical speeds up to `fastest`, but for those critically damped, with the
+    #: modes kept and with all [rad/s]; NaN: there is none.
     critical: tuple[tuple[float, float], ...]
+    #: Of the default loop, where both differ most; None where it is unstable with those kept.
     peak: Peak | None
+    #: Pole of the default loop that grows with all modes [1/s], and not with those kept.
     grows: complex | None
-    needed: float
+    needed: float  #: What `modes_up_to` must be, at least, for the whirls [Hz].
 
     @property
     def critical_error(self) -> float:
@@ -194,22 +175,10 @@ class Reduction:
 
 @lru_cache(maxsize=32)
 def reduction(machine: Machine) -> Reduction | None:
-    """Return how a machine's kept modes compare with the full matrices.
-
-    Free whirl frequencies with the full finite-element matrices; critical speeds and the
-    sensitivity of the default loop with so many modes that further ones change nothing that is
-    told. The controllers are those tuned with the modes kept, in both.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine.
-
-    Returns
-    -------
-    Reduction or None
-        None of a rotor without matrices.
-    """
+    """Return how a machine's kept modes compare with the full matrices."""
+    # Free whirl frequencies with the full finite-element matrices; critical speeds and the
+    # sensitivity of the default loop with so many modes that further ones change nothing that is
+    # told. The controllers are those tuned with the modes kept, in both.
     rotor, bending = machine.rotor, machine.bending
     if not isinstance(rotor, ShaftRotor | MatrixRotor) or bending is None:
         return None

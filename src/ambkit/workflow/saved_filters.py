@@ -18,23 +18,7 @@ if TYPE_CHECKING:
 
 
 def tuned_filters(found: Study) -> dict[str, Estimator]:
-    """Return the filters that a comparison tuned, each with where its numbers are from.
-
-    Parameters
-    ----------
-    found : Study
-        With a budget; a kind that tuning did not better keeps its defaults.
-
-    Returns
-    -------
-    dict of str to Estimator
-        By kind; without filters that came from files, and estimators in Python.
-
-    Raises
-    ------
-    AmbkitError
-        Nothing was tuned.
-    """
+    """Return the filters that a comparison tuned, each with where its numbers are from."""
     bench = found.bench
     if not bench.tuned:
         raise AmbkitError("nothing was tuned: give the tuning a number of evaluations")
@@ -62,29 +46,7 @@ def save_filters(
     bearing: str | os.PathLike[str] | None = None,
     magnets: Mapping[str, str | os.PathLike[str]] | None = None,
 ) -> dict[str, str]:
-    """Write the filters that a comparison tuned, a file for each kind: ``FOLDER/KIND.toml``.
-
-    Parameters
-    ----------
-    found : Study
-        As for `tuned_filters`.
-    folder : path
-        It is made where it is not there.
-    bearing : path, optional
-        The bearing's file, or a preset's name; without it the file is written into the folder.
-    magnets : mapping of str to path, optional
-        Files of what kinds were given to ask, by kind.
-
-    Returns
-    -------
-    dict of str to str
-        Why a kind has no file, by its name; empty where all have one.
-
-    Raises
-    ------
-    AmbkitError
-        Nothing was tuned, or a file cannot be written.
-    """
+    """Write the filters that a comparison tuned, a file for each kind: ``FOLDER/KIND.toml``."""
     made, known = tuned_filters(found), found.bench.bearing
     place = files.make_folder(folder)
     if bearing is None and preset_of(known) is None:

@@ -27,18 +27,10 @@ BASIS = "API 617"
 
 @dataclass(frozen=True)
 class Separation:
-    """The distance of an operating speed from one critical speed.
+    """The distance of an operating speed from one critical speed."""
 
-    Attributes
-    ----------
-    critical : CriticalSpeed
-        The critical speed.
-    speed : float
-        Of operation [rad/s].
-    """
-
-    critical: CriticalSpeed
-    speed: float
+    critical: CriticalSpeed  #: The critical speed.
+    speed: float  #: Of operation [rad/s].
 
     @property
     def margin(self) -> float:
@@ -47,10 +39,8 @@ class Separation:
 
     @property
     def needed(self) -> float:
-        """Margin that is required [1]: none of a mode that is critically damped.
-
-        ``0.17 (1 - 1/(AF - 1.5))`` below the operating speed, 0.10 more above it.
-        """
+        """Margin that is required [1]: none of a mode that is critically damped."""
+        # ``0.17 (1 - 1/(AF - 1.5))`` below the operating speed, 0.10 more above it.
         factor = self.critical.amplification
         if factor < DAMPED:
             return 0.0
@@ -104,29 +94,10 @@ class Separation:
 def separations(
     machine: Machine, speed: float | None = None, pids: Sequence[PID] | None = None
 ) -> list[Separation]:
-    """Return the distances of a speed from all critical speeds up to twice of it.
-
-    Of the rotor on its controllers, see `ambkit.campbell`.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine.
-    speed : float, optional
-        Of operation [rad/s]; by default the machine's.
-    pids : sequence of PID (p,), optional
-        Of the axes; by default those that a simulation has.
-
-    Returns
-    -------
-    list of Separation
-        By rising critical speeds; none of a machine that does not turn.
-
-    References
-    ----------
-    API 617, Axial and centrifugal compressors and expander-compressors, 7th edition, 2002:
-    separation margins by amplification factors.
-    """
+    """Return the distances of a speed from all critical speeds up to twice of it."""
+    # Of the rotor on its controllers, see `ambkit.campbell`.
+    # API 617, Axial and centrifugal compressors and expander-compressors, 7th edition, 2002:
+    # separation margins by amplification factors.
     speed = abs(machine.speed if speed is None else speed)
     if not speed:
         return []
@@ -135,15 +106,7 @@ def separations(
 
 
 def sentence(found: Sequence[Separation], speed: float) -> str:
-    """Return what is to be said of a speed of operation.
-
-    Parameters
-    ----------
-    found : sequence of Separation
-        From each critical speed.
-    speed : float
-        Of operation [rad/s].
-    """
+    """Return what is to be said of a speed of operation."""
     if not found:
         return f"no critical speed up to {rpm(2 * abs(speed))}"
     each = "; ".join(one.text() for one in found)

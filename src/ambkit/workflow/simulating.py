@@ -258,31 +258,17 @@ def simulate(
 
 
 def experiment_duration(bearing: Bearing) -> float:
-    """Return how long an experiment lasts where nobody says it [s].
-
-    Parameters
-    ----------
-    bearing : Bearing
-        `OWN_PERIODS` of its own frequency ``sqrt(k_s/m)``, to two digits.
-    """
+    """Return how long an experiment lasts where nobody says it [s]."""
     own = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass) / (2 * math.pi)
     return float(f"{OWN_PERIODS / own:.2g}")
 
 
 @dataclass(frozen=True)
 class RunSummary:
-    """What a run came to.
+    """What a run came to."""
 
-    Attributes
-    ----------
-    bearing : Bearing
-        What was simulated.
-    run : Run
-        Record, and estimate if there was an estimator.
-    """
-
-    bearing: Bearing
-    run: Run
+    bearing: Bearing  #: What was simulated.
+    run: Run  #: Record, and estimate if there was an estimator.
 
     @property
     def samples_at_the_stop(self) -> int:

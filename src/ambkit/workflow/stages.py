@@ -17,13 +17,7 @@ STATE = "design.json"
 
 
 class Stages:
-    """What was made from what in a folder, so that nothing is made twice.
-
-    Parameters
-    ----------
-    folder : Path
-        Where all of it goes.
-    """
+    """What was made from what in a folder, so that nothing is made twice."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -33,19 +27,7 @@ class Stages:
     def make(
         self, name: str, made_from: Sequence[Any], written: Sequence[str], make: Callable[[], None]
     ) -> None:
-        """Run a stage, unless its files are there and are what they were made into.
-
-        Parameters
-        ----------
-        name : str
-            Of the stage.
-        made_from : sequence
-            All that its files depend on, as plain data; the version of ambkit is added.
-        written : sequence of str
-            The files that it writes into the folder.
-        make : callable
-            Writes them.
-        """
+        """Run a stage, unless its files are there and are what they were made into."""
         text = escaping.json_text([version("ambkit"), *made_from])
         key = hashlib.sha256(text.encode()).hexdigest()
         before = self.known.get(name, {})
@@ -66,13 +48,7 @@ def write_json(path: Path, data: Any) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Read what `write_json` wrote.
-
-    Raises
-    ------
-    AmbkitError
-        It cannot be read, or is no JSON.
-    """
+    """Read what `write_json` wrote."""
     try:
         return json.loads(files.read_text(path))
     except json.JSONDecodeError as error:

@@ -64,27 +64,14 @@ STEP, APART = 2000, 1.5
 
 @dataclass(frozen=True, eq=False)
 class Swept:
-    """The simulated loop's sensitivity at one amplitude.
+    """The simulated loop's sensitivity at one amplitude."""
 
-    Attributes
-    ----------
-    amplitude : float
-        Greatest value of what was added to the measurement [m].
-    frequency : ndarray (k,)
-        Frequencies [Hz].
-    sensitivity : ndarray (k,)
-        S of the simulated, nonlinear loop [1].
-    model : ndarray (k,)
-        S of the linear one [1].
-    limited : bool
-        Whether the current came to a limit, the rotor to a stop, or the filter refused what it
-        took for outliers.
-    """
-
-    amplitude: float
-    frequency: Array
-    sensitivity: Complex
-    model: Complex
+    amplitude: float  #: Greatest value of what was added to the measurement [m].
+    frequency: Array  #: (k,) Frequencies [Hz].
+    sensitivity: Complex  #: (k,) S of the simulated, nonlinear loop [1].
+    model: Complex  #: (k,) S of the linear one [1].
+    #: Whether the current came to a limit, the rotor to a stop, or the filter refused what it took
+    #: for outliers.
     limited: bool
 
     @property
@@ -100,32 +87,16 @@ class Swept:
 
 @dataclass(frozen=True, eq=False)
 class Sweep(Shown):
-    """A loop swept at several amplitudes, beside its linear model.
-
-    Attributes
-    ----------
-    bearing : Bearing or Machine
-        The plant.
-    axis : int
-        Which was swept.
-    kind : {"multisine", "stepped-sine"}
-        What was added to the measurement.
-    loop : AssessedLoop
-        The linear model.
-    swept : tuple of Swept
-        One for each amplitude.
-    top : float
-        End of the range that the zones are taken from [Hz].
-    """
+    """A loop swept at several amplitudes, beside its linear model."""
 
     _card_by = "workflow.cards:swept"
 
-    bearing: Bearing | Machine
-    axis: int
-    kind: Kind
-    loop: AssessedLoop
-    swept: tuple[Swept, ...]
-    top: float
+    bearing: Bearing | Machine  #: The plant.
+    axis: int  #: Which was swept.
+    kind: Kind  #: What was added to the measurement.
+    loop: AssessedLoop  #: The linear model.
+    swept: tuple[Swept, ...]  #: One for each amplitude.
+    top: float  #: End of the range that the zones are taken from [Hz].
 
     def __repr__(self) -> str:
         said = ", ".join(
@@ -299,11 +270,9 @@ class _Rig:
         return np.asarray(self._at_lines(y[last], line) / given), limited
 
     def _at_lines(self, y: Array, line: NDArray[np.int_]) -> Complex:
-        """Return the amplitudes of lines of a spectrum, beside what has not decayed yet.
-
-        A mode that is slower than anybody waits, such as that of an unbalance that an estimator
-        still learns, would leak into a line nearby: it is fitted with the lines.
-        """
+        """Return the amplitudes of lines of a spectrum, beside what has not decayed yet."""
+        # A mode that is slower than anybody waits, such as that of an unbalance that an estimator
+        # still learns, would leak into a line nearby: it is fitted with the lines.
         n = np.arange(len(y))
         waves = np.exp(2j * np.pi * np.outer(n, line) / len(y))
         slow = np.power.outer(self.slow, n).T
@@ -434,11 +403,9 @@ class _MachineRig(_Rig):
 
 
 def _alone(line: NDArray[np.int_], turns: int) -> NDArray[np.bool_]:
-    """Return which lines of a spectrum no other comes to by the rotation.
-
-    Along an orbit the magnets' stiffness swings with the rotation and its double, and passes what
-    is at one frequency on to others, so far away.
-    """
+    """Return which lines of a spectrum no other comes to by the rotation."""
+    # Along an orbit the magnets' stiffness swings with the rotation and its double, and passes what
+    # is at one frequency on to others, so far away.
     kept = np.ones(len(line), bool)
     for away in (turns, 2 * turns) if turns else ():
         beside = np.concatenate([line + away, np.abs(line - away)])

@@ -30,23 +30,12 @@ SIGNALS = {"x": "m", "f_d": "N"}
 
 @dataclass(frozen=True)
 class Traded:
-    """A filter that was tuned under a ceiling.
+    """A filter that was tuned under a ceiling."""
 
-    Attributes
-    ----------
-    ceiling : float
-        What the peak of abs(S) had to stay below [1].
-    tuned : Tuned or None
-        The filter; None where nothing that was tried stays below.
-    peak : float
-        What the peak came to [1].
-    errors : mapping of str to float
-        Root mean square errors of ``x`` [m] and ``f_d`` [N] in simulated runs.
-    """
-
-    ceiling: float
-    tuned: Tuned | None
-    peak: float
+    ceiling: float  #: What the peak of abs(S) had to stay below [1].
+    tuned: Tuned | None  #: The filter; None where nothing that was tried stays below.
+    peak: float  #: What the peak came to [1].
+    #: Root mean square errors of ``x`` [m] and ``f_d`` [N] in simulated runs.
     errors: dict[str, float]
 
     @property
@@ -57,23 +46,13 @@ class Traded:
 
 @dataclass(frozen=True, eq=False)
 class TradeOff(Shown):
-    """Filters of one kind, from those that leave the loop much margin to those that leave little.
-
-    Attributes
-    ----------
-    bearing : Bearing or Machine
-        What is filtered.
-    kind : str
-        Of the filters.
-    points : tuple of Traded
-        By their ceilings.
-    """
+    """Filters of one kind, from much margin of the loop to little."""
 
     _card_by = "workflow.cards:trade_off"
 
-    bearing: Bearing | Machine
-    kind: str
-    points: tuple[Traded, ...]
+    bearing: Bearing | Machine  #: What is filtered.
+    kind: str  #: Of the filters.
+    points: tuple[Traded, ...]  #: By their ceilings.
 
     def __repr__(self) -> str:
         said = ", ".join(

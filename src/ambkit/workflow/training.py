@@ -52,19 +52,7 @@ def how_to_train(
     normalised: bool = True,
     scaling: str = "grid",
 ) -> dict[str, Any]:
-    """Return the options of :func:`ambkit.train`, with what is not said.
-
-    Parameters
-    ----------
-    method : {"least-squares", "steepest-gradient"}
-        Better than the paper, or as it does it.
-    weights : bool, optional
-        Whether the rules' conclusions are trained as well; by default with least squares.
-    normalised : bool
-        False is eq. 33 as printed.
-    scaling : {"grid", "unit"}
-        How an ampere and a millimetre compare.
-    """
+    """Return the options of :func:`ambkit.train`, with what is not said."""
     return {
         "method": method,
         "weights": method == "least-squares" if weights is None else weights,
@@ -76,22 +64,7 @@ def how_to_train(
 def stiffness_of_law(
     bearing: Bearing, shape: Shape = RULES, reach: float | None = None
 ) -> StiffnessMap:
-    """Return the stiffnesses of a bearing's law, over all currents.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Whose law.
-    shape : tuple of 2 int
-        Nodes along current and displacement.
-    reach : float, optional
-        How far out, either way [m]; by default half of the travel.
-
-    Raises
-    ------
-    ValueError
-        `reach` is not above 0, or beyond the travel.
-    """
+    """Return the stiffnesses of a bearing's law, over all currents."""
     travel = bearing.rotor.travel_limit
     far = travel / 2 if reach is None else reach
     if not 0 < far <= travel:
@@ -107,13 +80,7 @@ def stiffness_of_law(
 
 
 def check_within_gap(bearing: Bearing, points: ForcePoints) -> None:
-    """Refuse points at which no rotor can be.
-
-    Raises
-    ------
-    ValueError
-        One is beyond the air gap.
-    """
+    """Refuse points at which no rotor can be."""
     gap, farthest = bearing.magnet.air_gap, max(points.displacement.tolist(), key=abs)
     if abs(farthest) >= gap:
         raise ValueError(
@@ -124,24 +91,13 @@ def check_within_gap(bearing: Bearing, points: ForcePoints) -> None:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredForce:
-    """A measured force, the surface through it, and the rules that it carries.
+    """A measured force, the surface through it, and the rules that it carries."""
 
-    Attributes
-    ----------
-    surface : ForceSurface
-        The force, with its errors.
-    stiffness : StiffnessMap
-        What an expert is trained on, a node for each rule.
-    choice : RuleChoice or None
-        What cross-validation says of the number of rules, if it was asked.
-    law_error_given : bool
-        Whether the law's error was given, not found.
-    """
-
-    surface: ForceSurface
-    stiffness: StiffnessMap
+    surface: ForceSurface  #: The force, with its errors.
+    stiffness: StiffnessMap  #: What an expert is trained on, a node for each rule.
+    #: What cross-validation says of the number of rules, if it was asked.
     choice: RuleChoice | None
-    law_error_given: bool
+    law_error_given: bool  #: Whether the law's error was given, not found.
 
 
 @shown_in_notebooks("finding the force", by="note")
@@ -154,30 +110,7 @@ def measured_force(
     note: Callable[[str], None] = lambda _text: None,
     **options: Any,
 ) -> MeasuredForce:
-    """Find the force from points of it, and where an expert needs its stiffnesses.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Its law is corrected; where nothing was measured it stays.
-    points : ForcePoints
-        What was measured.
-    shape : tuple of 2 int, optional
-        Rules along current and displacement; None: as many as the points carry.
-    law_error : float, optional
-        By how much the law may be wrong where nothing was measured [N]; by default as found.
-    note : callable
-        Told what is done next.
-    **options
-        Of `how_to_train`, for the choice of rules.
-
-    Raises
-    ------
-    AmbkitError
-        The points do not tell enough.
-    ValueError
-        One is beyond the air gap.
-    """
+    """Find the force from points of it, and where an expert needs its stiffnesses."""
     check_within_gap(bearing, points)
     surface = ForceSurface(bearing, points, law_error)
     choice = None
@@ -193,43 +126,19 @@ def measured_force(
 
 @dataclass(frozen=True)
 class WrongSign:
-    """Where a trained stiffness is not positive though the bearing's law is clearly so.
+    """Where a trained stiffness is not positive though the bearing's law is clearly so."""
 
-    Attributes
-    ----------
-    share : float
-        Of the box.
-    current, displacement : float
-        The worst place [A], [m].
-    least, law : float
-        The trained stiffness there, and the law's [N/A] or [N/m].
-    """
-
-    share: float
-    current: float
+    share: float  #: Of the box.
+    current: float  #: The worst place [A], [m].
     displacement: float
-    least: float
+    least: float  #: The trained stiffness there, and the law's [N/A] or [N/m].
     law: float
 
 
 def wrong_signs(expert: Expert, bearing: Bearing) -> dict[str, WrongSign]:
-    """Return where a trained k_i or k_s is not positive though the bearing's law is clearly so.
-
-    Towards the ends of a one-sided magnet's box the law's own k_i and k_s, which share the force
-    between them, go through zero; there a sign tells nothing.
-
-    Parameters
-    ----------
-    expert : Expert
-        What was trained.
-    bearing : Bearing
-        Whose law it is held to.
-
-    Returns
-    -------
-    dict of WrongSign
-        By ``k_i`` and ``k_s``; empty where both are right.
-    """
+    """Return where a trained k_i or k_s is not positive though the bearing's law is clearly so."""
+    # Towards the ends of a one-sided magnet's box the law's own k_i and k_s, which share the force
+    # between them, go through zero; there a sign tells nothing.
     box = _box(expert)
     found = {}
     known = evaluate_stiffness(magnet_of(bearing), *box)
@@ -251,38 +160,21 @@ def _box(expert: Expert) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 @dataclass(frozen=True, eq=False)
 class TrainedExpert:
-    """An expert, and how good it is.
+    """An expert, and how good it is."""
 
-    Attributes
-    ----------
-    bearing : Bearing
-        Whose force it knows.
-    expert : Expert
-        What was trained.
-    stiffness : StiffnessMap
-        What it was trained on.
-    measured : MeasuredForce or None
-        None where it was trained on the bearing's law.
-    models : ModelChoice or None
-        What points left out say of law, surface and network; None where there were too few.
-    asked : {"network", "surface", "law"}, optional
-        What is taken whatever the points say.
-    """
-
-    bearing: Bearing
-    expert: Expert
-    stiffness: StiffnessMap
-    measured: MeasuredForce | None = None
+    bearing: Bearing  #: Whose force it knows.
+    expert: Expert  #: What was trained.
+    stiffness: StiffnessMap  #: What it was trained on.
+    measured: MeasuredForce | None = None  #: None where it was trained on the bearing's law.
+    #: What points left out say of law, surface and network; None where there were too few.
     models: ModelChoice | None = None
-    asked: str | None = None
+    asked: str | None = None  #: What is taken whatever the points say.
 
     @property
     def taken(self) -> str:
-        """What is to be believed: what was asked for, else what points left out prefer.
-
-        ``"the law"``, ``"the law, refitted"``, ``"the surface"`` or ``"the network"``; without
-        points, or with too few to leave some out, the network.
-        """
+        """What is to be believed: what was asked for, else what points left out prefer."""
+        # ``"the law"``, ``"the law, refitted"``, ``"the surface"`` or ``"the network"``; without
+        # points, or with too few to leave some out, the network.
         models = self.models
         if self.asked == "law":
             if models is None:
@@ -329,10 +221,8 @@ class TrainedExpert:
 
     @property
     def hardly_measured(self) -> list[tuple[float, float, float]]:
-        """The rules at which the points tell little [A], [m], and the force's error there [N].
-
-        There the expert stays near the bearing's law. Empty without points.
-        """
+        """The rules at which the points tell little [A], [m], and the force's error there [N]."""
+        # There the expert stays near the bearing's law. Empty without points.
         if self.measured is None:
             return []
         iu, x = (
@@ -405,31 +295,7 @@ def train_expert(
     note: Callable[[str], None] = lambda _text: None,
     **options: Any,
 ) -> TrainedExpert:
-    """Train an expert on a bearing's law, or on a measured force, and say how good it is.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Whose law.
-    shape : tuple of 2 int
-        Rules along current and displacement; of a measured force those of `measured`.
-    reach : float, optional
-        How far out the law is learned, either way [m]; by default half of the travel.
-    measured : MeasuredForce, optional
-        From `measured_force`. Points left out then say whether law, surface or network is to be
-        believed.
-    take : {"best", "network", "surface", "law"}
-        What is taken of these: what points left out prefer, or this one.
-    note : callable
-        Told what is done next.
-    **options
-        Of `how_to_train`.
-
-    Raises
-    ------
-    AmbkitError
-        The options contradict each other.
-    """
+    """Train an expert on a bearing's law, or on a measured force, and say how good it is."""
     how = how_to_train(**options)
     asked = None if take == "best" else take
     if measured is None:

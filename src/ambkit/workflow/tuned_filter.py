@@ -56,58 +56,35 @@ AT_THE_END = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Tuned(Shown):
-    """A filter, what it was tuned by, and what that gained.
-
-    Attributes
-    ----------
-    estimator : Estimator
-        The filter to take: tuned, or as it was where that fits the unseen data better.
-    kind : str
-        Of the filter.
-    by : {"likelihood", "truth"}
-        What was made large or small: the likelihood of records, or the errors against simulated
-        truth.
-    free : tuple of Range
-        What was free, and within which bounds.
-    trace : tuple of Tried
-        All that was tried, in its order: values, and their cost. By likelihood that is minus the
-        mean log likelihood of a sample; by truth the mean error over the untuned linear filter's.
-    values : mapping of str to float
-        What tuning found, by name, in SI. By likelihood the growth of the load is the largest that
-        the records do not rule out: where the load rests, they like any small one as well.
-    unseen : mapping of str to (float, float)
-        Figures on data that it was not tuned on, untuned and tuned; smaller is better, but for
-        ``nis``, which is 1 where model and noise are right.
-    kept : bool
-        Whether `estimator` is the tuned one.
-    known_peaks : tuple of float
-        Of all that was tried the peak of abs(S) in the loop, where the search had to know it: with
-        `max_sensitivity`; else empty, and `peaks` computes them.
-    magnet : MagnetModel or None
-        What all that was tried knows of its magnet, where that is not what its kind does.
-    max_sensitivity : float or None
-        What the peak of abs(S) was to stay below.
-    controller : PID or Control or None
-        Of that loop; None: each axis of a machine has its own.
-    warnings : tuple of str
-        What is odd about the result.
-    """
+    """A filter, what it was tuned by, and what that gained."""
 
     _card_by = "workflow.cards:tuned"
 
+    #: The filter to take: tuned, or as it was where that fits the unseen data better.
     estimator: Estimator
-    kind: str
+    kind: str  #: Of the filter.
+    #: What was made large or small: the likelihood of records, or the errors against simulated
+    #: truth.
     by: By
-    free: tuple[Range, ...]
+    free: tuple[Range, ...]  #: What was free, and within which bounds.
+    #: All that was tried, in its order: values, and their cost. By likelihood that is minus the
+    #: mean log likelihood of a sample; by truth the mean error over the untuned linear filter's.
     trace: tuple[Tried, ...]
+    #: What tuning found, by name, in SI. By likelihood the growth of the load is the largest that
+    #: the records do not rule out: where the load rests, they like any small one as well.
     values: Mapping[str, float]
+    #: (float, float) Figures on data that it was not tuned on, untuned and tuned; smaller is
+    #: better, but for ``nis``, which is 1 where model and noise are right.
     unseen: Mapping[str, tuple[float, float]]
-    kept: bool
+    kept: bool  #: Whether `estimator` is the tuned one.
+    #: Of all that was tried the peak of abs(S) in the loop, where the search had to know it: with
+    #: `max_sensitivity`; else empty, and `peaks` computes them.
     known_peaks: tuple[float, ...]
+    #: What all that was tried knows of its magnet, where that is not what its kind does.
     magnet: MagnetModel | None
-    max_sensitivity: float | None
-    controller: PID | Control | None
-    warnings: tuple[str, ...] = field(default=())
+    max_sensitivity: float | None  #: What the peak of abs(S) was to stay below.
+    controller: PID | Control | None  #: Of that loop; None: each axis of a machine has its own.
+    warnings: tuple[str, ...] = field(default=())  #: What is odd about the result.
 
     def save(
         self,
@@ -116,13 +93,7 @@ class Tuned(Shown):
         bearing: str | os.PathLike[str] | None = None,
         magnet: str | os.PathLike[str] | None = None,
     ) -> None:
-        """Write the filter; see :meth:`ambkit.Estimator.save`.
-
-        Parameters
-        ----------
-        path, bearing, magnet : path
-            As there.
-        """
+        """Write the filter; see :meth:`ambkit.Estimator.save`."""
         self.estimator.save(path, bearing=bearing, magnet=magnet)
 
     @cached_property
@@ -141,11 +112,9 @@ class Tuned(Shown):
 
     @cached_property
     def peaks(self) -> tuple[float, ...]:
-        """Of all that was tried the peak of abs(S) in the loop [1].
-
-        Infinite where it is unstable, NaN of a kind that settles to no gain. Without
-        `max_sensitivity` they are computed when they are first looked at.
-        """
+        """Of all that was tried the peak of abs(S) in the loop [1]."""
+        # Infinite where it is unstable, NaN of a kind that settles to no gain. Without
+        # `max_sensitivity` they are computed when they are first looked at.
         return self.known_peaks or tuple(self._peak_with(each.values) for each in self.trace)
 
     def _peak_with(self, values: Mapping[str, float]) -> float:

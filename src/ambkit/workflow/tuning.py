@@ -40,13 +40,11 @@ def default_disturbance(bearing: Bearing) -> float:
 
 
 def log_likelihood(estimate: Estimate, first: int = 1) -> float:
-    """Log likelihood of the measurements that a filter took in (Schweppe 1965), up to a constant.
-
-    ``-1/2 sum(ln S + e^2/S)`` over the innovations e and the variances S that the filter expected;
-    the first sample, which the filter starts from, does not count, nor what is before sample
-    `first`. An outlier does: a filter that leaves out what it did not expect is not the more likely
-    for it. What a filter has no idea of, as a low-pass, does not count.
-    """
+    """Log likelihood of a filter's measurements (Schweppe 1965), up to a constant."""
+    # ``-1/2 sum(ln S + e^2/S)`` over the innovations e and the variances S that the filter
+    # expected; the first sample, which the filter starts from, does not count, nor what is before
+    # sample `first`. An outlier does: a filter that leaves out what it did not expect is not the
+    # more likely for it. What a filter has no idea of, as a low-pass, does not count.
     taken = _taken(estimate)
     taken[: max(1, first)] = False
     if estimate.innovation_variance.ndim > 1:  # one reading after another, each given those before
@@ -59,58 +57,28 @@ def log_likelihood(estimate: Estimate, first: int = 1) -> float:
 
 @dataclass(frozen=True)
 class TunedDisturbance:
-    """What a stretch of a record says of how fast the load wanders.
+    """What a stretch of a record says of how fast the load wanders."""
 
-    Attributes
-    ----------
-    growth : float
-        Growth of the variance of the disturbance force to be used [N^2/s].
-    why : str
-        Why it is that, where the stretch does not single one out; else empty.
-    """
-
-    growth: float
-    why: str = ""
+    growth: float  #: Growth of the variance of the disturbance force to be used [N^2/s].
+    why: str = ""  #: Why it is that, where the stretch does not single one out; else empty.
 
 
 def most_likely_disturbance(
     bearing: Bearing, record: Record, make: Callable[[float], Estimator]
 ) -> float:
-    """Find the growth of the disturbance force under which a record is most likely.
-
-    Parameters
-    ----------
-    bearing, record, make
-        As for :func:`tune_disturbance`.
-
-    Returns
-    -------
-    float
-        Growth of the variance of the disturbance force [N^2/s].
-    """
+    """Find the growth of the disturbance force under which a record is most likely."""
     return tune_disturbance(bearing, record, make).growth
 
 
 def tune_disturbance(
     bearing: Bearing, record: Record, make: Callable[[float], Estimator]
 ) -> TunedDisturbance:
-    """Find the growth of the disturbance force under which a record is most likely.
-
-    The paper leaves it to experiment. Too small, and the filter is sure of a wrong force; too
-    large, and it takes the noise of the sensor for forces. Not every record tells: the untuned
-    growth is kept where it is as likely as the best, and where something else is wrong, for then
-    the search runs to its upper end or to a chance summit. Where the load hardly wanders, and any
-    small growth is as likely, the largest of these is taken.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Its weight sets the range of the search, see `DECADES`.
-    record : Record
-        With ``y`` [m] and ``u`` [V]; spikes of ``y`` do not count.
-    make : callable
-        ``make(disturbance)`` builds the filter that assumes this growth [N^2/s].
-    """
+    """Find the growth of the disturbance force under which a record is most likely."""
+    # The paper leaves it to experiment. Too small, and the filter is sure of a wrong force; too
+    # large, and it takes the noise of the sensor for forces. Not every record tells: the untuned
+    # growth is kept where it is as likely as the best, and where something else is wrong, for then
+    # the search runs to its upper end or to a chance summit. Where the load hardly wanders, and any
+    # small growth is as likely, the largest of these is taken.
     from scipy.optimize import brentq, minimize_scalar
 
     own = default_disturbance(bearing)

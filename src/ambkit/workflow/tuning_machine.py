@@ -104,20 +104,7 @@ class MachineByTruth(ByTruth):
 
 
 def check_records(machine: Machine, records: Iterable[Record]) -> None:
-    """Refuse records that are not of a machine.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine.
-    records : iterable of Record
-        Its records.
-
-    Raises
-    ------
-    AmbkitError
-        One has not all readings and controls.
-    """
+    """Refuse records that are not of a machine."""
     needed = [signal("y", r.name) for r in machine.readings] + [
         signal("u", a.name) for a in machine.axes
     ]

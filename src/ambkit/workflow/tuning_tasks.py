@@ -94,11 +94,9 @@ class ByLikelihood:
         self, best: Tried, free: Sequence[Range], cost: Callable[[Mapping[str, float]], float],
         build: Callable[[Mapping[str, float]], Estimator],
     ) -> Tried:  # fmt: skip
-        """Take the fastest load that the records do not rule out (Edwards 1972).
-
-        A record in which the load rests likes any small growth as well, and a filter with such a
-        one follows no load that comes later: it is raised to what the stated load needs.
-        """
+        """Take the fastest load that the records do not rule out (Edwards 1972)."""
+        # A record in which the load rests likes any small growth as well, and a filter with such a
+        # one follows no load that comes later: it is raised to what the stated load needs.
         growth = next((each for each in free if each.name == "noise.disturbance"), None)
         if growth is None:
             return best

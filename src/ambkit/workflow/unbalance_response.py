@@ -23,21 +23,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class UnbalanceResponse(Drawn):
-    """Amplitude of the synchronous motion over the speed.
+    """Amplitude of the synchronous motion over the speed."""
 
-    Attributes
-    ----------
-    machine : Machine
-        Whose unbalance it is.
-    speed : ndarray (n,)
-        Speeds of rotation [rad/s].
-    amplitude : ndarray (n, p)
-        Along each axis [m].
-    """
-
-    machine: Machine
-    speed: Array
-    amplitude: Array
+    machine: Machine  #: Whose unbalance it is.
+    speed: Array  #: (n,) Speeds of rotation [rad/s].
+    amplitude: Array  #: (n, p) Along each axis [m].
 
     def to_dict(self) -> dict[str, Any]:
         """Return speed [rad/s] and the amplitude of each axis [m] by its name."""

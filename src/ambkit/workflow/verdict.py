@@ -21,38 +21,16 @@ from ambkit.workflow.separation import BASIS
 
 
 class Line(NamedTuple):
-    """One line of a verdict.
+    """One line of a verdict."""
 
-    Attributes
-    ----------
-    what : str
-        What was looked at.
-    found : str
-        What it came to.
-    limit : str
-        Against what; empty where it is only told.
-    good : bool or None
-        Whether it keeps to that; None where it is only told.
-    """
-
-    what: str
-    found: str
-    limit: str = ""
-    good: bool | None = None
+    what: str  #: What was looked at.
+    found: str  #: What it came to.
+    limit: str = ""  #: Against what; empty where it is only told.
+    good: bool | None = None  #: Whether it keeps to that; None where it is only told.
 
 
 def verdict(found: Assessment, filter: str, over: OverSpeed | None = None) -> list[Line]:
-    """Return the verdict on one loop; of one that is unstable, what grows in it.
-
-    Parameters
-    ----------
-    found : Assessment
-        The loops.
-    filter : str
-        By what the controllers of the loop in question are fed.
-    over : OverSpeed, optional
-        The same loop of a machine over its speed.
-    """
+    """Return the verdict on one loop; of one that is unstable, what grows in it."""
     loop, several = found.loops[filter], len(found.of.axes) > 1
     if not loop.stable:
         return [*_of_unstable(loop), *_of_critical(found)]
@@ -177,17 +155,7 @@ NEEDED = (
 
 
 def temperature_line(what: str, temperature: float, limit: float | None) -> Line:
-    """Return the line of a coil's temperature.
-
-    Parameters
-    ----------
-    what : str
-        What was looked at.
-    temperature : float
-        Of the coil [K]; infinite where it runs away.
-    limit : float, optional
-        That is permitted [K].
-    """
+    """Return the line of a coil's temperature."""
     if math.isinf(temperature):
         return Line(what, "runs away: a warmer coil loses more than is cooled away",
                     "at rest" if limit is None else f"below {celsius(limit)}", False)  # fmt: skip
@@ -256,15 +224,7 @@ def rpm(speed: float) -> str:
 
 
 def facts(found: Assessment, filter: str) -> dict[str, str]:
-    """Return what a verdict holds for, by name.
-
-    Parameters
-    ----------
-    found : Assessment
-        The loops.
-    filter : str
-        By what the controllers are fed.
-    """
+    """Return what a verdict holds for, by name."""
     b = found.bearing
     told = {"machine" if found.of.machine else "bearing": b.name, "controller fed by": filter}
     if found.of.machine is None:
@@ -327,24 +287,7 @@ def write_verdict(
     filter: str | None = None,
     over: OverSpeed | None = None,
 ) -> None:
-    """Write the verdict on one loop as a page that can be signed off.
-
-    Parameters
-    ----------
-    found : Assessment
-        The loops.
-    path : path
-        Ends with ``.html``.
-    filter : str, optional
-        By what the controllers of that loop are fed; by default the last one.
-    over : OverSpeed, optional
-        The same loop of a machine over its speed.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such loop; `over` is of another; the file cannot be written.
-    """
+    """Write the verdict on one loop as a page that can be signed off."""
     from ambkit.show.pages.assessment import write_assessment
 
     name = list(found.loops)[-1] if filter is None else filter

@@ -20,30 +20,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Waterfall(Drawn):
-    """Amplitude spectra of stretches of a run, one after the other.
+    """Amplitude spectra of stretches of a run, one after the other."""
 
-    Attributes
-    ----------
-    signal : str
-        Whose.
-    unit : str
-        Its unit.
-    t : ndarray (n,)
-        Middle of each stretch [s].
-    speed : ndarray (n,)
-        Speed of rotation there [rad/s].
-    frequency : ndarray (m,)
-        [Hz].
-    amplitude : ndarray (n, m)
-        Of each line, in the signal's unit.
-    """
-
-    signal: str
-    unit: str
-    t: Array
-    speed: Array
-    frequency: Array
-    amplitude: Array
+    signal: str  #: Whose.
+    unit: str  #: Its unit.
+    t: Array  #: (n,) Middle of each stretch [s].
+    speed: Array  #: (n,) Speed of rotation there [rad/s].
+    frequency: Array  #: (m,) [Hz].
+    amplitude: Array  #: (n, m) Of each line, in the signal's unit.
 
     def figure(self) -> Figure:
         """Show the amplitudes over time and frequency, with the speed of rotation."""

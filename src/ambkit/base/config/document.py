@@ -77,16 +77,8 @@ class Part(BaseModel, metaclass=_OwnNames):
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        """Yield (key, what is wrong) for values that are fine alone and not together.
-
-        In a key ``runout.0.order`` the number is the place in a list.
-
-        Parameters
-        ----------
-        read : callable
-            Gives the value of a dotted key. One that is missing or wrong by itself reads as NaN,
-            so that comparisons with it find nothing to complain about.
-        """
+        """Yield (key, what is wrong) for values that are fine alone and not together."""
+        # In a key ``runout.0.order`` the number is the place in a list.
         yield from ()
 
     def contradictions(self, known: Any = None) -> Iterator[str]:
@@ -270,17 +262,7 @@ def reader(model: BaseModel) -> Read:
 
 
 def read_unchecked(model: type[BaseModel], data: Any, context: Any) -> Read:
-    """Return a function that reads a dotted key of unchecked data; NaN if it is missing or wrong.
-
-    Parameters
-    ----------
-    model : type
-        What the data is meant to be.
-    data : dict or model
-        As the user gave it.
-    context : Any
-        Pydantic's validation context: not None for data from a file.
-    """
+    """A function that reads a dotted key of unchecked data; NaN if it is missing or wrong."""
 
     def read(key: str) -> Any:
         name, _, rest = key.partition(".")

@@ -23,18 +23,10 @@ def place_of_signal() -> "SignalIn | None":
 
 
 class Said(float):
-    """A value of a signal in SI that was said with a unit, before its place of use is known.
+    """A value of a signal in SI that was said with a unit, before its place of use is known."""
 
-    Attributes
-    ----------
-    text : str
-        What was said.
-    unit : str
-        As in the `Quantity`, with ``@`` for the unit of the place.
-    """
-
-    text: str
-    unit: str
+    text: str  #: What was said.
+    unit: str  #: As in the `Quantity`, with ``@`` for the unit of the place.
 
     @classmethod
     def of(cls, text: str, unit: str) -> "Said":
@@ -46,28 +38,19 @@ class Said(float):
 
 @dataclass(frozen=True)
 class Quantity:
-    """Marks a float that stands in files as a string with a unit.
+    """Marks a float that stands in files as a string with a unit."""
 
-    Used as ``Annotated[float, Quantity("m", "2 mm")]``. In a file a bare number is refused, save
-    for unit ``"1"``; in Python a number counts as SI and a string is read like one in a file.
+    # Used as ``Annotated[float, Quantity("m", "2 mm")]``. In a file a bare number is refused, save
+    # for unit ``"1"``; in Python a number counts as SI and a string is read like one in a file.
 
-    Attributes
-    ----------
-    unit : str
-        SI unit. ``@`` stands for the unit of the signal, which the place of use knows (`SignalIn`).
-    example : str
-        How a user would write a sensible value; of a signal's value the place of use knows that.
-    above, at_least, at_most : float or None
-        Limits, in `unit`.
-    also : tuple of str
-        Other units that a file may have; their number counts as one in `unit`.
-    """
-
+    #: SI unit. ``@`` stands for the unit of the signal, which the place of use knows (`SignalIn`).
     unit: str
+    #: How a user would write a sensible value; of a signal's value the place of use knows that.
     example: str = ""
-    above: float | None = None
+    above: float | None = None  #: Limits, in `unit`.
     at_least: float | None = None
     at_most: float | None = None
+    #: Other units that a file may have; their number counts as one in `unit`.
     also: tuple[str, ...] = ()
 
     def read(self, value: Any, info: ValidationInfo) -> float:
@@ -155,17 +138,11 @@ class Quantity:
 
 @dataclass(frozen=True)
 class WordOrQuantity(Quantity):
-    """Marks what is one of some words, or a quantity.
+    """Marks what is one of some words, or a quantity."""
 
-    Used as ``Annotated[float | Literal["none"], WordOrQuantity("rad", "45 deg", words=...)]``.
+    # Used as ``Annotated[float | Literal["none"], WordOrQuantity("rad", "45 deg", words=...)]``.
 
-    Attributes
-    ----------
-    words : tuple of str
-        Those.
-    """
-
-    words: tuple[str, ...] = ()
+    words: tuple[str, ...] = ()  #: Those.
 
     def read(self, value: Any, info: ValidationInfo) -> Any:
         """Give the word, or the value in SI; or say what is wrong with it."""
@@ -190,10 +167,9 @@ class WordOrQuantity(Quantity):
 
 @dataclass(frozen=True)
 class OneOrEach(Quantity):
-    """Marks what is one quantity for all, or a list with one for each.
+    """Marks what is one quantity for all, or a list with one for each."""
 
-    Used as ``Annotated[float | tuple[float, ...], OneOrEach("m^2", "225 µm^2")]``.
-    """
+    # Used as ``Annotated[float | tuple[float, ...], OneOrEach("m^2", "225 µm^2")]``.
 
     def read(self, value: Any, info: ValidationInfo) -> Any:
         """Give the value in SI, or a tuple of them; or say what is wrong with it."""
@@ -218,18 +194,10 @@ class OneOrEach(Quantity):
 
 @dataclass(frozen=True)
 class SignalIn:
-    """Marks where a signal is used, and so its unit: ``Annotated[Signal, SignalIn("N", "3 N")]``.
+    """Marks a signal and its unit: ``Annotated[Signal, SignalIn("N", "3 N")]``."""
 
-    Attributes
-    ----------
-    unit : str
-        SI unit of the signal's values.
-    example : str
-        How a user would write such a value.
-    """
-
-    unit: str
-    example: str
+    unit: str  #: SI unit of the signal's values.
+    example: str  #: How a user would write such a value.
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler

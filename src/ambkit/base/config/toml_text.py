@@ -28,20 +28,13 @@ _TABLE = re.compile(r"\s*\[+\s*([^\]#]*?)\s*\]")
 
 @dataclass
 class TomlText:
-    """What a TOML text says.
+    """What a TOML text says."""
 
-    Attributes
-    ----------
-    data : dict or None
-        The values; None where the syntax is so wrong that it is not clear what is meant.
-    lines : dict
-        Line (from 1) of each table, key and array element, by its path.
-    problems : list of (int, str)
-        Line and text of each mistake in the syntax.
-    """
-
+    #: The values; None where the syntax is so wrong that it is not clear what is meant.
     data: dict[str, Any] | None = None
+    #: Line (from 1) of each table, key and array element, by its path.
     lines: dict[Path, int] = field(default_factory=dict)
+    #: (int, str) Line and text of each mistake in the syntax.
     problems: list[tuple[int, str]] = field(default_factory=list)
 
     def line(self, path: Path) -> int:
@@ -55,11 +48,10 @@ class TomlText:
 
 
 def parse(text: str) -> TomlText:
-    """Read TOML, and go on behind each mistake of which it is clear what was meant.
-
-    A value without quotes (``air_gap = 2 mm``) and a key written twice are such mistakes: they are
-    put down as problems, and the rest of the text is still read, so that one look shows them all.
-    """
+    """Read TOML, and go on behind each mistake of which it is clear what was meant."""
+    # A value without quotes (``air_gap = 2 mm``) and a key written twice are such mistakes: they
+    # are put down as problems, and the rest of the text is still read, so that one look shows them
+    # all.
     result = TomlText()
     lines = text.split("\n")
     if deep := _DEEP_KEY.search(text):
@@ -77,12 +69,10 @@ def parse(text: str) -> TomlText:
 
 
 def _read(lines: list[str], result: TomlText) -> None:
-    """Read the values, with each mistake put down and mended in `lines`.
-
-    Behind a line that was mended, only the lines that follow are read, until they are right: so
-    thousands of mistakes take no longer than the text does. What can only be told of the whole, as
-    that a key is written twice, is told at the end.
-    """
+    """Read the values, with each mistake put down and mended in `lines`."""
+    # Behind a line that was mended, only the lines that follow are read, until they are right: so
+    # thousands of mistakes take no longer than the text does. What can only be told of the whole,
+    # as that a key is written twice, is told at the end.
     done = 0  # lines that need not be read again
     while result.data is None:
         try:

@@ -123,18 +123,7 @@ COMMENTS = ("#", "%")
 
 
 def find(lines: Sequence[str]) -> Dialect | None:
-    """Find out how a CSV is written.
-
-    Parameters
-    ----------
-    lines : sequence of str
-        The first lines of the file, comments too.
-
-    Returns
-    -------
-    Dialect or None
-        None where there is not one line with something in it.
-    """
+    """Find out how a CSV is written."""
     said = _SEP_LINE.fullmatch(lines[0].strip(" ")) if lines else None
     numbered = [
         (n, line)

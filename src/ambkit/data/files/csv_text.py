@@ -46,17 +46,7 @@ _EITHER_DECIMAL = re.compile(r"[+-]?\d*[.,]\d+(?:[eE][+-]?\d+)?")
 
 
 def dump(columns: Mapping[str, Array], units: Mapping[str, str], meta: Mapping[str, str]) -> str:
-    """Return the text of a CSV.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray (n,)
-        The columns; NaN becomes an empty cell.
-    units : mapping of str to str
-        The unit of each.
-    meta : mapping of str to str
-        JSON by key. The number of rows is added, so that a file cut short is noticed.
-    """
+    """Return the text of a CSV."""
     known = {**meta, "rows": len(next(iter(columns.values())))}
     notes = ", ".join(f'"{_KEY.sub("_", key)}": {value}' for key, value in known.items())
     quoted = notes.replace('"', '""')
@@ -119,31 +109,7 @@ def parse(
     lenient: bool = False,
     texts: Collection[str | int] = (),
 ) -> Log:
-    """Read the columns of a text.
-
-    Parameters
-    ----------
-    text : str
-        The text.
-    name : str
-        What the messages call the file.
-    wanted : collection of str or int, optional
-        Read these columns alone, by name or place; the others may then hold anything.
-    remarks : collection of str
-        What is known about the file already.
-    lenient : bool
-        Leave out columns that hold no numbers.
-    texts : collection of str or int
-        Columns of times as text, whatever they look like.
-
-    Raises
-    ------
-    DamagedLog
-        Cells are no numbers, or lines have too few or too many cells; the message has each with
-        its line.
-    RecordError
-        A column is not there, or the file is shorter than it says itself.
-    """
+    """Read the columns of a text."""
     # Not str.splitlines: that also breaks at characters which a note may hold, U+0085 for one.
     text = _UNEVEN_LINE_ENDS.sub("\n", text) if "\r" in text else text
     text = _MINUS.sub("-", text) if "\N{MINUS SIGN}" in text else text

@@ -34,32 +34,7 @@ def read_log(
     lenient: bool = False,
     texts: Collection[str | int] = (),
 ) -> Log:
-    """Read the numbers of a log.
-
-    Parameters
-    ----------
-    path : path
-        A text file with columns (``.csv``, ``.txt``, ``.tsv``, ``.asc``), ``.parquet``, ``.mat``,
-        ``.h5`` or ``.hdf5``, ``.mf4`` or ``.mdf``.
-    wanted : collection of str or int, optional
-        Read these alone; in a text file or a Parquet the others may then hold anything, and a
-        number is the place of a column.
-    progress : callable
-        Called with what is being done, where that takes long.
-    lenient : bool
-        Leave out what holds no numbers, and say so, where it would be refused.
-    texts : collection of str or int
-        Read these as times in text, whatever they look like.
-
-    Raises
-    ------
-    RecordError
-        The file is damaged or cut short, or of another kind, or lacks what is wanted.
-    ExtraMissing
-        The library for such files is not installed; the message names the command.
-    AmbkitError
-        The file cannot be read.
-    """
+    """Read the numbers of a log."""
     ending = Path(path).suffix.lower()
     if ending not in _READERS:
         known = f"{', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}"

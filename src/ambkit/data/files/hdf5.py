@@ -26,10 +26,8 @@ def read(
     lenient: bool = False,
     texts: Collection[str | int] = (),
 ) -> Log:
-    """Read data sets; see `ambkit.data.files.formats.read_log`.
-
-    A data set of a compound type gives each of its fields, ``rig/log.current``.
-    """
+    """Read data sets; see `ambkit.data.files.formats.read_log`."""
+    # A data set of a compound type gives each of its fields, ``rig/log.current``.
     check_readable(path)
     import pyarrow as pa
 
@@ -89,13 +87,7 @@ def _data_sets(file: Any, h5py: Any) -> dict[str, tuple[Any, str | None]]:
 
 
 def check_within(path: str | os.PathLike[str], file: Any) -> None:
-    """Refuse an HDF5 file that has its numbers from other files: it could name any on this machine.
-
-    Raises
-    ------
-    RecordError
-        It has an external link, data in external storage, or a virtual data set.
-    """
+    """Refuse an HDF5 file that takes numbers from other files, of which it could name any."""
     import h5py
 
     problems: list[str] = []

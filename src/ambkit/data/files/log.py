@@ -19,44 +19,25 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Log:
-    """Arrays as they stand in a file.
+    """Arrays as they stand in a file."""
 
-    Attributes
-    ----------
-    name : str
-        What the messages call the file.
-    arrays : mapping of str to ndarray
-        The numbers by name, as float64: vectors (n,) or matrices; a missing one is NaN.
-    units : mapping of str to str
-        What the file says of the unit of each, where it does.
-    clocks : mapping of str to str
-        Name of the array with the times of each, where the file says so (MDF).
-    meta : dict
-        What else the file says.
-    order : tuple of str
-        Of a table, all its columns in order, so that a number may stand for a name.
-    remarks : tuple of str
-        What a user may want to know about how the file was read.
-    line_of : callable, optional
-        Gives the line of a sample in a text file, from 1.
-    header : int
-        Line of the names in a text file, from 1; 0 where there is none.
-    texts : mapping of str to Arrow array of strings
-        Columns of times as text, which `ambkit.data.files.timestamps` reads.
-    titles : mapping of str to str
-        What the file calls an array whose name says less, such as the label of a Simulink signal.
-    """
-
-    name: str
+    name: str  #: What the messages call the file.
+    #: The numbers by name, as float64: vectors (n,) or matrices; a missing one is NaN.
     arrays: Mapping[str, Array]
+    #: What the file says of the unit of each, where it does.
     units: Mapping[str, str] = field(default_factory=dict)
+    #: Name of the array with the times of each, where the file says so (MDF).
     clocks: Mapping[str, str] = field(default_factory=dict)
-    meta: dict[str, Any] = field(default_factory=dict)
+    meta: dict[str, Any] = field(default_factory=dict)  #: What else the file says.
+    #: Of a table, all its columns in order, so that a number may stand for a name.
     order: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()  #: What a user may want to know about how the file was read.
+    #: Gives the line of a sample in a text file, from 1.
     line_of: Callable[[int], int] | None = None
-    header: int = 0
+    header: int = 0  #: Line of the names in a text file, from 1; 0 where there is none.
+    #: Columns of times as text, which `ambkit.data.files.timestamps` reads.
     texts: Mapping[str, Any] = field(default_factory=dict)
+    #: What the file calls an array whose name says less, such as the label of a Simulink signal.
     titles: Mapping[str, str] = field(default_factory=dict)
 
     def place(self, sample: int) -> str:
@@ -81,17 +62,7 @@ class Log:
 
 
 class DamagedLog(RecordError):
-    """A log that can be read in part.
-
-    Parameters
-    ----------
-    problems : list of str
-        What is wrong, one line each.
-    log : Log
-        What could be read; NaN where it could not.
-    samples : tuple of int
-        Where the damage is.
-    """
+    """A log that can be read in part."""
 
     def __init__(self, problems: list[str], log: Log, samples: tuple[int, ...]) -> None:
         super().__init__(problems, log.name)
@@ -99,10 +70,8 @@ class DamagedLog(RecordError):
 
 
 def too_coarse(values: Array) -> bool:
-    """Whether a column (n,) rises by steps that float64 can hardly tell apart at its size.
-
-    Seconds or nanoseconds since 1970 do, at a high rate.
-    """
+    """Whether a column (n,) rises by steps that float64 can hardly tell apart at its size."""
+    # Seconds or nanoseconds since 1970 do, at a high rate.
     head = values[:10_000]
     head = head[np.isfinite(head)]
     if head.size < 3 or (largest := float(np.abs(head).max())) < 1e8:
@@ -141,13 +110,7 @@ def damaged(path: str | os.PathLike[str], error: Exception) -> RecordError:
 
 
 def check_readable(path: str | os.PathLike[str]) -> None:
-    """Say in one way for all formats that a file is not there, or must not be read.
-
-    Raises
-    ------
-    RecordError
-        It cannot be opened.
-    """
+    """Say in one way for all formats that a file is not there, or must not be read."""
     try:
         with open(path, "rb") as file:
             if not file.read(1):
@@ -159,13 +122,7 @@ def check_readable(path: str | os.PathLike[str]) -> None:
 def column_names(
     order: Sequence[str], wanted: Collection[str | int] | None, place: str
 ) -> list[str]:
-    """Return the names of the wanted columns of a table; all of them if none are named.
-
-    Raises
-    ------
-    RecordError
-        There is no such column.
-    """
+    """Return the names of the wanted columns of a table; all of them if none are named."""
     if wanted is None:
         return list(order)
     found: list[str] = []

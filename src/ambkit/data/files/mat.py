@@ -72,15 +72,7 @@ def read(
 
 
 def content(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Read a file as it is: arrays, texts, cells, and what begins with ``__`` about the file.
-
-    Raises
-    ------
-    RecordError
-        It cannot be read, is damaged, or would take too much memory.
-    ExtraMissing
-        It is of version 7.3, and the libraries for that are not there.
-    """
+    """Read a file as it is: arrays, texts, cells, and what begins with ``__`` about the file."""
     check_readable(path)
     return _content_of_7_3(path) if _is_7_3(path) else _content(path)
 
@@ -131,11 +123,9 @@ def _content(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _memory_of(path: str | os.PathLike[str], unpacked: int) -> int:
-    """Memory that a MATLAB 5 file takes as it is and as float64 [byte], of its length `unpacked`.
-
-    Numbers may be stored shorter than they are, so those of arrays count by their shape. What is
-    in structures and cells is told by nothing but their bytes.
-    """
+    """Memory that a MATLAB 5 file of this length takes, as it is and as float64 [byte]."""
+    # Numbers may be stored shorter than they are, so those of arrays count by their shape. What is
+    # in structures and cells is told by nothing but their bytes.
     from scipy.io import whosmat
 
     numbers = sum(8 * math.prod(shape) for _, shape, kind in whosmat(os.fspath(path)))

@@ -108,10 +108,8 @@ class _Place(NamedTuple):
 
 
 def _places(names: list[str]) -> dict[str, _Place]:
-    """Return where each column stands, by what it is called here.
-
-    Columns that share a name are known by it and their place, ``y#2``, as those of a text file.
-    """
+    """Return where each column stands, by what it is called here."""
+    # Columns that share a name are known by it and their place, ``y#2``, as those of a text file.
     count = Counter(map(one_line, names))
     before: Counter[str] = Counter()
     places: dict[str, _Place] = {}

@@ -29,15 +29,7 @@ class Table(NamedTuple):
 
 
 def write_table(path: str | os.PathLike[str], table: Table) -> None:
-    """Write a table as ``.csv`` or ``.parquet``, through a temporary file.
-
-    Raises
-    ------
-    RecordError
-        Another ending, or ``meta`` that JSON cannot hold.
-    AmbkitError
-        The file cannot be written; an older one is left as it was.
-    """
+    """Write a table as ``.csv`` or ``.parquet``, through a temporary file."""
     try:
         meta = {key: json.dumps(value, ensure_ascii=False) for key, value in table.meta.items()}
     except (TypeError, ValueError, RecursionError) as error:
@@ -53,16 +45,7 @@ def write_table(path: str | os.PathLike[str], table: Table) -> None:
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
-    """Read a table whose columns name their units, and convert it to SI.
-
-    Raises
-    ------
-    RecordError
-        The file is damaged, or a column has no unit, or one that is unknown or of another kind
-        than its signal; the message names file and line.
-    AmbkitError
-        The file cannot be read.
-    """
+    """Read a table whose columns name their units, and convert it to SI."""
     return to_table(read_log(path))
 
 

@@ -47,13 +47,7 @@ _EITHER = re.compile(
 
 
 def layouts(cell: str) -> tuple[str, ...]:
-    """Return the layouts that a time may have; two where day and month may be swapped.
-
-    Parameters
-    ----------
-    cell : str
-        Such as ``"03.05.2024 12:00:00,123"``. Of what is no time there is none.
-    """
+    """Return the layouts that a time may have; two where day and month may be swapped."""
     for pattern, layout in _LAYOUTS:
         if pattern.fullmatch(cell):
             return (layout,)
@@ -69,13 +63,7 @@ def layouts(cell: str) -> tuple[str, ...]:
 
 @cache
 def pattern(layout: str) -> str:
-    """Return the regular expression of a layout.
-
-    Raises
-    ------
-    ValueError
-        It has a directive that is not known, one twice, or no time in it.
-    """
+    """Return the regular expression of a layout."""
     found, seen = [], set()
     for part in re.findall(r"[.,]%f|%z$| ?%p|%.?|.", layout, re.DOTALL):
         name = part[-1] if "%" in part else ""

@@ -40,27 +40,7 @@ class Moments(NamedTuple):
 def read(
     texts: Any, layout: str, name: str, place: Callable[[int], str], *, lenient: bool = False
 ) -> Moments:
-    """Read a column of times.
-
-    Parameters
-    ----------
-    texts : Arrow array of strings (n,)
-        The cells; null where there is none.
-    layout : str
-        How they are written; found by looking at them where empty.
-    name : str
-        What the messages call the column.
-    place : callable
-        Says where a sample stands.
-    lenient : bool
-        Where nothing says which is the day and which the month, take the likelier, and do not
-        refuse.
-
-    Raises
-    ------
-    RecordError
-        Cells are no times, or day and month cannot be told apart and it matters.
-    """
+    """Read a column of times."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -103,22 +83,8 @@ def layouts_of(texts: Any) -> tuple[str, ...]:
 
 
 def unwrapped(ticks: Ticks, period: int) -> tuple[Ticks, int]:
-    """Carry a time of the day on past midnight.
-
-    Parameters
-    ----------
-    ticks : ndarray of int (n,)
-        Times that begin again after each `period`.
-    period : int
-        Such as `DAY`.
-
-    Returns
-    -------
-    ndarray of int (n,)
-        Times that go on.
-    int
-        How often they began again.
-    """
+    """Carry a time of the day on past midnight."""
+    # ticks (n,); returns (n,)
     again = np.diff(ticks) < -period // 2
     return ticks + period * np.concatenate([[0], np.cumsum(again)]), int(again.sum())
 
@@ -244,15 +210,8 @@ def _carried_on(
 
 
 def _summer_time(ticks: Ticks) -> tuple[Ticks, list[int]]:
-    """Find where local time is put on or back: an hour, to the sample, in a Sunday's first hours.
-
-    Returns
-    -------
-    ndarray of int (n,)
-        What is to be added [ns].
-    list of int
-        The samples before which it happened.
-    """
+    """Find where summer time begins or ends: an hour, to the sample, in early hours of a Sunday."""
+    # returns (n,) [ns]
     steps = np.diff(ticks)
     none = np.zeros(ticks.size, dtype=np.int64)
     forward = steps[steps > 0]

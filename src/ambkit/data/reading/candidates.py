@@ -20,49 +20,23 @@ TEXT = "times as text"
 
 @dataclass
 class Candidate:
-    """One channel of a log, and what speaks for what it is.
+    """One channel of a log, and what speaks for what it is."""
 
-    Attributes
-    ----------
-    label : str
-        What the log calls it, for the comments.
-    where : dict
-        Keys of the channel map that find it.
-    values : ndarray (n,)
-        Its samples.
-    unit : str
-        What the log says of its unit; empty where it does not.
-    clock : str
-        Name of the array with its times, where the file says so.
-    role : str
-        ``t``, ``y``, ``u``, ``i``, ``v``, ``r`` or, not known, empty.
-    why : list of str
-        What speaks for that.
-    estimated : bool
-        Whether it is an estimate of the rig's own.
-    damage : RecordError, optional
-        Why times as text cannot be read.
-    turned : bool
-        Whether it counts the other way.
-    """
-
-    label: str
-    where: dict[str, str | int]
-    values: Array
-    unit: str = ""
-    clock: str = ""
-    role: str = ""
-    why: list[str] = field(default_factory=list)
-    estimated: bool = False
-    damage: RecordError | None = None
-    turned: bool = False
+    label: str  #: What the log calls it, for the comments.
+    where: dict[str, str | int]  #: Keys of the channel map that find it.
+    values: Array  #: (n,) Its samples.
+    unit: str = ""  #: What the log says of its unit; empty where it does not.
+    clock: str = ""  #: Name of the array with its times, where the file says so.
+    role: str = ""  #: ``t``, ``y``, ``u``, ``i``, ``v``, ``r`` or, not known, empty.
+    why: list[str] = field(default_factory=list)  #: What speaks for that.
+    estimated: bool = False  #: Whether it is an estimate of the rig's own.
+    damage: RecordError | None = None  #: Why times as text cannot be read.
+    turned: bool = False  #: Whether it counts the other way.
 
 
 def candidates(log: Log) -> list[list[Candidate]]:
-    """Return the channels of a log, those of one length together, the longest first.
-
-    A log that says which clock each of its channels has is one group.
-    """
+    """Return the channels of a log, those of one length together, the longest first."""
+    # A log that says which clock each of its channels has is one group.
     key = "column" if log.order or log.clocks else "array"
     found: list[Candidate] = []
     for name, array in log.arrays.items():

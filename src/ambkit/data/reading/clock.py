@@ -24,36 +24,18 @@ ROUNDED = 5
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """What the times of n samples are worth.
+    """What the times of n samples are worth."""
 
-    Attributes
-    ----------
-    name : str
-        The signal with the times.
-    times : ndarray (n,)
-        The times [s] as logged.
-    step : float
-        Usual time between two samples [s], over the whole of the log: see `examine`.
-    jitter : float
-        Standard deviation of the steps [s], gaps and jumps left out.
-    uneven : ndarray of int
-        Samples before which the step is off by more than 1 %, and is neither gap nor jump.
-    gaps : ndarray of int (g,)
-        Samples before which others are missing.
-    missing : ndarray of int (g,)
-        How many, of each gap.
-    jumps : ndarray of int
-        Samples before which the clock goes back, stands still, or leaps by more than the log is
-        long.
-    """
-
-    name: str
-    times: Array
-    step: float
-    jitter: float
+    name: str  #: The signal with the times.
+    times: Array  #: (n,) The times [s] as logged.
+    step: float  #: Usual time between two samples [s], over the whole of the log: see `examine`.
+    jitter: float  #: Standard deviation of the steps [s], gaps and jumps left out.
+    #: Samples before which the step is off by more than 1 %, and is neither gap nor jump.
     uneven: NDArray[np.intp]
-    gaps: NDArray[np.intp]
-    missing: NDArray[np.intp]
+    gaps: NDArray[np.intp]  #: (g,) Samples before which others are missing.
+    missing: NDArray[np.intp]  #: (g,) How many, of each gap.
+    #: Samples before which the clock goes back, stands still, or leaps by more than the log is
+    #: long.
     jumps: NDArray[np.intp]
 
     @property
@@ -95,19 +77,11 @@ class Clock:
 
 
 def examine(name: str, times: Array) -> Clock:
-    """Find out what a clock is worth.
-
-    Its step is that of the whole time it goes on: what it went on by, over how many steps that
-    were. Neither the jitter of single stamps nor their few digits move it, nor do missing samples,
-    of which it counts the steps, or jumps, which it leaves out.
-
-    Parameters
-    ----------
-    name : str
-        The signal with the times.
-    times : ndarray (n,)
-        The times [s], finite, n >= 2.
-    """
+    """Find out what a clock is worth."""
+    # Its step is that of the whole time it goes on: what it went on by, over how many steps that
+    # were. Neither the jitter of single stamps nor their few digits move it, nor do missing
+    # samples, of which it counts the steps, or jumps, which it leaves out.
+    # times (n,) [s]
     steps = np.diff(times)
     none = np.array([], dtype=np.intp)
     forward = steps if steps.min() > 0 else steps[steps > 0]
@@ -166,12 +140,10 @@ def _doubt(times: Array, ratio: Array, counts: Index, jump: NDArray[np.bool_], s
 
 
 def _rounded_counts(times: Array, steps: Array, jump: NDArray[np.bool_]) -> Index | None:
-    """Count the steps of a clock whose stamps have few digits; None where it has enough.
-
-    Rounded to q, a step T is logged as the multiple of q below or the one above it, so that 1.3 ms
-    come as 1 ms and 2 ms. That no sample is missing there shows in that all stamps lie within q of
-    an even row.
-    """
+    """Count the steps of a clock whose stamps have few digits; None where it has enough."""
+    # Rounded to q, a step T is logged as the multiple of q below or the one above it, so that 1.3
+    # ms come as 1 ms and 2 ms. That no sample is missing there shows in that all stamps lie within
+    # q of an even row.
     sound = np.where(jump, np.nan, steps)
     ladder = np.rint(1e3 * sound / np.nanmedian(sound))
     seen, often = np.unique(ladder[~jump], return_counts=True)

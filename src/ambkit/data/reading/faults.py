@@ -40,43 +40,19 @@ BLOCK = 200  # samples in which different values are counted
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that is wrong for a while.
+    """Something that is wrong for a while."""
 
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`.
-    signal : str
-        The channel, or the clock.
-    start, stop : float
-        From when to when [s], by the record's clock: a delay is taken out.
-    samples : int
-        How many samples it has.
-    text : str
-        What is wrong.
-    action : str
-        What was done about it.
-    """
-
-    kind: str
-    signal: str
-    start: float
+    kind: str  #: One of `KINDS`.
+    signal: str  #: The channel, or the clock.
+    start: float  #: From when to when [s], by the record's clock: a delay is taken out.
     stop: float
-    samples: int
-    text: str
-    action: str = "kept"
+    samples: int  #: How many samples it has.
+    text: str  #: What is wrong.
+    action: str = "kept"  #: What was done about it.
 
 
 def account(faults: Iterable[Fault], step: float) -> list[str]:
-    """Say in sentences what was found and done, faults of a kind together.
-
-    Parameters
-    ----------
-    faults : iterable of Fault
-        What was found.
-    step : float
-        Time between two samples [s], which the times told must tell apart.
-    """
+    """Say in sentences what was found and done, faults of a kind together."""
     groups: dict[tuple[str, str, str], list[Fault]] = {}
     for fault in faults:
         groups.setdefault((fault.signal, fault.kind, fault.action), []).append(fault)
@@ -102,38 +78,21 @@ def account(faults: Iterable[Fault], step: float) -> list[str]:
 
 @dataclass(frozen=True)
 class Channel:
-    """What a channel looks like, in SI.
+    """What a channel looks like, in SI."""
 
-    Attributes
-    ----------
-    name, unit : str
-        The signal, and its unit.
-    samples, missing : int
-        How many the record has, and how many of them are missing.
-    least, greatest, mean : float
-        Of the samples that are there.
-    noise : float
-        Standard deviation of what changes from sample to sample, from second differences: noise,
-        if the signal itself is slow.
-    resolution : float
-        Smallest step between values; 0 where the signal has none that shows.
-    clock : str
-        Where its times come from.
-    delay : float
-        How late it was logged [s]; the record has it shifted back by that.
-    """
-
-    name: str
+    name: str  #: The signal, and its unit.
     unit: str
-    samples: int
+    samples: int  #: How many the record has, and how many of them are missing.
     missing: int
-    least: float
+    least: float  #: Of the samples that are there.
     greatest: float
     mean: float
+    #: Standard deviation of what changes from sample to sample, from second differences: noise, if
+    #: the signal itself is slow.
     noise: float
-    resolution: float
-    clock: str
-    delay: float = 0.0
+    resolution: float  #: Smallest step between values; 0 where the signal has none that shows.
+    clock: str  #: Where its times come from.
+    delay: float = 0.0  #: How late it was logged [s]; the record has it shifted back by that.
 
 
 def describe(name: str, unit: str, values: Array, clock: str = "t") -> Channel:
@@ -160,12 +119,10 @@ def describe(name: str, unit: str, values: Array, clock: str = "t") -> Channel:
 
 
 def noise(values: Array) -> float:
-    """Estimate the standard deviation of white noise on a slow signal (n,).
-
-    Second differences of white noise have six times its variance; the median is not moved by steps
-    or spikes. Where most of them are zero, as on a coarse signal, their mean square counts; where
-    next to all of them are, as on a reference of steps, there is none.
-    """
+    """Estimate the standard deviation of white noise on a slow signal (n,)."""
+    # Second differences of white noise have six times its variance; the median is not moved by
+    # steps or spikes. Where most of them are zero, as on a coarse signal, their mean square counts;
+    # where next to all of them are, as on a reference of steps, there is none.
     bend = np.diff(values[:LOOKED_AT], 2)
     bend = np.abs(bend[np.isfinite(bend)])
     if bend.size == 0:
@@ -177,10 +134,8 @@ def noise(values: Array) -> float:
 
 
 def resolution(values: Array) -> float:
-    """Find the smallest step between the values of a signal (n,); 0 where there is none.
-
-    A signal is in steps where its values come again and again, or lie on one ladder.
-    """
+    """Find the smallest step between the values of a signal (n,); 0 where there is none."""
+    # A signal is in steps where its values come again and again, or lie on one ladder.
     seen = np.unique(_some(values))
     if seen.size < 2:
         return 0.0
@@ -207,29 +162,14 @@ def _some(values: Array) -> Array:
 
 
 def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:
-    """Find what is wrong with a channel.
-
-    A run of equal samples counts as frozen, or as saturated if it is at the greatest or least
-    value, where chance does not explain it: a coarse signal repeats itself, and how often it does
-    between two samples is measured on the channel itself. A channel that hardly ever changes, such
-    as a reference, is not suspected.
-
-    A spike is told of what is measured, see `ambkit.data.reading.spikes`, and left out before the
-    rest is looked for.
-
-    Parameters
-    ----------
-    name : str
-        The channel; the reference ``r``, which no sensor measures, may stand still. The control
-        signal ``u`` may leap for a sample: a controller that differentiates does where its
-        reference steps.
-    logged : ndarray (n,)
-        The samples in SI, NaN where one is missing.
-    times : ndarray (n,)
-        Their times [s].
-    unit : str
-        Unit of the values.
-    """
+    """Find what is wrong with a channel."""
+    # A run of equal samples counts as frozen, or as saturated if it is at the greatest or least
+    # value, where chance does not explain it: a coarse signal repeats itself, and how often it does
+    # between two samples is measured on the channel itself. A channel that hardly ever changes,
+    # such as a reference, is not suspected.
+    # A spike is told of what is measured, see `ambkit.data.reading.spikes`, and left out before the
+    # rest is looked for.
+    # logged (n,); times (n,) [s]
     for kind, absent in (("missing", np.isnan(logged)), ("infinite", np.isinf(logged))):
         if absent.any():
             text = "not logged" if kind == "missing" else "infinite values"
@@ -367,12 +307,10 @@ def _longest_by_chance(repeats: float, samples: int) -> float:
 
 
 def _repeats_around(lengths: Index, run: int) -> float:
-    """Return how often a sample repeats the one before, in the 50 runs on each side.
-
-    A signal may be coarser here than elsewhere. The longest tenth of the runs does not count, so
-    that a sensor that hangs now and then does not hide it; nor are they trusted beyond 0.8, so that
-    a control signal that goes from one limit to the other is seen.
-    """
+    """Return how often a sample repeats the one before, in the 50 runs on each side."""
+    # A signal may be coarser here than elsewhere. The longest tenth of the runs does not count, so
+    # that a sensor that hangs now and then does not hide it; nor are they trusted beyond 0.8, so
+    # that a control signal that goes from one limit to the other is seen.
     around = np.concatenate([lengths[max(0, run - 50) : run], lengths[run + 1 : run + 51]])
     if around.size < 10:
         return 0.0
@@ -381,10 +319,8 @@ def _repeats_around(lengths: Index, run: int) -> float:
 
 
 def _usual_repeats(values: Array) -> float:
-    """Return how often a sample equals the one before, in the middle one of 101 stretches.
-
-    The middle one, so that a long frozen stretch does not raise it.
-    """
+    """Return how often a sample equals the one before, in the middle one of 101 stretches."""
+    # The middle one, so that a long frozen stretch does not raise it.
     equal = values[1:] == values[:-1]
     parts = np.array_split(equal, min(101, max(1, equal.size // 20)))
     return float(np.median([part.mean() for part in parts]))

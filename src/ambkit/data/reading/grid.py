@@ -17,15 +17,8 @@ HELD = ("u",)
 
 
 def with_missing(clock: Clock) -> tuple[Array, NDArray[np.intp]]:
-    """Make room for the samples that a clock without jumps has missed.
-
-    Returns
-    -------
-    times : ndarray (n,)
-        Even times [s]: the logged ones untouched, those between spread evenly over each gap.
-    place : ndarray of int
-        Where each logged sample stands among them.
-    """
+    """Make room for the samples that a clock without jumps has missed."""
+    # times (n,) [s]
     if clock.gaps.size == 0:
         return clock.times, np.arange(clock.times.size)
     skipped = np.zeros(clock.times.size, dtype=np.intp)
@@ -54,27 +47,10 @@ def even_grid(clock: Clock, step: float) -> Array:
 
 
 def resample(values: Array, clock: Clock, times: Array, *, held: bool) -> Array:
-    """Give a signal at other times.
-
-    Between two samples on a straight line, or as it was at the last sample if it is `held`. There
-    is no low-pass before that: the result is what a sampler of the new rate would have seen.
-
-    Parameters
-    ----------
-    values : ndarray (n,)
-        Samples at the times of `clock`; NaN is missing.
-    clock : Clock
-        Without jumps.
-    times : ndarray (m,)
-        The new times [s].
-    held : bool
-        Whether the signal keeps its value until its next sample.
-
-    Returns
-    -------
-    ndarray (m,)
-        NaN before the first sample, after the last one, and in a gap.
-    """
+    """Give a signal at other times."""
+    # Between two samples on a straight line, or as it was at the last sample if it is `held`. There
+    # is no low-pass before that: the result is what a sampler of the new rate would have seen.
+    # values (n,); times (m,) [s]; returns (m,)
     own = clock.times
     slack = 1e-6 * clock.step  # rounded times must not lose a sample at either end
     left = np.clip(np.searchsorted(own, times + slack, side="right") - 1, 0, own.size - 2)
@@ -98,23 +74,9 @@ def resample(values: Array, clock: Clock, times: Array, *, held: bool) -> Array:
 
 
 def fraction_weights(fraction: float, *, held: bool) -> dict[int, float]:
-    """Weights of the neighbours that give a signal between two samples.
-
-    A sampled signal is interpolated by the cubic through four samples (Lagrange); one that is held
-    is averaged over the sample, as the plant averages it.
-
-    Parameters
-    ----------
-    fraction : float
-        How far behind sample 0, in samples, 0 to 1.
-    held : bool
-        Whether the signal keeps its value until its next sample.
-
-    Returns
-    -------
-    dict of int to float
-        Weight of each sample, counted from the one before.
-    """
+    """Weights of the neighbours that give a signal between two samples."""
+    # A sampled signal is interpolated by the cubic through four samples (Lagrange); one that is
+    # held is averaged over the sample, as the plant averages it.
     f = fraction
     if f == 0.0:
         return {0: 1.0}
@@ -129,22 +91,8 @@ def fraction_weights(fraction: float, *, held: bool) -> dict[int, float]:
 
 
 def shifted(values: Array, samples: float, *, held: bool) -> Array:
-    """Take a delay out of a signal: what stands at k + `samples` comes to k.
-
-    Parameters
-    ----------
-    values : ndarray (n,)
-        The signal.
-    samples : float
-        The delay, in samples; whole ones shift, the rest is interpolated (`fraction_weights`).
-    held : bool
-        Whether the signal keeps its value until its next sample.
-
-    Returns
-    -------
-    ndarray (n,)
-        NaN where a sample that is needed was not logged.
-    """
+    """Take a delay out of a signal: what stands at k + `samples` comes to k."""
+    # values (n,); returns (n,)
     whole, fraction = split(samples)
     found: Array = np.zeros(values.size)
     for neighbour, weight in fraction_weights(fraction, held=held).items():

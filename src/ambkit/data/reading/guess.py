@@ -24,28 +24,7 @@ RATE = 0.7
 
 
 def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lambda _: None) -> str:
-    """Propose a channel map for a log.
-
-    Parameters
-    ----------
-    path : path
-        The log, of any format.
-    progress : callable
-        Called with what is being done.
-
-    Returns
-    -------
-    str
-        TOML with comments, to be edited.
-
-    Raises
-    ------
-    RecordError
-        The file is damaged, holds nothing that may be a log, or nothing in it that has no name
-        moves as a floating rotor does.
-    AmbkitError
-        The file cannot be read.
-    """
+    """Propose a channel map for a log."""
     log = read_log(path, None, progress, lenient=True)
     progress("comparing the channels")
     groups = [group for group in candidates(log) if group]

@@ -36,33 +36,15 @@ moves look less."""
 
 @dataclass(frozen=True)
 class Hanging:
-    """What gravity tells of a rotor below one magnet.
+    """What gravity tells of a rotor below one magnet."""
 
-    Attributes
-    ----------
-    gap : float
-        From the magnet to the rotor where it usually floats, as the magnet sees it [m].
-    scale : float
-        Metres per unit of the logged position.
-    zero : float
-        The logged position at which that gap would be 0.
-    unit : str
-        The usual unit next to the scale.
-    """
-
-    gap: float
-    scale: float
-    zero: float
-    unit: str
+    gap: float  #: From the magnet to the rotor where it usually floats, as the magnet sees it [m].
+    scale: float  #: Metres per unit of the logged position.
+    zero: float  #: The logged position at which that gap would be 0.
+    unit: str  #: The usual unit next to the scale.
 
     def in_words(self, label: str, unit: str) -> Iterator[str]:
-        """Say it in lines.
-
-        Parameters
-        ----------
-        label, unit : str
-            The position's channel, and its unit, where the log says one.
-        """
+        """Say it in lines."""
         yield (
             f"If one magnet carries it: by gravity {label} is about {self.scale:.2g} m a unit, and "
             f"its gap {1e3 * self.gap:.3g} mm at its median, so 0 near {self.zero:.3g}."
@@ -76,17 +58,8 @@ class Hanging:
 
 
 def hanging(moves: Rotor, position: Array, current: Array, step: float) -> Hanging | None:
-    """Tell the gap and the scale of a hanging rotor; None where the current is below zero too.
-
-    Parameters
-    ----------
-    moves : Rotor
-        How the position moves with the current.
-    position, current : ndarray (n,)
-        As logged; the current turned such that it is not below zero.
-    step : float
-        Time between two samples [s].
-    """
+    """Tell the gap and the scale of a hanging rotor; None where the current is below zero too."""
+    # position (n,); current (n,)
     usual = float(np.median(current))
     told = moves.fit.sure and moves.fit.explained > EXPLAINED and step > 0
     if not told or not usual > 0 or np.mean(current > -0.05 * usual) < ABOVE:

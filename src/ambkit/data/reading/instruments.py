@@ -29,15 +29,8 @@ TELLS = (2.0, 13.0)
 
 
 def instrumented(channels: Array, rows: Sequence[int]) -> list[Levitated]:
-    """Find the pairs of channels that move as a levitated rotor and its current; the best first.
-
-    Parameters
-    ----------
-    channels : ndarray (m, n)
-        Finite samples, of about unit size.
-    rows : sequence of int
-        The channels that are tried.
-    """
+    """Find the pairs of channels that move as a levitated rotor and its current; the best first."""
+    # channels (m, n)
     fits: dict[tuple[int, int], list[tuple[int, float, float, float, float]]] = {}
     for box, thin, values in thinned(channels[list(rows)]):
         if values.shape[1] < LONG * box:

@@ -52,67 +52,36 @@ TINY = float(np.finfo(np.float64).tiny)
 
 @dataclass(frozen=True)
 class Levitated:
-    """Two channels that move as a levitated rotor and its current do.
+    """Two channels that move as a levitated rotor and its current do."""
 
-    Attributes
-    ----------
-    position, control : int
-        Rows of the array that was searched.
-    pole : float
-        The unstable pole [1/sample].
-    gain : float
-        Acceleration [position's unit / sample²] per unit of the control.
-    explained : float
-        Share of the acceleration's variance, from 0 to 1, in the band that tells it best.
-    box : int
-        Length of the kernel's box in that band [samples].
-    evidence : float
-        Sum of these shares over all bands that agree.
-    sure : bool
-        Whether three neighbouring bands tell the same; else it is two, and more loosely.
-    """
-
-    position: int
+    position: int  #: Rows of the array that was searched.
     control: int
-    pole: float
-    gain: float
+    pole: float  #: The unstable pole [1/sample].
+    gain: float  #: Acceleration [position's unit / sample²] per unit of the control.
+    #: Share of the acceleration's variance, from 0 to 1, in the band that tells it best.
     explained: float
-    box: int
-    evidence: float
-    sure: bool
+    box: int  #: Length of the kernel's box in that band [samples].
+    evidence: float  #: Sum of these shares over all bands that agree.
+    sure: bool  #: Whether three neighbouring bands tell the same; else it is two, and more loosely.
 
 
 @dataclass(frozen=True)
 class Band:
-    """Sums over the rows of each block, of smoothed channels S and their derivatives V and A.
+    """Sums over the rows of each block, of smoothed channels S and their derivatives V and A."""
 
-    Attributes
-    ----------
-    box : int
-        Length of the kernel's box [samples].
-    ss, as_, vs : ndarray (blocks, m, m)
-        Of S, A and V of the channel in the row with S of the channel in the column.
-    aa, av, vv : ndarray (blocks, m)
-        Of each channel with itself.
-    """
-
-    box: int
+    box: int  #: Length of the kernel's box [samples].
+    #: (blocks, m, m) Of S, A and V of the channel in the row with S of the channel in the column.
     ss: Array
     as_: Array
     vs: Array
-    aa: Array
+    aa: Array  #: (blocks, m) Of each channel with itself.
     av: Array
     vv: Array
 
 
 def bands(channels: Array) -> Iterator[Band]:
-    """Sum up channels in bands of frequency, from fast to slow.
-
-    Parameters
-    ----------
-    channels : ndarray (m, n)
-        Finite samples; each channel of about unit size.
-    """
+    """Sum up channels in bands of frequency, from fast to slow."""
+    # channels (m, n)
     for box, thin, values in thinned(channels):
         step = max(1, box // 2)
         rows = values.shape[1] - BOXES * (box - 1) - 2
@@ -134,10 +103,8 @@ def bands(channels: Array) -> Iterator[Band]:
 
 
 def thinned(channels: Array) -> Iterator[tuple[int, int, Array]]:
-    """Yield boxes from short to long, how much the record is thinned for each, and that record.
-
-    Slow bands need not all samples: they get means of two, of four, and so on.
-    """
+    """Yield boxes from short to long, how much the record is thinned for each, and that record."""
+    # Slow bands need not all samples: they get means of two, of four, and so on.
     for box in (2, 3, 4, 5, 6):
         yield box, 1, channels
     thin = 1
@@ -158,14 +125,8 @@ def boxed(values: Array, box: int, times: int) -> Array:
 
 
 def fitted(band: Band) -> tuple[Array, Array, Array]:
-    """Fit ``p'' = a p + b c`` to all pairs of channels, robustly over the blocks.
-
-    Returns
-    -------
-    a, b, explained : ndarray (m, m)
-        With the position in the row and the control in the column; a is -1 where a pair has no
-        fit, or where friction explains it as well: with a term in p', a would be less than half.
-    """
+    """Fit ``p'' = a p + b c`` to all pairs of channels, robustly over the blocks."""
+    # a (m, m); b (m, m); explained (m, m)
     own = np.einsum("bii->bi", band.ss)
     pp, cc, pc = own[:, :, None], own[:, None, :], band.ss
     ap, ac, aa = np.einsum("bii->bi", band.as_)[:, :, None], band.as_, band.aa[:, :, None]
@@ -200,18 +161,7 @@ def _two(pp: Array, pc: Array, cc: Array, ap: Array, ac: Array) -> tuple[Array, 
 
 
 def levitated(listed: Sequence[Band]) -> list[Levitated]:
-    """Find the pairs of channels that move as a levitated rotor and its current.
-
-    Parameters
-    ----------
-    listed : sequence of Band
-        The channels in `bands`.
-
-    Returns
-    -------
-    list of Levitated
-        Each pair once, the sure ones first, and of these what explains most.
-    """
+    """Find the pairs of channels that move as a levitated rotor and its current."""
     if len(listed) < 3:
         return []
     a, b, share = (np.array(each) for each in zip(*map(fitted, listed), strict=True))

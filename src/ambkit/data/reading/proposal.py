@@ -34,18 +34,10 @@ _NAMES = {"i": "current", "v": "velocity"}  # not v: that is the truth of a simu
 
 @dataclass(frozen=True)
 class Told:
-    """Channels of one length, and what tells the rotor among them.
+    """Channels of one length, and what tells the rotor among them."""
 
-    Attributes
-    ----------
-    found : list of Candidate
-        The channels, with their roles.
-    moves : Rotor or None
-        What tells position and control, where something floats.
-    """
-
-    found: list[Candidate]
-    moves: Rotor | None
+    found: list[Candidate]  #: The channels, with their roles.
+    moves: Rotor | None  #: What tells position and control, where something floats.
 
     def worth(self) -> tuple[int, int, bool, bool, int]:
         """By physics, then by names, then by the length."""
@@ -59,19 +51,7 @@ class Told:
 
 
 def toml_lines(name: str, log: Log, told: Told, others: Sequence[Told]) -> Iterator[str]:
-    """Write the map.
-
-    Parameters
-    ----------
-    name : str
-        Of the log.
-    log : Log
-        What it holds.
-    told : Told
-        The channels that are proposed.
-    others : sequence of Told
-        Those of other lengths.
-    """
+    """Write the map."""
     found, moves = told.found, told.moves
     yield f"# Proposed by 'ambkit read --guess' for {name}. Look at each line before you trust it."
     yield "# Of each number in the log: value = sign * scale * number * unit + offset."

@@ -36,30 +36,16 @@ SENTENCES = 30
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A record, and how it came out of its log.
+    """A record, and how it came out of its log."""
 
-    Attributes
-    ----------
-    record : Record
-        The signals on one even grid.
-    clocks : mapping of str to Clock
-        The clocks of the log, ``t`` first.
-    channels : tuple of Channel
-        What each channel of the log looks like.
-    faults : tuple of Fault
-        All that is wrong, in the order of the channels, each with what was done about it.
-    remarks : tuple of str
-        What else a user should know: how the file is written, what was shifted or resampled.
-    source : str
-        The file.
-    """
-
-    record: Record
-    clocks: Mapping[str, Clock]
-    channels: tuple[Channel, ...]
+    record: Record  #: The signals on one even grid.
+    clocks: Mapping[str, Clock]  #: The clocks of the log, ``t`` first.
+    channels: tuple[Channel, ...]  #: What each channel of the log looks like.
+    #: All that is wrong, in the order of the channels, each with what was done about it.
     faults: tuple[Fault, ...]
+    #: What else a user should know: how the file is written, what was shifted or resampled.
     remarks: tuple[str, ...]
-    source: str
+    source: str  #: The file.
 
     def account(self) -> list[str]:
         """Say in sentences what was found and done, faults of a kind together."""
@@ -229,24 +215,7 @@ def load_filled(
     channel_map: ChannelMap | str | os.PathLike[str] | None = None,
     told: Callable[[str], object] = lambda _: None,
 ) -> Record:
-    """Read a record as `load` does; where a log has gaps, as `read` fills them.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    channel_map : ChannelMap or path, optional
-        Which row or column of the file is which signal.
-    told : callable
-        Told in sentences what `read` found and did, where `load` alone would have refused the log.
-
-    Raises
-    ------
-    RecordError
-        Neither can make an even record of it.
-    AmbkitError
-        The file, or the channel map, cannot be read.
-    """
+    """Read a record as `load` does; where a log has gaps, as `read` fills them."""
     try:
         return load(path, channel_map)
     except RecordError:

@@ -15,19 +15,7 @@ if TYPE_CHECKING:
 
 
 class Refused(RecordError):
-    """A log that gives no record; what could be read of it is there to be looked at.
-
-    Parameters
-    ----------
-    error : RecordError
-        What is wrong.
-    name : str
-        The file.
-    mapped : Mapped
-        The signals and clocks that could be read; `ambkit.show.plots.reading` draws them.
-    damaged : tuple of int
-        Samples whose lines are damaged.
-    """
+    """A log that gives no record; what could be read of it is there to be looked at."""
 
     def __init__(
         self, error: RecordError, name: str, mapped: Mapped, damaged: tuple[int, ...] = ()

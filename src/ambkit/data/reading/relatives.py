@@ -48,18 +48,8 @@ STEADY = 2.0
 
 
 def same_numbers(channels: Array) -> dict[int, int]:
-    """Find channels that hold another one's numbers, shifted and scaled perhaps.
-
-    Parameters
-    ----------
-    channels : ndarray (m, n)
-        Finite samples.
-
-    Returns
-    -------
-    dict
-        The row of each copy, with the first row that holds the same.
-    """
+    """Find channels that hold another one's numbers, shifted and scaled perhaps."""
+    # channels (m, n)
     found: dict[int, int] = {}
     unit = standardised(channels)
     for k, values in enumerate(unit):
@@ -83,13 +73,8 @@ def standardised(channels: Array) -> Array:
 
 
 def velocities(unit: Array) -> set[int]:
-    """Find channels that are another one's difference from sample to sample.
-
-    Parameters
-    ----------
-    unit : ndarray (m, n)
-        Channels of about unit size.
-    """
+    """Find channels that are another one's difference from sample to sample."""
+    # unit (m, n)
     change, level = _clipped(np.diff(unit, axis=1)), _clipped(unit[:, 1:])
     alike = abs(change @ level.T)
     hiss = np.array([noise(values) for values in unit])
@@ -113,10 +98,8 @@ def _clipped(values: Array) -> Array:
 
 
 def is_white(values: Array) -> bool:
-    """Whether the noise of a channel (n,) is white.
-
-    Its fourth differences then have 70 times its variance, its second ones 6 times.
-    """
+    """Whether the noise of a channel (n,) is white."""
+    # Its fourth differences then have 70 times its variance, its second ones 6 times.
     second, fourth = (float(np.median(abs(np.diff(values, order)))) for order in (2, 4))
     return second > 0 and abs(np.log(fourth**2 / second**2 * 6 / 70)) < WHITE
 
@@ -133,15 +116,8 @@ def is_formula(values: Array) -> bool:
 
 
 def filters_of_others(unit: Array, raw: Sequence[bool]) -> set[int]:
-    """Find channels that a low-pass of first or second order makes of a rougher one.
-
-    Parameters
-    ----------
-    unit : ndarray (m, n)
-        Channels of about unit size.
-    raw : sequence of bool
-        Whether a channel comes from a converter, so that no filter made it.
-    """
+    """Find channels that a low-pass of first or second order makes of a rougher one."""
+    # unit (m, n)
     part = unit[:, :LOOKED_AT]
     hiss = [noise(values) for values in unit]
     return {
@@ -151,11 +127,9 @@ def filters_of_others(unit: Array, raw: Sequence[bool]) -> set[int]:
 
 
 def _is_filter(made: Array, of: Array) -> bool:
-    """Whether one channel follows from its last two samples and three of another one, exactly.
-
-    A filter passes what is slow, once. A PID controller's inverse, by which a position follows from
-    the control, does not; nor does a sum, by which it follows from its difference.
-    """
+    """Whether one channel follows from its last two samples and three of another one, exactly."""
+    # A filter passes what is slow, once. A PID controller's inverse, by which a position follows
+    # from the control, does not; nor does a sum, by which it follows from its difference.
     ago = np.column_stack([made[1:-1], made[:-2]])
     both = np.column_stack([ago, of[2:], of[1:-1], of[:-2], np.ones(of.size - 2)])
     alone, _ = _left(ago, made[2:])
@@ -171,22 +145,10 @@ def _left(regressors: Array, values: Array) -> tuple[float, list[float]]:
 
 
 def twins(unit: Array, listed: Sequence[Band], estimate: int, others: Sequence[int]) -> list[int]:
-    """Return the rougher channels in which an estimate is with one gain, whether fast or slow.
-
-    It may be the estimate of these. A control goes with the position too, but the faster, the more
-    of it.
-
-    Parameters
-    ----------
-    unit : ndarray (m, n)
-        Channels of mean 0 and about unit size.
-    listed : sequence of Band
-        The same in bands of frequency.
-    estimate : int
-        The row of what may be an estimate.
-    others : sequence of int
-        The rows that are looked at.
-    """
+    """Return the rougher channels in which an estimate is with one gain, whether fast or slow."""
+    # It may be the estimate of these. A control goes with the position too, but the faster, the
+    # more of it.
+    # unit (m, n)
     own = [float(band.ss[:, estimate, estimate].sum()) for band in listed]
     hiss, found = noise(unit[estimate]), []
     for k in others:

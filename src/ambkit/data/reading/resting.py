@@ -24,43 +24,22 @@ OFTEN = 0.3
 
 @dataclass(frozen=True)
 class Resting:
-    """A position that is at one end of its range for long.
+    """A position that is at one end of its range for long."""
 
-    Attributes
-    ----------
-    end : float
-        That end, in the channel's unit.
-    share : float
-        Share of the samples that are there.
-    greatest : bool
-        Whether it is the greater end.
-    """
-
-    end: float
-    share: float
-    greatest: bool
+    end: float  #: That end, in the channel's unit.
+    share: float  #: Share of the samples that are there.
+    greatest: bool  #: Whether it is the greater end.
 
     def in_words(self, unit: str = "") -> str:
-        """Say it in a sentence's part.
-
-        Parameters
-        ----------
-        unit : str
-            Of the position.
-        """
+        """Say it in a sentence's part."""
         end = "greatest" if self.greatest else "least"
         value = engineering(self.end, unit, digits=3) if unit else f"{self.end:.4g}"
         return f"at its {end} value, {value}, in {100 * self.share:.0f} % of the samples"
 
 
 def resting(values: Array) -> Resting | None:
-    """Find out whether a position (n,) lies at one of its ends for a good part of the time.
-
-    Parameters
-    ----------
-    values : ndarray (n,)
-        Finite samples.
-    """
+    """Find out whether a position (n,) lies at one of its ends for a good part of the time."""
+    # values (n,)
     if values.size < 50:
         return None
     least, greatest = np.quantile(values, [0.002, 0.998])

@@ -33,18 +33,7 @@ EVEN = 0.2
 
 
 def find_roles(found: list[Candidate]) -> Rotor | None:
-    """Give each candidate the role that its name, its unit or its motion speak for.
-
-    Parameters
-    ----------
-    found : list of Candidate
-        Channels of one length; changed in place.
-
-    Returns
-    -------
-    Rotor or None
-        What tells the position and the control, by the places of the candidates in the list.
-    """
+    """Give each candidate the role that its name, its unit or its motion speak for."""
     for candidate in found:
         candidate.values = np.where(np.isfinite(candidate.values), candidate.values, np.nan)
         by_name(candidate)

@@ -71,29 +71,18 @@ SAME_GAIN = 1.25
 
 @dataclass(frozen=True)
 class Rotor:
-    """Which channels are the position and the current of a levitated rotor.
+    """Which channels are the position and the current of a levitated rotor."""
 
-    Attributes
-    ----------
-    position, control : int
-        Rows of the array that was searched.
-    fit : Levitated
-        What told them; of an estimate perhaps, in whose place they are.
-    gain : float
-        Acceleration of the position per control [units / sample²]: negative where a greater control
-        moves the rotor towards smaller positions.
-    positions, controls : tuple of int
-        Further rows that tell the same motion, and the same current: estimates, the rawest first.
-    others : tuple of (int, int)
-        Further positions with their controls, that move by themselves: another axis.
-    """
-
-    position: int
+    position: int  #: Rows of the array that was searched.
     control: int
-    fit: Levitated
+    fit: Levitated  #: What told them; of an estimate perhaps, in whose place they are.
+    #: Acceleration of the position per control [units / sample²]: negative where a greater control
+    #: moves the rotor towards smaller positions.
     gain: float
+    #: Further rows that tell the same motion, and the same current: estimates, the rawest first.
     positions: tuple[int, ...]
     controls: tuple[int, ...]
+    #: (int, int) Further positions with their controls, that move by themselves: another axis.
     others: tuple[tuple[int, int], ...]
 
     @property
@@ -102,13 +91,7 @@ class Rotor:
         return self.gain < 0
 
     def renumbered(self, places: Sequence[int]) -> Rotor:
-        """Return the same with other numbers for the rows.
-
-        Parameters
-        ----------
-        places : sequence of int
-            The new number of each row.
-        """
+        """Return the same with other numbers for the rows."""
         return Rotor(
             places[self.position], places[self.control], self.fit, self.gain,
             tuple(places[k] for k in self.positions), tuple(places[k] for k in self.controls),
@@ -122,20 +105,8 @@ def in_steps(values: Array) -> bool:
 
 
 def rotor(channels: Array, position: int | None = None, control: int | None = None) -> Rotor | None:
-    """Find the position and the current of a levitated rotor.
-
-    Parameters
-    ----------
-    channels : ndarray (m, n)
-        Finite samples, no two rows with the same numbers (`same_numbers`), none constant.
-    position, control : int, optional
-        Rows that are known already.
-
-    Returns
-    -------
-    Rotor or None
-        None where no pair of channels moves so.
-    """
+    """Find the position and the current of a levitated rotor."""
+    # channels (m, n)
     unit = standardised(channels)
     listed = list(bands(unit))
     if not listed:
@@ -235,11 +206,9 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
 
 
 def _swift(listed: Sequence[Band]) -> NDArray[np.bool_]:
-    """Tell which channels go as the speed of which others (m, m), in some band.
-
-    A filter's velocity does; and the current of a quiet loop, in fast bands, where its controller
-    answers to the speed.
-    """
+    """Tell which channels go as the speed of which others (m, m), in some band."""
+    # A filter's velocity does; and the current of a quiet loop, in fast bands, where its controller
+    # answers to the speed.
     most = np.zeros(listed[0].ss.shape[1:])
     for band in listed:
         own = np.einsum("bii->bi", band.ss)
@@ -264,10 +233,9 @@ def _without(swift: NDArray[np.bool_], found: Sequence[Levitated]) -> list[Levit
 
 
 def _clearest(members: Sequence[int], unit: Array, listed: Sequence[Band]) -> bool:
-    """Whether the first of a channel and its estimates has clearly the most noise, and a sensor's.
-
-    A filter that takes out the lag of a sensor makes more noise of it, not less; but no white one.
-    """
+    """Whether the first of a channel and its estimates has clearly the most noise."""
+    # A filter that takes out the lag of a sensor makes more noise of it, not less; but no white
+    # one.
     gain = gains(listed, members[0])
     hiss = [noise(unit[k]) / abs(gain[k]) for k in members]
     others = [each for each in hiss[1:] if each > NO_NOISE]
@@ -277,10 +245,8 @@ def _clearest(members: Sequence[int], unit: Array, listed: Sequence[Band]) -> bo
 def _doubtful(
     found: Sequence[Levitated], positions: Sequence[int], controls: Sequence[int]
 ) -> bool:
-    """Whether other fits speak against what is taken for the position and the control.
-
-    One channel is not both; and what moves a position is one current, or copies of it.
-    """
+    """Whether other fits speak against what is taken for the position and the control."""
+    # One channel is not both; and what moves a position is one current, or copies of it.
     both = sum(f.evidence for f in found if f.position in positions and f.control in controls)
     turned = sum(f.evidence for f in found if f.position in controls or f.control in positions)
     rivals = [f.evidence for f in found if (f.position in positions) != (f.control in controls)]
@@ -288,11 +254,9 @@ def _doubtful(
 
 
 def gains(listed: Sequence[Band], of: int) -> Array:
-    """Return how much each channel moves where one of them does (m,), with signs.
-
-    In the slowest band, where noise is least, and from the sizes of both: noise on what is
-    regressed on would make a slope less.
-    """
+    """Return how much each channel moves where one of them does (m,), with signs."""
+    # In the slowest band, where noise is least, and from the sizes of both: noise on what is
+    # regressed on would make a slope less.
     band = listed[-1]
     size = np.sqrt(np.maximum(np.median(np.einsum("bii->bi", band.ss), axis=0), TINY))
     sign = np.where(np.median(band.ss[:, :, of], axis=0) < 0, -1.0, 1.0)
@@ -304,11 +268,9 @@ def _nearest(listed: Sequence[Band], box: int) -> Band:
 
 
 def _families(listed: Sequence[Band], box: int) -> NDArray[np.bool_]:
-    """Tell which channels move as one, with the same gain at all speeds around a band (m, m).
-
-    A current goes with its position too; but the faster, the more of it. Of two the noise of one
-    does not matter where it is regressed on the other, so one of the two slopes has to be steady.
-    """
+    """Tell which channels move as one, with the same gain at all speeds around a band (m, m)."""
+    # A current goes with its position too; but the faster, the more of it. Of two the noise of one
+    # does not matter where it is regressed on the other, so one of the two slopes has to be steady.
     near = [band for band in listed if box / 2 <= band.box <= 4 * box]
     near = near or [_nearest(listed, box)]
     slope = np.array(

@@ -16,13 +16,7 @@ from ambkit.data.record import Record
 
 
 def spike_free(record: Record) -> tuple[Record, int]:
-    """Return a record with the spikes of its positions missing, and how many samples these were.
-
-    Parameters
-    ----------
-    record : Record
-        With ``y``, or ``y_...`` for each reading of a machine.
-    """
+    """Return a record with the spikes of its positions missing, and how many samples these were."""
     cleaned, count = {name: record[name] for name in record}, 0
     for name in record:
         if name != "y" and not name.startswith("y_"):

@@ -22,26 +22,11 @@ RARE = 0.01
 
 
 def spikes(values: Array, rough: float, step: float) -> tuple[Index, Index]:
-    """Find the spikes of a signal.
-
-    A spike leaves the range of its 20 neighbours by `FAR` times their noise and by twice that
-    range, on one side, for at most three samples. Signals that leap by as much elsewhere too, such
-    as binary ones and references, have none.
-
-    Parameters
-    ----------
-    values : ndarray (n,)
-        The samples, finite.
-    rough : float
-        Standard deviation of the noise; see `ambkit.data.reading.faults.noise`.
-    step : float
-        Resolution of the signal, or 0.
-
-    Returns
-    -------
-    starts, lengths : ndarray of int (m,)
-        First sample of each spike, and how many it has.
-    """
+    """Find the spikes of a signal."""
+    # A spike leaves the range of its 20 neighbours by `FAR` times their noise and by twice that
+    # range, on one side, for at most three samples. Signals that leap by as much elsewhere too,
+    # such as binary ones and references, have none.
+    # values (n,); starts (m,); lengths (m,)
     least = FAR * max(rough, step)
     if values.size < 2 * AROUND + LONGEST:
         return _none()
@@ -110,11 +95,9 @@ def _within(starts: Index, lengths: Index, size: int) -> tuple[Index, Index]:
 
 
 def _height(padded: Array, starts: Index, lengths: Index, least: float) -> Array:
-    """Return how far each spike is off the range of its neighbours; 0 where that is not far.
-
-    The three of the neighbours that are farthest from their middle do not count: another spike may
-    be among them.
-    """
+    """Return how far each spike is off the range of its neighbours; 0 where that is not far."""
+    # The three of the neighbours that are farthest from their middle do not count: another spike
+    # may be among them.
     before = starts[:, None] - 1 - np.arange(AROUND)
     after = (starts + lengths)[:, None] + np.arange(AROUND)
     near = padded[np.clip(np.concatenate([before, after], axis=1), 0, padded.size - 1)]

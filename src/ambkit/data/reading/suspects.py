@@ -44,17 +44,8 @@ DIFFERENT = 0.95
 
 
 def suspects(t: Array, signals: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[str]:
-    """Say what is suspect about the measured position, in sentences.
-
-    Parameters
-    ----------
-    t : ndarray (n,)
-        Times [s].
-    signals : mapping of str to ndarray (n,)
-        By name, in SI; nothing is said without ``y``.
-    units : mapping of str to str
-        SI unit of each.
-    """
+    """Say what is suspect about the measured position, in sentences."""
+    # t (n,) [s]
     if "y" not in signals:
         return
     y = signals["y"]
@@ -172,13 +163,8 @@ def _few_values(values: Array) -> bool:
 
 
 def longest_run(where: NDArray[np.bool_]) -> tuple[int, int]:
-    """Return start and length of the longest stretch that is true (n,); length 0 without one.
-
-    Parameters
-    ----------
-    where : ndarray (n,)
-        Of each sample.
-    """
+    """Return start and length of the longest stretch that is true (n,); length 0 without one."""
+    # where (n,)
     edges = np.flatnonzero(np.diff(np.r_[False, where, False])).reshape(-1, 2)
     if edges.size == 0:
         return 0, 0

@@ -48,18 +48,7 @@ PARAMETERS = (
 
 
 def check(controller: Controller) -> None:
-    """Refuse what cannot be calibrated.
-
-    Parameters
-    ----------
-    controller : Controller
-        What is exported.
-
-    Raises
-    ------
-    AmbkitError
-        Its constants are not made of these numbers alone.
-    """
+    """Refuse what cannot be calibrated."""
     estimator = controller.estimator
     called = data.called(estimator)
     if not estimator.engine.built_in or called.has_own or called.has_state:

@@ -45,15 +45,7 @@ class Structs(NamedTuple):
 
 
 def structs(controller: Controller, name: str) -> Structs:
-    """Return a controller's constants.
-
-    Parameters
-    ----------
-    controller : Controller
-        Whose.
-    name : str
-        Prefix of the estimator and of the array of its standard deviations.
-    """
+    """Return a controller's constants."""
     fields = controller.fields
     told = {key: fields[key] for key in (*_LAW, *_GAINS, *_CONTROL) if fields[key] is not None}
     arrays = {f"of_{key}": np.array(values, float) for key, values in told.items()}
@@ -151,13 +143,7 @@ over, and what is told of whether the estimate can be used."""
 
 
 def vectors(controller: Controller) -> Vectors:
-    """Let a controller live through all scenes, with a quick sequence.
-
-    Parameters
-    ----------
-    controller : Controller
-        Of the precision that is exported.
-    """
+    """Let a controller live through all scenes, with a quick sequence."""
     most = float(np.finfo(controller.estimator.precision).max)
     settling = min(controller.fields["settling"], QUICK["settling"])
     found, runs = [], []

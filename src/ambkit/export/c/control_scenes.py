@@ -36,13 +36,7 @@ class Scene(NamedTuple):
 
 
 def scenes(controller: Controller) -> Iterator[Scene]:
-    """Yield the runs for a controller.
-
-    Parameters
-    ----------
-    controller : Controller
-        Of the precision that is exported.
-    """
+    """Yield the runs for a controller."""
     up, down = _flown(controller, 1.0), _flown(controller, -1.0)
     yield _spoilt(controller, up)
     yield _refused(controller, down)

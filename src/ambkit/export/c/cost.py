@@ -36,38 +36,20 @@ _REAL = 4  # bytes of a float
 
 @dataclass(frozen=True)
 class Cost:
-    """What one filter costs.
+    """What one filter costs."""
 
-    Attributes
-    ----------
-    instructions, most : int
-        Of a step, as a rule; and the most that was seen, where something was the matter.
-    bound : int
-        Of a step, at most, along any path through its code: no input and no state takes more.
-    trusted : int or None
-        Of the step that trusts its input, which only the paper's filter has.
-    code, constants : int
-        Flash [bytes].
-    state : int
-        Memory of each instance [bytes]; the caller's.
-    stack : int
-        Memory that a step borrows [bytes].
-    selftest : int or None
-        Instructions of the whole self-test; None where they were not counted.
-    compiler : str
-        Name, version and flags of the compiler.
-    """
-
+    #: Of a step, as a rule; and the most that was seen, where something was the matter.
     instructions: int
     most: int
+    #: Of a step, at most, along any path through its code: no input and no state takes more.
     bound: int
-    trusted: int | None
-    code: int
+    trusted: int | None  #: Of the step that trusts its input, which only the paper's filter has.
+    code: int  #: Flash [bytes].
     constants: int
-    state: int
-    stack: int
-    selftest: int | None
-    compiler: str
+    state: int  #: Memory of each instance [bytes]; the caller's.
+    stack: int  #: Memory that a step borrows [bytes].
+    selftest: int | None  #: Instructions of the whole self-test; None where they were not counted.
+    compiler: str  #: Name, version and flags of the compiler.
 
     def highest_rate(self, clock: float) -> float:
         """Return how many steps a second [Hz] a processor with this clock [Hz] has time for."""
@@ -75,14 +57,7 @@ class Cost:
 
 
 def of(estimator: Estimator) -> Cost | None:
-    """Return what a float filter costs, from the stored figures; None where it was not measured.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        What is exported. The arrays of its magnet add to the constants, its rules to the
-        instructions.
-    """
+    """Return what a float filter costs, from the stored figures; None where it was not measured."""
     if not estimator.engine.built_in:
         return None
     stored = _stored()
@@ -108,14 +83,7 @@ def of(estimator: Estimator) -> Cost | None:
 
 
 def made_of(estimator: Estimator) -> str:
-    """Name all that decides how many instructions a step has, but for the rules of an expert.
-
-    Returns
-    -------
-    str
-        Such as ``"Kalman, Table"``: the core's names of the estimator and of its magnet, and in
-        between what else the work depends on.
-    """
+    """Name all that decides how many instructions a step has, but for the rules of an expert."""
     own = estimator.core.own
     parts = [type(estimator.core).__name__]
     if "n" in own:

@@ -86,19 +86,7 @@ def type_of(values: NDArray[Any]) -> str:
 def struct(
     fields: Mapping[str, Any], precision: CPrecision, arrays: Mapping[str, str], path: str = ""
 ) -> str:
-    """Write a struct as an initialiser with the names of its fields.
-
-    Parameters
-    ----------
-    fields : mapping
-        What a binding's ``parameters`` gives.
-    precision : {"float", "double"}
-        Of its numbers.
-    arrays : mapping
-        The C name of each array, by the path of its field.
-    path : str
-        Path of the struct itself, for structs in structs.
-    """
+    """Write a struct as an initialiser with the names of its fields."""
     level = path.count(".")
     lines = []
     for name, value in fields.items():
@@ -120,13 +108,7 @@ def struct(
 
 
 def called(estimator: Estimator) -> InCore:
-    """Return how the core calls an estimator.
-
-    Raises
-    ------
-    AmbkitError
-        It is of no kind that the core has an interface for.
-    """
+    """Return how the core calls an estimator."""
     found = in_core_of(estimator)
     if found is None:
         raise AmbkitError(f"the {estimator.name} cannot be exported yet")

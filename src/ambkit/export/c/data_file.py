@@ -28,23 +28,7 @@ def data_context(
     *,
     editable: bool,
 ) -> dict[str, Any]:
-    """Return what the data file says: the structs that the core holds, as initialisers.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        What is exported.
-    magnet : Magnet
-        The core's, that it asks; of a machine the first.
-    kind : Kind
-        What that is in C.
-    precision : {"float", "double"}
-        Of the numbers.
-    of_model : InC
-        The model.
-    editable : bool
-        Whether each number stands there once, and the rest is computed at init.
-    """
+    """Return what the data file says: the structs that the core holds, as initialisers."""
     fields = magnet.parameters
     arrays = data.arrays_of(fields)
     names = _names(magnet, None)
@@ -70,19 +54,7 @@ def data_context(
 def several(
     estimator: Estimator, magnets: list[Magnet], kinds: list[Kind], precision: CPrecision
 ) -> dict[str, Any]:
-    """Return what only the export of a whole machine has.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        What is exported.
-    magnets : list of Magnet
-        The core's, one for each axis.
-    kinds : list of Kind
-        What each is in C.
-    precision : {"float", "double"}
-        Of the numbers.
-    """
+    """Return what only the export of a whole machine has."""
     whole = estimator.whole
     assert whole is not None
     constant, by_reading = whole.start_form(estimator.states, estimator.hover)
@@ -104,17 +76,7 @@ def several(
 
 
 def raw(name: str, reading: Scaling, precision: CPrecision) -> dict[str, str] | None:
-    """Return what is done with a raw input; None where it comes in SI.
-
-    Parameters
-    ----------
-    name : str
-        Of the input.
-    reading : Scaling
-        What its numbers mean.
-    precision : {"float", "double"}
-        Of the numbers.
-    """
+    """Return what is done with a raw input; None where it comes in SI."""
     if reading.gain == 1.0 and not reading.zero:
         return None
     sign = "-" if reading.zero < 0 else "+"
@@ -129,27 +91,13 @@ def raw(name: str, reading: Scaling, precision: CPrecision) -> dict[str, str] | 
 
 
 def hover(estimator: Estimator, precision: CPrecision) -> str:
-    """Return the current that holds the rotor at x, as `Estimator.at_rest` has it.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        What is exported.
-    precision : {"float", "double"}
-        Of the numbers.
-    """
+    """Return the current that holds the rotor at x, as `Estimator.at_rest` has it."""
     middle, per_metre = (data.number(value, precision) for value in estimator.hover)
     return f"{middle} + {per_metre} * x"
 
 
 def magnets_of(estimator: Estimator) -> list[Magnet]:
-    """Return the core's magnets that an estimator asks, one for each axis.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        What is exported.
-    """
+    """Return the core's magnets that an estimator asks, one for each axis."""
     held = estimator.magnet.in_core(core_module(estimator.precision))
     return held if isinstance(held, list) else [held]
 
@@ -170,25 +118,7 @@ def crc(
     flown: Controller | None,
     calibrated: bool,
 ) -> Crc:
-    """Return the CRC of the data file, with its names.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        What is exported.
-    name : str
-        Prefix.
-    precision : {"float", "double"}
-        Of the numbers.
-    of_model : InC
-        The model.
-    editable : bool
-        As of `data_context`.
-    flown : Controller or None
-        That flies the estimator.
-    calibrated : bool
-        Whether its numbers can be changed while it runs.
-    """
+    """Return the CRC of the data file, with its names."""
     constants = Constants(precision)
     whole = estimator.whole is not None
     for path, values in of_model.arrays.items():

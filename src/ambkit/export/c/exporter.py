@@ -37,36 +37,18 @@ _CORE_PRECISION: dict[CPrecision, Precision] = {"float": "float32", "double": "f
 
 @dataclass(frozen=True)
 class CExport:
-    """What was written.
+    """What was written."""
 
-    Attributes
-    ----------
-    folder : Path
-        Where.
-    name : str
-        Prefix of all its names.
-    precision : {"float", "double"}
-        Of its numbers.
-    files : tuple of str
-        Its files, relative to the folder, in alphabetical order.
-    sources : tuple of str
-        Those that a controller compiles.
-    configuration : str
-        Hash of all that the estimator was made from.
-    table : TabulatedExpert or None
-        The table, where the expert is tabulated: its nodes, bound and error.
-    cost : Cost or None
-        What it costs on a Cortex-M4F, which computes in float and not in double; None also where
-        that was not measured: a kind with another magnet than its own.
-    """
-
-    folder: Path
-    name: str
-    precision: CPrecision
-    files: tuple[str, ...]
-    sources: tuple[str, ...]
-    configuration: str
+    folder: Path  #: Where.
+    name: str  #: Prefix of all its names.
+    precision: CPrecision  #: Of its numbers.
+    files: tuple[str, ...]  #: Its files, relative to the folder, in alphabetical order.
+    sources: tuple[str, ...]  #: Those that a controller compiles.
+    configuration: str  #: Hash of all that the estimator was made from.
+    #: The table, where the expert is tabulated: its nodes, bound and error.
     table: TabulatedExpert | None
+    #: What it costs on a Cortex-M4F, which computes in float and not in double; None also where
+    #: that was not measured: a kind with another magnet than its own.
     cost: Cost | None
 
 
@@ -90,64 +72,7 @@ def export_c(
     force: bool = False,
     **options: Any,
 ) -> CExport:
-    """Write a folder of C99 that compiles alone.
-
-    Parameters
-    ----------
-    bearing : Bearing or Machine
-        What is filtered; of a machine, readings and control signals are arrays.
-    magnet : Expert, StiffnessMap, ClosedLaw, ConstantStiffness or None
-        What the filter asks for k_i and k_s; None exports the linear filter.
-    out : path
-        The folder: new, empty, or with an older export, which is replaced; what else lies beside
-        that is not touched.
-    kind : str, optional
-        Of estimator, by its name in ``ambkit.estimate.registry.KINDS``, such as ``"extended"``;
-        by default the paper's filter, linear or adaptive by its magnet.
-    precision : {"float", "double"}
-        Of the exported numbers.
-    prefix : str, optional
-        Of all its names; by default the bearing's name.
-    expert_form : {"exact", "tabulated"}
-        The expert as it is, or as a table, bilinear between its nodes.
-    force_bound : float, optional
-        How far the table's force may be from the expert's [N]; by default 0.1 % of its largest.
-    loops : bool, optional
-        Whether the model is computed by loops over its arrays and not by straight-line code; by
-        default from more than a dozen states on. The paper's axis has none.
-    filter_file : FilterFile, optional
-        The filter, in the place of `kind` and `options`; `magnet` is what it says, and `bearing`
-        what it is to fly on. Its inputs are then the rig's own numbers.
-    editable : bool
-        Whether each number stands once in the data file, where it can be edited, and what follows
-        from it is computed at init into the state: more memory and flash. Of the paper's axis.
-    scenario : Scenario, optional
-        Whose controller is exported with the estimator, lift-off and landing: the whole of what
-        flies, from readings to currents; what the scenario's sequence does not say is as usual. Of
-        one axis.
-    flight : Flight, optional
-        Of a whole machine: its controllers are written too, and estimator and controllers together
-        as one step from readings to currents, equal to the last bit to what the simulation flies.
-    calibrated : bool
-        Whether noise, gate, mass, magnet constant and gains of a scenario's controller can be
-        changed while it runs. Of one axis.
-    telemetry : bool
-        Whether a small ring of frames is written too: states, innovations and status of each
-        sample, which :func:`ambkit.read_telemetry` reads as they were sent.
-    force : bool
-        Export it also where it is judged that it must not fly.
-    **options
-        Of the kind; of :class:`ambkit.KalmanFilter` noise, gravity, frozen_limit, gate,
-        outlier_limit, as_printed.
-
-    Raises
-    ------
-    AmbkitError
-        A filter that must not fly, without `force`.
-        A kind or a model that cannot be exported so, a prefix that is no C identifier or taken,
-        a limit or a table beyond 16 bits; a bound that no table keeps, or that nothing needs;
-        a folder with other files, or that cannot be written.
-    """
+    """Write a folder of C99 that compiles alone."""
     flown_on, bearing = bearing, bearing if filter_file is None else filter_file.plant
     name = checked(prefix, bearing.name)
     for limit in ("frozen_limit", "outlier_limit"):
@@ -224,26 +149,7 @@ def made(
     filter_file: FilterFile | None,
     options: dict[str, Any],
 ) -> Estimator:
-    """Return the estimator that is exported.
-
-    Parameters
-    ----------
-    kind : str or None
-        See `export_c`.
-    bearing : Bearing or Machine
-        What is filtered.
-    magnet : optional
-        What it asks of its magnet.
-    filter_file : FilterFile or None
-        The filter, in the place of `kind` and all options but the ``precision``.
-    options : dict
-        Of the kind.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such kind, or it is of one axis, or is more than the core has room for.
-    """
+    """Return the estimator that is exported."""
     if filter_file is not None:
         estimator = filter_file.make(precision=options["precision"], magnet=magnet)
         called(estimator)

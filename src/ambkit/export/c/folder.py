@@ -13,17 +13,9 @@ MANIFEST = "ambkit.sha256"
 
 
 def write(folder: Path, texts: dict[str, str]) -> Path:
-    """Write all files, and take away those of an older export that are no longer there.
-
-    Where an older export is, whoever owns the folder may have put files of his own beside it; any
-    other folder must be empty but for what is hidden, such as ``.git``.
-
-    Raises
-    ------
-    AmbkitError
-        The folder holds other files, or one of the same name that is not from an export; then
-        nothing is written. Or the folder cannot be written.
-    """
+    """Write all files, and take away those of an older export that are no longer there."""
+    # Where an older export is, whoever owns the folder may have put files of his own beside it; any
+    # other folder must be empty but for what is hidden, such as ``.git``.
     if not (folder / MANIFEST).exists() and any(folder.glob("[!.]*")):
         raise AmbkitError(
             f"{folder}: holds other files, and the {len(texts) + 1} of an export would lie among "

@@ -63,19 +63,7 @@ class Limits(NamedTuple):
 
 
 def limits(controller: Controller, exported: dict[str, float]) -> Limits:
-    """Return the widest limits between which every set of numbers leaves margins.
-
-    Parameters
-    ----------
-    controller : Controller
-        What is exported.
-    exported : dict
-        Its numbers.
-
-    All ranges are widened together, in the logarithm, as long as the loop at each corner of them is
-    stable, its peak of abs(S) at most `PEAK`, and noise leaves room (`SIGMAS`). The plant is the
-    described one.
-    """
+    """Return the widest limits between which every set of numbers leaves margins."""
     loops = _Loops(controller, exported)
     one = dict.fromkeys(WIDEST, 1.0)
     least = loops.peak(one, one)
@@ -136,10 +124,8 @@ class _Loops:
         self.share = max(1.0, 1.05 * self._corners(one, one)[1])
 
     def peak(self, low: dict[str, float], high: dict[str, float]) -> float:
-        """Return the highest peak of abs(S) of all corners.
-
-        Infinite where one is not stable, or where noise takes too much of the room that there is.
-        """
+        """Return the highest peak of abs(S) of all corners."""
+        # Infinite where one is not stable, or where noise takes too much of the room that there is.
         peak, share = self._corners(low, high)
         return peak if share <= self.share else math.inf
 

@@ -40,26 +40,7 @@ FILES = {
 def context(
     estimator: Estimator, flight: Flight, name: str, precision: CPrecision, bound: float
 ) -> dict[str, Any]:
-    """Return what the templates of the controllers say.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Of a whole machine, of the precision that is exported.
-    flight : Flight
-        With its ``[control]``, and what feeds it.
-    name : str
-        Prefix.
-    precision : {"float", "double"}
-        Of the numbers.
-    bound : float
-        See `vectors`.
-
-    Raises
-    ------
-    AmbkitError
-        There is no whole machine, or the controllers cannot be had with this estimator.
-    """
+    """Return what the templates of the controllers say."""
     if estimator.whole is None:
         raise AmbkitError("controllers are exported of a whole machine; this is one axis")
     machine = estimator.whole.machine

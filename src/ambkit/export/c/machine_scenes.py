@@ -55,15 +55,7 @@ class Vectors(NamedTuple):
 
 
 def speeds_of(machine: Machine, flight: Flight) -> tuple[float, float] | None:
-    """Return the slowest and the fastest rotation of a flight [rad/s]; None at the machine's own.
-
-    Parameters
-    ----------
-    machine : Machine
-        What flies.
-    flight : Flight
-        What happens to it.
-    """
+    """The slowest and the fastest rotation of a flight [rad/s]; None at the machine's own."""
     if flight.speed is None:
         return None
     n = max(2, round(flight.duration / machine.sampling_time) + 1)
@@ -76,25 +68,11 @@ def speeds_of(machine: Machine, flight: Flight) -> tuple[float, float] | None:
 def vectors(
     estimator: Estimator, flight: Flight, bound: float, controllers: Controllers
 ) -> Vectors:
-    """Fly what the self-test flies, with the plant of the simulation.
-
-    A step of the reference with a load, and loads beyond what the magnets hold with readings lost
-    and far away, and references that are none; on all axes in turn, and where the flight's speed
-    changes up and down with it. With lift-off these are longer flights, from where the rotor lies
-    to where it lies again, some of which trip; and a rotor in flight is taken over.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Beside the controllers, or feeding them.
-    flight : Flight
-        Its start, speeds, feedback and controllers are flown.
-    bound : float
-        Caps beyond which the exported filter starts anew, which the simulation does not without
-        lift-off: a flight ends before that.
-    controllers : Controllers
-        The controllers.
-    """
+    """Fly what the self-test flies, with the plant of the simulation."""
+    # A step of the reference with a load, and loads beyond what the magnets hold with readings lost
+    # and far away, and references that are none; on all axes in turn, and where the flight's speed
+    # changes up and down with it. With lift-off these are longer flights, from where the rotor lies
+    # to where it lies again, some of which trip; and a rotor in flight is taken over.
     assert estimator.whole is not None
     machine = estimator.whole.machine
     parts = []
@@ -146,11 +124,9 @@ def vectors(
 def _taken_over(
     estimator: Estimator, flight: Flight, controllers: Controllers, flown: tuple[Any, ...]
 ) -> tuple[list[tuple[Any, ...]], Array]:
-    """Return flights that are taken over, as `vectors` has them, and the currents that acted then.
-
-    The readings are those of a flight at that time, and go on whatever is demanded now: it lands,
-    and it is overloaded from the first sample on.
-    """
+    """Flights that are taken over, as `vectors` has them, and the currents that acted then."""
+    # The readings are those of a flight at that time, and go on whatever is demanded now: it lands,
+    # and it is overloaded from the first sample on.
     assert estimator.whole is not None
     assert flight.sequence is not None
     y, r, u, speed, mode, *_ = flown
@@ -213,10 +189,8 @@ def _scenes(machine: Machine, flight: Flight) -> Iterator[Scene]:
 def _happening(
     machine: Machine, flight: Flight, sign: float, share: float, n: int, after: int = 0
 ) -> Flight:
-    """Return a flight on all axes in turn: references of a twentieth of the travel, and loads.
-
-    With lift-off it begins where the rotor lies, as the exported controller does at power-on.
-    """
+    """Return a flight on all axes in turn: references of a twentieth of the travel, and loads."""
+    # With lift-off it begins where the rotor lies, as the exported controller does at power-on.
     T = machine.sampling_time
     references, loads = [], []
     for k, axis in enumerate(machine.axes):

@@ -39,24 +39,7 @@ class InC(NamedTuple):
 def in_c(
     estimator: Estimator, *, loops: bool | None = None, speeds: tuple[float, float] | None = None
 ) -> InC:
-    """Return an estimator's model in C.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Whose model.
-    loops : bool, optional
-        Loops over the model's arrays, or straight-line code; by default by the number of states.
-    speeds : tuple of float, optional
-        Slowest and fastest rotation that it follows [rad/s], for which it has loops; by default it
-        is that of the machine's own speed.
-
-    Raises
-    ------
-    AmbkitError
-        Loops are asked of the paper's axis, whose code is built in; straight-line code of a model
-        that follows the speed.
-    """
+    """Return an estimator's model in C."""
     engine = estimator.engine
     if engine.built_in:
         if loops:
@@ -149,15 +132,7 @@ OTHERS = ("k_i", "k_s", "innovation", "variance", "feed_back")
 
 
 def states(described: Sequence[Descriptor], current: str = "AMB_C(0.0)") -> list[State]:
-    """Return the states as the estimates' struct has them.
-
-    Parameters
-    ----------
-    described : sequence of Descriptor
-        Of the model.
-    current : str, optional
-        What holds the rotor where it is, in C [A].
-    """
+    """Return the states as the estimates' struct has them."""
     at_rest = {"position": "x", "sensor": "x_m", "current": current, "past control": current}
     return [
         State(

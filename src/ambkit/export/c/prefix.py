@@ -36,20 +36,7 @@ _WORDS = {
 
 
 def checked(prefix: str | None, name: str) -> str:
-    """Return the prefix of an export.
-
-    Parameters
-    ----------
-    prefix : str or None
-        As the user has it; None: made of `name`.
-    name : str
-        Of the bearing or the machine.
-
-    Raises
-    ------
-    AmbkitError
-        What the user has is no C identifier, is too long, or is taken.
-    """
+    """Return the prefix of an export."""
     if prefix is None:
         made = re.sub(r"\W", "_", name, flags=re.ASCII)[:LONGEST]
         return made if _wrong(made) is None else f"axis_{made}"[:LONGEST]

@@ -40,22 +40,12 @@ kept apart."""
 
 @dataclass(frozen=True)
 class Proof:
-    """What two analyses left of one kind of filter.
+    """What two analyses left of one kind of filter."""
 
-    Attributes
-    ----------
-    finite, any : int
-        Alarms that were left, of any finite inputs, and of NaN and infinities as well.
-    open : int
-        Outputs of the second that are not shown to be finite.
-    tool : str
-        Frama-C's version.
-    """
-
-    finite: int
+    finite: int  #: Alarms that were left, of any finite inputs, and of NaN and infinities as well.
     any: int
-    open: int
-    tool: str
+    open: int  #: Outputs of the second that are not shown to be finite.
+    tool: str  #: Frama-C's version.
 
     @property
     def whole(self) -> bool:
@@ -100,19 +90,7 @@ def context(
     core_files: dict[str, str],
     controller: Controller | None,
 ) -> dict[str, Any]:
-    """Return what the files of the proof say, of an axis.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        What is exported.
-    context : dict
-        What the templates say.
-    core_files : dict
-        The core's files of the export, by their names.
-    controller : Controller or None
-        That is exported with it.
-    """
+    """Return what the files of the proof say, of an axis."""
     coils, control = (None, None) if controller is None else (controller.coils, controller.pid)
     fields = [state.field for state in context["states"]]
     asked = {name: text for name, text in core_files.items() if name.endswith(".c")}

@@ -67,37 +67,7 @@ def render(
     calibrated: bool = False,
     framed: bool = False,
 ) -> Content:
-    """Write all texts.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        What is exported; of the core's build for this precision.
-    name : str
-        Prefix of all its names.
-    precision : {"float", "double"}
-        Of its numbers.
-    facts : dict
-        What the README says of it besides, line by line.
-    loops : bool, optional
-        Whether the model is computed by loops over its arrays; by default where it is large.
-    editable : bool
-        Whether the data file has each number once, and the rest is computed at init; of the paper's
-        axis alone.
-    controller : Controller, optional
-        That flies this estimator; the export is then the whole of it.
-    flight : Flight, optional
-        Of a whole machine: its controllers are written beside the filter, and one step for both.
-    calibrated : bool
-        Whether numbers of such a controller can be changed while it runs.
-    framed : bool
-        Whether a ring of telemetry frames is written too.
-
-    Raises
-    ------
-    AmbkitError
-        Another model is to be editable.
-    """
+    """Write all texts."""
     if editable and not estimator.engine.built_in:
         raise AmbkitError(
             "editable is for the paper's axis: of other models C has the matrices, and not what "

@@ -43,17 +43,7 @@ class Scene(NamedTuple):
 
 
 def of(estimator: Estimator, magnets: list[Magnet], settling: int) -> list[Scene]:
-    """Return the runs for an estimator.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Of the precision that is exported.
-    magnets : list of Magnet
-        The core's, that it asks.
-    settling : int
-        Samples after a start until the exported filter says that it may be fed back.
-    """
+    """Return the runs for an estimator."""
     if estimator.whole is not None:
         settled = [_settled_machine(estimator, settling)] if settling <= MOST_SETTLING else []
         return [*_of_machine(estimator), *settled]
@@ -170,10 +160,8 @@ def _surprised(estimator: Estimator) -> Scene:
 
 
 def _box(estimator: Estimator, magnet: Magnet) -> Iterator[Scene]:
-    """From each displacement, all currents, one after the other, before the rotor has moved far.
-
-    Of a table every other cell is met in its middle, and so each of its nodes is asked.
-    """
+    """From each displacement, all currents, one after the other, before the rotor has moved far."""
+    # Of a table every other cell is met in its middle, and so each of its nodes is asked.
     bearing = estimator.bearing
     x_max, gain = bearing.rotor.travel_limit, bearing.sensor.gain
     of = magnet.parameters
@@ -236,10 +224,8 @@ def _settled_machine(estimator: Estimator, settling: int) -> Scene:
 
 
 def _outage_of_machine(estimator: Estimator, lost: NDArray[np.bool_], name: str) -> Scene:
-    """Off the middle, then nothing of some, until the filter says so; the first is back first.
-
-    What is left of a large covariance by a sharp sensor is what rounding leaves of it.
-    """
+    """Off the middle, then nothing of some, until the filter says so; the first is back first."""
+    # What is left of a large covariance by a sharp sensor is what rounding leaves of it.
     whole: Any = estimator.whole
     seen = whole.gains * whole.travel_seen
     limits = np.array([b.current_max / b.amplifier.gain for b in whole.alone])
@@ -290,13 +276,7 @@ def _spoilt_machine(estimator: Estimator, y: Array, u: Array) -> Scene:
 
 
 def run(estimator: Estimator, y: Array, u: Array) -> dict[str, Any]:
-    """Run from a fresh start at the first measurement; inputs may be no numbers.
-
-    Returns
-    -------
-    dict
-        The core's arrays by name, n samples each.
-    """
+    """Run from a fresh start at the first measurement; inputs may be no numbers."""
     number = np.dtype(estimator.precision).type
     y, u = (np.asarray(values, number) for values in (y, u))
     estimator.reset(estimator.at_first(y))

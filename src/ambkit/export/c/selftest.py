@@ -15,17 +15,7 @@ if TYPE_CHECKING:
 
 
 def context(tested: vectors.Vectors, estimator: Estimator, precision: CPrecision) -> dict[str, Any]:
-    """Return what the self-test's files say.
-
-    Parameters
-    ----------
-    tested : Vectors
-        What goes through it.
-    estimator : Estimator
-        What is exported.
-    precision : {"float", "double"}
-        Of the numbers.
-    """
+    """Return what the self-test's files say."""
     starts = tested.starts.tolist()
     marks = tested.feed_back.copy()
     marks[starts] += 2
@@ -51,29 +41,16 @@ def _with_stand_ins(values: NDArray[np.float64], precision: CPrecision) -> NDArr
 
 
 def is_plain(estimator: Estimator) -> bool:
-    """Whether it is the linear filter, of one axis or of a rotor that does not bend.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        What is exported.
-    """
+    """Whether it is the linear filter, of one axis or of a rotor that does not bend."""
     whole = estimator.whole
     bends = whole is not None and whole.H.shape[1] > whole.rigid
     return estimator.name.startswith("linear") and not data.called(estimator).base and not bends
 
 
 def of_roles(estimator: Estimator) -> dict[str, Any]:
-    """Return which states the self-test of a machine asks for.
-
-    `plain`: its state is the Kalman filter's own, whose covariance the self-test can spoil, and the
-    rotor is rigid: a mode may go beyond its bound, or back, within a sample.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        What is exported.
-    """
+    """Return which states the self-test of a machine asks for."""
+    # `plain`: its state is the Kalman filter's own, whose covariance the self-test can spoil, and
+    # the rotor is rigid: a mode may go beyond its bound, or back, within a sample.
     roles, whole = [state.role for state in estimator.states], estimator.whole
     return {
         "plain": whole is not None and is_plain(estimator),
@@ -87,28 +64,12 @@ def of_roles(estimator: Estimator) -> dict[str, Any]:
 
 
 def first(estimator: Estimator, role: str) -> int:
-    """Return the place of the first state of a role; -1 where there is none.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        What is exported.
-    role : str
-        Of states.
-    """
+    """Return the place of the first state of a role; -1 where there is none."""
     return next((i for i, state in enumerate(estimator.states) if state.role == role), -1)
 
 
 def stops(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
-    """Return readings that may be a rotor on its stops, and ones that may not, on both sides.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        What is exported.
-    precision : {"float", "double"}
-        Of the numbers.
-    """
+    """Return readings that may be a rotor on its stops, and ones that may not, on both sides."""
     known = estimator.core.parameters
     gain, travel, var_y = (np.asarray(known["set"][k], float) for k in ("K_sen", "travel", "var_y"))
     shown, noise = np.abs(gain) * travel, np.sqrt(var_y + np.asarray(known["rounding"], float))
@@ -126,17 +87,7 @@ def stops(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
 def blind(
     estimator: Estimator, context: dict[str, Any], texts: dict[str, str]
 ) -> dict[str, list[tuple[str, str]]]:
-    """Return what the self-test is known not to see, and not to run; of `is_plain` alone.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        What is exported.
-    context : dict
-        What the templates say.
-    texts : dict
-        All files of the export by their names.
-    """
+    """Return what the self-test is known not to see, and not to run; of `is_plain` alone."""
     if not is_plain(estimator):
         return {"unseen": [], "not_run": []}
     flying = {name: text for name, text in texts.items() if not name.startswith(("self", "proof"))}
@@ -147,15 +98,7 @@ def blind(
 
 
 def machine_has(estimator: Estimator, context: dict[str, Any]) -> unseen.Has:
-    """Return what decides which lines of a machine's export run.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Of a whole machine.
-    context : dict
-        What the templates say.
-    """
+    """Return what decides which lines of a machine's export run."""
     direct = any(array["name"] == "model_B_u_column" for array in context["arrays"]) and bool(
         estimator.engine.model.B_u.any()
     )

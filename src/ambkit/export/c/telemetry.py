@@ -27,19 +27,7 @@ def frame(
     readings: Sequence[str],
     coils: int | None,
 ) -> list[Number]:
-    """Return the numbers of a frame.
-
-    Parameters
-    ----------
-    described : sequence of Descriptor
-        The states.
-    fields : sequence of State
-        The same, as C names them.
-    readings : sequence of str
-        Of a whole machine; empty where there is one sensor, and no array.
-    coils : int, optional
-        Of a whole controller, how many; None for a filter alone.
-    """
+    """Return the numbers of a frame."""
     found = [
         Number(state.name, state.unit, field.field)
         for state, field in zip(described, fields, strict=True)

@@ -35,19 +35,7 @@ class Vectors(NamedTuple):
 
 
 def make(estimator: Estimator, magnets: list[Magnet], *, settling: int, bound: float) -> Vectors:
-    """Let an estimator live through all scenes.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Of the precision that is exported.
-    magnets : list of Magnet
-        The core's, that it asks.
-    settling : int
-        Samples after a start until the exported filter says that it may be fed back.
-    bound : float
-        Caps beyond which the exported filter starts anew: a run ends before that.
-    """
+    """Let an estimator live through all scenes."""
     parts, amplified = [], []
     for scene in scenes.of(estimator, magnets, settling):
         y, u, si = _as_read(estimator, scene)
@@ -93,17 +81,8 @@ def _as_read(estimator: Estimator, scene: scenes.Scene) -> tuple[Array, Array, t
 
 
 def within(estimator: Estimator, mean: Array, bound: float) -> int:
-    """Return how many samples there are before the output is no rotor.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Whose.
-    mean : ndarray (N, n)
-        Its states, each in its unit [m, m/s, N ...].
-    bound : float
-        Caps beyond which it is none.
-    """
+    """Return how many samples there are before the output is no rotor."""
+    # mean (N, n) [m, m/s, N ...]
     caps = estimator.core.parameters["set"]["cap"]
     beyond = np.flatnonzero((np.abs(mean) > 0.99 * bound * caps).any(axis=1))
     return int(beyond[0]) if beyond.size else len(mean)

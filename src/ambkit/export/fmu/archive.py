@@ -12,13 +12,7 @@ _LONG_AGO = (1980, 1, 1, 0, 0, 0)  # the earliest time that ZIP knows
 
 
 def write(path: Path, content: Mapping[str, bytes]) -> None:
-    """Write files, in alphabetical order and without their times, to an archive.
-
-    Raises
-    ------
-    AmbkitError
-        It cannot be written.
-    """
+    """Write files, in alphabetical order and without their times, to an archive."""
     with files.replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name in sorted(content):
             entry = zipfile.ZipInfo(name, _LONG_AGO)

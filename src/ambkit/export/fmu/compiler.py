@@ -49,24 +49,7 @@ _CROSS = {
 def binaries(
     texts: Mapping[str, str], sources: Sequence[str], identifier: str, fmi: Fmi, *, everywhere: bool
 ) -> dict[str, bytes]:
-    """Compile for this platform, or also for each that there is a cross compiler for.
-
-    Parameters
-    ----------
-    texts, sources
-        As of `compiled`.
-    identifier : str
-        Of the model.
-    fmi : {2, 3}
-        Version of the standard.
-    everywhere : bool
-        Whether for other platforms too.
-
-    Returns
-    -------
-    dict
-        Each binary by its place in the FMU.
-    """
+    """Compile for this platform, or also for each that there is a cross compiler for."""
     made = {place(identifier, fmi): compiled(texts, sources)}
     for name, target in _CROSS.items() if everywhere else ():
         there = _place(target, identifier, fmi)
@@ -80,13 +63,7 @@ def _place(target: _Platform, identifier: str, fmi: Fmi) -> str:
 
 
 def place(identifier: str, fmi: Fmi) -> str:
-    """Return where the binary belongs in an FMU.
-
-    Raises
-    ------
-    AmbkitError
-        Not on this platform.
-    """
+    """Return where the binary belongs in an FMU."""
     here = _PLATFORMS.get((sys.platform, platform.machine()))
     if here is None:
         raise AmbkitError(
@@ -99,22 +76,7 @@ def place(identifier: str, fmi: Fmi) -> str:
 def compiled(
     texts: Mapping[str, str], sources: Sequence[str], *, cross: str | None = None
 ) -> bytes:
-    """Compile a shared library; the same compiler makes the same bytes.
-
-    Parameters
-    ----------
-    texts : mapping
-        All files by their names, relative to one folder, which is the include folder too.
-    sources : sequence of str
-        Those that are compiled.
-    cross : str, optional
-        A compiler for another platform; by default that of this one.
-
-    Raises
-    ------
-    AmbkitError
-        There is no compiler, or it fails.
-    """
+    """Compile a shared library; the same compiler makes the same bytes."""
     compiler = _compiler() if cross is None else [cross]
     linux = sys.platform == "linux" if cross is None else "linux" in cross
     with TemporaryDirectory() as made:

@@ -31,30 +31,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FmuExport:
-    """What was written.
+    """What was written."""
 
-    Attributes
-    ----------
-    path : Path
-        The FMU.
-    kind : {"estimator", "plant", "closed-loop", "controller", "whole-controller"}
-        What it models.
-    fmi : {2, 3}
-        Version of the standard.
-    identifier : str
-        Its model identifier.
-    token : str
-        Its GUID or instantiation token: a hash of all that it was made from.
-    variables : tuple of str
-        Names of its variables, in the order of their value references.
-    """
-
-    path: Path
-    kind: Kind
-    fmi: Fmi
-    identifier: str
-    token: str
-    variables: tuple[str, ...]
+    path: Path  #: The FMU.
+    kind: Kind  #: What it models.
+    fmi: Fmi  #: Version of the standard.
+    identifier: str  #: Its model identifier.
+    token: str  #: Its GUID or instantiation token: a hash of all that it was made from.
+    variables: tuple[str, ...]  #: Names of its variables, in the order of their value references.
 
 
 def export_fmu(
@@ -71,62 +55,15 @@ def export_fmu(
     everywhere: bool = False,
     force: bool = False,
 ) -> FmuExport:
-    """Write an FMU around the C of the library: binary and sources, no Python.
-
-    Bit for bit as the library. A communication step may be any: the filter takes its samples at
-    whole multiples of the bearing's sampling time, and holds its estimates in between; the plant
-    goes on by what is asked. As in a controller, the sample at a communication point is taken by
-    the step that begins there, with the inputs set there: an estimate read after the step from t to
-    t + T is that of the sample at t. The plant's outputs are those at the end of the step. NaN on
-    an estimator's input is a lost sensor.
-
-    FMUs are for co-simulation. A plant without a dead time is for model exchange too: its importer
-    integrates it, and its outputs follow at any time.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What is modelled.
-    magnet : Expert, StiffnessMap, ClosedLaw, ConstantStiffness or None
-        What the filter asks of its magnet; None for what its kind asks by itself.
-    out : path
-        The file, ``.fmu``.
-    kind : {"estimator", "plant", "closed-loop", "controller", "whole-controller"}
-        The filter alone; magnet, rotor, amplifier and sensor; plant, controller and filter; the
-        controller alone, that an estimator elsewhere feeds; or estimator and controller in one step
-        from what the sensor shows to the currents of the coils, as :func:`export_c` has them.
-    fmi : {2, 3}
-        Version of the standard.
-    scenario : Scenario, optional
-        Whose controller it is; by default a PID, tuned to the bearing and fed by the estimator.
-        With a ``sequence`` loop and whole controller lift off and land, and they begin as
-        ``start`` says: in flight, or at power-on with the rotor on its stop. What happens
-        otherwise is the FMU's inputs. A plant begins there too, and has no controller.
-    estimator : str, optional
-        Kind of the estimator, by its name in :data:`ambkit.estimate.registry.KINDS`; by default the
-        paper's filter, linear or adaptive by its magnet. The variances that the FMU lets change
-        have no effect on a kind with a constant gain.
-    filter_file : FilterFile, optional
-        The filter, in the place of `estimator`; `magnet` is what it says. The FMU's
-        inputs are in metres and volts all the same.
-    precision : {"float", "double"}
-        Of an estimator or a whole controller: float is what flies on a controller without double.
-        The others compute in double.
-    everywhere : bool
-        Whether there is a binary for each platform that a cross compiler is installed for
-        (``aarch64-linux-gnu-gcc``, ``x86_64-linux-gnu-gcc``, ``x86_64-w64-mingw32-gcc``), and not
-        for this one alone.
-    force : bool
-        Export it also where it is judged that it must not fly.
-
-    Raises
-    ------
-    AmbkitError
-        A filter that must not fly, without `force`.
-        A plant, a controller alone or a closed loop in float; a controller alone that
-        lifts off, or one whose estimator has not the states that it needs.
-        There is no C compiler, or the file cannot be written.
-    """
+    """Write an FMU around the C of the library: binary and sources, no Python."""
+    # Bit for bit as the library. A communication step may be any: the filter takes its samples at
+    # whole multiples of the bearing's sampling time, and holds its estimates in between; the plant
+    # goes on by what is asked. As in a controller, the sample at a communication point is taken by
+    # the step that begins there, with the inputs set there: an estimate read after the step from t
+    # to t + T is that of the sample at t. The plant's outputs are those at the end of the step. NaN
+    # on an estimator's input is a lost sensor.
+    # FMUs are for co-simulation. A plant without a dead time is for model exchange too: its
+    # importer integrates it, and its outputs follow at any time.
     of_type(Bearing, bearing=bearing)
     if kind not in (known := get_args(Kind)):
         raise AmbkitError(f"there is no FMU of kind {kind!r}; known: {', '.join(known)}")

@@ -29,31 +29,12 @@ class Flown(NamedTuple):
 
 
 def is_whole(scenario: Scenario) -> bool:
-    """Say whether a scenario is flown by more than a PID.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        Whose controller it is.
-    """
+    """Say whether a scenario is flown by more than a PID."""
     return scenario.sequence is not None or needs_states(scenario.controller)
 
 
 def flown(estimator: Estimator, scenario: Scenario) -> Flown:
-    """Return what :func:`ambkit.simulate` flies, started as there.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        In the loop.
-    scenario : Scenario
-        Whose controller, sequence and start.
-
-    Raises
-    ------
-    AmbkitError
-        The estimator has no states that the controller needs.
-    """
+    """Return what :func:`ambkit.simulate` flies, started as there."""
     bearing = estimator.bearing
     pid = scenario.controller.completed(bearing)
     controller = Controller(bearing, estimator, pid, scenario.sequence)
@@ -64,41 +45,19 @@ def flown(estimator: Estimator, scenario: Scenario) -> Flown:
 
 
 def starts_at(bearing: Bearing, scenario: Scenario) -> float:
-    """Return where the rotor is at the start [m].
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Whose.
-    scenario : Scenario
-        With a sequence it may lie.
-    """
+    """Return where the rotor is at the start [m]."""
     lies = scenario.start == "rest" and scenario.sequence is not None
     return lies_at(bearing) if lies else 0.0
 
 
 def hovers_at(bearing: Bearing) -> float:
-    """Return the current that holds the rotor in the middle [A].
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Whose.
-    """
+    """Return the current that holds the rotor in the middle [A]."""
     law = magnet_of(bearing)
     return hover_current(bearing, law, 0.0, bearing.weight + law.bias_force)
 
 
 def flown_data(of: Flown, precision: CPrecision) -> dict[str, Any]:
-    """Return what the data files say of a whole controller.
-
-    Parameters
-    ----------
-    of : Flown
-        The controller.
-    precision : {"float", "double"}
-        Of its numbers.
-    """
+    """Return what the data files say of a whole controller."""
     controller, current = of.controller, of.current
     told = control.structs(controller, "amb_data")
     integral = controller.integral(current, 0.0)
@@ -120,18 +79,7 @@ def flown_data(of: Flown, precision: CPrecision) -> dict[str, Any]:
 
 
 def law_data(controller: Controller) -> dict[str, Any]:
-    """Return what the data file says of a controller alone, that an estimator elsewhere feeds.
-
-    Parameters
-    ----------
-    controller : Controller
-        Which.
-
-    Raises
-    ------
-    AmbkitError
-        It lifts off and lands, by what its estimator says of itself.
-    """
+    """Return what the data file says of a controller alone, that an estimator elsewhere feeds."""
     if controller.sequence is not None:
         raise AmbkitError(
             "a controller alone neither lifts off nor lands: take kind whole-controller, or leave "

@@ -55,18 +55,9 @@ def straight_line(estimator: Estimator) -> InC:
 
 
 def library_files(texts: dict[str, str], estimator: Estimator | None) -> dict[str, str]:
-    """Return the library's own C, core and simulation, that C files include.
-
-    With each header goes the C file of the same name. All lies in ``sources/`` such that this is
-    the one folder that a compiler must know.
-
-    Parameters
-    ----------
-    texts : dict
-        The C files by their names.
-    estimator : Estimator or None
-        Whose model is computed, if any.
-    """
+    """Return the library's own C, core and simulation, that C files include."""
+    # With each header goes the C file of the same name. All lies in ``sources/`` such that this is
+    # the one folder that a compiler must know.
     instead = {LOOPS: None} if estimator is None else straight_line(estimator).instead
     if precision_of(estimator) == "float":
         instead = instead | {_PRECISION: rendered("precision.h.j2", {"version": version("ambkit")})}
@@ -199,10 +190,8 @@ def magnet_data(magnet: MagnetModel, name: str, precision: CPrecision = "double"
 
 
 def rig_data(bearing: Bearing) -> dict[str, Any]:
-    """Return what the data file says of magnet, rotor, amplifier and sensor of a bearing.
-
-    Steps and parts are those of :func:`ambkit.simulate`.
-    """
+    """Return what the data file says of magnet, rotor, amplifier and sensor of a bearing."""
+    # Steps and parts are those of :func:`ambkit.simulate`.
     law, with_parts = magnet_of(bearing), parts.parts_of(bearing)
     fields: dict[str, Any] = {
         "k": bearing.magnet.magnet_constant,
@@ -227,15 +216,7 @@ def rig_data(bearing: Bearing) -> dict[str, Any]:
 
 
 def nominals(bearing: Bearing, states: Sequence[str]) -> list[float]:
-    """Return the typical size of each state of a plant in continuous time, in its unit.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The plant.
-    states : sequence of str
-        Their names.
-    """
+    """Return the typical size of each state of a plant in continuous time, in its unit."""
     travel = bearing.rotor.travel_limit
     sizes = {"x": travel, "x_m": abs(bearing.sensor.gain) * travel, "v": travel / own_time(bearing)}
     return [sizes.get(name, bearing.amplifier.current_limit) for name in states]

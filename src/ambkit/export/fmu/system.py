@@ -34,31 +34,11 @@ def export_ssp(
     scenario: Scenario | None = None,
     **options: Any,
 ) -> tuple[FmuExport, ...]:
-    """Write plant, estimator and controller, wired, as a system for importers of SSP 1.0.
-
-    An importer hands values on from step to step: with a step of the sampling time the estimate
-    reaches the controller one sample late and its demand the plant another, which the closed loop
-    of :func:`export_fmu` does not have. What lifts off and lands is one FMU with its estimator, the
-    whole controller, and switches the plant's currents.
-
-    Parameters
-    ----------
-    bearing, magnet
-        As of :func:`export_fmu`.
-    out : path
-        The file, ``.ssp``.
-    fmi : {2, 3}
-        Of all of them.
-    scenario : Scenario, optional
-        Whose controller it is, as of :func:`export_fmu`.
-    **options
-        Of :func:`export_fmu`: estimator, filter_file, force.
-
-    Raises
-    ------
-    AmbkitError
-        There is no C compiler, or the file cannot be written.
-    """
+    """Write plant, estimator and controller, wired, as a system for importers of SSP 1.0."""
+    # An importer hands values on from step to step: with a step of the sampling time the estimate
+    # reaches the controller one sample late and its demand the plant another, which the closed loop
+    # of :func:`export_fmu` does not have. What lifts off and lands is one FMU with its estimator,
+    # the whole controller, and switches the plant's currents.
     what = scenario or Scenario()
     whole = what.sequence is not None
     kinds: dict[str, Kind] = {"plant": "plant", "controller": "controller"}
@@ -122,15 +102,7 @@ def _outside(to_controller: tuple[str, ...]) -> list[Wire]:
 
 
 def description(name: str, wires: list[Wire]) -> str:
-    """Write ``SystemStructure.ssd``.
-
-    Parameters
-    ----------
-    name : str
-        Of the system.
-    wires : list of (str, str, str, str)
-        From an element and its output to an element and its input; an empty element is the system.
-    """
+    """Write ``SystemStructure.ssd``."""
     for prefix, uri in (("ssd", _SSD), ("ssc", _SSC)):
         ElementTree.register_namespace(prefix, uri)
     root = ElementTree.Element(

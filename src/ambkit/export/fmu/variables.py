@@ -22,43 +22,22 @@ Limit = Literal["any", "not negative", "positive", "losable"]
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of a model; its value reference is its place in the table.
+    """A variable of a model; its value reference is its place in the table."""
 
-    Attributes
-    ----------
-    name : str
-        As the importer shows it.
-    role : {"time", "fixed", "tunable", "input", "output", "local"}
-        Fixed parameters hold from the start, tunable ones can be changed between steps; local is
-        what only importers that integrate ask for.
-    unit : str
-        As in `UNITS`; empty for integers.
-    about : str
-        In a few words.
-    start : float
-        Start value; of an output, nothing.
-    limit : {"any", "not negative", "positive", "losable"}
-        Of a value that is set; what is losable may be NaN, as of a lost sensor.
-    follows : tuple of str
-        Inputs and parameters that an output follows at once, not with the next step.
-    held : bool
-        Changes only with a sample.
-    rate_of : str
-        State whose derivative it is.
-    event : bool
-        Whether an event begins where its sign changes.
-    """
-
-    name: str
+    name: str  #: As the importer shows it.
+    #: Fixed parameters hold from the start, tunable ones can be changed between steps; local is
+    #: what only importers that integrate ask for.
     role: Role
-    unit: str
-    about: str
-    start: float = 0.0
+    unit: str  #: As in `UNITS`; empty for integers.
+    about: str  #: In a few words.
+    start: float = 0.0  #: Start value; of an output, nothing.
+    #: Of a value that is set; what is losable may be NaN, as of a lost sensor.
     limit: Limit = "any"
+    #: Inputs and parameters that an output follows at once, not with the next step.
     follows: tuple[str, ...] = ()
-    held: bool = False
-    rate_of: str = ""
-    event: bool = False
+    held: bool = False  #: Changes only with a sample.
+    rate_of: str = ""  #: State whose derivative it is.
+    event: bool = False  #: Whether an event begins where its sign changes.
 
     @property
     def integer(self) -> bool:
@@ -193,13 +172,7 @@ def of_plant(bearing: Bearing, place: float = 0.0) -> tuple[Variable, ...]:
 
 
 def in_continuous_time(bearing: Bearing) -> bool:
-    """Say whether a plant is one of differential equations: a dead time is not.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The plant.
-    """
+    """Say whether a plant is one of differential equations: a dead time is not."""
     return bearing.delay is None
 
 

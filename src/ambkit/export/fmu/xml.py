@@ -24,34 +24,16 @@ _LOG = {
 
 @dataclass(frozen=True)
 class Model:
-    """What the descriptions say of a model.
+    """What the descriptions say of a model."""
 
-    Attributes
-    ----------
-    identifier : str
-        C identifier, and name of the binary.
-    name, about : str
-        For people.
-    version : str
-        Of ambkit.
-    token : str
-        GUID or instantiation token.
-    sampling_time : float
-        [s].
-    variables : sequence of Variable
-        In the order of their value references.
-    sources : sequence of str
-        What is compiled, relative to ``sources/``.
-    """
-
-    identifier: str
-    name: str
+    identifier: str  #: C identifier, and name of the binary.
+    name: str  #: For people.
     about: str
-    version: str
-    token: str
-    sampling_time: float
-    variables: Sequence[Variable]
-    sources: Sequence[str]
+    version: str  #: Of ambkit.
+    token: str  #: GUID or instantiation token.
+    sampling_time: float  #: [s].
+    variables: Sequence[Variable]  #: In the order of their value references.
+    sources: Sequence[str]  #: What is compiled, relative to ``sources/``.
 
     @property
     def rates(self) -> list[Variable]:

@@ -41,20 +41,7 @@ QEMU_BOARD = Board("Cortex-M4F in qemu", f"{ARM}gcc", (*M4F, "-O3"), _ARM_PACKAG
 
 
 def check(board: Board, *, run: bool = True) -> None:
-    """Refuse what there are no tools for.
-
-    Parameters
-    ----------
-    board : Board
-        What is built for.
-    run : bool
-        Whether it is also to run in qemu.
-
-    Raises
-    ------
-    AmbkitError
-        A compiler or qemu is missing; it says what to install.
-    """
+    """Refuse what there are no tools for."""
     missing, install = [], []
     if shutil.which(board.compiler) is None:
         missing.append(board.compiler)

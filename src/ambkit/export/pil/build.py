@@ -30,24 +30,7 @@ class Built(NamedTuple):
 
 
 def size(export: Path, name: str, board: Board, into: Path) -> Built:
-    """Compile an export for a board, and say what it takes.
-
-    Parameters
-    ----------
-    export : Path
-        The folder.
-    name : str
-        Its prefix.
-    board : Board
-        What for.
-    into : Path
-        Folder for what is built.
-
-    Raises
-    ------
-    AmbkitError
-        It does not compile.
-    """
+    """Compile an export for a board, and say what it takes."""
     into.mkdir(parents=True, exist_ok=True)
     if not board.compiler.startswith(ARM):
         return _elsewhere(export, board, into)
@@ -98,26 +81,7 @@ def compiled(export: Path, board: Board, into: Path, *flags: str) -> list[Path]:
 
 
 def firmware(export: Path, plant: str, means: list[str], board: Board, into: Path) -> Path:
-    """Link an export with the loop, for qemu; returns the image.
-
-    Parameters
-    ----------
-    export : Path
-        The folder; its prefix is `PREFIX`.
-    plant : {"axis", "whole"}
-        Whose controller it is: one axis's, or a whole machine's.
-    means : list of str
-        Fields of the estimated states in its output.
-    board : Board
-        A Cortex-M4F.
-    into : Path
-        Folder for what is built.
-
-    Raises
-    ------
-    AmbkitError
-        It does not compile.
-    """
+    """Link an export with the loop, for qemu; returns the image."""
     into.mkdir(parents=True, exist_ok=True)
     objects = compiled(export, board, into)
     shown = ", ".join(f"(out)->{field}" for field in means) + ", 0" * (AXIS_STATES - len(means))
@@ -140,25 +104,9 @@ _BYTES = re.compile(r"(\d+) bytes \((\w+)\)")
 
 
 def stack(graphs: list[Path], root: str, taken: set[str]) -> int | None:
-    """Return how deep a call goes at most [bytes], by gcc's call graph and stack usage.
-
-    A call by a pointer is taken to reach every function whose address is taken, and that is not
-    running already: no function here calls itself by a pointer.
-
-    Parameters
-    ----------
-    graphs : list of Path
-        What ``-fcallgraph-info=su`` wrote, of all files.
-    root : str
-        The function that is called.
-    taken : set of str
-        Functions whose address is taken.
-
-    Returns
-    -------
-    int or None
-        None where a frame's size is not bounded, or a function can call itself.
-    """
+    """Return how deep a call goes at most [bytes], by gcc's call graph and stack usage."""
+    # A call by a pointer is taken to reach every function whose address is taken, and that is not
+    # running already: no function here calls itself by a pointer.
     own: dict[str, int] = {}
     nodes: dict[str, int] = {}  # more than one: gcc has split a function, which calls its part
     calls: dict[str, set[str]] = {}

@@ -12,33 +12,14 @@ SECONDS = 300
 
 
 def command(image: Path) -> list[str]:
-    """Return what runs a firmware: an instruction takes 1 ns, and files are those of the folder.
-
-    Parameters
-    ----------
-    image : Path
-        What was linked.
-    """
+    """Return what runs a firmware: an instruction takes 1 ns, and files are those of the folder."""
     machine = ("-M", "mps2-an386", "-nographic", "-icount", "shift=0")
     semihosting = ("-semihosting-config", "enable=on,target=native")
     return [QEMU, *machine, *semihosting, "-kernel", str(image)]
 
 
 def emulated(image: Path, folder: Path) -> str:
-    """Run a firmware to its end, and return what it printed.
-
-    Parameters
-    ----------
-    image : Path
-        What was linked.
-    folder : Path
-        Where it reads and writes its files.
-
-    Raises
-    ------
-    RuntimeError
-        It did not come to its end, or says that something is wrong.
-    """
+    """Run a firmware to its end, and return what it printed."""
     done = subprocess.run(
         command(image), cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True,
         timeout=SECONDS,

@@ -43,32 +43,7 @@ def pil(
     board: str | None = None,
     force: bool = False,
 ) -> Pil:
-    """Fly a simulated plant by the exported controller, on a Cortex-M4F in qemu.
-
-    Parameters
-    ----------
-    bearing : Bearing or Machine
-        The plant, and what the controller knows of it.
-    magnet : optional
-        What the filter asks of its magnet, as of :func:`ambkit.export.c.export_c`.
-    scenario : Scenario or Flight, optional
-        What happens, and whose controller flies; of a machine a flight. It begins at rest; lift-off
-        and landing are as usual where it does not say.
-    kind : str, optional
-        Of estimator.
-    filter_file : FilterFile, optional
-        The filter, in the place of `kind` and `magnet`.
-    board : str, optional
-        For flash, memory and stack: a name in ``boards.BOARDS``; by default what runs in qemu.
-    force : bool
-        Build it also where it is judged that it must not fly.
-
-    Raises
-    ------
-    AmbkitError
-        The filter must not fly, without `force`; tools are missing; a scenario of a machine, or a
-        flight of an axis; or the firmware fails.
-    """
+    """Fly a simulated plant by the exported controller, on a Cortex-M4F in qemu."""
     if board is not None and board not in boards.BOARDS:
         raise AmbkitError(f'board must be one of {", ".join(boards.BOARDS)}, is "{board}"')
     for_board = boards.QEMU_BOARD if board is None else boards.BOARDS[board]

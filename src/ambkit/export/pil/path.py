@@ -53,13 +53,7 @@ _TARGET = re.compile(r"\s*<[^>]*>")
 
 
 def load(image: Path) -> Program:
-    """Read a linked program by binutils.
-
-    Raises
-    ------
-    AmbkitError
-        They cannot read it.
-    """
+    """Read a linked program by binutils."""
     listing = _call("objdump", "-d", str(image))
     raw = image.with_suffix(".constants")
     _call("objcopy", "-O", "binary", "-j", ".text", str(image), str(raw))
@@ -85,21 +79,7 @@ def _operands(text: str) -> tuple[str, ...]:
 def bound(
     image: Path, function: str, objects: int, points: Mapping[tuple[int, int], str] | None = None
 ) -> Bound:
-    """Return how many instructions a call of a function takes at most.
-
-    Parameters
-    ----------
-    image : Path
-        A linked program for a Cortex-M, its constants from address 0 on.
-    function : str
-        Which one; whatever its arguments are.
-    objects : int
-        Which arguments are pointers to objects of the caller, which do not overlap: a bit for each,
-        the lowest one for the first; four in core registers, and then those on the stack.
-    points : mapping, optional
-        What is known of these objects: by argument and byte in it, the name of the constant that a
-        pointer there leads to.
-    """
+    """Return how many instructions a call of a function takes at most."""
     program = load(image)
     state = State(program.constants)
     state.r[SP], state.r[LR] = _STACK, _RETURN

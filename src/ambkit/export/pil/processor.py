@@ -47,22 +47,7 @@ def answer_of(axes: int, states: int) -> np.dtype[np.void]:
 
 
 class Processor:
-    """A running firmware.
-
-    Parameters
-    ----------
-    image : Path
-        What ``build.firmware`` linked.
-    folder : Path
-        For the pipes.
-    sensors, axes, states : int
-        What it takes in and tells.
-
-    Raises
-    ------
-    AmbkitError
-        It does not start, or says nothing.
-    """
+    """A running firmware."""
 
     def __init__(self, image: Path, folder: Path, sensors: int, axes: int, states: int) -> None:
         self.sample, self.answer = sample_of(sensors, axes), answer_of(axes, states)
@@ -83,21 +68,9 @@ class Processor:
             raise
 
     def step(self, y: ArrayLike, r: ArrayLike, *, fly: bool, speed: float = 0.0) -> np.void:
-        """Let it take one sample, and return what it says of it (`answer_of`).
-
-        It counts instructions in every so many samples, and after mode or status were others.
-
-        Parameters
-        ----------
-        y : array_like (sensors,)
-            What the sensors show, as the rig has them.
-        r : array_like (axes,)
-            References [m].
-        fly : bool
-            Whether it is to fly.
-        speed : float
-            Of rotation [rad/s].
-        """
+        """Let it take one sample, and return what it says of it (`answer_of`)."""
+        # It counts instructions in every so many samples, and after mode or status were others.
+        # y (sensors,); r (axes,) [m]
         last = self._answers[-2:]
         new = len(last) == 2 and any(last[0][name] != last[1][name] for name in ("mode", "status"))
         counted = new or len(self._answers) % OFTEN == 0

@@ -26,13 +26,7 @@ class Flags(NamedTuple):
 
 
 class State:
-    """Registers, flags and memory; what is not in memory is unknown, or read only.
-
-    Parameters
-    ----------
-    constants : bytes
-        What stands from address 0 on, and never changes.
-    """
+    """Registers, flags and memory; what is not in memory is unknown, or read only."""
 
     def __init__(self, constants: bytes) -> None:
         self.constants = constants

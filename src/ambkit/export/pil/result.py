@@ -20,71 +20,31 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Pil:
-    """What a processor in the loop gave.
+    """What a processor in the loop gave."""
 
-    Attributes
-    ----------
-    record : Record
-        The flight: what the plant did while the processor flew it.
-    answers : ndarray (n,)
-        All that the processor told, sample by sample: ``processor.answer_of``.
-    samples : int
-        How many.
-    unequal : int
-        Numbers, of all that the processor told, that are not Python's to the last bit.
-    frames : Record
-        What its telemetry sent.
-    unequal_frames : int
-        Of the same numbers, how many are others there.
-    unequal_flight : int
-        Samples whose place is not the one of the flight that `simulate` gives; None where the
-        rig's own numbers go to the processor, which round what the sensor shows.
-    selftest : int
-        What its self-test found wrong.
-    modes : tuple of (float, str)
-        When it began to do what [s].
-    worst : float
-        Largest distance from the reference while it flew, after its first tenth [m].
-    rms : float
-        Root mean square of that distance [m].
-    touched : int
-        Samples on a stop while it flew.
-    instructions, most : int
-        Of a step, in the median and the most seen.
-    bound : Bound
-        Of a step at most, along any path through what qemu runs.
-    stack_seen : int
-        Bytes that a step has used.
-    state : int
-        Bytes of an instance.
-    run : MachineRun or None
-        Of a machine, the simulation that it answered to.
-    board : str
-        What the rest is for.
-    built : Built
-        Flash, memory and the most stack of the board's build.
-    """
-
-    record: Record
+    record: Record  #: The flight: what the plant did while the processor flew it.
+    #: (n,) All that the processor told, sample by sample: ``processor.answer_of``.
     answers: NDArray[np.void]
-    samples: int
-    unequal: int
-    frames: Record
-    unequal_frames: int
+    samples: int  #: How many.
+    unequal: int  #: Numbers, of all that the processor told, that are not Python's to the last bit.
+    frames: Record  #: What its telemetry sent.
+    unequal_frames: int  #: Of the same numbers, how many are others there.
+    #: Samples whose place is not the one of the flight that `simulate` gives; None where the rig's
+    #: own numbers go to the processor, which round what the sensor shows.
     unequal_flight: int | None
-    selftest: int
-    modes: tuple[tuple[float, str], ...]
-    worst: float
-    rms: float
-    touched: int
-    instructions: int
+    selftest: int  #: What its self-test found wrong.
+    modes: tuple[tuple[float, str], ...]  #: (float, str) When it began to do what [s].
+    worst: float  #: Largest distance from the reference while it flew, after its first tenth [m].
+    rms: float  #: Root mean square of that distance [m].
+    touched: int  #: Samples on a stop while it flew.
+    instructions: int  #: Of a step, in the median and the most seen.
     most: int
-    bound: path.Bound
-    stack_seen: int
-    state: int
-    run: MachineRun | None
-    board: str
-    built: build.Built
+    bound: path.Bound  #: Of a step at most, along any path through what qemu runs.
+    stack_seen: int  #: Bytes that a step has used.
+    state: int  #: Bytes of an instance.
+    run: MachineRun | None  #: Of a machine, the simulation that it answered to.
+    board: str  #: What the rest is for.
+    built: build.Built  #: Flash, memory and the most stack of the board's build.
 
     @property
     def passed(self) -> bool:
@@ -101,19 +61,8 @@ class Pil:
 
 
 def others_sent(told: NDArray[np.void], frames: Record, names: list[str], coils: bool) -> int:
-    """Return how many numbers the telemetry has otherwise than the answers.
-
-    Parameters
-    ----------
-    told : ndarray (n,)
-        The answers.
-    frames : Record
-        What was sent.
-    names : list of str
-        Of the estimated states there.
-    coils : bool
-        Whether currents and modes are sent too.
-    """
+    """Return how many numbers the telemetry has otherwise than the answers."""
+    # told (n,)
     if frames.t.size != len(told):
         return len(told)
     pairs = [(told["mean"][:, k], frames[name]) for k, name in enumerate(names)]
@@ -134,21 +83,8 @@ def judged(
     travel: Array | float,
     **given: Any,
 ) -> Pil:
-    """Return what the answers say of flight and cost, with what else there is.
-
-    Parameters
-    ----------
-    told : ndarray (n,)
-        The answers.
-    greeting : void
-        What it said of itself, `processor.GREETING`.
-    off, moved : ndarray (n, axes)
-        Distance from the reference, and from the middle [m].
-    travel : ndarray (axes,) or float
-        Of the stops [m].
-    **given
-        All other fields of `Pil`.
-    """
+    """Return what the answers say of flight and cost, with what else there is."""
+    # told (n,); off (n, axes) [m]; moved (n, axes) [m]; travel (axes,) [m]
     mode = told["mode"].astype(int)
     begins = np.flatnonzero(np.diff(mode, prepend=-1))
     flying = np.flatnonzero(mode == Mode.FLYING)

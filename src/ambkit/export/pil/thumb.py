@@ -330,13 +330,7 @@ _DONE: tuple[tuple[re.Pattern[str], Callable[[State, Instruction], None]], ...] 
 
 
 def execute(state: State, insn: Instruction) -> None:
-    """Do what an instruction does that leads to the next one.
-
-    Raises
-    ------
-    Unknown
-        It is not known, or stores where data say.
-    """
+    """Do what an instruction does that leads to the next one."""
     if insn.name == "nop" or insn.name.startswith(("dmb", "dsb")):
         return
     if insn.name == "movt":

@@ -31,32 +31,10 @@ if TYPE_CHECKING:
 def fly_whole(
     machine: Machine, estimator: Estimator, flight: Flight, board: Board, **of_filter: Any
 ) -> Pil:
-    """Fly a machine by its exported controllers, on a Cortex-M4F in qemu.
-
-    The machine is simulated with the controllers here, and what its sensors show goes to the
-    processor, sample by sample. Where that answers the same bits each time, which is what is
-    judged, the machine would have moved no otherwise with the processor's own currents.
-
-    Parameters
-    ----------
-    machine : Machine
-        The plant, and what the controllers know of it.
-    estimator : Estimator
-        In single precision, as it is exported.
-    flight : Flight
-        What happens, and whose controllers fly. It begins at rest; lift-off and landing are as
-        usual where it does not say.
-    board : Board
-        For flash, memory and stack.
-    **of_filter
-        ``magnet``, ``kind``, ``filter_file`` and ``force`` of :func:`ambkit.export.c.export_c`,
-        which make that estimator.
-
-    Raises
-    ------
-    AmbkitError
-        The firmware fails, or something cannot be exported.
-    """
+    """Fly a machine by its exported controllers, on a Cortex-M4F in qemu."""
+    # The machine is simulated with the controllers here, and what its sensors show goes to the
+    # processor, sample by sample. Where that answers the same bits each time, which is what is
+    # judged, the machine would have moved no otherwise with the processor's own currents.
     sequence = flight.sequence or LiftOff()
     flown = flight.model_copy(update={"start": "rest", "sequence": sequence})
     with tempfile.TemporaryDirectory() as place:

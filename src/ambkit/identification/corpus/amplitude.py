@@ -33,40 +33,23 @@ LOOSE = 10.0
 
 @dataclass(frozen=True)
 class InFlight:
-    """A magnet in one flight.
+    """A magnet in one flight."""
 
-    Attributes
-    ----------
-    amplitude : float
-        Of the control current within the time in which the rotor falls, rms [A].
-    factor : float
-        Magnet constant as described over that of the flight, the gap being as described.
-    error : float
-        Standard error of its logarithm.
-    """
-
-    amplitude: float
+    amplitude: float  #: Of the control current within the time in which the rotor falls, rms [A].
+    #: Magnet constant as described over that of the flight, the gap being as described.
     factor: float
-    error: float
+    error: float  #: Standard error of its logarithm.
 
 
 @dataclass(frozen=True)
 class Weakened:
-    """A magnet in several flights.
+    """A magnet in several flights."""
 
-    Attributes
-    ----------
-    flights : mapping of str to InFlight
-        By the names of the logs.
-    factor, factor_error : float
-        In the mean, and the standard error of its logarithm with the scatter between flights in it.
-    slope, slope_error : float
-        Of the factor's logarithm over that of the amplitude; NaN for fewer than three flights.
-    """
-
-    flights: Mapping[str, InFlight]
+    flights: Mapping[str, InFlight]  #: By the names of the logs.
+    #: In the mean, and the standard error of its logarithm with the scatter between flights in it.
     factor: float
     factor_error: float
+    #: Of the factor's logarithm over that of the amplitude; NaN for fewer than three flights.
     slope: float
     slope_error: float
 
@@ -92,10 +75,8 @@ class Weakened:
 def _in_flight(
     records: Sequence[Record], found: MaximumLikelihood, start: LoopModel
 ) -> InFlight | None:
-    """Search a log with the gap as described; None where it does not tell the magnet.
-
-    A current that flows is the one that was found, with the coil that it was found with.
-    """
+    """Search a log with the gap as described; None where it does not tell the magnet."""
+    # A current that flows is the one that was found, with the coil that it was found with.
     described = start.bearing.magnet
     free = [p.name for p in found.parameters if p.name != "air_gap"]
     known = {
@@ -121,24 +102,7 @@ def weakened(
     start: LoopModel,
     threads: int = 1,
 ) -> Weakened | None:
-    """Say how much weaker a one-sided magnet is in flight than it is described.
-
-    Parameters
-    ----------
-    flown : mapping of str to sequence of Record
-        Flights by the names of the logs.
-    found : mapping of str to MaximumLikelihood
-        What each log tells alone; the lines in its position are taken for known.
-    start : LoopModel
-        The description.
-    threads : int
-        Logs that are searched at a time.
-
-    Returns
-    -------
-    Weakened or None
-        None where the magnet is two-sided, or no flight tells.
-    """
+    """Say how much weaker a one-sided magnet is in flight than it is described."""
     if start.bearing.magnet.type != "one-sided":
         return None
     told = [

@@ -23,17 +23,10 @@ ORDER = 30
 
 @dataclass(frozen=True, eq=False)
 class ARX:
-    """An ARX model, h samples ahead.
+    """An ARX model, h samples ahead."""
 
-    Attributes
-    ----------
-    ahead : int
-        How many samples.
-    weights : ndarray (2 ORDER,)
-        Of past positions less the last one, of the controls, and of a constant.
-    """
-
-    ahead: int
+    ahead: int  #: How many samples.
+    #: (2 ORDER,) Of past positions less the last one, of the controls, and of a constant.
     weights: Array
 
     def predict(self, record: Record) -> Array:
@@ -45,15 +38,7 @@ class ARX:
 
 
 def normal_of(records: Sequence[Record], ahead: int) -> Array:
-    """Return the normal equations of records (2 ORDER, 2 ORDER + 1), which add up over logs.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        With ``y`` [m] and ``u`` [V].
-    ahead : int
-        How many samples ahead.
-    """
+    """Return the normal equations of records (2 ORDER, 2 ORDER + 1), which add up over logs."""
     total = np.zeros((2 * ORDER, 2 * ORDER + 1))
     for record in records:
         rows, last = regressors(record, ahead)
@@ -62,20 +47,8 @@ def normal_of(records: Sequence[Record], ahead: int) -> Array:
 
 
 def products(rows: Array, targets: Array) -> Array:
-    """Return what a record adds to normal equations, of the samples that miss nothing.
-
-    Parameters
-    ----------
-    rows : ndarray (n, p)
-        Regressors.
-    targets : ndarray (n,) or (n, q)
-        What they are to foretell.
-
-    Returns
-    -------
-    ndarray (p, p + q)
-        Of the regressors with themselves and with the targets.
-    """
+    """Return what a record adds to normal equations, of the samples that miss nothing."""
+    # rows (n, p); targets (n,), (n, q); returns (p, p + q)
     both = np.column_stack([rows, targets])
     whole = np.isfinite(both).all(axis=1)
     if not whole.all():
@@ -84,31 +57,14 @@ def products(rows: Array, targets: Array) -> Array:
 
 
 def fit_arx(normal: Array, ahead: int) -> ARX:
-    """Fit one.
-
-    Parameters
-    ----------
-    normal : ndarray (2 ORDER, 2 ORDER + 1)
-        Sum of what `normal_of` gives of each log.
-    ahead : int
-        How many samples ahead.
-    """
+    """Fit one."""
+    # normal (2 ORDER, 2 ORDER + 1)
     return ARX(ahead, solved(normal)[:, 0])
 
 
 def solved(normal: Array) -> Array:
-    """Solve normal equations of regressors of very different sizes.
-
-    Parameters
-    ----------
-    normal : ndarray (p, p + q)
-        Of p regressors with themselves, and with q targets.
-
-    Returns
-    -------
-    ndarray (p, q)
-        The weights of each target.
-    """
+    """Solve normal equations of regressors of very different sizes."""
+    # normal (p, p + q); returns (p, q)
     p = len(normal)
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     left, right = normal[:, :p] / np.outer(scale, scale), normal[:, p:] / scale[:, None]
@@ -117,15 +73,7 @@ def solved(normal: Array) -> Array:
 
 
 def regressors(record: Record, ahead: int) -> tuple[Array, Array]:
-    """Return regressors (m, 2 ORDER) and the last positions (m,), of samples from ORDER - 1 on.
-
-    Parameters
-    ----------
-    record : Record
-        With ``y`` [m] and ``u`` [V].
-    ahead : int
-        So many samples at the end have none.
-    """
+    """Return regressors (m, 2 ORDER) and the last positions (m,), of samples from ORDER - 1 on."""
     windows = np.lib.stride_tricks.sliding_window_view
     y, u = (windows(record[name], ORDER)[: len(record) - ORDER + 1 - ahead] for name in ("y", "u"))
     last = y[:, -1]

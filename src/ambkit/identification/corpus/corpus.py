@@ -60,49 +60,31 @@ FEWEST = 2
 
 @dataclass(frozen=True)
 class Foretold:
-    """How a log is foretold by a model of the others.
+    """How a log is foretold by a model of the others."""
 
-    Attributes
-    ----------
-    name : str
-        Of the log.
-    samples : int
-        Measurements that count.
-    error, alone, held, unmodelled, arx : mapping of int to float
-        Samples ahead, and the RMS error [m]: of the model, with the controls since; of the model,
-        with those that its past lets expect; of the last measurement, held; of the
-        constant-velocity filter; of the ARX model. These two, and what is to be expected, are
-        fitted to the others as well.
-    floor : float
-        Noise of the measurement itself, as the model has it along this log, rms [m].
-    nis : float
-        Mean normalised innovation squared; 1 where the noise is right.
-    white : float
-        Share of 50 lags at which the residuals correlate no more than white ones would.
-    left : float
-        Share of the residuals' variance that their own past and the control's foretell.
-    """
-
-    name: str
-    samples: int
+    name: str  #: Of the log.
+    samples: int  #: Measurements that count.
+    #: Samples ahead, and the RMS error [m]: of the model, with the controls since; of the model,
+    #: with those that its past lets expect; of the last measurement, held; of the constant-velocity
+    #: filter; of the ARX model. These two, and what is to be expected, are fitted to the others as
+    #: well.
     error: Mapping[int, float]
     alone: Mapping[int, float]
     held: Mapping[int, float]
     unmodelled: Mapping[int, float]
     arx: Mapping[int, float]
-    floor: float
-    nis: float
+    floor: float  #: Noise of the measurement itself, as the model has it along this log, rms [m].
+    nis: float  #: Mean normalised innovation squared; 1 where the noise is right.
+    #: Share of 50 lags at which the residuals correlate no more than white ones would.
     white: float
-    left: float
+    left: float  #: Share of the residuals' variance that their own past and the control's foretell.
 
     @property
     def good(self) -> bool:
-        """Whether nothing knows more of this log than the model.
-
-        No baseline foretells it better, its noise is what the model expects, and hardly anything of
-        what is left could be foretold. The ARX model knows no later control, so it is held against
-        the model without these.
-        """
+        """Whether nothing knows more of this log than the model."""
+        # No baseline foretells it better, its noise is what the model expects, and hardly anything
+        # of what is left could be foretold. The ARX model knows no later control, so it is held
+        # against the model without these.
         known = ((self.error, self.held), (self.error, self.unmodelled), (self.alone, self.arx))
         beaten = all(own[k] <= AS_GOOD * other[k] for k in AHEAD for own, other in known)
         return beaten and as_expected(self.nis) and little_left(self.left)
@@ -121,39 +103,17 @@ class Foretold:
 
 @dataclass(frozen=True, eq=False)
 class Corpus:
-    """What many logs say of a rig.
+    """What many logs say of a rig."""
 
-    Attributes
-    ----------
-    start : LoopModel
-        What was known before.
-    model : LoopModel
-        With what the logs say together.
-    pooled : Pooled
-        Their figures, errors, and scatter between logs.
-    found : mapping of str to MaximumLikelihood
-        What each log says alone.
-    foretold : list of Foretold
-        Each log by a model of the others.
-    stretches : mapping of str to list of Stretch
-        How each log was cut.
-    left_out : mapping of str to str
-        Logs that nothing is identified from, and why.
-    spikes : mapping of str to str
-        Logs whose positions have spikes, and how many were left out.
-    weakened : Weakened or None
-        How much weaker a one-sided magnet is in flight than it was described, and at what
-        amplitude.
-    """
-
-    start: LoopModel
-    model: LoopModel
-    pooled: Pooled
-    found: Mapping[str, MaximumLikelihood]
-    foretold: Sequence[Foretold]
-    stretches: Mapping[str, Sequence[Stretch]]
-    left_out: Mapping[str, str]
-    spikes: Mapping[str, str]
+    start: LoopModel  #: What was known before.
+    model: LoopModel  #: With what the logs say together.
+    pooled: Pooled  #: Their figures, errors, and scatter between logs.
+    found: Mapping[str, MaximumLikelihood]  #: What each log says alone.
+    foretold: Sequence[Foretold]  #: Each log by a model of the others.
+    stretches: Mapping[str, Sequence[Stretch]]  #: How each log was cut.
+    left_out: Mapping[str, str]  #: Logs that nothing is identified from, and why.
+    spikes: Mapping[str, str]  #: Logs whose positions have spikes, and how many were left out.
+    #: How much weaker a one-sided magnet is in flight than it was described, and at what amplitude.
     weakened: Weakened | None = None
 
     @property
@@ -208,26 +168,7 @@ def identify_corpus(
     threads: int = 2,
     note: Callable[[str], object] = lambda _: None,
 ) -> Corpus:
-    """Identify a rig from all of its logs.
-
-    Parameters
-    ----------
-    records : mapping of str to Record
-        Whole logs with ``y`` [m] and ``u`` [V], by name.
-    start : LoopModel
-        What is known.
-    free : sequence of str, optional
-        What is looked for in each log; by default what a record usually tells.
-    threads : int
-        Logs that are searched at a time.
-    note : callable
-        Told what is being done.
-
-    Raises
-    ------
-    AmbkitError
-        Fewer than two logs have a flight to identify from.
-    """
+    """Identify a rig from all of its logs."""
     note("cutting the logs")
     cleaned: dict[str, Record] = {}
     spikes: dict[str, str] = {}
@@ -367,21 +308,11 @@ def _each(
 
 @dataclass(frozen=True, eq=False)
 class Baselines:
-    """What foretells without knowing a magnet, fitted to some logs.
+    """What foretells without knowing a magnet, fitted to some logs."""
 
-    Attributes
-    ----------
-    naive : ConstantVelocityFilter
-        Tuned by the likelihood.
-    normal : mapping of int to ndarray
-        Samples ahead, and the normal equations of an ARX model.
-    controls : ndarray
-        Normal equations of the controls that are to be expected.
-    """
-
-    naive: ConstantVelocityFilter
-    normal: Mapping[int, Array]
-    controls: Array
+    naive: ConstantVelocityFilter  #: Tuned by the likelihood.
+    normal: Mapping[int, Array]  #: Samples ahead, and the normal equations of an ARX model.
+    controls: Array  #: Normal equations of the controls that are to be expected.
 
     @classmethod
     def of(cls, records: Sequence[Record]) -> Baselines:
@@ -404,19 +335,7 @@ class Baselines:
 
 
 def foretell(name: str, records: Sequence[Record], model: LoopModel, others: Baselines) -> Foretold:
-    """Foretell a log by a model that has not seen it, beside what knows no magnet.
-
-    Parameters
-    ----------
-    name : str
-        Of the log.
-    records : sequence of Record
-        Its flights.
-    model : LoopModel
-        What the others say.
-    others : Baselines
-        Fitted to the others.
-    """
+    """Foretell a log by a model that has not seen it, beside what knows no magnet."""
     naive = others.naive
     first = max(round(settling_time(model.bearing) / records[0].sampling_time) * 4, ORDER)
     misses: dict[str, dict[int, list[Array]]] = {

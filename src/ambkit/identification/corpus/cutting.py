@@ -40,33 +40,18 @@ KINDS = ("flight", "fetched", "saturated", "landed", "rest")
 
 @dataclass(frozen=True)
 class Stretch:
-    """A part of a log.
+    """A part of a log."""
 
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`. ``saturated``: sensor or current at its end; ``landed``: still at a stop;
-        ``rest``: still elsewhere, and not carried; ``fetched``: just after one of these, or not
-        explained by magnet and weight.
-    begin, end : float
-        Times of its first sample and of the one after its last [s].
-    """
-
+    #: One of `KINDS`. ``saturated``: sensor or current at its end; ``landed``: still at a stop;
+    #: ``rest``: still elsewhere, and not carried; ``fetched``: just after one of these, or not
+    #: explained by magnet and weight.
     kind: str
-    begin: float
+    begin: float  #: Times of its first sample and of the one after its last [s].
     end: float
 
 
 def cut(record: Record, bearing: Bearing) -> list[Stretch]:
-    """Cut a log into stretches.
-
-    Parameters
-    ----------
-    record : Record
-        With ``y`` [m] and ``u`` [V].
-    bearing : Bearing
-        As it is described; its figures need not be exact.
-    """
+    """Cut a log into stretches."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
     from scipy.signal import savgol_filter
 
@@ -107,17 +92,7 @@ def cut(record: Record, bearing: Bearing) -> list[Stretch]:
 
 
 def flights(record: Record, stretches: list[Stretch], bearing: Bearing) -> list[Record]:
-    """Return the flights of a log that are long enough to be identified from.
-
-    Parameters
-    ----------
-    record : Record
-        The log.
-    stretches : list of Stretch
-        From `cut`.
-    bearing : Bearing
-        Whose own time it is that counts.
-    """
+    """Return the flights of a log that are long enough to be identified from."""
     least = SHORTEST * own_time(bearing)
     return [
         record.between(s.begin, s.end)
@@ -127,10 +102,8 @@ def flights(record: Record, stretches: list[Stretch], bearing: Bearing) -> list[
 
 
 def noise_of(record: Record) -> float:
-    """Return the standard deviation of a position's noise, from its second differences [m].
-
-    Of white noise they have six times its variance; the median does not see what moves fast.
-    """
+    """Return the standard deviation of a position's noise, from its second differences [m]."""
+    # Of white noise they have six times its variance; the median does not see what moves fast.
     bend = np.diff(record["y"], 2)
     bend = bend[np.isfinite(bend)]
     if bend.size < 10:

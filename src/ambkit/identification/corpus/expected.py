@@ -23,43 +23,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ExpectedControls:
-    """The next control signals, linear in the last positions and control signals.
+    """The next control signals, linear in the last positions and control signals."""
 
-    Attributes
-    ----------
-    weights : ndarray (2 ORDER + 1, ahead)
-        Of past positions less the last one, of the controls, of a constant, and of that position.
-    """
-
+    #: (2 ORDER + 1, ahead) Of past positions less the last one, of the controls, of a constant, and
+    #: of that position.
     weights: Array
 
     def windows(self, record: Record) -> Array:
-        """Return the last controls and those to be expected (m, ORDER + ahead) [V].
-
-        Parameters
-        ----------
-        record : Record
-            With ``y`` [m] and ``u`` [V], n samples; row j belongs to sample ``ORDER - 1 + j``.
-        """
+        """Return the last controls and those to be expected (m, ORDER + ahead) [V]."""
         rows = _rows(record, 0)
         return np.column_stack([rows[:, ORDER - 1 : 2 * ORDER - 1], rows @ self.weights])
 
 
 def normal_of_controls(records: Sequence[Record], ahead: int) -> Array:
-    """Return the normal equations of records, which add up over logs.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        With ``y`` [m] and ``u`` [V].
-    ahead : int
-        How many controls.
-
-    Returns
-    -------
-    ndarray (2 ORDER + 1, 2 ORDER + 1 + ahead)
-        Of the regressors with themselves and with the controls.
-    """
+    """Return the normal equations of records, which add up over logs."""
+    # returns (2 ORDER + 1, 2 ORDER + 1 + ahead)
     total = np.zeros((2 * ORDER + 1, 2 * ORDER + 1 + ahead))
     for record in records:
         rows = _rows(record, ahead)
@@ -69,13 +47,8 @@ def normal_of_controls(records: Sequence[Record], ahead: int) -> Array:
 
 
 def fit_controls(normal: Array) -> ExpectedControls:
-    """Fit them.
-
-    Parameters
-    ----------
-    normal : ndarray (2 ORDER + 1, 2 ORDER + 1 + ahead)
-        Sum of what `normal_of_controls` gives of each log.
-    """
+    """Fit them."""
+    # normal (2 ORDER + 1, 2 ORDER + 1 + ahead)
     return ExpectedControls(solved(normal))
 
 

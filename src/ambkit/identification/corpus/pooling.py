@@ -33,25 +33,15 @@ COORDINATE = {"delay": 1e-3, "noise_rise": 100.0}
 
 @dataclass(frozen=True, eq=False)
 class Pooled:
-    """Parameters of several logs together.
+    """Parameters of several logs together."""
 
-    Attributes
-    ----------
-    parameters : list of Parameter
-        Which, p.
-    values, errors : ndarray (p,)
-        In the mean over logs, SI, with standard errors: of the logarithm for a positive one.
-    scatter : ndarray (p,)
-        Standard deviation between logs beyond their own errors, in the same units.
-    each, each_error : ndarray (logs, p)
-        Of each log alone; NaN where a log holds the parameter.
-    """
-
-    parameters: list[Parameter]
+    parameters: list[Parameter]  #: Which, p.
+    #: (p,) In the mean over logs, SI, with standard errors: of the logarithm for a positive one.
     values: Array
     errors: Array
+    #: (p,) Standard deviation between logs beyond their own errors, in the same units.
     scatter: Array
-    each: Array
+    each: Array  #: (logs, p) Of each log alone; NaN where a log holds the parameter.
     each_error: Array
 
     def applied_to(self, model: LoopModel) -> LoopModel:
@@ -66,16 +56,9 @@ class Pooled:
 
 
 def pool(found: Sequence[MaximumLikelihood]) -> Pooled:
-    """Pool what was found of several logs.
-
-    Offsets are of a log: each has its own, as far from what is known beforehand as that may be, and
-    with the error that this leaves in all others.
-
-    Parameters
-    ----------
-    found : sequence of MaximumLikelihood
-        Of each log.
-    """
+    """Pool what was found of several logs."""
+    # Offsets are of a log: each has its own, as far from what is known beforehand as that may be,
+    # and with the error that this leaves in all others.
     seen = {p.name for one in found for p in one.parameters} - set(OFFSETS)
     names = [name for name in PARAMETERS if name in seen]
     parameters = [PARAMETERS[name] for name in names]

@@ -56,30 +56,17 @@ CALM = 0.01
 
 @dataclass(frozen=True)
 class Limits:
-    """What an experiment must not exceed.
+    """What an experiment must not exceed."""
 
-    Attributes
-    ----------
-    current : float
-        Greatest control current |iu| [A], with what carries the rotor and what the noise adds.
-    displacement : float
-        Greatest displacement |x| from the centre [m].
-    """
-
+    #: Greatest control current |iu| [A], with what carries the rotor and what the noise adds.
     current: float
-    displacement: float
+    displacement: float  #: Greatest displacement |x| from the centre [m].
 
     @classmethod
     def of(
         cls, bearing: Bearing, current: float | None = None, displacement: float | None = None
     ) -> Limits:
-        """Return limits, by default 80 % of what the current may be and half of the travel.
-
-        Raises
-        ------
-        AmbkitError
-            One is not above zero, or beyond what the bearing can do.
-        """
+        """Return limits, by default 80 % of what the current may be and half of the travel."""
         most = min(bearing.current_max, -bearing.current_min)
         travel = bearing.rotor.travel_limit
         for what, value, end, unit in (
@@ -100,33 +87,15 @@ class Limits:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """An experiment, and what it would tell.
+    """An experiment, and what it would tell."""
 
-    Attributes
-    ----------
-    excitation : Excitation
-        The signal, of amplitude 1.
-    reference : ndarray (n,)
-        The reference that makes the experiment [m].
-    band : tuple of float
-        Frequencies [Hz].
-    record : Record
-        The experiment, simulated, with the noise of the bearing.
-    limits : Limits
-        What it keeps within.
-    expectation : Expectation
-        What it would tell.
-    tried : sequence of (band, certainty)
-        Bands that were compared.
-    """
-
-    excitation: Excitation
-    reference: Array
-    band: Band
-    record: Record
-    limits: Limits
-    expectation: Expectation
-    tried: Sequence[tuple[Band, float]]
+    excitation: Excitation  #: The signal, of amplitude 1.
+    reference: Array  #: (n,) The reference that makes the experiment [m].
+    band: Band  #: Frequencies [Hz].
+    record: Record  #: The experiment, simulated, with the noise of the bearing.
+    limits: Limits  #: What it keeps within.
+    expectation: Expectation  #: What it would tell.
+    tried: Sequence[tuple[Band, float]]  #: (band, certainty) Bands that were compared.
 
     @property
     def amplitude(self) -> float:
@@ -173,38 +142,10 @@ def design(
     load: float | None = None,
     done: Callable[[str], object] = lambda _: None,
 ) -> Design:
-    """Design the experiment that tells parameters of a bearing best.
-
-    Each band is brought up to the limits in the simulated loop, noise and all; the best one makes
-    the information's determinant largest, ``ln det(1 + I)`` (D-optimal, with nothing known before
-    but each parameter's coarse scale).
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What is believed of it.
-    scenario : Scenario
-        Duration, controller and seed of the noise; its reference is replaced.
-    kind : {"multisine", "prbs", "stepped-sine"}
-        The signal.
-    free : sequence of str, optional
-        Names of `ambkit.identification.maximum_likelihood.parameters.PARAMETERS`; by default what
-        identification looks for in such a bearing.
-    limits : Limits, optional
-        By default `Limits.of` the bearing.
-    band : tuple of float, optional
-        Lowest and highest frequency [Hz], if not to be chosen.
-    load : float, optional
-        By how much the load wanders in a second, rms [N]; by default 1 % of the rotor's weight.
-    done : callable
-        Told each band that was tried.
-
-    Raises
-    ------
-    AmbkitError
-        An unknown kind or parameter, a band that the record or the sampling does not hold, or a
-        loop that exceeds a limit even without excitation.
-    """
+    """Design the experiment that tells parameters of a bearing best."""
+    # Each band is brought up to the limits in the simulated loop, noise and all; the best one makes
+    # the information's determinant largest, ``ln det(1 + I)`` (D-optimal, with nothing known before
+    # but each parameter's coarse scale).
     if kind not in KINDS:
         raise AmbkitError(f'there is no excitation "{kind}"; known: {", ".join(KINDS)}')
     limits = limits or Limits.of(bearing)
@@ -297,10 +238,8 @@ class _Loop:
         return np.array([[np.max(one[part]) for part in parts] for one in used])
 
     def at_the_limit(self, excitation: Excitation) -> Array:
-        """Return the reference that fills one of the limits in each of its parts.
-
-        Current and displacement rise nearly as straight lines, from those of the noise alone.
-        """
+        """Return the reference that fills one of the limits in each of its parts."""
+        # Current and displacement rise nearly as straight lines, from those of the noise alone.
         parts = excitation.parts
         still = self.run(np.zeros(self.n))
         floor = self.levels(still, parts)

@@ -32,24 +32,13 @@ ROUNDS = 100
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """A signal of amplitude 1, and the stretches of it that may be scaled on their own.
+    """A signal of amplitude 1, and the stretches of it that may be scaled on their own."""
 
-    Attributes
-    ----------
-    kind : str
-        ``"multisine"``, ``"prbs"`` or ``"stepped-sine"``.
-    values : ndarray (n,)
-        The signal.
-    parts : list of slice
-        Stretches, each with its own frequency; one where all frequencies come at once.
-    frequencies : ndarray
-        What it excites [Hz]: its lines; of a binary signal the ends of its band.
-    """
-
-    kind: str
-    values: Array
+    kind: str  #: ``"multisine"``, ``"prbs"`` or ``"stepped-sine"``.
+    values: Array  #: (n,) The signal.
+    #: Stretches, each with its own frequency; one where all frequencies come at once.
     parts: list[slice]
-    frequencies: Array
+    frequencies: Array  #: What it excites [Hz]: its lines; of a binary signal the ends of its band.
 
     @property
     def crest_factor(self) -> float:
@@ -58,19 +47,10 @@ class Excitation:
 
 
 def multisine(n: int, T: float, band: Band) -> Excitation:
-    """Return a sum of sines, one at each frequency that the record can tell apart, of low peak.
-
-    Each octave gets the same power. The record is one period, so that no line leaks into others.
-    The phases are Schroeder's (1970), improved by clipping (van der Ouderaa, Schoukens and
-    Renneboog 1988): the peak is some 1.3 to 1.5 times the root mean square.
-
-    Parameters
-    ----------
-    n, T : int, float
-        Samples, and the time between them [s].
-    band : tuple of float
-        Lowest and highest frequency [Hz].
-    """
+    """Return a sum of sines, one at each frequency that the record can tell apart, of low peak."""
+    # Each octave gets the same power. The record is one period, so that no line leaks into others.
+    # The phases are Schroeder's (1970), improved by clipping (van der Ouderaa, Schoukens and
+    # Renneboog 1988): the peak is some 1.3 to 1.5 times the root mean square.
     first, last = (min(max(1, round(f * n * T)), (n - 1) // 2) for f in band)
     line = np.arange(first, last + 1)
     amplitude = 1 / np.sqrt(line)
@@ -95,23 +75,8 @@ def sparse_multisine(
     without: Sequence[float] = (),
     weight: Callable[[Array], Array] | None = None,
 ) -> Excitation:
-    """Return one period of a sum of sines at few lines, evenly spread over the decades.
-
-    Few lines have much power each. The phases are those of `multisine`.
-
-    Parameters
-    ----------
-    n, T : int, float
-        Samples of the period, and the time between them [s].
-    band : tuple of float
-        Lowest and highest frequency [Hz].
-    per_decade : int, optional
-        Lines in a decade, where the period tells as many apart.
-    without : sequence of float, optional
-        Frequencies that no line is next to, such as hum's [Hz].
-    weight : callable, optional
-        Amplitudes (k,) at frequencies (k,) [Hz], to a common factor; by default all are the same.
-    """
+    """Return one period of a sum of sines at few lines, evenly spread over the decades."""
+    # Few lines have much power each. The phases are those of `multisine`.
     low, high = band
     count = max(2, round(per_decade * math.log10(high / low)) + 1)
     line = np.unique(np.round(np.geomspace(low, high, count) * n * T)).astype(int)
@@ -126,10 +91,8 @@ def sparse_multisine(
 
 
 def _phases(line: NDArray[np.int_], amplitude: Array) -> Array:
-    """Schroeder's phases, then clip, keep the phases that this gives, and again; the best of all.
-
-    On a coarse grid, eight samples to the shortest period.
-    """
+    """Schroeder's phases, improved by clipping again and again; the best of all."""
+    # On a coarse grid, eight samples to the shortest period.
     n = 2 ** math.ceil(math.log2(8 * line[-1]))
     power = amplitude**2 / np.sum(amplitude**2)
     phase = -2 * np.pi * np.concatenate([[0.0], np.cumsum(np.cumsum(power))[:-1]])
@@ -147,18 +110,9 @@ def _phases(line: NDArray[np.int_], amplitude: Array) -> Array:
 
 
 def prbs(n: int, T: float, band: Band) -> Excitation:
-    """Return a pseudo-random binary sequence of maximum length, repeated to fill the record.
-
-    It may jump every 0.4 / high, a whole number of samples, and comes again after 1 / low or
-    later: its lines are as dense as the band asks for.
-
-    Parameters
-    ----------
-    n, T : int, float
-        Samples, and the time between them [s].
-    band : tuple of float
-        Lowest and highest frequency [Hz].
-    """
+    """Return a pseudo-random binary sequence of maximum length, repeated to fill the record."""
+    # It may jump every 0.4 / high, a whole number of samples, and comes again after 1 / low or
+    # later: its lines are as dense as the band asks for.
     from scipy.signal import max_len_seq
 
     low, high = band
@@ -172,17 +126,7 @@ def prbs(n: int, T: float, band: Band) -> Excitation:
 
 
 def stepped_sine(n: int, T: float, band: Band, *, steps: int = STEPS) -> Excitation:
-    """Return sines one after the other, rising, each for the same time and whole periods.
-
-    Parameters
-    ----------
-    n, T : int, float
-        Samples, and the time between them [s].
-    band : tuple of float
-        Lowest and highest frequency [Hz].
-    steps : int
-        How many; fewer where the lowest would not get its one period.
-    """
+    """Return sines one after the other, rising, each for the same time and whole periods."""
     low, high = band
     steps = max(1, min(steps, math.floor(low * n * T)))
     ends = np.linspace(0, n, steps + 1).round().astype(int)

@@ -37,55 +37,24 @@ FLIGHT = 0.05
 
 @dataclass(frozen=True)
 class LiftOff:
-    """One lift-off: the last instant at which the rotor was nearly at rest.
+    """One lift-off: the last instant at which the rotor was nearly at rest."""
 
-    Attributes
-    ----------
-    run : int
-        Number of the recording.
-    gap : float
-        Distance z from the magnet [m].
-    current : float
-        Coil current [A].
-    acceleration : float
-        Acceleration along z, away from the magnet [m/s^2].
-    resting_gap : float
-        Distance before it moved [m].
-    noise_variance : float
-        Variance of the measured distance at rest [m^2]; NaN where it could not be seen.
-    problem : str
-        Why it cannot be used; empty where it can.
-    """
-
-    run: int
-    gap: float
-    current: float
-    acceleration: float
-    resting_gap: float
+    run: int  #: Number of the recording.
+    gap: float  #: Distance z from the magnet [m].
+    current: float  #: Coil current [A].
+    acceleration: float  #: Acceleration along z, away from the magnet [m/s^2].
+    resting_gap: float  #: Distance before it moved [m].
+    #: Variance of the measured distance at rest [m^2]; NaN where it could not be seen.
     noise_variance: float
-    problem: str = ""
+    problem: str = ""  #: Why it cannot be used; empty where it can.
 
 
 def find_lift_off(record: Record, run: int = 0) -> LiftOff:
-    """Find where the rotor lifts off in a recording with rising current.
-
-    The rotor often creeps before it flies, so the distance at rest is not the one at which it
-    lifts off. Looked for is the last sample, before it has flown half the way, at which its
-    acceleration towards the magnet is below 5 % of gravity; acceleration, distance and current
-    are those of a parabola through the samples around (Savitzky and Golay, 1964).
-
-    Parameters
-    ----------
-    record : Record
-        With ``z`` [m], distance from the magnet, and ``i`` [A], coil current.
-    run : int
-        Number of the recording, for the messages.
-
-    Returns
-    -------
-    LiftOff
-        The point; `problem` says why it cannot be trusted, if so.
-    """
+    """Find where the rotor lifts off in a recording with rising current."""
+    # The rotor often creeps before it flies, so the distance at rest is not the one at which it
+    # lifts off. Looked for is the last sample, before it has flown half the way, at which its
+    # acceleration towards the magnet is below 5 % of gravity; acceleration, distance and current
+    # are those of a parabola through the samples around (Savitzky and Golay, 1964).
     from scipy.signal import savgol_filter
 
     z, current, T = record["z"], record["i"], record.sampling_time
@@ -139,13 +108,7 @@ COLUMNS = {
 
 
 def save_points(path: str | os.PathLike[str], points: Iterable[LiftOff]) -> None:
-    """Write lift-off points as ``.csv`` or ``.parquet``.
-
-    Raises
-    ------
-    AmbkitError
-        The file cannot be written; an older one is left as it was.
-    """
+    """Write lift-off points as ``.csv`` or ``.parquet``."""
     points = list(points)
     numbers = np.array([astuple(p)[:-1] for p in points], dtype=np.float64)
     columns = {name: numbers[:, k] for k, name in enumerate(COLUMNS)}
@@ -154,15 +117,7 @@ def save_points(path: str | os.PathLike[str], points: Iterable[LiftOff]) -> None
 
 
 def load_points(path: str | os.PathLike[str]) -> list[LiftOff]:
-    """Read what `save_points` wrote.
-
-    Raises
-    ------
-    RecordError
-        The file is damaged or lacks a column.
-    AmbkitError
-        The file cannot be read.
-    """
+    """Read what `save_points` wrote."""
     table = read_table(path)
     lacking = [name for name in COLUMNS if name not in table.columns]
     if lacking:

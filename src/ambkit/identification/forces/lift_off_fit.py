@@ -24,37 +24,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class LiftOffFit:
-    """The law ``F = k (i / (z + z_off))^2`` through n lift-off points.
+    """The law ``F = k (i / (z + z_off))^2`` through n lift-off points."""
 
-    Attributes
-    ----------
-    magnet_constant : float
-        k [N m^2/A^2].
-    gap_offset : float
-        z_off [m].
-    standard_errors : mapping of str to float
-        Of ``magnet_constant`` and ``gap_offset``, in their units. They take the residuals for
-        independent; where the law is not the right one they are too small.
-    residuals : ndarray (n,)
-        Measured current less that of the law [A], at `points`.
-    weights : ndarray (n,)
-        Weight of each point, 1 or less for those far off the law.
-    points : tuple of LiftOff, n of them
-        The points that were used.
-    left_out : mapping of int to str
-        Number of the recordings that were not used, and why.
-    mass : float
-        Mass of the rotor [kg].
-    """
-
-    magnet_constant: float
-    gap_offset: float
+    magnet_constant: float  #: k [N m^2/A^2].
+    gap_offset: float  #: z_off [m].
+    #: Of ``magnet_constant`` and ``gap_offset``, in their units. They take the residuals for
+    #: independent; where the law is not the right one they are too small.
     standard_errors: Mapping[str, float]
-    residuals: Array
-    weights: Array
-    points: tuple[LiftOff, ...]
-    left_out: Mapping[int, str]
-    mass: float
+    residuals: Array  #: (n,) Measured current less that of the law [A], at `points`.
+    weights: Array  #: (n,) Weight of each point, 1 or less for those far off the law.
+    points: tuple[LiftOff, ...]  #: The points that were used.
+    left_out: Mapping[int, str]  #: Number of the recordings that were not used, and why.
+    mass: float  #: Mass of the rotor [kg].
 
     @property
     def residual_rms(self) -> float:
@@ -77,26 +58,9 @@ def fit_lift_off(
     *,
     gap_range: tuple[float, float] = (0.0, math.inf),
 ) -> LiftOffFit:
-    """Fit magnet constant and gap offset to lift-off points, by robust linear least squares.
-
-    Points off the line weigh less, by Huber's function with 1.345 standard deviations, these from
-    the median of the residuals (Huber, 1981, chapter 7, for the standard errors too).
-
-    Parameters
-    ----------
-    points : iterable of LiftOff
-        The points; those with a `problem` are left out.
-    mass : float
-        Mass of the rotor [kg].
-    gap_range : (float, float)
-        Distances z [m] between which the law is to hold. A ball in the field of a core is no
-        plane air gap: over a wide range the law bends away from the points.
-
-    Raises
-    ------
-    RecordError
-        Fewer than three points are left, or they do not attract.
-    """
+    """Fit magnet constant and gap offset to lift-off points, by robust linear least squares."""
+    # Points off the line weigh less, by Huber's function with 1.345 standard deviations, these from
+    # the median of the residuals (Huber, 1981, chapter 7, for the standard errors too).
     low, high = gap_range
     outside = f"outside of {1e3 * low:g} to {1e3 * high:g} mm"
     used: list[LiftOff] = []

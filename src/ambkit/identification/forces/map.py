@@ -54,30 +54,15 @@ ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class ForceMap:
-    """Force of the magnet at the nodes of a grid, with standard errors.
+    """Force of the magnet at the nodes of a grid, with standard errors."""
 
-    Attributes
-    ----------
-    current : ndarray (ni,)
-        Nodes of the control current [A].
-    displacement : ndarray (nx,)
-        Nodes of the displacement [m].
-    force : ndarray (nx, ni)
-        Whole force of the magnet [N], less a constant that a load would be.
-    standard_error : ndarray (nx, ni)
-        Its standard error [N]; about `assumed` where the rotor never was.
-    law : ndarray (nx, ni)
-        What the law that was corrected says there [N].
-    assumed : float
-        By how much the law was allowed to be wrong, standard deviation [N].
-    """
-
-    current: Array
-    displacement: Array
-    force: Array
+    current: Array  #: (ni,) Nodes of the control current [A].
+    displacement: Array  #: (nx,) Nodes of the displacement [m].
+    force: Array  #: (nx, ni) Whole force of the magnet [N], less a constant that a load would be.
+    #: (nx, ni) Its standard error [N]; about `assumed` where the rotor never was.
     standard_error: Array
-    law: Array
-    assumed: float
+    law: Array  #: (nx, ni) What the law that was corrected says there [N].
+    assumed: float  #: By how much the law was allowed to be wrong, standard deviation [N].
 
     @property
     def seen(self) -> NDArray[np.bool_]:
@@ -90,16 +75,9 @@ class ForceMap:
         return np.asarray(self.standard_error < 0.5 * self.assumed)
 
     def points(self) -> ForcePoints:
-        """Return the nodes as points that an expert can be trained on.
-
-        Only those that the records tell of (`observed`): what stands at the others is the law,
-        and it would be taken for a measurement that finds the law right.
-
-        Raises
-        ------
-        AmbkitError
-            There are none.
-        """
+        """Return the nodes as points that an expert can be trained on."""
+        # Only those that the records tell of (`observed`): what stands at the others is the law,
+        # and it would be taken for a measurement that finds the law right.
         if not self.observed.any():
             raise AmbkitError("the records tell nothing of the force: let the rotor move more")
         iu, x = np.meshgrid(self.current, self.displacement)
@@ -107,13 +85,7 @@ class ForceMap:
         return ForcePoints(iu[at], x[at], self.force[at], self.standard_error[at])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write `points` as ``.csv`` or ``.parquet``, as ``ambkit train --force-map`` reads them.
-
-        Raises
-        ------
-        AmbkitError
-            There are no points, or the file cannot be written; an older one is left as it was.
-        """
+        """Write them as ``.csv`` or ``.parquet``, as ``ambkit train --force-map`` reads them."""
         self.points().save(path)
 
 
@@ -128,31 +100,7 @@ def force_map(
     settling: float = 0.0,
     note: Callable[[str], None] = lambda text: None,
 ) -> ForceMap:
-    """Identify the force on a grid of work points.
-
-    Parameters
-    ----------
-    model : LoopModel
-        What was identified: its law is corrected, its noise and delay are taken as they are.
-    records : Record or sequence of Record
-        With ``y`` [m] and ``u`` [V].
-    currents, displacements : array_like, optional
-        Nodes [A], [m], ascending, at least 4 each. Default: evenly over what the records cover.
-    nodes : tuple of 2 int, optional
-        How many, along current and displacement, where they are not given. Default: as many of
-        `NODES` as the records fill, see `nodes_for`.
-    share : float
-        By how much the law may be wrong, standard deviation in parts of the force's range.
-    settling : float
-        Time at the start of each record that does not count [s].
-    note : callable
-        Called with a text that says how far the work is.
-
-    Raises
-    ------
-    AmbkitError
-        Nodes that are too few or do not ascend; the records cover no area.
-    """
+    """Identify the force on a grid of work points."""
     several = [records] if not isinstance(records, Sequence) else list(records)
     b = model.bearing
     iu = np.concatenate([b.amplifier.gain * model.corrected(r)["u"] for r in several])
@@ -213,12 +161,11 @@ def force_map(
 
 
 class _Corrected:
-    """A bearing's law with a correction between the nodes of a grid, as the core's table.
+    """A bearing's law with a correction between the nodes of a grid, as the core's table."""
 
-    The core's magnets give their force as ``k_i iu + k_s x``; the correction is split between the
-    two as the paper's least squares would (`equally_far`), and its value at the origin, which no
-    stiffness can give, is left to the load.
-    """
+    # The core's magnets give their force as ``k_i iu + k_s x``; the correction is split between the
+    # two as the paper's least squares would (`equally_far`), and its value at the origin, which no
+    # stiffness can give, is left to the load.
 
     def __init__(
         self,
@@ -257,16 +204,10 @@ class _Corrected:
 
 
 def nodes_for(iu: Array, x: Array) -> tuple[int, int]:
-    """Return how many nodes along current and displacement records fill: the finest of `NODES`.
-
-    Three of four nodes that the rotor came near have `ENOUGH` samples nearest to them, and the
-    derivatives fit into the memory; otherwise the coarsest.
-
-    Parameters
-    ----------
-    iu, x : ndarray (n,)
-        Control current [A] and displacement [m]; NaN is missing.
-    """
+    """Return how many nodes along current and displacement records fill: the finest of `NODES`."""
+    # Three of four nodes that the rotor came near have `ENOUGH` samples nearest to them, and the
+    # derivatives fit into the memory; otherwise the coarsest.
+    # iu (n,) [A]; x (n,) [m]
     share = []
     for visited in (iu, x):
         low, high = _ends(visited)

@@ -65,42 +65,19 @@ QUIET = 0.1
 
 @dataclass(frozen=True, eq=False)
 class FlowingCurrent:
-    """What control signals and measured currents say of each other, and what flowed.
+    """What control signals and measured currents say of each other, and what flowed."""
 
-    Attributes
-    ----------
-    records : list of Record
-        With the current that flows for the one that was measured.
-    gain : float
-        G, current at rest for a control signal of one [A].
-    zero : float
-        ``-G u0``: control current at a control signal of zero [A].
-    lag : float
-        tau, time constant of the coil [s].
-    delay : float
-        From the control signal to the change of the current [s].
-    noise : float
-        Of the current's sensor, standard deviation [A].
-    unknown : float
-        Of the current that flows, from both signals, standard deviation [A].
-    memory : float
-        Time in which a deviation from it is forgotten [s].
-    amplifier_gain : float
-        Of the bearing: control current per control signal of the record [A/V].
-    coil : Coil
-        What these figures are of, in samples and volts.
-    """
-
-    records: Sequence[Record]
-    gain: float
-    zero: float
-    lag: float
-    delay: float
-    noise: float
-    unknown: float
-    memory: float
+    records: Sequence[Record]  #: With the current that flows for the one that was measured.
+    gain: float  #: G, current at rest for a control signal of one [A].
+    zero: float  #: ``-G u0``: control current at a control signal of zero [A].
+    lag: float  #: tau, time constant of the coil [s].
+    delay: float  #: From the control signal to the change of the current [s].
+    noise: float  #: Of the current's sensor, standard deviation [A].
+    unknown: float  #: Of the current that flows, from both signals, standard deviation [A].
+    memory: float  #: Time in which a deviation from it is forgotten [s].
+    #: Of the bearing: control current per control signal of the record [A/V].
     amplifier_gain: float
-    coil: Coil
+    coil: Coil  #: What these figures are of, in samples and volts.
 
     @property
     def text(self) -> str:
@@ -125,10 +102,8 @@ class FlowingCurrent:
         return model.replace(memory=0.0, amplifier__noise_variance=noise)
 
     def _strays(self, T: float) -> float:
-        """Return the variance of what strays from the control in each sample of T [s], [V^2].
-
-        What follows it with the lag `memory` strays by `unknown`.
-        """
+        """Return the variance of what strays from the control in each sample of T [s], [V^2]."""
+        # What follows it with the lag `memory` strays by `unknown`.
         keep = math.exp(-T / self.memory)
         return (self.unknown / self.amplifier_gain) ** 2 * (1 + keep) / (1 - keep)
 
@@ -154,21 +129,7 @@ def too_quiet(records: Sequence[Record], own_time: float) -> bool:
 
 
 def flowing(records: Sequence[Record], amplifier_gain: float = 1.0) -> FlowingCurrent | None:
-    """Find the current that flows from a measured current and what drives it.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        With ``u``, a measured current, and ``control``, what drives it, in any unit.
-    amplifier_gain : float
-        Control current [A] for a ``u`` of 1 V.
-
-    Returns
-    -------
-    FlowingCurrent or None
-        None where a record has no control signal or misses samples, or where the current does not
-        follow the control signal.
-    """
+    """Find the current that flows from a measured current and what drives it."""
     whole = all(
         CONTROL in record and np.isfinite(record[CONTROL]).all() and np.isfinite(record["u"]).all()
         for record in records
@@ -187,17 +148,7 @@ def flowing(records: Sequence[Record], amplifier_gain: float = 1.0) -> FlowingCu
 
 
 def through(coil: Coil, records: Sequence[Record], amplifier_gain: float) -> FlowingCurrent:
-    """Return the current that flows where it follows the control through a coil.
-
-    Parameters
-    ----------
-    coil : Coil
-        What it follows through.
-    records : sequence of Record
-        With ``u``, a measured current, and ``control``.
-    amplifier_gain : float
-        Control current [A] for a ``u`` of 1 V.
-    """
+    """Return the current that flows where it follows the control through a coil."""
     T, scale, back = records[0].sampling_time, abs(amplifier_gain), coil.back
     innovations = [coil.predicted(r["u"], r[CONTROL])[1][coil.settled :] for r in records]
     sensor = float(np.mean(np.concatenate(innovations) ** 2)) / (coil.before + 1)
@@ -250,10 +201,8 @@ class Coil:
 
     @property
     def before(self) -> float:
-        """Variance of the predicted current, in parts of that of the sensor's noise.
-
-        The root of ``P = a^2 P/(P + 1) + q``.
-        """
+        """Variance of the predicted current, in parts of that of the sensor's noise."""
+        # The root of ``P = a^2 P/(P + 1) + q``.
         half = 0.5 * (self.keep**2 + self.stray - 1)
         return half + math.sqrt(half**2 + self.stray)
 

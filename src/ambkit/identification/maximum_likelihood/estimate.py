@@ -75,48 +75,9 @@ def maximum_likelihood(
     use_control: bool = True,
     note: Callable[[str], object] = lambda _: None,
 ) -> MaximumLikelihood:
-    """Find the parameters under which records are most likely.
-
-    The noises among them are then corrected for what was fitted beside them (`restricted`). Spikes
-    of the position are left out first.
-
-    Parameters
-    ----------
-    records : Record or sequence of Record
-        With ``y`` [m] and ``u`` [V], of any loop that the control signal moves the rotor in.
-    start : Bearing or LoopModel
-        What is known; what is not free stays as it is. From one experiment comes the ratio k/m:
-        give one of the two.
-    free : sequence of str
-        Names of `ambkit.identification.maximum_likelihood.parameters.PARAMETERS`.
-    settling : float, optional
-        Time at the start of each record that does not count [s]; by default the plant's own time,
-        ``sqrt(m/k_s)``.
-    improve_start : bool
-        Try ADALINE and least squares for a better start; else the search begins at `start`.
-    profile : bool
-        Look whether errors do, and where not take intervals by the profile; else errors stand.
-    lines : bool
-        Look for lines in the position, such as the hum of the mains, which then are the sensor's.
-    use_control : bool
-        Where a measured current has its ``control`` beside it in all records: find from both what
-        flows (``current.py``); else the current counts
-        as it was measured.
-    note : callable
-        Told what is being done.
-
-    Returns
-    -------
-    MaximumLikelihood
-
-    Raises
-    ------
-    AmbkitError
-        An unknown parameter; a record that is too short; no measurement could be taken in; nothing
-        is left to be found.
-    ValueError
-        A record's sampling time is not the bearing's.
-    """
+    """Find the parameters under which records are most likely."""
+    # The noises among them are then corrected for what was fitted beside them (`restricted`).
+    # Spikes of the position are left out first.
     logged = [records] if not isinstance(records, Sequence) else list(records)
     several, spikes = without_spikes(logged)
     given = start if isinstance(start, LoopModel) else LoopModel(start)
@@ -245,22 +206,7 @@ class _Search:
     def up(
         self, begin: LoopModel, parameters: list[Parameter]
     ) -> tuple[Climbed, list[Parameter], dict[str, str]]:
-        """Go up, hold one parameter that is not told after the other, and go up again.
-
-        Returns
-        -------
-        found : Climbed
-            The most likely one.
-        parameters : list of Parameter
-            What is left of them.
-        held : dict of str to str
-            The others, and why.
-
-        Raises
-        ------
-        AmbkitError
-            Nothing is left.
-        """
+        """Go up, hold one parameter that is not told after the other, and go up again."""
         held: dict[str, str] = {}
         while True:
             self.note(f"searching {len(parameters)} parameters")

@@ -53,27 +53,11 @@ def run_with_gaps(
     recorded: Array,
     h: float,
 ) -> dict[str, Any]:
-    """Run a filter that was started, as its core's ``run`` does, over gaps of the control signal.
-
-    Measurements within a gap are left out. After one that is shorter than the plant's own time the
-    filter goes on with what it knew, less surely by what the control may have done; after a longer
-    one it starts anew, and what it says counts again after that time.
-
-    Parameters
-    ----------
-    kalman : Estimator
-        Started; its own sampling time is `h`.
-    bearing : Bearing
-        Its magnet and rotor.
-    y, u : ndarray (n,)
-        Measurement [m] and control signal [V] at the filter's steps, `u` without holes.
-    unknown : ndarray of bool (n,)
-        Where `u` is a guess.
-    recorded : ndarray
-        The control signal as it was recorded [V], which tells how much it changes.
-    h : float
-        The filter's step [s].
-    """
+    """Run a started filter, as its core's ``run`` does, over gaps of the control signal."""
+    # Measurements within a gap are left out. After one that is shorter than the plant's own time
+    # the filter goes on with what it knew, less surely by what the control may have done; after a
+    # longer one it starts anew, and what it says counts again after that time.
+    # y (n,) [m]; u (n,) [V]; unknown (n,)
     law = ConstantStiffness.of(bearing)
     own = round(own_time(bearing) / h)
     typical = cache(partial(typical_change, recorded))  # most gaps are as long as some other

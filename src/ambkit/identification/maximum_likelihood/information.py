@@ -34,35 +34,19 @@ LEAST_EIGENVALUE = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
-    """What a record would tell about p parameters, if its model is right.
+    """What a record would tell about p parameters, if its model is right."""
 
-    Attributes
-    ----------
-    model : LoopModel
-        The model that the record was taken to come from.
-    parameters : list of Parameter
-        What the record tells.
-    errors : ndarray (p,)
-        Least standard error of each while all are unknown, SI.
-    correlation : ndarray (p, p)
-        Of the estimates.
-    held : mapping of str to str
-        Parameters that were asked for and cannot be told, with the reason.
-    certainty : float
-        ``ln det(1 + information)`` over all that were asked for, each in the scale of its search:
-        what a design is to make large (D-optimality). Half of it is by how many e-fold steps the
-        record narrows down what is unknown.
-    sensitivity : ndarray (p, n)
-        How each measurement's innovation moves with each parameter, in standard deviations of the
-        innovation by SI; zero where a measurement does not count.
-    """
-
-    model: LoopModel
-    parameters: list[Parameter]
-    errors: Array
-    correlation: Array
-    held: Mapping[str, str]
+    model: LoopModel  #: The model that the record was taken to come from.
+    parameters: list[Parameter]  #: What the record tells.
+    errors: Array  #: (p,) Least standard error of each while all are unknown, SI.
+    correlation: Array  #: (p, p) Of the estimates.
+    held: Mapping[str, str]  #: Parameters that were asked for and cannot be told, with the reason.
+    #: ``ln det(1 + information)`` over all that were asked for, each in the scale of its search:
+    #: what a design is to make large (D-optimality). Half of it is by how many e-fold steps the
+    #: record narrows down what is unknown.
     certainty: float
+    #: (p, n) How each measurement's innovation moves with each parameter, in standard deviations of
+    #: the innovation by SI; zero where a measurement does not count.
     sensitivity: Array
 
     def __getitem__(self, name: str) -> float:
@@ -92,27 +76,8 @@ class Expectation:
 def expect(
     record: Record, model: LoopModel, free: Sequence[str], *, settling: float | None = None
 ) -> Expectation:
-    """Say how surely a record would tell parameters of the model that it comes from.
-
-    Parameters that cannot be told are held one by one, as `maximum_likelihood` does.
-
-    Parameters
-    ----------
-    record : Record
-        With ``y`` [m] and ``u`` [V]; its noise and what is unknown of the load enter as excitation,
-        so it should have them.
-    model : LoopModel
-        What made it.
-    free : sequence of str
-        Names of `ambkit.identification.maximum_likelihood.parameters.PARAMETERS`.
-    settling : float, optional
-        Time at the start that does not count [s]; by default as for `maximum_likelihood`.
-
-    Raises
-    ------
-    AmbkitError
-        An unknown parameter; no measurement could be taken in.
-    """
+    """Say how surely a record would tell parameters of the model that it comes from."""
+    # Parameters that cannot be told are held one by one, as `maximum_likelihood` does.
     parameters, held = searchable(named(free), model)
     if settling is None:
         settling = settling_time(model.bearing)
@@ -152,15 +117,8 @@ def alike_in(information: Array) -> list[int]:
 
 
 def doubtful(information: Array, parameters: Sequence[Parameter]) -> tuple[Parameter, str] | None:
-    """Name a parameter that records do not tell, and why; None where they tell all.
-
-    Parameters
-    ----------
-    information : ndarray (p, p)
-        In the coordinates of the search.
-    parameters : sequence of Parameter
-        What its rows are.
-    """
+    """Name a parameter that records do not tell, and why; None where they tell all."""
+    # information (p, p)
     root = np.sqrt(np.diag(information))
     for at in reversed(range(root.size)):
         if not root[at] > 1.0:  # alone, with all others known, its error would be its coarse one

@@ -49,30 +49,14 @@ STEP = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """Records with a measured current, a coil before the magnet, and the loop.
+    """Records with a measured current, a coil before the magnet, and the loop."""
 
-    Attributes
-    ----------
-    measured : sequence of Record
-        With ``u``, a measured current, and ``control``.
-    current : FlowingCurrent
-        What flows.
-    model : LoopModel
-        Of the loop that it flows in.
-    parameters : list of Parameter
-        Of it, which move: p.
-    settling : float
-        Time at the start of each record that does not count for the position [s].
-    settled : int
-        Samples there that do not count for the current.
-    """
-
-    measured: Sequence[Record]
-    current: FlowingCurrent
-    model: LoopModel
-    parameters: list[Parameter]
-    settling: float
-    settled: int
+    measured: Sequence[Record]  #: With ``u``, a measured current, and ``control``.
+    current: FlowingCurrent  #: What flows.
+    model: LoopModel  #: Of the loop that it flows in.
+    parameters: list[Parameter]  #: Of it, which move: p.
+    settling: float  #: Time at the start of each record that does not count for the position [s].
+    settled: int  #: Samples there that do not count for the current.
 
     @property
     def value(self) -> float:
@@ -103,13 +87,7 @@ class Joint:
         return at
 
     def local(self, local: Local) -> Local:
-        """Return what is known of the loop where the coil is not.
-
-        Parameters
-        ----------
-        local : Local
-            The likelihood of the position at this model, as if the coil were known.
-        """
+        """Return what is known of the loop where the coil is not."""
         information, scores, _ = self.slopes()
         p = len(self.parameters)
         own = np.linalg.inv(information[p:, p:])
@@ -126,13 +104,8 @@ class Joint:
         )
 
     def moved(self, step: Array) -> Joint | None:
-        """Return coil and loop a step away; None where no bearing can be there.
-
-        Parameters
-        ----------
-        step : ndarray (p + 5,)
-            In the coordinates of the search, and then in those of `Coil.theta`.
-        """
+        """Return coil and loop a step away; None where no bearing can be there."""
+        # step (p + 5,)
         p = len(self.parameters)
         current = self._through(Coil.at(self.current.coil.theta + step[p:]))
         try:
@@ -170,17 +143,8 @@ class Joint:
         return float(np.sum(e**2)) / count, count
 
     def slopes(self) -> tuple[Array, Array, Array]:
-        """Differentiate the likelihood of both signals, by central differences.
-
-        Returns
-        -------
-        information : ndarray (q, q)
-            Of the q = p + 5 parameters and figures of the coil, as `Coil.theta` has them.
-        scores : ndarray (q, n)
-            At each sample, without what is known beforehand.
-        known : ndarray (p,)
-            Slope of what is known beforehand.
-        """
+        """Differentiate the likelihood of both signals, by central differences."""
+        # information (q, q); scores (q, n); known (p,)
         p = len(self.parameters)
         likelihood = self._likelihood(self.current)
         e, S, by_e, by_S, used = likelihood.slopes(np.zeros(p))

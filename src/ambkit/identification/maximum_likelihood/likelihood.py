@@ -39,31 +39,19 @@ STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Local:
-    """The likelihood at one point of the search, p coordinates.
+    """The likelihood at one point of the search, p coordinates."""
 
-    Attributes
-    ----------
-    value : float
-        Log likelihood, with what is known beforehand.
-    score : ndarray (p,)
-        Its gradient.
-    information : ndarray (p, p)
-        Fisher's information along the records, ``sum(e' e'^T / S + S' S'^T / (2 S^2))`` with the
-        derivatives of innovation and variance (Gupta and Mehra 1974): what the second derivatives
-        expect to be, never indefinite. What is known beforehand counts.
-    scatter : ndarray (p, p)
-        What the scores scatter by, summed over blocks of `BLOCK` of the plant's own times, so
-        that whatever correlates them within one is in it (White 1982 for the form, Liang and Zeger
-        1986 for the blocks). Equal to the information where the model is right.
-    told : ndarray (p, p)
-        The information of the records alone.
-    """
-
-    value: float
-    score: Array
+    value: float  #: Log likelihood, with what is known beforehand.
+    score: Array  #: (p,) Its gradient.
+    #: (p, p) Fisher's information along the records, ``sum(e' e'^T / S + S' S'^T / (2 S^2))`` with
+    #: the derivatives of innovation and variance (Gupta and Mehra 1974): what the second
+    #: derivatives expect to be, never indefinite. What is known beforehand counts.
     information: Array
+    #: (p, p) What the scores scatter by, summed over blocks of `BLOCK` of the plant's own times, so
+    #: that whatever correlates them within one is in it (White 1982 for the form, Liang and Zeger
+    #: 1986 for the blocks). Equal to the information where the model is right.
     scatter: Array
-    told: Array
+    told: Array  #: (p, p) The information of the records alone.
 
     @property
     def held(self) -> Array:
@@ -77,17 +65,7 @@ class Local:
 
 
 class Likelihood:
-    """Log likelihood of records as a function of the coordinates of a search.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        With ``y`` [m] and ``u`` [V]; each starts afresh.
-    coordinates : Coordinates
-        Which parameters move, from where.
-    settling : float
-        Time at the start of each record that does not count [s]: the filter starts in the dark.
-    """
+    """Log likelihood of records as a function of the coordinates of a search."""
 
     def __init__(
         self, records: Sequence[Record], coordinates: Coordinates, settling: float
@@ -123,31 +101,8 @@ class Likelihood:
     def slopes(
         self, z: Array, *, rough: bool = False
     ) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
-        """Differentiate the innovations, by central differences.
-
-        Parameters
-        ----------
-        z : ndarray (p,)
-            Point of the search.
-        rough : bool
-            By differences to one side, in half of the time.
-
-        Returns
-        -------
-        e, S : ndarray (n,)
-            Innovations [m] and their variances [m^2], n measurements that count.
-        by_e : ndarray (p, n)
-            Slopes of e, over the root of S.
-        by_S : ndarray (p, n)
-            Slopes of S, over S.
-        used : ndarray of bool
-            Which samples of the records, in a row, these n are.
-
-        Raises
-        ------
-        AmbkitError
-            No measurement could be taken in.
-        """
+        """Differentiate the innovations, by central differences."""
+        # z (p,); e (n,) [m]; S (n,) [m^2]; by_e (p, n); by_S (p, n)
         steps = STEP * np.eye(z.size)
         with ThreadPoolExecutor(processors()) as pool:  # the filter runs outside of Python's lock
             ups = pool.map(lambda step: self._beside(z, step), steps)
@@ -174,13 +129,7 @@ class Likelihood:
             return *self.innovations(z), 0.0
 
     def local(self, z: Array, *, rough: bool = False) -> Local:
-        """Value, score and information, by differences of the innovations, see `slopes`.
-
-        Raises
-        ------
-        AmbkitError
-            No measurement could be taken in.
-        """
+        """Value, score and information, by differences of the innovations, see `slopes`."""
         e, S, by_e, by_S, _ = self.slopes(z, rough=rough)
         r = e / np.sqrt(S)
         scores = -(by_e * r + 0.5 * by_S * (1 - r**2))

@@ -63,21 +63,7 @@ def with_lines(
     settling: float,
     note: Callable[[str], object] = lambda _: None,
 ) -> LoopModel:
-    """Return a model with the lines that records have, and the rest found anew beside them.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        With ``y`` [m] and ``u`` [V].
-    model : LoopModel
-        The most likely one without them.
-    parameters : list of Parameter
-        What is looked for beside them.
-    settling : float
-        Time at the start of each record that does not count [s].
-    note : callable
-        Told what is being done.
-    """
+    """Return a model with the lines that records have, and the rest found anew beside them."""
     for _ in range(MOST):
         e, S, used = Likelihood(records, Coordinates(model, []), settling).innovations(np.zeros(0))
         before = -0.5 * float(np.sum(np.log(2 * np.pi * S[used]) + e[used] ** 2 / S[used]))
@@ -181,10 +167,8 @@ def _fitted(
 
 
 def _as_large_as_it_is(records: Sequence[Record], model: LoopModel) -> LoopModel:
-    """Return the model with the last line's amplitude as the filter sees it along the records.
-
-    Of a line that hardly wanders a record is one draw, and its likelihood nearly flat.
-    """
+    """Return the model with the last line's amplitude as the filter sees it along the records."""
+    # Of a line that hardly wanders a record is one draw, and its likelihood nearly flat.
     squares = []
     for record in records:
         parts = model.states(record)

@@ -30,62 +30,40 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LoopModel:
-    """A bearing together with what its log adds to it.
+    """A bearing together with what its log adds to it."""
 
-    Attributes
-    ----------
-    bearing : Bearing
-        Magnet, rotor, amplifier and sensor.
-    delay : float
-        Time from a logged control signal to the force, to the logged position [s]; NaN: the
-        bearing's own. That of the whole loop, for the part before the magnet and the part after it
-        look alike. Whole steps shift the signal; a fraction f of a step gives each step the mean of
-        what acts in it,
-        ``(1 - f) u[k] + f u[k - 1]``. That is exact for the momentum; what the position misses is
-        in `misplaced`.
-    current_lag : float
-        Time constant with which the current that pulls follows the logged control signal [s]:
-        amplifier, coil and eddy currents; 0: at once; NaN: that of the amplifier's bandwidth.
-    position_offset : float
-        Measured position of a rotor at x = 0 [m].
-    current_offset : float
-        Control current at a control signal of zero [A].
-    load_growth : float
-        Growth of the variance of the load, a force that wanders [N^2/s].
-    load_std : float
-        How well the load at the start is known to be zero, standard deviation [N]; NaN: no better
-        than the weight.
-    magnet : MagnetModel, optional
-        The magnet, where it is not the bearing's own.
-    line : bool
-        Whether the logged control signal is a current as a sensor showed it: between two samples it
-        goes on a line. A control signal is held. The delay is counted from that line, or from the
-        steps; half a sample lies between the two, and is no delay.
-    memory : float
-        Time in which what flows forgets how it strayed from the control signal of a record [s],
-        where that is a current found from control and measurement
-        (``current.py``); 0: noise of the control is new
-        in each sample.
-    known : mapping of str to (float, float)
-        What is known of parameters before any record, by their names: value and standard deviation
-        [SI]; see `beforehand`.
-    substeps : int
-        Steps of the filter in a sample. The paper's discretisation holds the magnet's force over
-        a step, though the rotor moves: with one step a sample the estimates would be off by part
-        of a sample's delay, more than a second of record leaves uncertain.
-    """
-
-    bearing: Bearing
+    bearing: Bearing  #: Magnet, rotor, amplifier and sensor.
+    #: Time from a logged control signal to the force, to the logged position [s]; NaN: the
+    #: bearing's own. That of the whole loop, for the part before the magnet and the part after it
+    #: look alike. Whole steps shift the signal; a fraction f of a step gives each step the mean of
+    #: what acts in it, ``(1 - f) u[k] + f u[k - 1]``. That is exact for the momentum; what the
+    #: position misses is in `misplaced`.
     delay: float = math.nan
+    #: Time constant with which the current that pulls follows the logged control signal [s]:
+    #: amplifier, coil and eddy currents; 0: at once; NaN: that of the amplifier's bandwidth.
     current_lag: float = math.nan
-    position_offset: float = 0.0
-    current_offset: float = 0.0
+    position_offset: float = 0.0  #: Measured position of a rotor at x = 0 [m].
+    current_offset: float = 0.0  #: Control current at a control signal of zero [A].
+    #: Growth of the variance of the load, a force that wanders [N^2/s].
     load_growth: float = math.nan
+    #: How well the load at the start is known to be zero, standard deviation [N]; NaN: no better
+    #: than the weight.
     load_std: float = math.nan
-    magnet: MagnetModel | None = None
+    magnet: MagnetModel | None = None  #: The magnet, where it is not the bearing's own.
+    #: Steps of the filter in a sample. The paper's discretisation holds the magnet's force over a
+    #: step, though the rotor moves: with one step a sample the estimates would be off by part of a
+    #: sample's delay, more than a second of record leaves uncertain.
     substeps: int = 4
+    #: Whether the logged control signal is a current as a sensor showed it: between two samples it
+    #: goes on a line. A control signal is held. The delay is counted from that line, or from the
+    #: steps; half a sample lies between the two, and is no delay.
     line: bool = False
+    #: Time in which what flows forgets how it strayed from the control signal of a record [s],
+    #: where that is a current found from control and measurement (``current.py``); 0: noise of the
+    #: control is new in each sample.
     memory: float = 0.0
+    #: (float, float) What is known of parameters before any record, by their names: value and
+    #: standard deviation [SI]; see `beforehand`.
     known: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -105,14 +83,7 @@ class LoopModel:
         return _late(self.bearing, 0.0, 0.0)
 
     def late_bearing(self, *, delay: bool = True) -> Bearing:
-        """Return the bearing with the model's delay and lag of the current as its own.
-
-        Parameters
-        ----------
-        delay : bool
-            Without: only with the lag. Nor has it a delay that no bearing can have: one below zero,
-            or a very long one.
-        """
+        """Return the bearing with the model's delay and lag of the current as its own."""
         T = self.bearing.sampling_time
         held = self.delay - (0.5 * T if self.line else 0.0)  # a filter is told of steps
         known = delay and 0 < held <= LONGEST_DELAY * T
@@ -136,13 +107,11 @@ class LoopModel:
 
     @property
     def with_mean_force(self) -> Bearing:
-        """The bearing whose force at the mean current is the mean of the force under its noise.
-
-        The pull of a coil goes with the square of its current, and a variance V of the current
-        adds to that square as to the bias current's own, ``i0^2 + V``. The gain falls as the bias
-        current rises, so that what a control signal does stays what it is. It matters little, 0.2 %
-        of k_s for a noise of 4 % of the bias current, but many records tell.
-        """
+        """The bearing whose force at the mean current is the mean of the force under its noise."""
+        # The pull of a coil goes with the square of its current, and a variance V of the current
+        # adds to that square as to the bias current's own, ``i0^2 + V``. The gain falls as the bias
+        # current rises, so that what a control signal does stays what it is. It matters little, 0.2
+        # % of k_s for a noise of 4 % of the bias current, but many records tell.
         b, i0 = self.bearing, self.bearing.magnet.bias_current
         if self.magnet is not None or b.magnet.force_map is not None or not i0 > 0:
             return b
@@ -151,13 +120,7 @@ class LoopModel:
         return _changed(b, magnet={"bias_current": raised}, amplifier={"gain": gain})
 
     def corrected(self, record: Record) -> Record:
-        """Return the record as it would be without offsets, delay and current lag.
-
-        Parameters
-        ----------
-        record : Record
-            With ``y`` [m] and ``u`` [V]; its other signals stay as they are.
-        """
+        """Return the record as it would be without offsets, delay and current lag."""
         T, b = self.bearing.sampling_time, self.bearing
         acting = delayed(lagged(self.between(record["u"]), T, self.current_lag), self.delay / T)
         signals = {name: record[name] for name in record} | {
@@ -174,13 +137,7 @@ class LoopModel:
         return np.where(np.isfinite(following), 0.5 * (u + following), u)
 
     def mean_point(self, records: Sequence[Record]) -> tuple[float, float]:
-        """Return control current [A] and displacement [m] in the mean of some records.
-
-        Parameters
-        ----------
-        records : sequence of Record
-            With ``y`` [m] and ``u`` [V].
-        """
+        """Return control current [A] and displacement [m] in the mean of some records."""
         b, corrected = self.bearing, [self.corrected(record) for record in records]
         u, y = (np.concatenate([one[signal] for one in corrected]) for signal in ("u", "y"))
         return float(b.amplifier.gain * np.nanmean(u)), float(np.nanmean(y) / b.sensor.gain)
@@ -188,56 +145,22 @@ class LoopModel:
     def innovations(
         self, record: Record, kalman: Estimator | None = None
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Run the filter along a record.
-
-        Parameters
-        ----------
-        record : Record
-            With ``y`` [m] and ``u`` [V], n samples.
-        kalman : Estimator, optional
-            This model's filter, where it is there already: several records need but one.
-
-        Returns
-        -------
-        innovation : ndarray (n,)
-            Measurement less its prediction [m].
-        variance : ndarray (n,)
-            As the filter expects it [m^2].
-        used : ndarray of bool (n,)
-            Where the measurement was taken in.
-        """
+        """Run the filter along a record."""
+        # innovation (n,) [m]; variance (n,) [m^2]; used (n,)
         out, _, _ = self._run(record, kalman)
         every = slice(None, None, self.substeps)
         used = out["status"][every] & NOT_USED == 0
         return out["innovation"][every], out["variance"][every], used
 
     def states(self, record: Record) -> dict[str, Array]:
-        """Return the filtered states along a record by their names, (n,) each, SI.
-
-        Parameters
-        ----------
-        record : Record
-            With ``y`` [m] and ``u`` [V].
-        """
+        """Return the filtered states along a record by their names, (n,) each, SI."""
         out, _, kalman = self._run(record)
         means = out["mean"][:: self.substeps]
         return {state.name: means[:, k] for k, state in enumerate(kalman.states)}
 
     def predict(self, record: Record, ahead: int) -> Array:
-        """Predict the measurement some samples after each one, with the control signals since.
-
-        Parameters
-        ----------
-        record : Record
-            With ``y`` [m] and ``u`` [V], n samples.
-        ahead : int
-            How many samples ahead.
-
-        Returns
-        -------
-        ndarray (n - ahead,)
-            Element k is the prediction of ``record["y"][k + ahead]`` [m].
-        """
+        """Predict the measurement some samples after each one, with the control signals since."""
+        # returns (n - ahead,)
         out, u, kalman = self._run(record)
         steps = ahead * self.substeps
         fine = kalman.core.forecast(np.ascontiguousarray(out["mean"]), u, steps)[:, 0]
@@ -246,25 +169,8 @@ class LoopModel:
         return np.asarray(fine[:: self.substeps][:n]) + self.position_offset + missed
 
     def predict_with(self, record: Record, ahead: int, controls: Array, past: int) -> Array:
-        """Predict the measurement some samples after each one, with controls of one's own.
-
-        Parameters
-        ----------
-        record : Record
-            With ``y`` [m] and ``u`` [V], n samples.
-        ahead : int
-            How many samples ahead.
-        controls : ndarray (m, past + f)
-            Of each of the last m samples: the control signals up to its own, and more than `ahead`
-            that follow [V].
-        past : int
-            How many the former are: more than delay and lag go back.
-
-        Returns
-        -------
-        ndarray (m,)
-            Element k is the prediction of what comes `ahead` samples after the k-th of them [m].
-        """
+        """Predict the measurement some samples after each one, with controls of one's own."""
+        # controls (m, past + f) [V]; returns (m,) [m]
         out, _, kalman = self._run(record)
         count, every, steps = len(controls), self.substeps, ahead * self.substeps
         first = (past - 1) * every
@@ -282,19 +188,14 @@ class LoopModel:
         return delayed(lagged(self._at_steps(u), h, self.current_lag), self.delay / h)
 
     def misplaced(self, u: Array) -> Array:
-        """Return by how much the filter's measurement is beyond the true one [m], turned around.
-
-        Where a held control signal switches within a step, the force's mean gives the right
-        momentum, and a position that misses ``f (1 - f)/2 h^2`` times the step of the acceleration.
-        All steps before add up to the last value of the control signal, so that the position is
-        beside the filter's by as much, through the sensor's lag. It is nanometres; but a sensor of
-        half a micrometre and a control that is shaken tell, and k came out 0.5 % too small.
-
-        Parameters
-        ----------
-        u : ndarray (n,)
-            Control signal [V]; on a line, or followed with a lag, it makes no steps.
-        """
+        """Return by how much the filter's measurement is beyond the true one [m], turned around."""
+        # Where a held control signal switches within a step, the force's mean gives the right
+        # momentum, and a position that misses ``f (1 - f)/2 h^2`` times the step of the
+        # acceleration. All steps before add up to the last value of the control signal, so that the
+        # position is beside the filter's by as much, through the sensor's lag. It is nanometres;
+        # but a sensor of half a micrometre and a control that is shaken tell, and k came out 0.5 %
+        # too small.
+        # u (n,) [V]
         b, h = self.bearing, self.bearing.sampling_time / self.substeps
         part = self.delay / h - math.floor(self.delay / h)
         stepless = self.line or self.memory > 0 or self.current_lag >= SHORTEST_LAG * h
@@ -327,21 +228,12 @@ class LoopModel:
         return run_with_gaps(kalman, self.bearing, y, u, unknown, record["u"], h), u, kalman
 
     def _start(self, kalman: Estimator, first: float, u: Array) -> None:
-        """Start the filter at rest at a measurement [m].
-
-        A current that is a state of it starts where the record has it, with twice the variance of
-        later, as only what follows tells of it. Were it unknown, the first measurements would throw
-        it about by amperes, where the magnet is far from the line that the filter takes it for.
-
-        Parameters
-        ----------
-        kalman : Estimator
-            This model's.
-        first : float
-            The first measurement, without its offset [m].
-        u : ndarray (1,)
-            The first control signal [V].
-        """
+        """Start the filter at rest at a measurement [m]."""
+        # A current that is a state of it starts where the record has it, with twice the variance of
+        # later, as only what follows tells of it. Were it unknown, the first measurements would
+        # throw it about by amperes, where the magnet is far from the line that the filter takes it
+        # for.
+        # u (1,) [V]
         b = self.bearing
         std = dict(zip((s.name for s in kalman.states), kalman.default_std(), strict=True))
         if not math.isnan(self.load_std):
@@ -355,11 +247,9 @@ class LoopModel:
         kalman.reset(kalman.at_rest(first / b.sensor.gain, first, current), list(std.values()))
 
     def _at_steps(self, u: Array) -> Array:
-        """Return what the filter is told at its steps, from a control signal (n,) [V].
-
-        With a `memory` the filter has a current that follows with a lag, and so strays as long as
-        that lasts; it is told what brings it to the recorded one at the end of each step.
-        """
+        """Return what the filter is told at its steps, from a control signal (n,) [V]."""
+        # With a `memory` the filter has a current that follows with a lag, and so strays as long as
+        # that lasts; it is told what brings it to the recorded one at the end of each step.
         if not self.memory > 0:
             return np.repeat(self._within_limits(self.between(filled(u))), self.substeps)
         recorded, at = self._within_limits(u), np.arange(u.size)
@@ -368,13 +258,11 @@ class LoopModel:
         return np.asarray(fine[:-1] + np.diff(fine) / (1 - keep))
 
     def _within_limits(self, u: Array) -> Array:
-        """Return the control signal [V] with its offset, and what the current's limits leave of it.
-
-        The control noise is limited together with the signal: near a limit it pulls one way only.
-        Were the signal alone limited, the force there would be too large by up to 0.4 of the
-        noise's standard deviation, and each closed loop that touches its limit would bias k, s0
-        and the offsets.
-        """
+        """The control signal [V] with its offset, and what the current's limits leave of it."""
+        # The control noise is limited together with the signal: near a limit it pulls one way only.
+        # Were the signal alone limited, the force there would be too large by up to 0.4 of the
+        # noise's standard deviation, and each closed loop that touches its limit would bias k, s0
+        # and the offsets.
         b = self.bearing
         gain = b.amplifier.gain
         std = abs(gain) * math.sqrt(b.amplifier.noise_variance)
@@ -382,18 +270,7 @@ class LoopModel:
         return iu / gain
 
     def nearest_limit(self, record: Record) -> float:
-        """Return how near a record's current comes to its limits, in its standard deviations.
-
-        Parameters
-        ----------
-        record : Record
-            With ``u`` [V].
-
-        Returns
-        -------
-        float
-            Distance of the sample that comes nearest; negative beyond the limit.
-        """
+        """Return how near a record's current comes to its limits, in its standard deviations."""
         b = self.bearing
         iu = b.amplifier.gain * record["u"] + self.current_offset
         left = min(b.current_max - np.nanmax(iu), np.nanmin(iu) - b.current_min)
@@ -401,13 +278,7 @@ class LoopModel:
         return float(left / std) if std > 0 else math.copysign(math.inf, left)
 
     def replace(self, **changes: object) -> LoopModel:
-        """Return the model with other values; ``magnet__air_gap=...`` goes to the bearing.
-
-        Raises
-        ------
-        ConfigError
-            The bearing would contradict itself.
-        """
+        """Return the model with other values; ``magnet__air_gap=...`` goes to the bearing."""
         own = {name: value for name, value in changes.items() if "__" not in name}
         of_bearing = {name: value for name, value in changes.items() if "__" in name}
         model = replace(self, **own) if own else self  # type: ignore[arg-type]
@@ -420,10 +291,8 @@ class LoopModel:
 
 
 def goes_on_a_line(record: Record) -> bool:
-    """Whether the control signal of a record is a measured current.
-
-    Its channel map says so, or what drives that current is beside it.
-    """
+    """Whether the control signal of a record is a measured current."""
+    # Its channel map says so, or what drives that current is beside it.
     return "u" in record.meta.get("measured", ()) or CONTROL in record
 
 
@@ -443,10 +312,8 @@ def _late(bearing: Bearing, delay: float, current_lag: float) -> Bearing:
 
 
 def _changed(bearing: Bearing, **changes: Any) -> Bearing:
-    """Return a copy with some values changed, in its tables too, and not checked.
-
-    Each evaluation of the likelihood needs some; to check them took most of its time.
-    """
+    """Return a copy with some values changed, in its tables too, and not checked."""
+    # Each evaluation of the likelihood needs some; to check them took most of its time.
     for name, values in changes.items():
         if isinstance(values, dict):
             changes[name] = getattr(bearing, name).model_copy(update=values)
@@ -461,20 +328,9 @@ FAR = 9.0
 
 
 def limited(mean: Array, std: float, low: float, high: float) -> Array:
-    """Return the mean of a normal variable that is held within limits.
-
-    ``low + s (g(a) - g(b))`` with ``g(z) = z Phi(z) + phi(z)``, ``a = (mean - low)/s`` and
-    ``b = (mean - high)/s`` (Tobin 1958, for both sides).
-
-    Parameters
-    ----------
-    mean : ndarray
-        Of the variable, before the limits; NaN stays NaN.
-    std : float
-        Its standard deviation; 0: the mean itself is held within the limits.
-    low, high : float
-        The limits.
-    """
+    """Return the mean of a normal variable that is held within limits."""
+    # ``low + s (g(a) - g(b))`` with ``g(z) = z Phi(z) + phi(z)``, ``a = (mean - low)/s`` and ``b =
+    # (mean - high)/s`` (Tobin 1958, for both sides).
     if not std > 0:
         return np.clip(mean, low, high)
     near = (mean < low + FAR * std) | (mean > high - FAR * std)

@@ -21,30 +21,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One figure of a :class:`LoopModel` that a record may tell.
+    """One figure of a :class:`LoopModel` that a record may tell."""
 
-    Attributes
-    ----------
-    name : str
-        As the user calls it.
-    symbol : str
-        As papers call it, LaTeX.
-    unit : str
-        SI.
-    place : str
-        Where it stands in the model, as `LoopModel.replace` takes it.
-    positive : bool
-        Searched by its logarithm, so that it stays positive; its error is then relative.
-    coarse : callable
-        ``coarse(model)``: a standard error from which on nothing is known. Of the logarithm for a
-        positive parameter, otherwise in `unit`; it scales the search, too.
-    """
-
-    name: str
-    symbol: str
-    unit: str
-    place: str
+    name: str  #: As the user calls it.
+    symbol: str  #: As papers call it, LaTeX.
+    unit: str  #: SI.
+    place: str  #: Where it stands in the model, as `LoopModel.replace` takes it.
+    #: Searched by its logarithm, so that it stays positive; its error is then relative.
     positive: bool
+    #: ``coarse(model)``: a standard error from which on nothing is known. Of the logarithm for a
+    #: positive parameter, otherwise in `unit`; it scales the search, too.
     coarse: Callable[[LoopModel], float]
 
     def of(self, model: LoopModel) -> float:
@@ -109,12 +95,10 @@ USUAL = (
 
 
 def usual(model: LoopModel) -> tuple[str, ...]:
-    """Return what to look for in a model where the user does not say.
-
-    A one-sided magnet knows no middle: where x = 0 is, is a choice, and an offset of the position
-    is nothing but another air gap. A lag of the current is looked for where the amplifier has one,
-    and the air gap not where a force map says what it does.
-    """
+    """Return what to look for in a model where the user does not say."""
+    # A one-sided magnet knows no middle: where x = 0 is, is a choice, and an offset of the position
+    # is nothing but another air gap. A lag of the current is looked for where the amplifier has
+    # one, and the air gap not where a force map says what it does.
     magnet = model.bearing.magnet
     names = (*USUAL, "current_lag") if model.current_lag > 0 else USUAL
     idle = {
@@ -129,19 +113,12 @@ OFFSET_SHARE = 0.05
 
 
 def beforehand(model: LoopModel) -> dict[str, tuple[float, float]]:
-    """Return what is known of parameters before any record: value and standard deviation [SI].
-
-    Of some, a record may tell nothing. A load that nobody knows takes the condition that the magnet
-    carries the weight away, and with it the offset of the current: two stiffnesses are left for
-    magnet constant, gap and offset, and the gap moves by metres per ampere. And at one place the
-    noise of a sensor does not show how it depends on the place. Taken for known, either would make
-    the errors of all others too small.
-
-    Parameters
-    ----------
-    model : LoopModel
-        As the user has described it; what it says in `LoopModel.known` stands.
-    """
+    """Return what is known of parameters before any record: value and standard deviation [SI]."""
+    # Of some, a record may tell nothing. A load that nobody knows takes the condition that the
+    # magnet carries the weight away, and with it the offset of the current: two stiffnesses are
+    # left for magnet constant, gap and offset, and the gap moves by metres per ampere. And at one
+    # place the noise of a sensor does not show how it depends on the place. Taken for known, either
+    # would make the errors of all others too small.
     b = model.bearing
     return {
         "current_offset": (model.current_offset, OFFSET_SHARE * b.magnet.bias_current),
@@ -158,13 +135,7 @@ def log_prior(model: LoopModel) -> float:
 
 
 def named(names: Sequence[str]) -> list[Parameter]:
-    """Return parameters by their names, in the order of `PARAMETERS`.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such parameter; the message lists those that there are.
-    """
+    """Return parameters by their names, in the order of `PARAMETERS`."""
     import difflib
 
     for name in names:
@@ -184,13 +155,11 @@ ALIKE = "cannot be told apart"
 def searchable(
     parameters: Sequence[Parameter], model: LoopModel
 ) -> tuple[list[Parameter], dict[str, str]]:
-    """Return what is left to be found, and why the others are not looked for.
-
-    The mass is not where k is looked for, too. From one loop comes the ratio k/m. What seems to
-    part the two is how much load is expected, and that is a guess: a search would make a mass of
-    it, with an error that looks honest. Nor is the air gap of a force map, which was measured with
-    the gap that there is: only the law beneath it would move.
-    """
+    """Return what is left to be found, and why the others are not looked for."""
+    # The mass is not where k is looked for, too. From one loop comes the ratio k/m. What seems to
+    # part the two is how much load is expected, and that is a guess: a search would make a mass of
+    # it, with an error that looks honest. Nor is the air gap of a force map, which was measured
+    # with the gap that there is: only the law beneath it would move.
     held = {}
     if {"magnet_constant", "mass"} <= {p.name for p in parameters}:
         held["mass"] = f"magnet_constant and mass {ALIKE}, a loop tells their ratio"
@@ -201,27 +170,13 @@ def searchable(
 
 @dataclass(frozen=True)
 class Coordinates:
-    """The vector of the search: logarithms and scaled offsets, zero at the model it starts from.
+    """The vector of the search: logarithms and scaled offsets, zero at the model it starts from."""
 
-    Attributes
-    ----------
-    model : LoopModel
-        Where it is zero.
-    parameters : list of Parameter
-        What its entries are.
-    """
-
-    model: LoopModel
-    parameters: list[Parameter]
+    model: LoopModel  #: Where it is zero.
+    parameters: list[Parameter]  #: What its entries are.
 
     def model_at(self, z: Array) -> LoopModel:
-        """Return the model at a vector (p,).
-
-        Raises
-        ------
-        ConfigError
-            It would contradict itself.
-        """
+        """Return the model at a vector (p,)."""
         changes = {}
         for parameter, step in zip(self.parameters, z.tolist(), strict=True):
             start = parameter.of(self.model)

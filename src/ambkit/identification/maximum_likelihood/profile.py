@@ -56,24 +56,8 @@ def intervals(
     larger: Array,
     settling: float,
 ) -> dict[str, tuple[float, float]]:
-    """Return the ends of the intervals for which standard errors would not do.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        With ``y`` [m] and ``u`` [V].
-    model : LoopModel
-        The most likely one.
-    parameters : list of Parameter
-        What was found, p.
-    covariance : ndarray (p, p)
-        By the curvature, in the coordinates of the search.
-    larger : ndarray (p,)
-        By how much each standard error is larger than the curvature's: the profile is stretched by
-        as much.
-    settling : float
-        Time at the start of each record that does not count [s].
-    """
+    """Return the ends of the intervals for which standard errors would not do."""
+    # covariance (p, p); larger (p,)
     coordinates = Coordinates(model, parameters)
     likelihood = Likelihood(records, coordinates, settling)
     top = likelihood.value(np.zeros(len(parameters)))
@@ -122,12 +106,10 @@ def _end(
     settling: float,
     seen: list[tuple[float, LoopModel]],
 ) -> float:
-    """Return how far one coordinate goes until the profile has lost what 95 % may; by secants.
-
-    Over the root of the loss a parabola is a line, and few steps suffice. Each search for the
-    others begins where they would be if all were quadratic, a standard error `along`. What is lost,
-    and where, is added to `seen`.
-    """
+    """Return how far one coordinate goes until the profile has lost what 95 % may; by secants."""
+    # Over the root of the loss a parabola is a line, and few steps suffice. Each search for the
+    # others begins where they would be if all were quadratic, a standard error `along`. What is
+    # lost, and where, is added to `seen`.
     parameter = coordinates.parameters[at]
     rest = [p for p in coordinates.parameters if p is not parameter]
     error, model, there = float(along[at]), coordinates.model, 0.0

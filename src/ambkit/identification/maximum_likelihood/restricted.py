@@ -38,24 +38,9 @@ def restricted(
     parameters: list[Parameter],
     settling: float,
 ) -> LoopModel:
-    """Return the model that the restricted likelihood prefers to the most likely one.
-
-    One step of Newton's, from the maximum of the likelihood: the two maxima are much closer than
-    a standard error.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        With ``y`` [m] and ``u`` [V].
-    model : LoopModel
-        The most likely one.
-    local : Local
-        The likelihood there, over `parameters`.
-    parameters : list of Parameter
-        What was found.
-    settling : float
-        Time at the start of each record that does not count [s].
-    """
+    """Return the model that the restricted likelihood prefers to the most likely one."""
+    # One step of Newton's, from the maximum of the likelihood: the two maxima are much closer than
+    # a standard error.
     noises = [at for at, p in enumerate(parameters) if p.name in NOISES]
     others = [at for at, p in enumerate(parameters) if p.name not in NOISES]
     if not noises or not others:

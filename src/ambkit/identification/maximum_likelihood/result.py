@@ -35,79 +35,45 @@ CONFIDENCE = 1.959964
 
 @dataclass(frozen=True, eq=False)
 class MaximumLikelihood(Shown):
-    """What records say about a bearing, p parameters found.
-
-    Attributes
-    ----------
-    start, model : LoopModel
-        Where the search began, as the user gave it, and what it found.
-    parameters : list of Parameter
-        What was found.
-    values : ndarray (p,)
-        Their values, SI.
-    errors : ndarray (p,)
-        Their standard errors in the search: relative (of the logarithm) for a positive parameter,
-        otherwise SI. Each is the larger of what the likelihood's curvature says and of
-        `robust_errors`; what is known beforehand of the current's offset is in it, and nothing
-        that was not known is taken for known.
-    robust_errors : ndarray (p,)
-        The same as the scatter of the scores has them (White 1982): right to first order even
-        where the model is not, and then larger.
-    covariance : ndarray (p, p)
-        Of what `errors` are the roots of.
-    told : ndarray (p,)
-        What part of each parameter's precision is the records' own and not known beforehand: 1
-        where nothing was, near 0 of an offset of which the records tell nothing.
-    profiles : mapping of str to (float, float)
-        Ends of the 95 % intervals in the parameter's own unit where the likelihood is not near to
-        quadratic, and so `errors` would not do: by the profile of the likelihood.
-    touched : list of str
-        Limits that the search came to, in sentences.
-    remarks : list of str
-        What is to be known of the records, in sentences.
-    current : FlowingCurrent or None
-        What control signal and measured current said of each other, where records have both.
-    correlation : ndarray (p, p)
-        Of the estimates.
-    held : mapping of str to str
-        Parameters that were looked for and could not be found, with the reason.
-    log_likelihood, start_log_likelihood : float
-        At the model and at the start.
-    samples : int
-        Measurements that count.
-    begun_from : str
-        Which start the search went up from: the bearing given, ADALINE or least squares.
-    steps : int
-        Steps of the search.
-    converged : bool
-        Whether it ended at a maximum.
-    position_step : float or None
-        Smallest step in which ``y`` of the records comes [m]; None where it has none.
-    """
+    """What records say about a bearing, p parameters found."""
 
     _card_by = "show.notebook.results:maximum_likelihood"
 
-    start: LoopModel
+    start: LoopModel  #: Where the search began, as the user gave it, and what it found.
     model: LoopModel
-    parameters: list[Parameter]
-    values: Array
+    parameters: list[Parameter]  #: What was found.
+    values: Array  #: (p,) Their values, SI.
+    #: (p,) Their standard errors in the search: relative (of the logarithm) for a positive
+    #: parameter, otherwise SI. Each is the larger of what the likelihood's curvature says and of
+    #: `robust_errors`; what is known beforehand of the current's offset is in it, and nothing that
+    #: was not known is taken for known.
     errors: Array
+    #: (p,) The same as the scatter of the scores has them (White 1982): right to first order even
+    #: where the model is not, and then larger.
     robust_errors: Array
-    covariance: Array
-    correlation: Array
+    covariance: Array  #: (p, p) Of what `errors` are the roots of.
+    correlation: Array  #: (p, p) Of the estimates.
+    #: Parameters that were looked for and could not be found, with the reason.
     held: Mapping[str, str]
-    log_likelihood: float
+    log_likelihood: float  #: At the model and at the start.
     start_log_likelihood: float
-    samples: int
+    samples: int  #: Measurements that count.
+    #: Which start the search went up from: the bearing given, ADALINE or least squares.
     begun_from: str
-    steps: int
-    converged: bool
+    steps: int  #: Steps of the search.
+    converged: bool  #: Whether it ended at a maximum.
+    #: (p,) What part of each parameter's precision is the records' own and not known beforehand: 1
+    #: where nothing was, near 0 of an offset of which the records tell nothing.
     told: Array
+    #: (float, float) Ends of the 95 % intervals in the parameter's own unit where the likelihood is
+    #: not near to quadratic, and so `errors` would not do: by the profile of the likelihood.
     profiles: Mapping[str, tuple[float, float]]
-    touched: Sequence[str]
-    remarks: Sequence[str]
+    touched: Sequence[str]  #: Limits that the search came to, in sentences.
+    remarks: Sequence[str]  #: What is to be known of the records, in sentences.
+    #: What control signal and measured current said of each other, where records have both.
     current: FlowingCurrent | None
     settling: float = field(default=0.0)
+    #: Smallest step in which ``y`` of the records comes [m]; None where it has none.
     position_step: float | None = None
 
     @property
@@ -133,11 +99,9 @@ class MaximumLikelihood(Shown):
 
     @property
     def offsets_count(self) -> bool:
-        """Whether the offsets are the log's: none is ruled out, all of them taken together.
-
-        A load that nobody knows hides them: what is found may be many times the sensor's noise, and
-        as likely 0. Offsets that were given and not looked for count.
-        """
+        """Whether the offsets are the log's: none is ruled out, all of them taken together."""
+        # A load that nobody knows hides them: what is found may be many times the sensor's noise,
+        # and as likely 0. Offsets that were given and not looked for count.
         at = [i for i, p in enumerate(self.parameters) if p.name in OFFSETS]
         if not at:
             return True
@@ -149,32 +113,13 @@ class MaximumLikelihood(Shown):
         return named([name])[0].of(self.model)
 
     def standard_error(self, name: str, *, robust: bool = False) -> float:
-        """Return the standard error of a parameter that was found, in its own unit.
-
-        Parameters
-        ----------
-        name : str
-            The parameter.
-        robust : bool
-            That of `robust_errors`.
-
-        Raises
-        ------
-        AmbkitError
-            It was not found.
-        """
+        """Return the standard error of a parameter that was found, in its own unit."""
         at = self._place(name)
         error = float((self.robust_errors if robust else self.errors)[at])
         return error * float(self.values[at]) if self.parameters[at].positive else error
 
     def interval(self, name: str) -> tuple[float, float]:
-        """Return the ends of a parameter's 95 % interval, in its own unit.
-
-        Parameters
-        ----------
-        name : str
-            The parameter.
-        """
+        """Return the ends of a parameter's 95 % interval, in its own unit."""
         at = self._place(name)
         if name in self.profiles:
             return self.profiles[name]
@@ -184,34 +129,15 @@ class MaximumLikelihood(Shown):
         return value - half, value + half
 
     def stiffness(self, iu: float = 0.0, x: float = 0.0) -> dict[str, tuple[float, float]]:
-        """Return k_i [N/A] and k_s [N/m] at a work point, tangents, each with its standard error.
-
-        Parameters
-        ----------
-        iu, x : float
-            Control current [A] and displacement [m].
-        """
+        """K_i [N/A] and k_s [N/m] at a work point, tangents, each with its standard error."""
         at = self.stiffness_map([iu], [x])
         return {name: (float(v[0, 0]), float(e[0, 0])) for name, (v, e) in at.items()}
 
     def stiffness_map(
         self, currents: ArrayLike, displacements: ArrayLike
     ) -> dict[str, tuple[Array, Array]]:
-        """Return k_i [N/A] and k_s [N/m] over work points, tangents, each with its standard error.
-
-        Parameters
-        ----------
-        currents : array_like (ni,)
-            Control currents [A].
-        displacements : array_like (nx,)
-            Displacements [m].
-
-        Returns
-        -------
-        dict
-            For ``k_i`` and ``k_s`` the values and their errors, (nx, ni). Where the records have
-            not been, they are those of the law.
-        """
+        """K_i [N/A] and k_s [N/m] over work points, tangents, each with its standard error."""
+        # currents (ni,) [A]; displacements (nx,) [m]
         from ambkit.machine.magnets import magnet_of
 
         coordinates = Coordinates(self.model, self.parameters)

@@ -62,27 +62,13 @@ LEAST_GAIN = 0.1 * CONVERGED
 
 @dataclass(frozen=True, eq=False)
 class Climbed:
-    """Where a search ended.
+    """Where a search ended."""
 
-    Attributes
-    ----------
-    model : LoopModel
-        The most likely one.
-    local : Local
-        The likelihood there.
-    steps : int
-        That it took.
-    converged : bool
-        Whether it ended at a maximum.
-    samples : int
-        Measurements that count.
-    """
-
-    model: LoopModel
-    local: Local
-    steps: int
-    converged: bool
-    samples: int
+    model: LoopModel  #: The most likely one.
+    local: Local  #: The likelihood there.
+    steps: int  #: That it took.
+    converged: bool  #: Whether it ended at a maximum.
+    samples: int  #: Measurements that count.
 
 
 def climb(
@@ -92,13 +78,10 @@ def climb(
     settling: float,
     enough: float = CONVERGED,
 ) -> Climbed:
-    """Go up to the maximum by Fisher's scoring, damped after Marquardt (1963).
-
-    Newton's decrement ends it that is less than `enough`.
-
-    SciPy's trust regions are balls in the coordinates; here one coordinate is known a thousand
-    times as well as another, and only a region in units of the errors gets anywhere.
-    """
+    """Go up to the maximum by Fisher's scoring, damped after Marquardt (1963)."""
+    # Newton's decrement ends it that is less than `enough`.
+    # SciPy's trust regions are balls in the coordinates; here one coordinate is known a thousand
+    # times as well as another, and only a region in units of the errors gets anywhere.
     coordinates = Coordinates(begin, parameters)
     likelihood = Likelihood(records, coordinates, settling)
     z, damping, converged, steps = np.zeros(len(parameters)), 1e-3, False, 0
@@ -150,16 +133,13 @@ def hold(
     settling: float,
     ran_from: LoopModel | None,
 ) -> tuple[LoopModel, str]:
-    """Return the model with a parameter where the user had it, and that value in words.
-
-    What the search made of it means little. But where the value given is far less likely, whatever
-    the rest does, as of a noise that turned out to be next to nothing, the value found stays; of a
-    lag, where it is ruled out, as `not_needed` asks no less of it.
-
-    Not so of one that ran away, along a line with another or to a limit: both may have drifted far.
-    So it goes back in any case, and the rest is searched from `ran_from`, too, where this search
-    began.
-    """
+    """Return the model with a parameter where the user had it, and that value in words."""
+    # What the search made of it means little. But where the value given is far less likely,
+    # whatever the rest does, as of a noise that turned out to be next to nothing, the value found
+    # stays; of a lag, where it is ruled out, as `not_needed` asks no less of it.
+    # Not so of one that ran away, along a line with another or to a limit: both may have drifted
+    # far. So it goes back in any case, and the rest is searched from `ran_from`, too, where this
+    # search began.
     value = parameter.of(given)
     model = _with(found.model, parameter, value, rest)
     if rest:
@@ -182,12 +162,11 @@ def hold(
 def not_needed(
     records: Sequence[Record], found: Climbed, parameters: Sequence[Parameter], settling: float
 ) -> tuple[Parameter, str] | None:
-    """Name a lag without which the records are as likely; None where there is none.
-
-    Beside a delay a lag shows by its square alone, which the records tell as well below zero as
-    above. Where it comes out above, a lag is found that is longer than the true one, with an error
-    of its logarithm that looks small. So it counts as found only where none at all is ruled out.
-    """
+    """Name a lag without which the records are as likely; None where there is none."""
+    # Beside a delay a lag shows by its square alone, which the records tell as well below zero as
+    # above. Where it comes out above, a lag is found that is longer than the true one, with an
+    # error of its logarithm that looks small. So it counts as found only where none at all is ruled
+    # out.
     for parameter in (p for p in parameters if p.name in LAGS):
         rest = [p for p in parameters if p is not parameter]
         if not rest:
@@ -202,11 +181,9 @@ def not_needed(
 def _with(
     model: LoopModel, parameter: Parameter, value: float, rest: Sequence[Parameter]
 ) -> LoopModel:
-    """Return a model with another value of one parameter; what a lag gives up, the delay takes.
-
-    Together they are about as long as before, and no search of the delay has to climb over the
-    ridges at whole samples.
-    """
+    """Return a model with another value of one parameter; what a lag gives up, the delay takes."""
+    # Together they are about as long as before, and no search of the delay has to climb over the
+    # ridges at whole samples.
     others = {parameter.place: value}
     if parameter.name in LAGS and any(p.name == "delay" for p in rest):
         others["delay"] = model.delay + parameter.of(model) - value
@@ -214,10 +191,8 @@ def _with(
 
 
 def ran_away(found: LoopModel, parameters: Sequence[Parameter]) -> tuple[Parameter, str] | None:
-    """Name a parameter that only a wall has stopped, and the wall; None where there is none.
-
-    Beyond it no bearing can be: a hovering current that no amplifier gives.
-    """
+    """Name a parameter that only a wall has stopped, and the wall; None where there is none."""
+    # Beyond it no bearing can be: a hovering current that no amplifier gives.
     for parameter in parameters:
         try:
             for step in (-10 * STEP, 10 * STEP):
@@ -230,11 +205,9 @@ def ran_away(found: LoopModel, parameters: Sequence[Parameter]) -> tuple[Paramet
 def with_room(
     records: Sequence[Record], given: LoopModel, parameters: Sequence[Parameter]
 ) -> LoopModel:
-    """Return a model whose stops are only as far as the records go.
-
-    A rotor's travel is less than its air gap. What a description takes the travel to be is no
-    reason for a gap to be larger than it is.
-    """
+    """Return a model whose stops are only as far as the records go."""
+    # A rotor's travel is less than its air gap. What a description takes the travel to be is no
+    # reason for a gap to be larger than it is.
     if not any(p.name == "air_gap" for p in parameters):
         return given
     b = given.bearing

@@ -35,19 +35,7 @@ def best_start(
     parameters: Sequence[Parameter],
     settling: float,
 ) -> tuple[LoopModel, str]:
-    """Return the most likely of several starts, and what it is called.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        With ``y`` and ``u``.
-    given : LoopModel
-        What is known.
-    parameters : sequence of Parameter
-        Those that may be moved; no other is.
-    settling : float
-        Time at the start of each record that does not count [s].
-    """
+    """Return the most likely of several starts, and what it is called."""
     free = {p.name for p in parameters}
     candidates = [(given, "the bearing given")]
     if "magnet_constant" in free:
@@ -87,11 +75,10 @@ def _by_adaline(records: Sequence[Record], given: LoopModel) -> list[LoopModel]:
 def _by_least_squares(
     records: Sequence[Record], given: LoopModel, free: set[str]
 ) -> list[LoopModel]:
-    """Take k and s0 from ``m a = k_i iu + k_s x + c``, a line through smoothed accelerations.
-
-    Noise in position and closed loop bias it; as a start it will do. The gap goes with k_i/k_s: at
-    the centre that is s0/i0 for ideal iron, of one side or two, and nearly so for other magnets.
-    """
+    """Take k and s0 from ``m a = k_i iu + k_s x + c``, a line through smoothed accelerations."""
+    # Noise in position and closed loop bias it; as a start it will do. The gap goes with k_i/k_s:
+    # at the centre that is s0/i0 for ideal iron, of one side or two, and nearly so for other
+    # magnets.
     from scipy.signal import savgol_filter
 
     b = given.bearing

@@ -45,49 +45,26 @@ WHITE = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """How a model does on a record.
+    """How a model does on a record."""
 
-    Attributes
-    ----------
-    name : str
-        Of the record.
-    samples : int
-        Measurements that count.
-    fit : mapping of int to float
-        Steps ahead, and the fit of the prediction [%]: 100 less the RMS error in parts of the
-        position's own standard deviation (NRMSE, Ljung 1999); 100 is perfect, 0 a constant.
-    held : mapping of int to float
-        The same where the last measurement is held.
-    error : mapping of int to float
-        RMS errors of the prediction [m].
-    of_start : mapping of int to float
-        The fit of the model that the identification began with [%]; empty without one.
-    residual : Whiteness
-        Autocorrelation of the residuals at lags 1, 2, ... with its 95 % bound.
-    cross : Whiteness
-        Correlation of the residuals with what was new in the control signal 1, 2, ... samples
-        before, with its bound. With later control signals a loop makes it anyway.
-    nis : float
-        Mean normalised innovation squared; 1 where the noise is right.
-    gain : float
-        Log likelihood per sample over that of the start; NaN without one.
-    unmodelled : mapping of int to float
-        RMS errors of a constant-velocity Kalman filter that is tuned to this very record [m].
-    left : float
-        Share of the residuals' variance that their past and the control signal's foretell.
-    """
-
-    name: str
-    samples: int
+    name: str  #: Of the record.
+    samples: int  #: Measurements that count.
+    #: Steps ahead, and the fit of the prediction [%]: 100 less the RMS error in parts of the
+    #: position's own standard deviation (NRMSE, Ljung 1999); 100 is perfect, 0 a constant.
     fit: Mapping[int, float]
-    held: Mapping[int, float]
-    error: Mapping[int, float]
+    held: Mapping[int, float]  #: The same where the last measurement is held.
+    error: Mapping[int, float]  #: RMS errors of the prediction [m].
+    #: The fit of the model that the identification began with [%]; empty without one.
     of_start: Mapping[int, float]
-    residual: Whiteness
+    residual: Whiteness  #: Autocorrelation of the residuals at lags 1, 2, ... with its 95 % bound.
+    #: Correlation of the residuals with what was new in the control signal 1, 2, ... samples
+    #: before, with its bound. With later control signals a loop makes it anyway.
     cross: Whiteness
-    nis: float
-    gain: float
+    nis: float  #: Mean normalised innovation squared; 1 where the noise is right.
+    gain: float  #: Log likelihood per sample over that of the start; NaN without one.
+    #: RMS errors of a constant-velocity Kalman filter that is tuned to this very record [m].
     unmodelled: Mapping[int, float]
+    #: Share of the residuals' variance that their past and the control signal's foretell.
     left: float
 
     @property
@@ -97,13 +74,11 @@ class Validation:
 
     @property
     def good(self) -> bool:
-        """Whether nothing knows more of this record than the model.
-
-        It foretells better than the last measurement and than a filter without a magnet, its noise
-        is what it expects, hardly anything of what it leaves could be foretold, and the start was
-        not more likely. That residuals fail a test of whiteness does not count by itself: in a long
-        record the test finds what is of no importance.
-        """
+        """Whether nothing knows more of this record than the model."""
+        # It foretells better than the last measurement and than a filter without a magnet, its
+        # noise is what it expects, hardly anything of what it leaves could be foretold, and the
+        # start was not more likely. That residuals fail a test of whiteness does not count by
+        # itself: in a long record the test finds what is of no importance.
         k = self.farthest
         return (
             self.fit[k] > self.held[k]
@@ -203,29 +178,7 @@ def validate(
     settling: float = 0.0,
     name: str = "",
 ) -> Validation:
-    """Hold a model to a record.
-
-    Parameters
-    ----------
-    model : LoopModel
-        What was identified.
-    record : Record
-        One that it was not identified from, with ``y`` [m] and ``u`` [V]; spikes of ``y`` do not
-        count.
-    start : LoopModel, optional
-        What the identification began with, for comparison.
-    horizons : sequence of int
-        Steps ahead.
-    settling : float
-        Time at the start that does not count [s].
-    name : str
-        Of the record, for messages.
-
-    Raises
-    ------
-    RecordError
-        The record is too short, or no measurement could be taken in.
-    """
+    """Hold a model to a record."""
     farthest = max(horizons)
     first = max(1, round(settling / record.sampling_time))
     record, _ = spike_free(record)
@@ -275,19 +228,11 @@ def _without_a_magnet(record: Record, horizons: Sequence[int], first: int) -> di
 
 
 def cross_correlation(residual: Array, u: Array, lags: int = LAGS) -> Whiteness:
-    """Correlate residuals with an input of the past, after Box and Jenkins (1976, ch. 11).
-
-    The input of a loop has so much colour that one chance correlation would show at all lags.
-    So what of it could be predicted from its own past is taken off first: then the lags are
-    independent, and the bound is that of white noise.
-
-    Parameters
-    ----------
-    residual, u : ndarray (n,)
-        Residuals, and what acted.
-    lags : int
-        The input is taken 1 to so many samples before.
-    """
+    """Correlate residuals with an input of the past, after Box and Jenkins (1976, ch. 11)."""
+    # The input of a loop has so much colour that one chance correlation would show at all lags. So
+    # what of it could be predicted from its own past is taken off first: then the lags are
+    # independent, and the bound is that of white noise.
+    # residual (n,); u (n,)
     e = residual - residual.mean()
     w = _prewhitened(u)
     e = e[e.size - w.size :]
@@ -299,17 +244,11 @@ def cross_correlation(residual: Array, u: Array, lags: int = LAGS) -> Whiteness:
 
 
 def predictable(residual: Array, u: Array) -> float:
-    """Return the share of a residual's variance that a line through the past foretells.
-
-    Through `ORDER` residuals before and as many of what was new in the control signal. A test of
-    whiteness finds any departure, however small, once a record is long; this says how much a better
-    model could gain. What so many weights explain of anything is taken off.
-
-    Parameters
-    ----------
-    residual, u : ndarray (n,)
-        Residuals, and what acted.
-    """
+    """Return the share of a residual's variance that a line through the past foretells."""
+    # Through `ORDER` residuals before and as many of what was new in the control signal. A test of
+    # whiteness finds any departure, however small, once a record is long; this says how much a
+    # better model could gain. What so many weights explain of anything is taken off.
+    # residual (n,); u (n,)
     w = _prewhitened(u)
     e = (residual - residual.mean())[residual.size - w.size :]
     windows = np.lib.stride_tricks.sliding_window_view

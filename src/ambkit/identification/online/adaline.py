@@ -27,31 +27,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class AdalineResult(OnlineResult):
-    """What the two elements learned along a record, n samples; the rest as :class:`OnlineResult`.
+    """What the two elements learned along a record; the rest as :class:`OnlineResult`."""
 
-    Attributes
-    ----------
-    force : ndarray (n,)
-        Identified force of the magnet [N], low-passed.
-    excitation : ndarray (n,)
-        Root mean square of the regressor over the learning time, relative to the regressor at
-        iu = i0, x = 0 [1].
-    memory : float
-        Samples over which k is averaged.
-    """
-
-    force: Array
+    force: Array  #: (n,) Identified force of the magnet [N], low-passed.
+    #: (n,) Root mean square of the regressor over the learning time, relative to the regressor at
+    #: iu = i0, x = 0 [1].
     excitation: Array
-    memory: float
+    memory: float  #: Samples over which k is averaged.
 
     @property
     def standard_error(self) -> float:
-        """Standard error of `magnet_constant`, from the scatter of k [N m^2/A^2].
-
-        As k forgets exponentially, its scatter is taken for that of a first-order process. What
-        the scatter does not show is not in it: a load that is not known, a wrong mass. NaN where
-        nothing was learned in the last quarter.
-        """
+        """Standard error of `magnet_constant`, from the scatter of k [N m^2/A^2]."""
+        # As k forgets exponentially, its scatter is taken for that of a first-order process. What
+        # the scatter does not show is not in it: a load that is not known, a wrong mass. NaN where
+        # nothing was learned in the last quarter.
         late = last_quarter(self.k)
         return mean_error(self.k[late][~self.held[late]], self.memory)
 
@@ -178,18 +167,7 @@ def first_element(
     rate_force: float,
     least_excitation: float,
 ) -> dict[str, Any]:
-    """Check what finds the force (eq. 24), and write it down for the core.
-
-    Parameters
-    ----------
-    bearing, start, bandwidth, rate_force, least_excitation
-        As for :class:`Adaline`.
-
-    Raises
-    ------
-    ValueError
-        Where an argument is outside its range.
-    """
+    """Check what finds the force (eq. 24), and write it down for the core."""
     from ambkit.machine.magnets import ConstantStiffness
 
     start = in_si("start", start, "N m^2/A^2")

@@ -22,21 +22,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class AugmentedResult(OnlineResult):
-    """What the filter learned along a record, n samples; the rest as :class:`OnlineResult`.
+    """What the filter learned along a record, n samples; the rest as :class:`OnlineResult`."""
 
-    Attributes
-    ----------
-    error : ndarray (n,)
-        Standard deviation of k as the filter believes it [N m^2/A^2].
-    load : ndarray (n,)
-        Estimated force on the rotor that was not known [N].
-    estimate : Estimate
-        All that the filter said.
-    """
-
-    error: Array
-    load: Array
-    estimate: Estimate
+    error: Array  #: (n,) Standard deviation of k as the filter believes it [N m^2/A^2].
+    load: Array  #: (n,) Estimated force on the rotor that was not known [N].
+    estimate: Estimate  #: All that the filter said.
 
     @property
     def magnet_constant(self) -> float:
@@ -50,33 +40,16 @@ class AugmentedResult(OnlineResult):
 
     @property
     def standard_error(self) -> float:
-        """Standard deviation of k as the filter believes it at the end [N m^2/A^2].
-
-        NaN where k was never learned: what the filter began with is no finding.
-        """
+        """Standard deviation of k as the filter believes it at the end [N m^2/A^2]."""
+        # NaN where k was never learned: what the filter began with is no finding.
         return math.nan if self.held.all() else float(self.error[-1])
 
 
 class AugmentedIdentifier:
-    """Magnet constant by :class:`ambkit.AugmentedKalmanFilter`, beside its four other states.
+    """Magnet constant by :class:`ambkit.AugmentedKalmanFilter`, beside its four other states."""
 
-    It takes the load for one that wanders, and needs no word of it; so a load that is known is only
-    taken off what it found.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What is filtered; its magnet constant is where learning starts.
-    start : float, optional
-        Another start for the magnet constant [N m^2/A^2].
-    **options
-        As for :class:`ambkit.AugmentedKalmanFilter`.
-
-    Raises
-    ------
-    ValueError
-        Where an argument is outside its range.
-    """
+    # It takes the load for one that wanders, and needs no word of it; so a load that is known is
+    # only taken off what it found.
 
     def __init__(self, bearing: Bearing, *, start: float | None = None, **options: Any) -> None:
         if start is None:
@@ -87,15 +60,8 @@ class AugmentedIdentifier:
         self.kalman = AugmentedKalmanFilter(self.bearing, **options)
 
     def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> AugmentedResult:
-        """Learn along a record.
-
-        Parameters
-        ----------
-        record : Record
-            With ``y`` [m] and ``u`` [V], n samples.
-        disturbance : array_like (n,), optional
-            Disturbance force as far as it is known [N].
-        """
+        """Learn along a record."""
+        # disturbance (n,) [N]
         start = self.bearing.magnet.magnet_constant
         estimate = self.kalman.run(record)
         assert estimate.scale is not None

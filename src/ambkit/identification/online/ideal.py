@@ -26,17 +26,8 @@ def is_ideal(bearing: Bearing) -> bool:
 
 
 def as_ideal(bearing: Bearing, y: ArrayLike, u: ArrayLike) -> Array:
-    """Return the control signal with which ideal iron of the same constant pulls as the magnet.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Whose magnet.
-    y : array_like (n,)
-        Measured position [m]; the magnet is asked between the stops.
-    u : array_like (n,)
-        Control signal that acts [V].
-    """
+    """Return the control signal with which ideal iron of the same constant pulls as the magnet."""
+    # y (n,) [m]; u (n,) [V]
     m, amplifier, travel = bearing.magnet, bearing.amplifier, bearing.rotor.travel_limit
     iu = np.clip(amplifier.gain * np.asarray(u), bearing.current_min, bearing.current_max)
     x = np.clip(np.asarray(y) / bearing.sensor.gain, -travel, travel)

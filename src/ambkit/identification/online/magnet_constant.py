@@ -21,26 +21,18 @@ from ambkit.machine.bearing import Bearing
 
 @dataclass(frozen=True, eq=False)
 class Identification(Shown):
-    """What a record says about a bearing.
-
-    Attributes
-    ----------
-    bearing : Bearing
-        The one that was given, with the identified magnet constant.
-    magnet_constant, spread : float
-        Mean and standard deviation of k over the last quarter of the record [N m^2/A^2]; of
-        ``augmented`` the k at its end.
-    history : OnlineResult
-        How k was learned: an :class:`~ambkit.identification.online.adaline.AdalineResult`, a
-        :class:`~ambkit.identification.online.rls.LeastSquaresResult`, or an
-        :class:`~ambkit.identification.online.augmented.AugmentedResult`.
-    """
+    """What a record says about a bearing."""
 
     _card_by = "show.notebook.results:identification"
 
-    bearing: Bearing
+    bearing: Bearing  #: The one that was given, with the identified magnet constant.
+    #: Mean and standard deviation of k over the last quarter of the record [N m^2/A^2]; of
+    #: ``augmented`` the k at its end.
     magnet_constant: float
     spread: float
+    #: How k was learned: an :class:`~ambkit.identification.online.adaline.AdalineResult`, a
+    #: :class:`~ambkit.identification.online.rls.LeastSquaresResult`, or an
+    #: :class:`~ambkit.identification.online.augmented.AugmentedResult`.
     history: OnlineResult
 
 
@@ -98,20 +90,7 @@ def identify_online(
 
 
 def identified(bearing: Bearing, history: OnlineResult) -> Identification:
-    """Make a bearing of what was learned.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The one that learning began with.
-    history : OnlineResult
-        What was learned.
-
-    Raises
-    ------
-    AmbkitError
-        As :func:`identify`.
-    """
+    """Make a bearing of what was learned."""
     if history.held.all():
         seen = (
             f"excitation stayed at {history.excitation.max():.2g}, below the least at which the "

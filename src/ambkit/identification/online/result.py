@@ -19,20 +19,11 @@ DRIFTING = 0.02
 
 @dataclass(frozen=True, eq=False)
 class OnlineResult:
-    """How a magnet constant was learned along a record, n samples.
+    """How a magnet constant was learned along a record, n samples."""
 
-    Attributes
-    ----------
-    t : ndarray (n,)
-        Time [s].
-    k : ndarray (n,)
-        Identified magnet constant [N m^2/A^2].
-    held : ndarray of bool (n,)
-        Where k was held for want of excitation, or because a sample was bad.
-    """
-
-    t: Array
-    k: Array
+    t: Array  #: (n,) Time [s].
+    k: Array  #: (n,) Identified magnet constant [N m^2/A^2].
+    #: (n,) Where k was held for want of excitation, or because a sample was bad.
     held: NDArray[np.bool_]
 
     @property
@@ -68,24 +59,11 @@ def last_quarter(values: Array) -> slice:
 
 
 def mean_error(values: Array, memory: float) -> float:
-    """Standard error of the mean of what an exponential memory gives out.
-
-    For a first-order process of correlation time `memory`, over a stretch of `a` times that, the
-    mean has the share ``v = 2/a (1 - (1 - exp(-a))/a)`` of the process's variance, and the scatter
-    about the mean the rest (Priestley 1981, ch. 5).
-
-    Parameters
-    ----------
-    values : ndarray (n,)
-        What was given out.
-    memory : float
-        Correlation time [samples].
-
-    Returns
-    -------
-    float
-        NaN of fewer than two values.
-    """
+    """Standard error of the mean of what an exponential memory gives out."""
+    # For a first-order process of correlation time `memory`, over a stretch of `a` times that, the
+    # mean has the share ``v = 2/a (1 - (1 - exp(-a))/a)`` of the process's variance, and the
+    # scatter about the mean the rest (Priestley 1981, ch. 5).
+    # values (n,)
     if values.size < 2:
         return math.nan
     a = values.size / memory

@@ -22,17 +22,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class LeastSquaresResult(AdalineResult):
-    """What least squares learned along a record, n samples; the rest as :class:`AdalineResult`.
+    """What least squares learned along a record, n samples; the rest as :class:`AdalineResult`."""
 
-    Attributes
-    ----------
-    excitation : ndarray (n,)
-        Root mean square of what k is learned from: the regressor, or where the load is learned
-        too its deviation from what looks like a load; relative to iu = i0, x = 0 [1].
-    load : ndarray (n,)
-        Identified force on the rotor that was not known [N]; zero where it is not learned.
-    """
+    # excitation (n,) Root mean square of what k is learned from: the regressor, or where the load
+    # is learned too its deviation from what looks like a load; relative to iu = i0, x = 0 [1].
 
+    #: (n,) Identified force on the rotor that was not known [N]; zero where it is not learned.
     load: Array
 
 

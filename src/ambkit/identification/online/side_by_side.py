@@ -44,33 +44,19 @@ Sensor noise that is correlated over a sample (a low-pass at a sixth of the samp
 
 @dataclass(frozen=True, eq=False)
 class SideBySide(Shown):
-    """What each learned along one record, from one start.
-
-    Attributes
-    ----------
-    bearing : Bearing
-        The one that was given.
-    start : float
-        Magnet constant that all began with [N m^2/A^2].
-    truth : float or None
-        The simulated bearing's [N m^2/A^2]; None for a measured record.
-    results : mapping of str to OnlineResult
-        By the names of `NAMES`.
-    """
+    """What each learned along one record, from one start."""
 
     _card_by = "show.notebook.results:side_by_side"
 
-    bearing: Bearing
-    start: float
-    truth: float | None
-    results: Mapping[str, OnlineResult]
+    bearing: Bearing  #: The one that was given.
+    start: float  #: Magnet constant that all began with [N m^2/A^2].
+    truth: float | None  #: The simulated bearing's [N m^2/A^2]; None for a measured record.
+    results: Mapping[str, OnlineResult]  #: By the names of `NAMES`.
 
     @property
     def colour(self) -> float:
-        """Correlation of the filter's innovations one sample apart; white ones have none.
-
-        Of the second half of the record, where k has settled. NaN where there are too few.
-        """
+        """Correlation of the filter's innovations one sample apart; white ones have none."""
+        # Of the second half of the record, where k has settled. NaN where there are too few.
         filtered = self.results["augmented"]
         assert isinstance(filtered, AugmentedResult)
         estimate = filtered.estimate
@@ -88,13 +74,7 @@ class SideBySide(Shown):
         return abs(self.colour) > COLOURED
 
     def agree(self, one: str, other: str) -> bool:
-        """Whether two constants differ by no more than their errors, or by hardly anything.
-
-        Parameters
-        ----------
-        one, other : str
-            Names of `NAMES`.
-        """
+        """Whether two constants differ by no more than their errors, or by hardly anything."""
         a, b = self.results[one], self.results[other]
         apart = abs(a.magnet_constant - b.magnet_constant)
         error = CONFIDENCE * math.hypot(a.standard_error, b.standard_error)
@@ -192,27 +172,9 @@ def learn_online(
     start: float | None = None,
     disturbance: ArrayLike | None = None,
 ) -> SideBySide:
-    """Learn the magnet constant along a record: ADALINE, least squares, and the Kalman filter.
-
-    All from the same two signals and the same start, each with its defaults.
-
-    Parameters
-    ----------
-    record : Record
-        With ``y`` [m] and ``u`` [V], n samples.
-    bearing : Bearing
-        Mass, gap, bias current, sensor and amplifier; its magnet constant is the start.
-    start : float, optional
-        Another start [N m^2/A^2].
-    disturbance : array_like (n,), optional
-        Disturbance force as far as it is known [N]. The Kalman filter finds it by itself and is
-        not told.
-
-    Raises
-    ------
-    ValueError
-        The start is out of its range, or the record's sampling time is not the bearing's.
-    """
+    """Learn the magnet constant along a record: ADALINE, least squares, and the Kalman filter."""
+    # All from the same two signals and the same start, each with its defaults.
+    # disturbance (n,) [N]
     from ambkit.estimate.base import check_sampling
 
     check_sampling(bearing, record)
@@ -228,13 +190,7 @@ def learn_online(
 
 
 def true_constant(record: Record) -> float | None:
-    """Return the magnet constant of the simulated bearing [N m^2/A^2]; None where it is measured.
-
-    Parameters
-    ----------
-    record : Record
-        Its ``meta`` holds the bearing of a simulation.
-    """
+    """The magnet constant of the simulated bearing [N m^2/A^2]; None where it is measured."""
     from ambkit.machine.bearing import Bearing
 
     text = record.meta.get("bearing")
@@ -251,13 +207,7 @@ def unknown_load(result: OnlineResult) -> float | None:
 
 
 def figures(result: OnlineResult) -> dict[str, Any]:
-    """Return what is told of one of them, SI.
-
-    Parameters
-    ----------
-    result : OnlineResult
-        What was learned.
-    """
+    """Return what is told of one of them, SI."""
     told: dict[str, Any] = {
         "magnet_constant": result.magnet_constant,
         "standard_error": result.standard_error,

@@ -38,26 +38,15 @@ _TRAINING_SEED = 500_009
 
 @dataclass(frozen=True)
 class Standing:
-    """How one estimator did, with one set of values.
+    """How one estimator did, with one set of values."""
 
-    Attributes
-    ----------
-    name, label : str
-        Of the estimator.
-    values : mapping
-        Of its tunables.
-    figures : mapping of str to ndarray (runs,)
-        By the names of :data:`ambkit.judge.comparison.criteria.CRITERIA`, in SI; NaN where a
-        criterion does not apply to a run.
-    tuning : Tuning or None
-        What was found; None where these are the defaults.
-    """
-
-    name: str
+    name: str  #: Of the estimator.
     label: str
-    values: Mapping[str, float]
+    values: Mapping[str, float]  #: Of its tunables.
+    #: (runs,) By the names of :data:`ambkit.judge.comparison.criteria.CRITERIA`, in SI; NaN where a
+    #: criterion does not apply to a run.
     figures: dict[str, Array]
-    tuning: Tuning | None = None
+    tuning: Tuning | None = None  #: What was found; None where these are the defaults.
 
     def mean(self, criterion: str) -> float:
         """Mean over the runs in which it applies; NaN where it never does."""
@@ -95,38 +84,23 @@ class Standing:
 
 @dataclass(frozen=True)
 class Bench(Shown):
-    """The whole comparison in one case.
-
-    Attributes
-    ----------
-    bearing : Bearing
-        What the estimators assume.
-    case : Case
-        What happened.
-    runs, stopped : int
-        Runs, and those left out since the rotor met a stop while the records were made.
-    seed, budget : int
-        First seed; evaluations of the tuning, 0: not tuned.
-    default, tuned : mapping of str to Standing
-        By the names of the estimators; `tuned` is empty without tuning.
-    limit : mapping of str to float
-        Least RMSE of x, v, f_d, x_m that any estimator can have; empty where the truth is not as
-        the filters' model, and there is no limit known.
-    units : mapping of str to (mapping of str to str)
-        By estimator, unit of each value that can be tuned.
-    """
+    """The whole comparison in one case."""
 
     _card_by = "show.notebook.results:bench"
 
-    bearing: Bearing
-    case: Case
-    runs: int
+    bearing: Bearing  #: What the estimators assume.
+    case: Case  #: What happened.
+    runs: int  #: Runs, and those left out since the rotor met a stop while the records were made.
     stopped: int
-    seed: int
+    seed: int  #: First seed; evaluations of the tuning, 0: not tuned.
     budget: int
+    #: By the names of the estimators; `tuned` is empty without tuning.
     default: Mapping[str, Standing]
     tuned: Mapping[str, Standing] = field(default_factory=dict)
+    #: Least RMSE of x, v, f_d, x_m that any estimator can have; empty where the truth is not as the
+    #: filters' model, and there is no limit known.
     limit: Mapping[str, float] = field(default_factory=dict)
+    #: (mapping of str to str) By estimator, unit of each value that can be tuned.
     units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     @property
@@ -184,36 +158,7 @@ def bench(
     only: Sequence[str] | None = None,
     done: Callable[[], None] = lambda: None,
 ) -> Bench:
-    """Compare estimators in one case.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What all estimators assume.
-    case : Case
-        What happens, and how the plant differs.
-    field : mapping of str to Contender
-        Who takes part.
-    runs : int
-        Runs that are judged.
-    budget : int
-        Evaluations that each one's tuning has, on `TRAINING` other runs; 0: defaults only.
-    seed : int
-        Of the points of what is uncertain, and of all noise.
-    threads : int
-        How many runs go side by side; no figure but the cost depends on it.
-    tuned : mapping, optional
-        Tunings found before; nothing is then tuned anew.
-    only : sequence of str, optional
-        Names of the standings to be judged: ``"default"``, ``"tuned"``; both without it.
-    done : callable
-        Called after each piece of work, see `pieces`.
-
-    Raises
-    ------
-    AmbkitError
-        In all runs the rotor meets a stop, so that there is nothing to estimate.
-    """
+    """Compare estimators in one case."""
     made = trials(case, bearing, runs, seed)
     valid = [trial for trial in made if not trial.lost]
     if not valid:
@@ -335,24 +280,14 @@ def _limit(bearing: Bearing, case: Case, valid: Sequence[Trial], first: int) -> 
 
 @dataclass(frozen=True)
 class Sweep:
-    """How the error changes with one thing, for each estimator.
+    """How the error changes with one thing, for each estimator."""
 
-    Attributes
-    ----------
-    values : ndarray (n,)
-        Of what is changed.
-    errors : mapping of str to (mapping of str to ndarray (n,))
-        By estimator, then x, v, f_d: mean RMSE.
-    half_widths : mapping
-        The same: half of the 95 % confidence interval.
-    limit : mapping of str to ndarray (n,)
-        Of x, v, f_d; empty where none is known.
-    """
-
-    values: Array
+    values: Array  #: (n,) Of what is changed.
+    #: (mapping of str to ndarray (n,)) By estimator, then x, v, f_d: mean RMSE.
     errors: Mapping[str, Mapping[str, Array]]
+    #: The same: half of the 95 % confidence interval.
     half_widths: Mapping[str, Mapping[str, Array]]
-    limit: Mapping[str, Array]
+    limit: Mapping[str, Array]  #: (n,) Of x, v, f_d; empty where none is known.
 
 
 def sweep(
@@ -366,23 +301,7 @@ def sweep(
     threads: int = 2,
     done: Callable[[], None] = lambda: None,
 ) -> Sweep:
-    """Compare estimators along records only, in a row of cases that differ in one thing.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What all estimators assume.
-    cases : mapping of float to Case
-        By what is changed.
-    field : mapping of str to Contender
-        Who takes part.
-    tuned : mapping, optional
-        Tunings; defaults without it.
-    runs, seed, threads : int
-        As for `bench`.
-    done : callable
-        Called after each case.
-    """
+    """Compare estimators along records only, in a row of cases that differ in one thing."""
     first = max(1, round(SETTLING * own_time(bearing) / bearing.sampling_time))
     rows: list[dict[str, Array]] = []
     limits: list[dict[str, float]] = []

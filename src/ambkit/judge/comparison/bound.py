@@ -50,26 +50,9 @@ def posterior_bound(
     measurement: float,
     prior: ArrayLike,
 ) -> Array:
-    """Bound on the covariance of any estimate, sample by sample, after its measurement.
-
-    Parameters
-    ----------
-    transition : array_like (runs, samples - 1, n, n)
-        F, derivative of each sample's state by the one before, along each true run.
-    noise_input : array_like (runs, samples - 1, n, q)
-        G, derivative by the q noises that act between; the noises have unit variance.
-    output : array_like (n,)
-        H, one measured quantity a sample.
-    measurement : float
-        R, variance of its noise, greater than 0.
-    prior : array_like (n, n)
-        Covariance of the state at the first sample, before its measurement.
-
-    Returns
-    -------
-    ndarray (samples, n, n)
-        The bound: no estimator's mean square error is below it.
-    """
+    """Bound on the covariance of any estimate, sample by sample, after its measurement."""
+    # transition (runs, samples - 1, n, n); noise_input (runs, samples - 1, n, q); output (n,);
+    # prior (n, n); returns (samples, n, n)
     F, G = np.asarray(transition, dtype=float), np.asarray(noise_input, dtype=float)
     runs, steps, n, _ = F.shape
     H = np.asarray(output, dtype=float)
@@ -97,29 +80,11 @@ def posterior_bound(
 def bearing_bound(
     bearing: Bearing, records: Sequence[Record], variances: Variances, std: Sequence[float]
 ) -> Array:
-    """Bound for a bearing whose truth follows the filters' model.
-
-    That is: the bearing's force law, white noise on control signal and measurement, and a
-    disturbance force that is a random walk, all with the variances given; and what else the bearing
-    has that its model knows, such as coloured noise, as the bearing says.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The plant, and what the estimator knows of it.
-    records : sequence of Record
-        Simulated runs of the same scenario, with truth, alike in length.
-    variances : Variances
-        Of measurement, control signal, and growth of the disturbance.
-    std : sequence of n floats
-        Standard deviations at the start: x [m], v [m/s], f_d [N], x_m [m], and of what other states
-        the bearing's model has.
-
-    Returns
-    -------
-    ndarray (samples, n)
-        Least standard deviation of the error: x [m], v [m/s], f_d [N], x_m [m], and the others.
-    """
+    """Bound for a bearing whose truth follows the filters' model."""
+    # That is: the bearing's force law, white noise on control signal and measurement, and a
+    # disturbance force that is a random walk, all with the variances given; and what else the
+    # bearing has that its model knows, such as coloured noise, as the bearing says.
+    # returns (samples, n)
     with one_thread():
         return _bearing_bound(bearing, records, variances, np.asarray(std, dtype=float))
 

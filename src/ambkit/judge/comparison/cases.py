@@ -48,45 +48,23 @@ REACH = 0.8
 
 @dataclass(frozen=True)
 class Case:
-    """A situation that estimators are compared in.
+    """A situation that estimators are compared in."""
 
-    Attributes
-    ----------
-    name : str
-        As the user calls it.
-    title : str
-        What happens, in a few words.
-    about : str
-        What is to be seen in it, in a sentence.
-    scenario : callable
-        ``scenario(bearing, load)``, load in weights.
-    spread : Spread
-        What is uncertain about the plant.
-    magnet_constant : float
-        Factor on the plant's magnet constant, which the estimators do not know.
-    drift : float
-        How much of that constant it gains by the end of the run, evenly.
-    saturates : bool
-        Whether the plant's iron saturates more than described, which only the learned maps know.
-    correlation : float
-        Samples over which the sensor's noise is correlated; 0: white.
-    walks : float
-        Growth of the load as a random walk, as a factor on what the filters assume; 0: it has none.
-    magnet : ForceSurface, optional
-        The plant's true magnet, measured or computed; only the learned maps know it.
-        Without it, what the bearing describes.
-    """
-
-    name: str
-    title: str
-    about: str
-    scenario: Callable[[Bearing, float], Scenario]
-    spread: Spread = CERTAIN
+    name: str  #: As the user calls it.
+    title: str  #: What happens, in a few words.
+    about: str  #: What is to be seen in it, in a sentence.
+    scenario: Callable[[Bearing, float], Scenario]  #: ``scenario(bearing, load)``, load in weights.
+    spread: Spread = CERTAIN  #: What is uncertain about the plant.
+    #: Factor on the plant's magnet constant, which the estimators do not know.
     magnet_constant: float = 1.0
-    drift: float = 0.0
+    drift: float = 0.0  #: How much of that constant it gains by the end of the run, evenly.
+    #: Whether the plant's iron saturates more than described, which only the learned maps know.
     saturates: bool = False
-    correlation: float = 0.0
+    correlation: float = 0.0  #: Samples over which the sensor's noise is correlated; 0: white.
+    #: Growth of the load as a random walk, as a factor on what the filters assume; 0: it has none.
     walks: float = 0.0
+    #: The plant's true magnet, measured or computed; only the learned maps know it. Without it,
+    #: what the bearing describes.
     magnet: ForceSurface | None = None
 
     def growth(self, bearing: Bearing) -> float:
@@ -96,27 +74,13 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One run of a case: the plant that it was made with, and the record that all are given.
+    """One run of a case: the plant that it was made with, and the record that all are given."""
 
-    Attributes
-    ----------
-    plant : Bearing
-        The true one.
-    scenario : Scenario
-        With its seed.
-    imposed : Imposed
-        Series of noise and load.
-    magnet : MagnetModel or None
-        The plant's magnet where it is no closed law.
-    record : Record
-        The run that the nominal linear filter closed the loop of.
-    """
-
-    plant: Bearing
-    scenario: Scenario
-    imposed: Imposed
-    magnet: MagnetModel | None
-    record: Record
+    plant: Bearing  #: The true one.
+    scenario: Scenario  #: With its seed.
+    imposed: Imposed  #: Series of noise and load.
+    magnet: MagnetModel | None  #: The plant's magnet where it is no closed law.
+    record: Record  #: The run that the nominal linear filter closed the loop of.
     _loads: dict[int, Load] = field(default_factory=dict, repr=False)
 
     def load(self, first: int) -> Load:
@@ -136,40 +100,12 @@ class Trial:
 
 
 def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
-    """Make the records of a case, see `each_trial`.
-
-    Parameters
-    ----------
-    case, bearing, runs, seed
-        As there.
-    """
+    """Make the records of a case, see `each_trial`."""
     return list(each_trial(case, bearing, runs, seed))
 
 
 def each_trial(case: Case, bearing: Bearing, runs: int, seed: int) -> Iterator[Trial]:
-    """Make the records of a case, one after another.
-
-    Parameters
-    ----------
-    case : Case
-        What happens.
-    bearing : Bearing
-        The nominal one.
-    runs : int
-        How many.
-    seed : int
-        Of the points of what is uncertain, and of all noise.
-
-    Yields
-    ------
-    Trial
-        In the order of the points; the first are the same however many there are.
-
-    Raises
-    ------
-    ConfigError
-        The spread leads to a bearing that cannot be, such as one that cannot carry its rotor.
-    """
+    """Make the records of a case, one after another."""
     nominal = case.spread == CERTAIN and case.magnet_constant == 1.0
     fixed = _magnet(case, bearing, bearing) if nominal else None
     known = KalmanFilter(bearing)
@@ -189,11 +125,9 @@ def each_trial(case: Case, bearing: Bearing, runs: int, seed: int) -> Iterator[T
 def _imposed(
     case: Case, bearing: Bearing, plant: Bearing, scenario: Scenario
 ) -> tuple[Imposed, Array | None]:
-    """Draw the load's walk and the coloured noise, from streams of their own.
-
-    A load that walks does not wait for the samples. What acts over a sample is its mean there, so
-    that the run is that of the walk; where it stands at the samples (n,) is returned beside it.
-    """
+    """Draw the load's walk and the coloured noise, from streams of their own."""
+    # A load that walks does not wait for the samples. What acts over a sample is its mean there, so
+    # that the run is that of the walk; where it stands at the samples (n,) is returned beside it.
     n, T = samples(plant, scenario), plant.sampling_time
     on_load, on_sensor = (
         np.random.default_rng(s)
@@ -226,27 +160,11 @@ def _with_walk(record: Record, walk: Array | None) -> Record:
 
 
 class Load:
-    """A load that estimates of it are compared with, lag by lag.
+    """A load that estimates of it are compared with, lag by lag."""
 
-    Parameters
-    ----------
-    signal : ndarray (n,)
-        The load [N].
-
-    Attributes
-    ----------
-    furthest : int
-        The greatest lag [samples]: of what comes again and again nobody can tell more than half of
-        its period.
-    moves : bool
-        Whether it does, at all.
-    transform : ndarray
-        Discrete Fourier transform of its deviation from the mean.
-    transform_size : int
-        Samples of that, with zeros.
-    spread, still : ndarray (furthest + 1,)
-        Root of its variance in the stretch that each lag sees, and where that is but rounding.
-    """
+    # spread, still (furthest + 1,) Root of its variance in the stretch that each lag sees, and
+    # where that is but rounding.
+    # signal (n,) The load [N].
 
     def __init__(self, signal: Array) -> None:
         from scipy.fft import next_fast_len, rfft
@@ -266,13 +184,8 @@ class Load:
 
 
 def period_of(signal: Array) -> int:
-    """Return after how many samples a signal comes again; its length where it does not.
-
-    Parameters
-    ----------
-    signal : ndarray (n,)
-        Such as a load.
-    """
+    """Return after how many samples a signal comes again; its length where it does not."""
+    # signal (n,)
     from scipy.signal import correlate
 
     n = signal.size
@@ -294,16 +207,9 @@ def period_of(signal: Array) -> int:
 
 
 def saturating(bearing: Bearing) -> Force:
-    """Return the force of magnets whose iron saturates at twice the flux of the bias current.
-
-    The flux, proportional to i/s, bends off as ``phi/(1 + (phi/phi_s)^4)^(1/4)``. The bearing's own
-    force, by its law or force map, falls by the same share as an ideal magnet's does.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Whose magnets they are.
-    """
+    """Return the force of magnets whose iron saturates at twice the flux of the bias current."""
+    # The flux, proportional to i/s, bends off as ``phi/(1 + (phi/phi_s)^4)^(1/4)``. The bearing's
+    # own force, by its law or force map, falls by the same share as an ideal magnet's does.
     m, own = bearing.magnet, magnet_of(bearing)
     limit = 2 * m.bias_current / m.air_gap
     if m.type == "one-sided":
@@ -381,13 +287,7 @@ def _positions(bearing: Bearing, plan: dict[float, float]) -> Sequence:
 
 
 def step_case(share: float) -> Case:
-    """Return the case of one step and a load, as `ambkit reproduce` has it.
-
-    Parameters
-    ----------
-    share : float
-        Height of the step, in travels.
-    """
+    """Return the case of one step and a load, as `ambkit reproduce` has it."""
 
     def scenario(bearing: Bearing, load: float) -> Scenario:
         return _scenario(bearing, 60, _positions(bearing, {6: share}), _load(bearing, load, 30))
@@ -402,13 +302,7 @@ def step_case(share: float) -> Case:
 
 
 def walk_case(share: float) -> Case:
-    """Return the case in which all is as the filters' model says, with one step.
-
-    Parameters
-    ----------
-    share : float
-        Height of the step, in travels.
-    """
+    """Return the case in which all is as the filters' model says, with one step."""
 
     def scenario(bearing: Bearing, _load: float) -> Scenario:
         return _scenario(bearing, 24, _positions(bearing, {2: share}))
@@ -440,13 +334,7 @@ def _unbalance(bearing: Bearing, load: float) -> Scenario:
 
 
 def load_case(force: float) -> Case:
-    """Return the case of a position step and back, then a step of the disturbance force.
-
-    Parameters
-    ----------
-    force : float
-        Its height [N]; it acts against gravity.
-    """
+    """Return the case of a position step and back, then a step of the disturbance force."""
 
     def scenario(bearing: Bearing, _load: float) -> Scenario:
         step = Step(amplitude=against_gravity(bearing) * force, time=20 * own_time(bearing))

@@ -28,47 +28,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Range:
-    """Where tuning looks for a value, evenly in its logarithm.
+    """Where tuning looks for a value, evenly in its logarithm."""
 
-    Attributes
-    ----------
-    name : str
-        As its kind calls it: ``noise.disturbance``, ``bandwidth``.
-    unit : str
-        SI.
-    default, low, high : float
-        Greater than 0.
-    """
-
-    name: str
-    unit: str
-    default: float
+    name: str  #: As its kind calls it: ``noise.disturbance``, ``bandwidth``.
+    unit: str  #: SI.
+    default: float  #: Greater than 0.
     low: float
     high: float
 
 
 @dataclass(frozen=True)
 class Contender:
-    """An estimator that takes part.
+    """An estimator that takes part."""
 
-    Attributes
-    ----------
-    name : str
-        As the user calls it.
-    label : str
-        As it stands in pictures.
-    build : callable
-        ``build(**values)`` makes a fresh one, with values of its tunables.
-    tunable : tuple of Range
-        What can be tuned of it.
-    in_loop : bool
-        Whether it can be in the simulated loop, which is C; one in Python runs beside it.
-    """
-
-    name: str
-    label: str
+    name: str  #: As the user calls it.
+    label: str  #: As it stands in pictures.
+    #: ``build(**values)`` makes a fresh one, with values of its tunables.
     build: Callable[..., Any]
-    tunable: tuple[Range, ...] = ()
+    tunable: tuple[Range, ...] = ()  #: What can be tuned of it.
+    #: Whether it can be in the simulated loop, which is C; one in Python runs beside it.
     in_loop: bool = True
 
     @property
@@ -83,25 +61,7 @@ def contenders(
     magnets: Mapping[str, MagnetModel] | None = None,
     custom: Mapping[str, Callable[..., Any]] | None = None,
 ) -> dict[str, Contender]:
-    """Return who takes part, by name.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Kinds of :data:`ambkit.estimate.registry.KINDS`, filters' files, or ``file.py:Class``.
-    bearing : Bearing
-        What all of them assume.
-    magnets : mapping, optional
-        What kinds of estimator know of the magnet, where it is not their default.
-    custom : mapping, optional
-        Estimators of the user by name: classes or functions that give an object with
-        ``step(y, u)``, called with the bearing, or without it.
-
-    Raises
-    ------
-    AmbkitError
-        A name is unknown, or the file does not give such an object.
-    """
+    """Return who takes part, by name."""
     found = {}
     for name in names:
         if name in KINDS:
@@ -121,18 +81,7 @@ def contenders(
 
 
 def expand(text: str) -> list[str]:
-    """Split a list of names, such as ``linear,my.py:MyFilter``; ``all`` is every kind.
-
-    Parameters
-    ----------
-    text : str
-        Names with commas between.
-
-    Raises
-    ------
-    AmbkitError
-        A name is unknown, or there is none.
-    """
+    """Split a list of names, such as ``linear,my.py:MyFilter``; ``all`` is every kind."""
     found: dict[str, None] = {}
     for name in filter(None, map(str.strip, text.split(","))):
         if name == "all":
@@ -156,21 +105,7 @@ def _unknown(name: str) -> AmbkitError:
 def contender_of_kind(
     name: str, bearing: Bearing | Machine, magnet: MagnetModel | None = None, *, whole: bool = False
 ) -> Contender:
-    """Return a kind of estimator as one who takes part.
-
-    Parameters
-    ----------
-    name : str
-        Of :data:`ambkit.estimate.registry.KINDS`.
-    bearing : Bearing or Machine
-        What it assumes; of a machine variances are tuned together, and each keeps its ratio to
-        their geometric mean.
-    magnet : optional
-        What it knows of its magnet.
-    whole : bool
-        Whether all of its tunables are told, or one of the variances is left out: gains depend on
-        their ratios alone.
-    """
+    """Return a kind of estimator as one who takes part."""
     kind = KINDS[name]
 
     def build(**values: float) -> Any:
@@ -203,18 +138,7 @@ def _range(tunable: Tunable, bearing: Any) -> Range:
 
 
 def load_class(text: str) -> tuple[str, Callable[..., Any]]:
-    """Return name and class of an estimator in a Python file.
-
-    Parameters
-    ----------
-    text : str
-        Such as ``my.py:MyFilter``.
-
-    Raises
-    ------
-    AmbkitError
-        The file cannot be run, or has no such class.
-    """
+    """Return name and class of an estimator in a Python file."""
     path, _, name = text.rpartition(":")
     if not Path(path).is_file():
         raise AmbkitError(f"{path}: there is no such file")
@@ -264,48 +188,21 @@ STATES = 4
 
 @dataclass
 class PythonEstimator:
-    """An object with ``step(y, u)``, run along a record sample by sample.
+    """An object with ``step(y, u)``, run along a record sample by sample."""
 
-    Parameters
-    ----------
-    wrapped : object
-        ``step(y, u)`` takes the measured position [m] and the control signal that acted since the
-        last sample [V], and returns x [m], v [m/s], f_d [N], x_m [m]. What it does not estimate is
-        NaN. If it has ``reset(mean, std)``, it is told where it starts, as all others are.
-    bearing : Bearing
-        What is filtered.
-    name : str
-        Its name.
-
-    Raises
-    ------
-    AmbkitError
-        The object has no ``step``.
-    """
-
+    #: ``step(y, u)`` takes the measured position [m] and the control signal that acted since the
+    #: last sample [V], and returns x [m], v [m/s], f_d [N], x_m [m]. What it does not estimate is
+    #: NaN. If it has ``reset(mean, std)``, it is told where it starts, as all others are.
     wrapped: Any
-    bearing: Bearing
-    name: str
+    bearing: Bearing  #: What is filtered.
+    name: str  #: Its name.
 
     def __post_init__(self) -> None:
         if not callable(getattr(self.wrapped, "step", None)):
             raise AmbkitError(f"{self.name}: an estimator needs a method step(y, u)")
 
     def run(self, record: Record, *, covariance: bool = False) -> Estimate:
-        """Run along a record; at the first sample, u is the record's first.
-
-        Parameters
-        ----------
-        record : Record
-            With ``y`` [m] and ``u`` [V].
-        covariance : bool
-            There is none; asked for or not.
-
-        Raises
-        ------
-        AmbkitError
-            ``step`` fails, or does not return four numbers.
-        """
+        """Run along a record; at the first sample, u is the record's first."""
         y, u = record["y"].tolist(), record["u"].tolist()
         other = KalmanFilter(self.bearing)
         if callable(getattr(self.wrapped, "reset", None)):

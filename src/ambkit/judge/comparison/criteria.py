@@ -33,31 +33,16 @@ EVALUATED = ("x", "v", "f_d")
 
 @dataclass(frozen=True)
 class Criterion:
-    """One column of the evaluation.
+    """One column of the evaluation."""
 
-    Attributes
-    ----------
-    label : str
-        What it is, short.
-    unit : str
-        As shown.
-    factor : float
-        What SI is multiplied with to be in `unit`.
-    best : float
-        What it should be.
-    kind : {"error", "ratio", "share"}
-        How distance from the best is judged: as a multiple of the least, as a factor either way, as
-        a difference.
-    about : str
-        How it is found, in a sentence.
-    """
-
-    label: str
-    unit: str
-    factor: float
-    best: float
+    label: str  #: What it is, short.
+    unit: str  #: As shown.
+    factor: float  #: What SI is multiplied with to be in `unit`.
+    best: float  #: What it should be.
+    #: How distance from the best is judged: as a multiple of the least, as a factor either way, as
+    #: a difference.
     kind: Literal["error", "ratio", "share"]
-    about: str
+    about: str  #: How it is found, in a sentence.
 
 
 CRITERIA = {
@@ -101,24 +86,7 @@ OF_THE_LOOP = {
 def evaluate_run(
     estimator: Any, trial: Trial, bearing: Bearing, settling: float
 ) -> dict[str, float]:
-    """Run an estimator along a trial's record, and judge it.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        A fresh one.
-    trial : Trial
-        The record and the plant.
-    bearing : Bearing
-        What the estimator assumes.
-    settling : float
-        What does not count at the start [s].
-
-    Returns
-    -------
-    dict of str to float
-        By the names of `CRITERIA`, in SI, without the cost; what is judged in the loop is NaN.
-    """
+    """Run an estimator along a trial's record, and judge it."""
     record = trial.record
     first = max(1, round(settling / record.sampling_time))
     estimate = estimator.run(record, covariance=True)
@@ -157,11 +125,9 @@ def magnet_force(estimator: Any, estimate: Estimate, record: Record) -> Array:
 
 
 def _current(bearing: Bearing, estimate: Estimate, record: Record) -> Array:
-    """Control current just after each sample as an estimator sees it [A].
-
-    A state where the amplifier lags; of a loop with a delay the oldest that still acts; else the
-    one asked for.
-    """
+    """Control current just after each sample as an estimator sees it [A]."""
+    # A state where the amplifier lags; of a loop with a delay the oldest that still acts; else the
+    # one asked for.
     for role in ("current", "past control"):
         late = [at for at, state in enumerate(estimate.states) if state.role == role]
         if late:
@@ -171,11 +137,9 @@ def _current(bearing: Bearing, estimate: Estimate, record: Record) -> Array:
 
 
 def normalised_errors(estimate: Estimate, record: Record) -> Array:
-    """NEES sample by sample, (n,): e' P^-1 e of x, v, f_d; NaN without covariances.
-
-    The lagged position is left out: it follows from the others but for a few parts in a million,
-    and a NEES with it would judge the last digits of how the model was made discrete.
-    """
+    """NEES sample by sample, (n,): e' P^-1 e of x, v, f_d; NaN without covariances."""
+    # The lagged position is left out: it follows from the others but for a few parts in a million,
+    # and a NEES with it would judge the last digits of how the model was made discrete.
     if estimate.covariance is None:
         return np.full(len(record), np.nan)
     upper = np.asarray(estimate.covariance, dtype=float).T
@@ -228,20 +192,10 @@ def _innovations(estimate: Estimate, first: int) -> dict[str, float]:
 
 
 def delay(estimated: Array, load: Load, T: float) -> float:
-    """How late a signal is [s]: the lag of the greatest correlation with the truth.
-
-    Found between the samples by a parabola through the three around it. NaN where the truth never
-    moves, or the estimate does not.
-
-    Parameters
-    ----------
-    estimated : ndarray (n,)
-        The signal as estimated.
-    load : Load
-        As it was.
-    T : float
-        Sampling time [s].
-    """
+    """How late a signal is [s]: the lag of the greatest correlation with the truth."""
+    # Found between the samples by a parabola through the three around it. NaN where the truth never
+    # moves, or the estimate does not.
+    # estimated (n,)
     from scipy.fft import irfft, rfft
 
     n, furthest = estimated.size, load.furthest

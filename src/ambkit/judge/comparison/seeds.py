@@ -29,21 +29,12 @@ EVALUATED = {"x": "m", "v": "m/s", "f_d": "N"}
 
 @dataclass(frozen=True)
 class Score:
-    """How one estimator did over several seeds.
+    """How one estimator did over several seeds."""
 
-    Attributes
-    ----------
-    rmse : dict
-        ``x`` [m], ``v`` [m/s], ``f_d`` [N]: root mean square errors, one per seed, (seeds,).
-    nis : ndarray (seeds,)
-        Mean normalised innovation squared; 1 where model and noise are right.
-    touched : int
-        Runs in which the rotor touched a stop.
-    """
-
+    #: ``x`` [m], ``v`` [m/s], ``f_d`` [N]: root mean square errors, one per seed, (seeds,).
     rmse: Mapping[str, Array]
-    nis: Array
-    touched: int = 0
+    nis: Array  #: (seeds,) Mean normalised innovation squared; 1 where model and noise are right.
+    touched: int = 0  #: Runs in which the rotor touched a stop.
 
     def mean(self, signal: str) -> float:
         """Mean RMSE over the seeds."""
@@ -84,28 +75,7 @@ def compare(
     threads: int = 2,
     done: Callable[[], None] = lambda: None,
 ) -> Scores:
-    """Monte Carlo over seeds: every estimator closes its own loop against the same noise.
-
-    Parameters
-    ----------
-    bearing, scenario : Bearing, Scenario
-        The plant and what happens to it; the scenario's seed is replaced.
-    estimators : mapping of name to factory
-        Each call of a factory gives a fresh estimator. All of them should assume the same noise.
-    seeds : sequence of int
-        One run each; the same seed gives every estimator the same noise.
-    magnet : optional
-        The plant's true magnet; by default what the bearing describes.
-    threads : int
-        How many runs go side by side; the result does not depend on it.
-    done : callable
-        Called after each run, for a progress bar.
-
-    Returns
-    -------
-    Scores
-        A dictionary, by the names of the estimators.
-    """
+    """Monte Carlo over seeds: every estimator closes its own loop against the same noise."""
     of_type(Bearing, bearing=bearing)
     of_type(Scenario, scenario=scenario)
 

@@ -13,53 +13,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Spread:
-    """How far each quantity may be from its nominal value, as a share of it: 0.2 is +-20 %.
+    """How far each quantity may be from its nominal value, as a share of it: 0.2 is +-20 %."""
 
-    The plant takes the value; the estimators go on with the nominal one.
+    # The plant takes the value; the estimators go on with the nominal one.
 
-    Parameters
-    ----------
-    magnet_constant, mass, air_gap : float
-        Of the plant. A force map has its gap in it: only its constant varies.
-    noise, lag : float
-        Of the sensor: standard deviation of its noise, time constant.
-    load : float
-        Of the disturbance.
-    """
-
+    #: Of the plant. A force map has its gap in it: only its constant varies.
     magnet_constant: float = 0.0
     mass: float = 0.0
     air_gap: float = 0.0
-    noise: float = 0.0
+    noise: float = 0.0  #: Of the sensor: standard deviation of its noise, time constant.
     lag: float = 0.0
-    load: float = 0.0
+    load: float = 0.0  #: Of the disturbance.
 
     @classmethod
     def all(cls, share: float) -> Spread:
-        """Return the same share for each.
-
-        Parameters
-        ----------
-        share : float
-            From 0 to below 1.
-        """
+        """Return the same share for each."""
         return cls(*(share for _ in fields(cls)))
 
     def factors(self, runs: int, seed: int) -> list[Spread]:
-        """Draw what each run takes of each nominal value: scrambled Sobol points (Owen 1998).
-
-        Parameters
-        ----------
-        runs : int
-            How many points. Fewer are the first of more.
-        seed : int
-            Of the scrambling.
-
-        Returns
-        -------
-        list of Spread
-            Factors around 1, uniform within the spread.
-        """
+        """Draw what each run takes of each nominal value: scrambled Sobol points (Owen 1998)."""
         from scipy.stats import qmc
 
         shares = np.array([getattr(self, field.name) for field in fields(self)])
@@ -68,13 +40,7 @@ class Spread:
         return [Spread(*map(float, row)) for row in 1 + shares * (2 * points - 1)]
 
     def plant(self, nominal: Bearing) -> Bearing:
-        """Return the bearing with its values times these factors.
-
-        Parameters
-        ----------
-        nominal : Bearing
-            What the estimators know.
-        """
+        """Return the bearing with its values times these factors."""
         magnet, sensor = nominal.magnet, nominal.sensor
         gap = magnet.air_gap * self.air_gap
         return nominal.replace(

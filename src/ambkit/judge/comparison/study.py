@@ -45,48 +45,25 @@ SWEEP_RUNS = 4
 
 @dataclass(frozen=True)
 class Study(Shown):
-    """A whole comparison.
-
-    Attributes
-    ----------
-    bench : Bench
-        The case that was asked for.
-    field : mapping of str to Contender
-        Who took part.
-    first : Trial
-        Its first run.
-    steps, wrong_k, limit : Sweep or None
-        Errors by the height of the step, by the plant's magnet constant, and by the height of the
-        step where all is as the filters' model says; None where the report was not asked for.
-    model : Bench or None
-        The case in which the limit is known, with defaults, which are right there.
-    """
+    """A whole comparison."""
 
     _card_by = "show.notebook.results:study"
 
-    bench: Bench
-    field: Mapping[str, Contender]
-    first: Trial
+    bench: Bench  #: The case that was asked for.
+    field: Mapping[str, Contender]  #: Who took part.
+    first: Trial  #: Its first run.
+    #: Errors by the height of the step, by the plant's magnet constant, and by the height of the
+    #: step where all is as the filters' model says; None where the report was not asked for.
     steps: Sweep | None = None
     wrong_k: Sweep | None = None
     limit: Sweep | None = None
+    #: The case in which the limit is known, with defaults, which are right there.
     model: Bench | None = None
 
 
 def learned(case: Case, bearing: Bearing, names: Sequence[str]) -> dict[str, MagnetModel]:
-    """Learn the maps that some kinds ask, over all that a step reaches.
-
-    The expert has the paper's 25 rules. A table costs no more with more nodes, and has them.
-
-    Parameters
-    ----------
-    case : Case
-        Where its iron saturates, or it has a magnet of its own, the maps are learned from that.
-    bearing : Bearing
-        What the estimators know.
-    names : sequence of str
-        Of those who take part; nothing is learned for others.
-    """
+    """Learn the maps that some kinds ask, over all that a step reaches."""
+    # The expert has the paper's 25 rules. A table costs no more with more nodes, and has them.
     asking = [name for name in names if name in KINDS and KINDS[name].magnet is None]
     if not asking:
         return {}
@@ -123,29 +100,7 @@ def study(
     whole: bool = True,
     done: Callable[[str], None] = lambda _text: None,
 ) -> Study:
-    """Compare estimators in one case, and in rows of cases around it.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What the estimators know.
-    case : Case or str
-        What happens; one of `CASES`.
-    names : sequence of str
-        Kinds of estimators, or ``file.py:Class``.
-    custom : mapping, optional
-        The user's own, see :func:`ambkit.judge.comparison.contenders.contenders`.
-    runs, budget, seed : int
-        See :func:`ambkit.judge.comparison.bench.bench`.
-    threads : int, optional
-        As many as there are processors without it; no figure but the cost depends on it.
-    magnets : mapping, optional
-        What kinds of estimator know of the magnet, in place of what would be learned.
-    whole : bool
-        Whether the errors by step, wrong k and the limit are wanted, for a report.
-    done : callable
-        Called after each piece of work with what is next, see `pieces_of`.
-    """
+    """Compare estimators in one case, and in rows of cases around it."""
     case = CASES[case] if isinstance(case, str) else case
     threads = threads or os.cpu_count() or 1
     given = dict(magnets or {})
@@ -205,15 +160,7 @@ def across(
     magnets: Mapping[str, MagnetModel] | None = None,
     done: Callable[[str], None] = lambda _text: None,
 ) -> Benches:
-    """Compare estimators in several cases, tuned anew in each.
-
-    Parameters
-    ----------
-    cases : mapping of str to Case
-        What happens, by name.
-    bearing, names, runs, budget, seed, threads, magnets, done
-        See `study`.
-    """
+    """Compare estimators in several cases, tuned anew in each."""
     given = dict(magnets or {})
     asked = [name for name in names if name not in given]
     maps: list[tuple[Case, dict[str, MagnetModel]]] = []

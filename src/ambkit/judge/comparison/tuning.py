@@ -27,37 +27,18 @@ WORST = 10.0
 
 @dataclass(frozen=True)
 class Tuning:
-    """What tuning found.
+    """What tuning found."""
 
-    Attributes
-    ----------
-    values : dict of str to float
-        Of the tunables.
-    objective, default : float
-        Mean over x, v and f_d of the RMSE on the training runs, each relative to the untuned linear
-        filter's; with the values found, and with the defaults.
-    evaluations : int
-        How many were made.
-    """
-
-    values: Mapping[str, float]
+    values: Mapping[str, float]  #: Of the tunables.
+    #: Mean over x, v and f_d of the RMSE on the training runs, each relative to the untuned linear
+    #: filter's; with the values found, and with the defaults.
     objective: float
     default: float
-    evaluations: int
+    evaluations: int  #: How many were made.
 
 
 def errors(build: Callable[[], Any], training: Sequence[Trial], first: int) -> Array:
-    """Return the RMSE of x, v, f_d on each training run, (runs, 3); infinite where it is lost.
-
-    Parameters
-    ----------
-    build : callable
-        Makes a fresh estimator.
-    training : sequence of Trial
-        The runs, all of one length.
-    first : int
-        First sample that counts.
-    """
+    """Return the RMSE of x, v, f_d on each training run, (runs, 3); infinite where it is lost."""
     records = [trial.record for trial in training]
     estimator = build()
     if isinstance(estimator, Estimator) and records:  # which begins afresh in each run
@@ -83,26 +64,10 @@ def tune(
     first: int,
     seed: int = 0,
 ) -> Tuning:
-    """Find values of an estimator's tunables by a fixed number of evaluations.
-
-    The first evaluation is that of the defaults; up to half of them are scrambled Sobol points over
-    the whole range; the rest go to a simplex from the best of these (Nelder and Mead 1965).
-
-    Parameters
-    ----------
-    contender : Contender
-        What is tuned.
-    training : sequence of Trial
-        Runs that it is not judged by later.
-    reference : ndarray (3,)
-        Mean RMSE of the untuned linear filter on the same runs.
-    budget : int
-        Number of evaluations.
-    first : int
-        First sample that counts.
-    seed : int
-        Of the points.
-    """
+    """Find values of an estimator's tunables by a fixed number of evaluations."""
+    # The first evaluation is that of the defaults; up to half of them are scrambled Sobol points
+    # over the whole range; the rest go to a simplex from the best of these (Nelder and Mead 1965).
+    # reference (3,)
 
     def cost(values: Mapping[str, float]) -> float:
         found = errors(lambda: contender.build(**values), training, first) / reference
@@ -141,23 +106,8 @@ def search(
     seed: int = 0,
     done: Callable[[], None] = lambda: None,
 ) -> Search:
-    """Look for the values that cost least, by a fixed number of evaluations.
-
-    See `tune`, which says how.
-
-    Parameters
-    ----------
-    tunable : sequence of Range
-        What may change, and how far.
-    cost : callable
-        Of values by the names of the tunables.
-    budget : int
-        Number of evaluations.
-    seed : int
-        Of the points.
-    done : callable
-        Called after each evaluation.
-    """
+    """Look for the values that cost least, by a fixed number of evaluations."""
+    # See `tune`, which says how.
     tried: list[Tried] = []
 
     def at(point: Array) -> float:

@@ -38,18 +38,10 @@ SETTINGS = ("beside the loop", "in the loop")
 
 @dataclass(frozen=True, repr=False)
 class Torture:
-    """What became of a campaign.
+    """What became of a campaign."""
 
-    Attributes
-    ----------
-    bearing : Bearing
-        Whose.
-    outcomes : tuple of Outcome
-        One a flight.
-    """
-
-    bearing: Bearing
-    outcomes: tuple[Outcome, ...]
+    bearing: Bearing  #: Whose.
+    outcomes: tuple[Outcome, ...]  #: One a flight.
 
     def __repr__(self) -> str:
         failed = sum(not each.recovered for each in self.outcomes)
@@ -72,13 +64,7 @@ class Torture:
         return list(dict.fromkeys(each.fault for each in self.outcomes))
 
     def select(self, **wanted: str) -> list[Outcome]:
-        """Return the outcomes of which each named attribute is as given.
-
-        Parameters
-        ----------
-        **wanted : str
-            Such as ``fault="knock"``, ``estimator="linear"``, ``setting="in the loop"``.
-        """
+        """Return the outcomes of which each named attribute is as given."""
         return [
             each
             for each in self.outcomes
@@ -87,11 +73,9 @@ class Torture:
 
     @property
     def failures(self) -> list[Outcome]:
-        """Flights in which an estimator was not finite, stood still for ever or did not recover.
-
-        In the loop only what is not finite counts, unless the rotor stayed up: an estimator that
-        went down with its rotor has nothing to come back to.
-        """
+        """Flights in which an estimator was not finite, stood still for ever or did not recover."""
+        # In the loop only what is not finite counts, unless the rotor stayed up: an estimator that
+        # went down with its rotor has nothing to come back to.
         return [
             each
             for each in self.outcomes
@@ -101,13 +85,7 @@ class Torture:
         ]
 
     def slowest(self, estimator: str) -> float:
-        """Most samples that it took to recover beside the loop; infinity: it did not once.
-
-        Parameters
-        ----------
-        estimator : str
-            Its name.
-        """
+        """Most samples that it took to recover beside the loop; infinity: it did not once."""
         beside = self.select(estimator=estimator, setting="beside the loop")
         took = [each.recovery if each.recovered else math.inf for each in beside]
         return max((each for each in took if not math.isnan(each)), default=math.nan)
@@ -138,13 +116,7 @@ class Torture:
 
 
 def chosen_faults(names: Iterable[str] | None) -> list[str]:
-    """Check names of faults; all of them where none is named.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such fault.
-    """
+    """Check names of faults; all of them where none is named."""
     found = list(FAULTS) if names is None else list(dict.fromkeys(names))
     for name in found:
         if name not in FAULTS:

@@ -25,27 +25,14 @@ Array = NDArray[np.float64]
 
 @dataclass(eq=False)
 class Channel:
-    """What the faults of a flight are written into, n samples.
+    """What the faults of a flight are written into, n samples."""
 
-    Parameters
-    ----------
-    bearing : Bearing
-        Gives the measure.
-    n : int
-        Samples.
-    precision : {"float64", "float32"}
-        That of the estimator: what is huge and what is denormal depends on it.
-    beside : bool
-        Whether the controller gets the true measurement.
-    seed : int
-        Of what a fault draws.
-    """
-
-    bearing: Bearing
-    n: int
+    bearing: Bearing  #: Gives the measure.
+    n: int  #: Samples.
+    #: That of the estimator: what is huge and what is denormal depends on it.
     precision: Precision = "float64"
-    beside: bool = False
-    seed: int = 0
+    beside: bool = False  #: Whether the controller gets the true measurement.
+    seed: int = 0  #: Of what a fault draws.
     faults: Faults = field(init=False)
     force: Array = field(init=False)
     place: float | None = field(init=False, default=None)
@@ -90,28 +77,17 @@ class Channel:
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault.
+    """A fault."""
 
-    Attributes
-    ----------
-    name : str
-        As the user calls it.
-    about : str
-        What happens, in a few words.
-    put : callable
-        ``put(channel, window)`` writes it into the samples of the window.
-    own, seconds, samples : float
-        Length of the window, which is their sum: in the plant's own times, in seconds, in samples.
-    in_loop : bool
-        Whether it is flown with the estimator in the loop too, not only beside it.
-    """
-
-    name: str
-    about: str
+    name: str  #: As the user calls it.
+    about: str  #: What happens, in a few words.
+    #: ``put(channel, window)`` writes it into the samples of the window.
     put: Callable[[Channel, slice], None]
+    #: Length of the window, which is their sum: in the plant's own times, in seconds, in samples.
     own: float = 0.0
     seconds: float = 0.0
     samples: int = 0
+    #: Whether it is flown with the estimator in the loop too, not only beside it.
     in_loop: bool = True
 
     def length(self, bearing: Bearing) -> int:
@@ -256,24 +232,7 @@ _MIXED = ("knock", "weak-amplifier", "nan-bursts", "outage-1ms", "stuck", "spike
 
 
 def mixture(channel: Channel, start: int, quiet: int, shortest: int, longest: int) -> list[slice]:
-    """Draw mixtures of one to three faults at a time, until the flight ends.
-
-    Parameters
-    ----------
-    channel : Channel
-        Where they go; its seed draws them.
-    start : int
-        First sample that may be faulty.
-    quiet : int
-        Samples without a fault after each mixture.
-    shortest, longest : int
-        Of a mixture [samples]; the logarithm of its length is evenly distributed.
-
-    Returns
-    -------
-    list of slice
-        The windows.
-    """
+    """Draw mixtures of one to three faults at a time, until the flight ends."""
     draw, at = channel.draw, start
     windows: list[slice] = []
     while True:

@@ -48,75 +48,43 @@ STATES = ("x", "v", "f_d")
 
 @dataclass(frozen=True)
 class Band:
-    """What a clean flight keeps within, and its errors.
+    """What a clean flight keeps within, and its errors."""
 
-    Attributes
-    ----------
-    errors : dict of str to float
-        By x, v, f_d: 99 % quantile of the magnitude of the estimate's error [m], [m/s], [N].
-    rms : dict of str to float
-        The same errors' root mean squares.
-    control : float
-        99 % quantile of the control error |r - x| [m].
-    """
-
+    #: By x, v, f_d: 99 % quantile of the magnitude of the estimate's error [m], [m/s], [N].
     errors: dict[str, float]
-    rms: dict[str, float]
-    control: float
+    rms: dict[str, float]  #: The same errors' root mean squares.
+    control: float  #: 99 % quantile of the control error |r - x| [m].
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one flight.
+    """What became of one flight."""
 
-    Attributes
-    ----------
-    fault, estimator, precision : str
-        Which.
-    setting : {"in the loop", "beside the loop"}
-        Whether the controller was fed by it, or by the true measurement.
-    seed : int
-        Of noise and fault.
-    samples : int
-        Length of the flight.
-    finite : bool
-        Whether mean, covariance, innovation and its variance were finite in every sample.
-    levitation : {"kept", "touched", "lost"}
-        Whether the rotor met a stop, and whether it met it to the end.
-    at_stop : float
-        Time on a stop [s].
-    recovery : float
-        Samples until estimate and, in the loop, rotor were back and stayed so; the most of all
-        faults in the flight. Counted from the fault's end; where the rotor was on a stop or, beside
-        the loop, out of its own band, from when that ended. Infinity: never; NaN: the rotor never
-        came back, so that there is nothing to judge.
-    worst_x, worst_f_d : float
-        Greatest error of the estimate from the fault's begin on [m], [N].
-    after_x, after_f_d : float
-        The same from the point on from which recovery is counted.
-    final_x, final_f_d : float
-        Root mean square error over the flight's last tenth, over the clean flight's own [1].
-    held : bool
-        Whether the estimator still stood still at the end.
-    """
-
-    fault: str
+    fault: str  #: Which.
     estimator: str
     precision: str
+    #: Whether the controller was fed by it, or by the true measurement.
     setting: Literal["in the loop", "beside the loop"]
-    seed: int
-    samples: int
+    seed: int  #: Of noise and fault.
+    samples: int  #: Length of the flight.
+    #: Whether mean, covariance, innovation and its variance were finite in every sample.
     finite: bool
+    #: Whether the rotor met a stop, and whether it met it to the end.
     levitation: Literal["kept", "touched", "lost"]
-    at_stop: float
+    at_stop: float  #: Time on a stop [s].
+    #: Samples until estimate and, in the loop, rotor were back and stayed so; the most of all
+    #: faults in the flight. Counted from the fault's end; where the rotor was on a stop or, beside
+    #: the loop, out of its own band, from when that ended. Infinity: never; NaN: the rotor never
+    #: came back, so that there is nothing to judge.
     recovery: float
-    worst_x: float
+    worst_x: float  #: Greatest error of the estimate from the fault's begin on [m], [N].
     worst_f_d: float
-    after_x: float
+    after_x: float  #: The same from the point on from which recovery is counted.
     after_f_d: float
+    #: Root mean square error over the flight's last tenth, over the clean flight's own [1].
     final_x: float
     final_f_d: float
-    held: bool
+    held: bool  #: Whether the estimator still stood still at the end.
 
     @property
     def recovered(self) -> bool:
@@ -126,27 +94,14 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Flight:
-    """A flight: who flies, how, and with what noise.
+    """A flight: who flies, how, and with what noise."""
 
-    Attributes
-    ----------
-    bearing : Bearing
-        The plant, and what the estimator knows.
-    controller : PID
-        Its gains; what it is fed by is set here.
-    in_loop : bool
-        Whether the controller is fed by the estimate, or, beside the loop, by the true measurement.
-    seed : int
-        Of noise and fault.
-    precision : {"float64", "float32"}
-        Of the estimator.
-    """
-
-    bearing: Bearing
-    controller: PID
+    bearing: Bearing  #: The plant, and what the estimator knows.
+    controller: PID  #: Its gains; what it is fed by is set here.
+    #: Whether the controller is fed by the estimate, or, beside the loop, by the true measurement.
     in_loop: bool
-    seed: int
-    precision: Precision = "float64"
+    seed: int  #: Of noise and fault.
+    precision: Precision = "float64"  #: Of the estimator.
 
     def _own(self, times: float) -> int:
         return max(1, round(times * own_time(self.bearing) / self.bearing.sampling_time))
@@ -200,19 +155,7 @@ class Flight:
     def evaluate(
         self, run: Run, windows: Sequence[slice], band: Band, *, fault: str, estimator: str
     ) -> Outcome:
-        """Say what became of a run.
-
-        Parameters
-        ----------
-        run : Run
-            The flight.
-        windows : sequence of slice
-            Where the faults are.
-        band : Band
-            Of the same estimator's clean flight.
-        fault, estimator : str
-            Their names.
-        """
+        """Say what became of a run."""
         record, n = run.record, len(run.record)
         errors = _errors(run)
         off_rotor = np.abs(record["r"] - record["x"]) > TIMES * band.control

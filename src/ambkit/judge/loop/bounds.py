@@ -12,33 +12,17 @@ from ambkit.models.model import Array
 
 
 def least_peaks(plant: LinearSystem) -> tuple[float, float]:
-    """Return the least peaks of S and T, by largest singular values, with any stabilising control.
-
-    Both are 1 for a stable plant. Else ``S(p) y = 0`` at the unstable poles p with their directions
-    y, so that ``T(p) y = y``, and ``T = N H`` where N is all-pass and has the plant's zeros outside
-    of the unit circle, those at infinity to the order of the dead time in samples among them. The
-    least peak of H is an interpolation problem after Nevanlinna and Pick, exactly solved. S and T
-    have the same one, as projections along each other have the same norm (Kato 1960). For one
-    unstable pole p and a dead time of d samples it is ``p^d``, as it is ``e^(p delay)`` in
-    continuous time.
-
-    Parameters
-    ----------
-    plant : LinearSystem
-        From as many control signals as measurements, sampled. Where they do not move the
-        measurements independently, no more than 1 is said of it.
-
-    Returns
-    -------
-    tuple of float
-        Bounds of the peaks of S and of T [1].
-
-    References
-    ----------
-    Seron, Braslavsky, Goodwin, Fundamental limitations in filtering and control, 1997; Ball,
-    Gohberg, Rodman, Interpolation of rational matrix functions, 1990; Kato, Estimation of iterated
-    matrices, 1960.
-    """
+    """The least peaks of S and T, by largest singular values, with any stabilising control."""
+    # Both are 1 for a stable plant. Else ``S(p) y = 0`` at the unstable poles p with their
+    # directions y, so that ``T(p) y = y``, and ``T = N H`` where N is all-pass and has the plant's
+    # zeros outside of the unit circle, those at infinity to the order of the dead time in samples
+    # among them. The least peak of H is an interpolation problem after Nevanlinna and Pick, exactly
+    # solved. S and T have the same one, as projections along each other have the same norm (Kato
+    # 1960). For one unstable pole p and a dead time of d samples it is ``p^d``, as it is ``e^(p
+    # delay)`` in continuous time.
+    # Seron, Braslavsky, Goodwin, Fundamental limitations in filtering and control, 1997; Ball,
+    # Gohberg, Rodman, Interpolation of rational matrix functions, 1990; Kato, Estimation of
+    # iterated matrices, 1960.
     from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
     if not len(plant.unstable()):
@@ -60,18 +44,9 @@ def least_peaks(plant: LinearSystem) -> tuple[float, float]:
 
 
 def least_peak_of_delay(plant: LinearSystem, delay: float) -> float:
-    """Return what no controller in continuous time is below, by the dead time alone [1].
-
-    Sampling, zeros, and that control is late for other reasons make it only worse. It is
-    ``e^(p delay)`` of the fastest pole where the poles' directions are at right angles.
-
-    Parameters
-    ----------
-    plant : LinearSystem
-        In continuous time, without the dead time.
-    delay : float
-        The dead time [s].
-    """
+    """Return what no controller in continuous time is below, by the dead time alone [1]."""
+    # Sampling, zeros, and that control is late for other reasons make it only worse. It is ``e^(p
+    # delay)`` of the fastest pole where the poles' directions are at right angles.
     from scipy.linalg import expm, solve_continuous_lyapunov
 
     if not len(plant.unstable()):

@@ -35,27 +35,16 @@ SIGMAS = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Capacity:
-    """The harmonic load that a loop bears at a frequency before something is at its limit.
+    """The harmonic load that a loop bears at a frequency before something is at its limit."""
 
-    Attributes
-    ----------
-    frequency : ndarray (k,)
-        Frequencies [Hz].
-    current : ndarray (k,)
-        Amplitude of the load at which the current comes to its limit [N], with what holds the rotor
-        and noise in it.
-    displacement : ndarray (k,)
-        At which the rotor leaves zone A of ISO 14839-2 [N].
-    voltage : ndarray (k,) or None
-        At which the amplifier's voltage is at its limit [N]; None where there is none.
-    static : tuple of float
-        Least and greatest constant load that a current within the range holds [N].
-    """
-
-    frequency: Array
+    frequency: Array  #: (k,) Frequencies [Hz].
+    #: (k,) Amplitude of the load at which the current comes to its limit [N], with what holds the
+    #: rotor and noise in it.
     current: Array
-    displacement: Array
+    displacement: Array  #: (k,) At which the rotor leaves zone A of ISO 14839-2 [N].
+    #: (k,) At which the amplifier's voltage is at its limit [N]; None where there is none.
     voltage: Array | None
+    #: Least and greatest constant load that a current within the range holds [N].
     static: tuple[float, float]
 
     @property
@@ -69,36 +58,20 @@ class Capacity:
 
 @dataclass(frozen=True, eq=False)
 class Demands:
-    """What a stable loop asks of an axis of its machine at its work point.
+    """What a stable loop asks of an axis of its machine at its work point."""
 
-    Attributes
-    ----------
-    displacement : float
-        Greatest displacement from the centre: where the rotor is held, unbalance, runout at all its
-        orders, and three times the noise's rms [m].
-    clearance : float
-        To the stops [m].
-    current : float
-        Greatest control current, likewise [A].
-    copper_loss : float or None
-        In the coils [W], warm where it is known how they warm; None without a resistance.
-    heating : Heating or None
-        How warm they become; None where it is not known.
-    capacity : Capacity
-        What load it bears beside.
+    # ISO 14839-2, Mechanical vibration: Vibration of rotating machinery equipped with active
+    # magnetic bearings, Part 2: Evaluation of vibration.
 
-    References
-    ----------
-    ISO 14839-2, Mechanical vibration: Vibration of rotating machinery equipped with active magnetic
-    bearings, Part 2: Evaluation of vibration.
-    """
-
+    #: Greatest displacement from the centre: where the rotor is held, unbalance, runout at all its
+    #: orders, and three times the noise's rms [m].
     displacement: float
-    clearance: float
-    current: float
+    clearance: float  #: To the stops [m].
+    current: float  #: Greatest control current, likewise [A].
+    #: In the coils [W], warm where it is known how they warm; None without a resistance.
     copper_loss: float | None
-    heating: Heating | None
-    capacity: Capacity
+    heating: Heating | None  #: How warm they become; None where it is not known.
+    capacity: Capacity  #: What load it bears beside.
 
     @property
     def zone(self) -> str:
@@ -124,25 +97,11 @@ def demands(
     position_noise: Array,
     turned: Sequence[Turned],
 ) -> list[Demands]:
-    """Return what a stable loop asks of each axis of its machine.
-
-    Linear, and of the ideal coil: the voltage is that of its resistance and of its flux
-    ``2 k i/s``, which current and motion change. Of a radial bearing the displacement is that of
-    the orbit.
-
-    Parameters
-    ----------
-    loop : Loop
-        Stable.
-    of : Bearing or Machine
-        Gives limits and resistance.
-    point : WorkPoint
-        Where it is.
-    current_noise, position_noise : ndarray (p,)
-        Standard deviations of the demanded currents [A] and of the positions [m].
-    turned : sequence of Turned
-        What unbalance and runout do, see `of_runout`.
-    """
+    """Return what a stable loop asks of each axis of its machine."""
+    # Linear, and of the ideal coil: the voltage is that of its resistance and of its flux ``2 k
+    # i/s``, which current and motion change. Of a radial bearing the displacement is that of the
+    # orbit.
+    # current_noise (p,) [A]; position_noise (p,) [m]
     alone, pairs = alone_of(of), pairs_of(of)
     x0, iu = np.atleast_1d(point.x), np.atleast_1d(point.iu)
     displacement = orbit(x0, pairs) + SIGMAS * position_noise
@@ -163,17 +122,7 @@ def demands(
 
 
 def squares_of_coils(bearing: Bearing, iu: float, square: float) -> list[float]:
-    """Return the mean squares of the currents of an axis's coils [A^2].
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The axis.
-    iu : float
-        Mean of the control current [A].
-    square : float
-        Its mean square [A^2].
-    """
+    """Return the mean squares of the currents of an axis's coils [A^2]."""
     swinging = square - iu**2
     sides = (1.0, -1.0) if bearing.magnet.type == "two-sided" else (1.0,)
     return [(bearing.magnet.bias_current + side * iu) ** 2 + swinging for side in sides]
@@ -217,17 +166,9 @@ def _reached(room: Array, taken: Array) -> Array:
 
 
 def orbit(x: NDArray[Any], pairs: Sequence[Sequence[int]]) -> Array:
-    """Return how far from the middle displacements (..., p) go within a turn [m].
-
-    Of the two axes of a radial bearing that is the orbit's greater half axis.
-
-    Parameters
-    ----------
-    x : ndarray (..., p)
-        Complex amplitudes, or constant displacements [m].
-    pairs : sequence
-        For each bearing its axes.
-    """
+    """Return how far from the middle displacements (..., p) go within a turn [m]."""
+    # Of the two axes of a radial bearing that is the orbit's greater half axis.
+    # x (..., p) [m]
     far: Array = np.abs(x).astype(float)
     for of in pairs:
         if len(of) == 2:
@@ -237,13 +178,7 @@ def orbit(x: NDArray[Any], pairs: Sequence[Sequence[int]]) -> Array:
 
 
 def pairs_of(of: Bearing | Machine) -> list[tuple[int, ...]]:
-    """Return the axes of each bearing, by their numbers.
-
-    Parameters
-    ----------
-    of : Bearing or Machine
-        Whose.
-    """
+    """Return the axes of each bearing, by their numbers."""
     if not isinstance(of, Machine):
         return [(0,)]
     bearings = [axis.bearing for axis in of.axes]
@@ -254,15 +189,7 @@ def pairs_of(of: Bearing | Machine) -> list[tuple[int, ...]]:
 
 
 def of_runout(loop: Loop, of: Bearing | Machine) -> list[Turned]:
-    """Return what each order of each sensor's runout does.
-
-    Parameters
-    ----------
-    loop : Loop
-        Stable.
-    of : Bearing or Machine
-        Gives speed and runout.
-    """
+    """Return what each order of each sensor's runout does."""
     speed, gains = abs(of.speed or 0.0), [b.amplifier.gain for b in alone_of(of)]
     if not speed:
         return []
@@ -289,17 +216,7 @@ def of_runout(loop: Loop, of: Bearing | Machine) -> list[Turned]:
 
 
 def of_unbalance(loop: Loop, machine: Machine, point: WorkPoint) -> Turned:
-    """Return what a machine's unbalance does at its speed.
-
-    Parameters
-    ----------
-    loop : Loop
-        Stable, at the machine's speed.
-    machine : Machine
-        Gives speed and unbalance.
-    point : WorkPoint
-        Where it is linearised.
-    """
+    """Return what a machine's unbalance does at its speed."""
     planes = machine.unbalances()
     columns = unbalance_columns(machine, point, [z for z, _, _ in planes])
     turned = np.array([amount * np.exp(1j * angle) for _, amount, angle in planes])
@@ -320,24 +237,8 @@ def _by_voltage(
 def voltage(
     bearing: Bearing, iu: float, at: float, f: Array, i: Complex, x: Complex
 ) -> list[tuple[float, Array]] | None:
-    """Return for each coil of an axis the voltage that is left to harmonics, and what they take.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The axis.
-    iu, at : float
-        Control current [A] and displacement [m] of its work point.
-    f : ndarray (k,)
-        Frequencies [Hz].
-    i, x : ndarray of complex (k,)
-        Demanded current [A] and displacement [m], or both for a load of 1 N.
-
-    Returns
-    -------
-    list of (float, ndarray (k,)) or None
-        Voltages [V]; None where the amplifier has no limit of it.
-    """
+    """Return for each coil of an axis the voltage that is left to harmonics, and what they take."""
+    # f (k,) [Hz]; i (k,) [A]; x (k,) [m]
     amplifier, magnet = bearing.amplifier, bearing.magnet
     limit, R, bandwidth = amplifier.voltage_limit, amplifier.resistance, amplifier.bandwidth
     if limit is None or R is None or bandwidth is None:  # they come together

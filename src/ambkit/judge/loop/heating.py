@@ -18,29 +18,17 @@ ZERO = 273.15
 
 @dataclass(frozen=True)
 class Heating:
-    """The hottest coil of an axis, long at its work point.
+    """The hottest coil of an axis, long at its work point."""
 
-    Attributes
-    ----------
-    temperature : float
-        Of the coil [K]; infinite where it runs away.
-    limit : float or None
-        That is permitted [K]; None where it is not known.
-    loss : float
-        Of the axis's coils, each at its temperature [W]; infinite likewise.
-    until_limit : float or None
-        How long the greatest current may flow from then on until the limit is reached [s]; infinite
-        where it never is, None where time constant or limit are not known.
+    # Incropera, DeWitt, Fundamentals of heat and mass transfer, chapter 5 (the lumped capacitance);
+    # IEC 60028 for the temperature coefficient of annealed copper, 3.93e-3 1/K at 20 degrees
+    # Celsius.
 
-    References
-    ----------
-    Incropera, DeWitt, Fundamentals of heat and mass transfer, chapter 5 (the lumped capacitance);
-    IEC 60028 for the temperature coefficient of annealed copper, 3.93e-3 1/K at 20 degrees Celsius.
-    """
-
-    temperature: float
-    limit: float | None
-    loss: float
+    temperature: float  #: Of the coil [K]; infinite where it runs away.
+    limit: float | None  #: That is permitted [K]; None where it is not known.
+    loss: float  #: Of the axis's coils, each at its temperature [W]; infinite likewise.
+    #: How long the greatest current may flow from then on until the limit is reached [s]; infinite
+    #: where it never is, None where time constant or limit are not known.
     until_limit: float | None
 
     @property
@@ -50,27 +38,12 @@ class Heating:
 
 
 def heating(bearing: Bearing, squares: list[float]) -> Heating | None:
-    """Return how warm the coils of an axis become.
-
-    A coil at the temperature ``Th`` has the resistance ``R (1 + a (Th - 293.15 K))``, and takes the
-    loss of its mean square of the current times that. Cooled by ``(Th - ambient)/R_th`` it rests at
-
-    ``Th = (ambient + R_th P (1 - a 293.15 K))/(1 - R_th P a)``, ``P = R I^2``,
-
-    where the resistance's growth is in it; with ``R_th P a`` of 1 or more it never rests.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The axis.
-    squares : list of float
-        Mean squares of the currents of its coils [A^2].
-
-    Returns
-    -------
-    Heating or None
-        None where resistance or thermal data are not known.
-    """
+    """Return how warm the coils of an axis become."""
+    # A coil at the temperature ``Th`` has the resistance ``R (1 + a (Th - 293.15 K))``, and takes
+    # the loss of its mean square of the current times that. Cooled by ``(Th - ambient)/R_th`` it
+    # rests at
+    # ``Th = (ambient + R_th P (1 - a 293.15 K))/(1 - R_th P a)``, ``P = R I^2``,
+    # where the resistance's growth is in it; with ``R_th P a`` of 1 or more it never rests.
     coil, R = bearing.coil, bearing.amplifier.resistance
     if coil is None or R is None:
         return None
@@ -87,15 +60,7 @@ def heating(bearing: Bearing, squares: list[float]) -> Heating | None:
 
 
 def at_rest(coil: Coil, power: float) -> float:
-    """Return the temperature at which a coil rests [K]; infinite where it never does.
-
-    Parameters
-    ----------
-    coil : Coil
-        How it warms.
-    power : float
-        Its loss if it were at 293.15 K [W].
-    """
+    """Return the temperature at which a coil rests [K]; infinite where it never does."""
     rise = coil.thermal_resistance * power
     left = 1 - rise * coil.temperature_coefficient
     if left <= 0:

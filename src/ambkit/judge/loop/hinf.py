@@ -25,33 +25,13 @@ frequency of its unstable pole."""
 
 
 def hinf(plant: LinearSystem) -> LinearSystem:
-    """Return the controller that makes the worst of weighted S and K S least.
-
-    S is weighted by ``(s/1.5 + 0.3 p)/(s + 3e-5 p)`` with the fastest unstable pole p, K S by 0.1
-    over what the plant answers at p. The sampled plant goes by Tustin's transform to continuous
-    time, and the controller back, which keeps every norm (Chen and Francis 1995). Time is counted
-    in 1/p and signals in what they are at p: in metres and volts the equations lose their digits.
-
-    Parameters
-    ----------
-    plant : LinearSystem
-        Sampled, unstable, with one control signal and one measurement.
-
-    Returns
-    -------
-    LinearSystem
-        Input the measurement, output the control signal.
-
-    Raises
-    ------
-    AmbkitError
-        python-control or slycot are not installed; or there is no such controller.
-
-    References
-    ----------
-    Doyle, Glover, Khargonekar, Francis, State-space solutions to standard H2 and H-infinity control
-    problems, 1989; Skogestad, Postlethwaite, Multivariable feedback control, 2005.
-    """
+    """Return the controller that makes the worst of weighted S and K S least."""
+    # S is weighted by ``(s/1.5 + 0.3 p)/(s + 3e-5 p)`` with the fastest unstable pole p, K S by 0.1
+    # over what the plant answers at p. The sampled plant goes by Tustin's transform to continuous
+    # time, and the controller back, which keeps every norm (Chen and Francis 1995). Time is counted
+    # in 1/p and signals in what they are at p: in metres and volts the equations lose their digits.
+    # Doyle, Glover, Khargonekar, Francis, State-space solutions to standard H2 and H-infinity
+    # control problems, 1989; Skogestad, Postlethwaite, Multivariable feedback control, 2005.
     control = _control()
     T = plant.T
     assert T is not None
@@ -93,22 +73,8 @@ def _control() -> Any:
 
 
 def beside_each_other(each: list[LinearSystem], shown: Array, names: list[str]) -> LinearSystem:
-    """Return controllers of axes as one, fed by what the readings show of the axes.
-
-    Parameters
-    ----------
-    each : list of LinearSystem
-        Of p axes, from the position [m] to the control signal.
-    shown : ndarray (p, m)
-        Positions of the axes by the measurements.
-    names : list of str
-        Of the axes; empty of one.
-
-    Returns
-    -------
-    LinearSystem
-        Inputs m measurements and p references [m], outputs p control signals [V].
-    """
+    """Return controllers of axes as one, fed by what the readings show of the axes."""
+    # shown (p, m)
     from scipy.linalg import block_diag
 
     A, B, C, D = (block_diag(*(getattr(one, name) for one in each)) for name in "ABCD")

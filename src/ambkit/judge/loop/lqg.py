@@ -20,43 +20,17 @@ than to hold the rotor."""
 
 @dataclass(frozen=True)
 class Noise:
-    """What an LQG controller takes as noise; of several axes one number for each.
+    """What an LQG controller takes as noise; of several axes one number for each."""
 
-    Attributes
-    ----------
-    measurement : float or array_like (m,)
-        Variances on the measurements [m^2].
-    control : float or array_like (p,)
-        Variances on the control signals [V^2].
-    load : float or array_like (p,)
-        Growth of the loads' variances [N^2/s].
-    """
-
-    measurement: ArrayLike
-    control: ArrayLike
-    load: ArrayLike
+    measurement: ArrayLike  #: Variances on the measurements [m^2].
+    control: ArrayLike  #: Variances on the control signals [V^2].
+    load: ArrayLike  #: Growth of the loads' variances [N^2/s].
 
 
 class LQG:
-    """Regulators of a plant by its state and its loads, as a Kalman filter knows them.
+    """Regulators of a plant by its state and its loads, as a Kalman filter knows them."""
 
-    Parameters
-    ----------
-    plant : LinearSystem
-        Sampled, of p axes; inputs p control signals [V] and p loads [N], outputs m measurements and
-        p positions [m].
-    noise : Noise
-        From which the filter has its gain.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such filter.
-
-    References
-    ----------
-    Åström, Introduction to stochastic control theory, 1970.
-    """
+    # Åström, Introduction to stochastic control theory, 1970.
 
     def __init__(self, plant: LinearSystem, noise: Noise) -> None:
         assert plant.T is not None
@@ -84,21 +58,8 @@ class LQG:
         self.M = np.linalg.solve(S / np.outer(unit, unit), self.C @ P / unit[:, None]).T / unit
 
     def compensator(self, weight: float = LEAST_CONTROL) -> LinearSystem:
-        """Return the controller that makes the mean of ``x^2 + weight u^2`` least, of all axes.
-
-        Beside, it cancels the loads at rest, and holds references.
-
-        Parameters
-        ----------
-        weight : float, optional
-            Of the control signals [m^2/V^2]; by default so much that the unstable poles are but
-            mirrored.
-
-        Returns
-        -------
-        LinearSystem
-            Inputs the measurements and the references [m], outputs the control signals [V].
-        """
+        """Return the controller that makes the mean of ``x^2 + weight u^2`` least, of all axes."""
+        # Beside, it cancels the loads at rest, and holds references.
         n, p, size, A = len(self.plant.A), self.axes, self.size, self.plant.A
         c = self.plant.C[-p:]
         scaled = A * size / size[:, None]

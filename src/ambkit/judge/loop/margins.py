@@ -29,19 +29,8 @@ GRID = 3000
 
 
 def grid(loop: Loop, points: int = GRID, near: int = 31) -> Array:
-    """Return frequencies (k,) [Hz] up to half the sampling rate that no feature lies between.
-
-    Logarithmic, linear, and closely about each pole of the open and the closed loop.
-
-    Parameters
-    ----------
-    loop : Loop
-        Whose.
-    points : int, optional
-        Of each of the first two; between them are the poles'.
-    near : int, optional
-        About each pole.
-    """
+    """Return frequencies (k,) [Hz] up to half the sampling rate that no feature lies between."""
+    # Logarithmic, linear, and closely about each pole of the open and the closed loop.
     top = loop.nyquist
     poles = np.concatenate([loop.closed.poles(), loop.plant.poles(), loop.compensator.poles()])
     logs = np.log(poles[np.abs(poles) > 1e-6])
@@ -57,17 +46,8 @@ def grid(loop: Loop, points: int = GRID, near: int = 31) -> Array:
 def highest(
     of: Callable[[Array], NDArray[Any]], f: Array, seen: NDArray[Any] | None = None
 ) -> tuple[float, float]:
-    """Return the peak of a magnitude and its frequency [Hz], refined between the grid's points.
-
-    Parameters
-    ----------
-    of : callable
-        From frequencies (k,) [Hz] to what has the magnitude.
-    f : ndarray (k,)
-        Ascending frequencies [Hz], the range that counts.
-    seen : ndarray (k,), optional
-        What is there, where it is known.
-    """
+    """Return the peak of a magnitude and its frequency [Hz], refined between the grid's points."""
+    # f (k,) [Hz]; seen (k,)
     from scipy.optimize import minimize_scalar
 
     seen = np.abs(of(f) if seen is None else seen)
@@ -87,15 +67,8 @@ def highest(
 
 
 def zeros(of: Callable[[Array], Array], f: Array) -> Iterator[float]:
-    """Yield where a real function of the frequency changes its sign [Hz].
-
-    Parameters
-    ----------
-    of : callable
-        From frequencies (k,) [Hz] to reals (k,).
-    f : ndarray (k,)
-        Ascending frequencies [Hz].
-    """
+    """Yield where a real function of the frequency changes its sign [Hz]."""
+    # f (k,) [Hz]
     from scipy.optimize import brentq
 
     seen = of(f)
@@ -106,43 +79,24 @@ def zeros(of: Callable[[Array], Array], f: Array) -> Iterator[float]:
 
 @dataclass(frozen=True)
 class Margins:
-    """How far one axis's loop is from the limit of stability, all other loops closed.
+    """How far one axis's loop is from the limit of stability, all other loops closed."""
 
-    Attributes
-    ----------
-    peak, peak_frequency : float
-        Greatest of abs(S) up to half the sampling rate [1], and where [Hz]; its inverse is the
-        least distance of the Nyquist curve from -1.
-    complementary_peak : float
-        Greatest of abs(T) [1].
-    gain_up, gain_down : float
-        By which factor the loop's gain can grow, and to which it can shrink [1].
-    phase : float
-        Phase margin, either way [rad]; infinite where abs(L) is nowhere 1.
-    delay : float
-        Further dead time that the loop bears [s].
-    disk : float
-        Size of the greatest symmetric disk margin: gain and phase may change together [1].
-    crossover : float
-        Highest frequency at which abs(L) is 1 [Hz]; NaN where there is none.
-    bandwidth : float
-        From where on disturbances are not attenuated by 3 dB any more: abs(S) first reaches
-        1/sqrt(2) from below [Hz]; NaN where it does not.
+    # Seiler, Packard, Gahinet, An introduction to disk margins, 2020.
 
-    References
-    ----------
-    Seiler, Packard, Gahinet, An introduction to disk margins, 2020.
-    """
-
+    #: Greatest of abs(S) up to half the sampling rate [1], and where [Hz]; its inverse is the least
+    #: distance of the Nyquist curve from -1.
     peak: float
     peak_frequency: float
-    complementary_peak: float
-    gain_up: float
+    complementary_peak: float  #: Greatest of abs(T) [1].
+    gain_up: float  #: By which factor the loop's gain can grow, and to which it can shrink [1].
     gain_down: float
-    phase: float
-    delay: float
+    phase: float  #: Phase margin, either way [rad]; infinite where abs(L) is nowhere 1.
+    delay: float  #: Further dead time that the loop bears [s].
+    #: Size of the greatest symmetric disk margin: gain and phase may change together [1].
     disk: float
-    crossover: float
+    crossover: float  #: Highest frequency at which abs(L) is 1 [Hz]; NaN where there is none.
+    #: From where on disturbances are not attenuated by 3 dB any more: abs(S) first reaches
+    #: 1/sqrt(2) from below [Hz]; NaN where it does not.
     bandwidth: float
 
     @property
@@ -161,19 +115,8 @@ class Margins:
 def margins(
     loop: Loop, axis: int = 0, f: Array | None = None, seen: Complex | None = None
 ) -> Margins:
-    """Return the margins of one axis's loop with all other loops closed.
-
-    Parameters
-    ----------
-    loop : Loop
-        The closed loop is stable.
-    axis : int, optional
-        Which.
-    f : ndarray (k,), optional
-        Of `grid`, where it is known.
-    seen : ndarray of complex (k,), optional
-        S of the axis there, where it is known.
-    """
+    """Return the margins of one axis's loop with all other loops closed."""
+    # f (k,); seen (k,)
     f = grid(loop) if f is None else f
     there = loop.of_axis(axis, f) if seen is None else seen
 
@@ -237,13 +180,7 @@ def rates(loop: Loop) -> Complex:
 
 
 def unstable_poles(loop: Loop) -> list[UnstablePole]:
-    """Return what grows in a closed, sampled loop, the fastest growing first.
-
-    Parameters
-    ----------
-    loop : Loop
-        The loop.
-    """
+    """Return what grows in a closed, sampled loop, the fastest growing first."""
     grow = [each for each in rates(loop).tolist() if each.real >= 0 and each.imag >= 0]
     found = [UnstablePole(each.imag / (2 * math.pi), each.real) for each in grow]
     return sorted(found, key=lambda each: -each.growth)
@@ -251,25 +188,17 @@ def unstable_poles(loop: Loop) -> list[UnstablePole]:
 
 @dataclass(frozen=True)
 class BodeIntegral:
-    """Bode's integral: what is won at one frequency is lost at another.
+    """Bode's integral: what is won at one frequency is lost at another."""
 
-    Attributes
-    ----------
-    integral : float
-        The integral of ln abs(det S) over 2 pi: over a period of the angle of z [1], or in
-        continuous time over all angular frequencies [1/s].
-    poles : float
-        Sum over the unstable poles p of the open loop of ln abs(p), or in continuous time of their
-        real parts [1/s]: to it the integral is equal where the closed loop is stable.
+    # Freudenberg, Looze, Frequency domain properties of scalar and multivariable feedback systems,
+    # 1988; Sung, Hara, Properties of sensitivity and complementary sensitivity functions in
+    # single-input single-output digital control systems, 1988.
 
-    References
-    ----------
-    Freudenberg, Looze, Frequency domain properties of scalar and multivariable feedback systems,
-    1988; Sung, Hara, Properties of sensitivity and complementary sensitivity functions in
-    single-input single-output digital control systems, 1988.
-    """
-
+    #: The integral of ln abs(det S) over 2 pi: over a period of the angle of z [1], or in
+    #: continuous time over all angular frequencies [1/s].
     integral: float
+    #: Sum over the unstable poles p of the open loop of ln abs(p), or in continuous time of their
+    #: real parts [1/s]: to it the integral is equal where the closed loop is stable.
     poles: float
 
     @property
@@ -279,19 +208,11 @@ class BodeIntegral:
 
 
 def bode_integral(loop: Loop) -> BodeIntegral:
-    """Return both sides of Bode's integral.
-
-    By Gauss's rule in the logarithm of the frequency, between the frequencies of all poles and ever
-    finer towards each: an integrator makes S zero at 0, an undamped pole makes it zero elsewhere.
-    In continuous time it goes on until nothing is left of the tail, and to where the dead time
-    turns slowly against it.
-
-    Parameters
-    ----------
-    loop : Loop
-        Stable or not. In continuous time the open loop falls off by the third power of the
-        frequency, as it does with a sensor or an amplifier that lags.
-    """
+    """Return both sides of Bode's integral."""
+    # By Gauss's rule in the logarithm of the frequency, between the frequencies of all poles and
+    # ever finer towards each: an integrator makes S zero at 0, an undamped pole makes it zero
+    # elsewhere. In continuous time it goes on until nothing is left of the tail, and to where the
+    # dead time turns slowly against it.
     poles = np.concatenate([loop.plant.poles(), loop.compensator.poles()])
     if loop.plant.T is None:
         unit, low, high = 1.0, 1e-9, 1e10

@@ -47,48 +47,24 @@ CERTAIN = 10.0
 
 @dataclass(frozen=True, eq=False)
 class MeasuredSensitivity:
-    """The sensitivity of one axis as a record tells it, all other loops closed.
+    """The sensitivity of one axis as a record tells it, all other loops closed."""
 
-    Attributes
-    ----------
-    frequency : ndarray (k,)
-        Frequencies [Hz], ascending.
-    sensitivity : ndarray (k,)
-        S at the measurement, complex [1].
-    std : ndarray (k,)
-        Standard deviation of S: the root of what the square of its error's magnitude is expected to
-        be [1].
-    freedom : int
-        Degrees of freedom that this is known with.
-    periods : int
-        How many were looked at; 1 of a signal that does not come again.
-    sampling_time : float
-        Of the record [s].
+    # Pintelon, Schoukens, System identification: a frequency domain approach, 2012.
 
-    References
-    ----------
-    Pintelon, Schoukens, System identification: a frequency domain approach, 2012.
-    """
-
-    frequency: Array
-    sensitivity: Complex
+    frequency: Array  #: (k,) Frequencies [Hz], ascending.
+    sensitivity: Complex  #: (k,) S at the measurement, complex [1].
+    #: (k,) Standard deviation of S: the root of what the square of its error's magnitude is
+    #: expected to be [1].
     std: Array
-    freedom: int
-    periods: int
-    sampling_time: float
+    freedom: int  #: Degrees of freedom that this is known with.
+    periods: int  #: How many were looked at; 1 of a signal that does not come again.
+    sampling_time: float  #: Of the record [s].
 
     def interval(self, level: float = LEVEL) -> tuple[Array, Array]:
-        """Return low and high ends (k,) of what holds the magnitude of S, at each frequency [1].
-
-        Rice's distribution of a magnitude under noise: of all true values those are within that do
-        not make what was found too unlikely, either way. So it holds where S is small as well. That
-        the noise itself is only known from the record makes it wider, as Student's t does.
-
-        Parameters
-        ----------
-        level : float, optional
-            How often it holds it.
-        """
+        """Return low and high ends (k,) of what holds the magnitude of S, at each frequency [1]."""
+        # Rice's distribution of a magnitude under noise: of all true values those are within that
+        # do not make what was found too unlikely, either way. So it holds where S is small as well.
+        # That the noise itself is only known from the record makes it wider, as Student's t does.
         ends = [
             _magnitudes(abs(S), std, self.freedom, level)
             for S, std in zip(self.sensitivity, self.std, strict=True)
@@ -107,17 +83,8 @@ class MeasuredSensitivity:
         return float(self.frequency[int(np.abs(self.sensitivity).argmax())])
 
     def peak_interval(self, level: float = LEVEL, top: float = math.inf) -> tuple[float, float]:
-        """Return what holds the greatest magnitude of S at all measured frequencies together [1].
-
-        Each interval is as much wider as it takes for all of them to hold (Bonferroni).
-
-        Parameters
-        ----------
-        level : float, optional
-            How often it holds it, at least.
-        top : float, optional
-            Only frequencies up to it count [Hz].
-        """
+        """What holds the greatest magnitude of S at all measured frequencies together [1]."""
+        # Each interval is as much wider as it takes for all of them to hold (Bonferroni).
         within = self.frequency <= top
         low, high = self.interval(1 - (1 - level) / max(1, int(within.sum())))
         return float(low[within].max()), float(high[within].max())
@@ -136,32 +103,13 @@ class MeasuredSensitivity:
 
 
 def measured_sensitivity(record: Record, logged: Logged = "after") -> MeasuredSensitivity:
-    """Return S from a record of the closed loop with a signal added to its measurement.
-
-    What is injected comes from outside and is known, so that nothing is biased by the feedback.
-    Where it comes again after a whole number of samples, S is the mean of the periods' spectra over
-    that of the signal, without leakage, and their scatter is its error; the first period is left
-    out. Else, of a chirp or of noise, S and the transient are polynomials over few neighbouring
-    frequencies (the local polynomial method), whose residuals tell the error.
-
-    Parameters
-    ----------
-    record : Record
-        With ``y`` [m] and ``injected`` [m].
-    logged : {"after", "before"}, optional
-        Whether ``y`` was logged after the signal was added to it, as controller and filter take it,
-        or before.
-
-    Raises
-    ------
-    RecordError
-        A signal is not there, or has gaps; or nothing is injected, too little of it, or at too few
-        frequencies.
-
-    References
-    ----------
-    Pintelon, Schoukens, System identification: a frequency domain approach, 2012, chapters 2, 7.
-    """
+    """Return S from a record of the closed loop with a signal added to its measurement."""
+    # What is injected comes from outside and is known, so that nothing is biased by the feedback.
+    # Where it comes again after a whole number of samples, S is the mean of the periods' spectra
+    # over that of the signal, without leakage, and their scatter is its error; the first period is
+    # left out. Else, of a chirp or of noise, S and the transient are polynomials over few
+    # neighbouring frequencies (the local polynomial method), whose residuals tell the error.
+    # Pintelon, Schoukens, System identification: a frequency domain approach, 2012, chapters 2, 7.
     added, y = record["injected"], record["y"]
     for name, values in (("injected", added), ("y", y)):
         if not np.isfinite(values).all():

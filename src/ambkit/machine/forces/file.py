@@ -27,24 +27,20 @@ NAMES = (
 
 
 class ForceChannels(Document):
-    """What the columns of a force map mean, as in a channel map of a log, without times.
+    """What the columns of a force map mean, as in a channel map of a log, without times."""
 
-    ::
-
-        [signals.iu]
-        column = "Strom"
-        unit = "A"
-
-        [signals.x]
-        column = "Luftspalt"
-        unit = "mm"
-        sign = -1
-        offset = "0.78 mm"
-
-        [signals.f_mag]
-        column = "Kraft"
-        unit = "N"
-    """
+    # ::
+    #     [signals.iu]
+    #     column = "Strom"
+    #     unit = "A"
+    #     [signals.x]
+    #     column = "Luftspalt"
+    #     unit = "mm"
+    #     sign = -1
+    #     offset = "0.78 mm"
+    #     [signals.f_mag]
+    #     column = "Kraft"
+    #     unit = "N"
 
     signals: dict[str, Channel]
     """iu, x and f_mag, and f_std where the force's standard error is known."""
@@ -65,43 +61,18 @@ class ForceChannels(Document):
                     yield f"signals.{name}", f"{known}; known are {', '.join(units)}"
 
     def columns(self, path: str | os.PathLike[str]) -> Mapping[str, NDArray[np.float64]]:
-        """Return the columns of a file in SI, by the names of the signals.
-
-        Raises
-        ------
-        AmbkitError
-            The file cannot be read, or lacks a column.
-        """
+        """Return the columns of a file in SI, by the names of the signals."""
         return ChannelMap(signals=self.signals, sampling_time=1.0).apply(read_log(path)).signals
 
 
 def load_force_points(
     path: str | os.PathLike[str], channels: str | os.PathLike[str] | None = None
 ) -> ForcePoints:
-    """Read measured points of the force: a row each, anywhere and in any order.
-
-    ::
-
-        iu [A],x [mm],f_mag [N],f_std [N]
-        -1.5,-0.48,-11.9,0.2
-        -1.2,0.05,-11.6,0.1
-
-    Parameters
-    ----------
-    path : path
-        A ``.csv`` or ``.parquet`` with control current ``iu``, displacement ``x`` and whole magnet
-        force ``f_mag``, with units; and, if it is known, the force's standard error ``f_std``.
-    channels : path, optional
-        A TOML file that says which columns these are, where they have other names or no units
-        (`ForceChannels`).
-
-    Raises
-    ------
-    RecordError
-        The file is damaged or lacks a column.
-    AmbkitError
-        The file cannot be read, or a value is not finite; the message names the point.
-    """
+    """Read measured points of the force: a row each, anywhere and in any order."""
+    # ::
+    #     iu [A],x [mm],f_mag [N],f_std [N]
+    #     -1.5,-0.48,-11.9,0.2
+    #     -1.2,0.05,-11.6,0.1
     if channels is not None:
         columns = ForceChannels.load(channels).columns(path)
     else:

@@ -17,18 +17,7 @@ if TYPE_CHECKING:
 
 
 def surface_of(bearing: Bearing) -> ForceSurface:
-    """Return the surface through the force map of a bearing.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Whose ``[magnet]`` has ``force_map``.
-
-    Raises
-    ------
-    AmbkitError
-        The file cannot be read, or is no force map.
-    """
+    """Return the surface through the force map of a bearing."""
     m = bearing.magnet
     scale = 1.0 if m.force_scale is None else m.force_scale
     # Of the law that the map was measured beside: a scale moves both, and finds the same surface.
@@ -40,20 +29,7 @@ def surface_of(bearing: Bearing) -> ForceSurface:
 
 
 def surface_in(path: str | os.PathLike[str], bearing: Bearing) -> ForceSurface:
-    """Return the surface through the points of a force map of its own, with the usual columns.
-
-    Parameters
-    ----------
-    path : path
-        With iu, x and f_mag: .csv or .parquet.
-    bearing : Bearing
-        Whose magnet that is.
-
-    Raises
-    ------
-    AmbkitError
-        It cannot be read, or is no force map of this bearing.
-    """
+    """Return the surface through the points of a force map of its own, with the usual columns."""
     points = load_force_points(path)
     try:
         return ForceSurface(bearing, points)
@@ -62,13 +38,7 @@ def surface_in(path: str | os.PathLike[str], bearing: Bearing) -> ForceSurface:
 
 
 def points_of(path: str, channels: str | None) -> ForcePoints:
-    """Return the points of a force map, read once for each state of its files.
-
-    Raises
-    ------
-    AmbkitError
-        A file cannot be read, or is no force map.
-    """
+    """Return the points of a force map, read once for each state of its files."""
     return _read(*_files(path, channels))
 
 

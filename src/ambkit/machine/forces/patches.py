@@ -44,25 +44,9 @@ def patches(
     displacements: tuple[float, float],
     accuracy: float = ACCURACY,
 ) -> Patches:
-    """Sample a force, each time twice as finely, until the middles between the nodes are right.
-
-    The derivatives at the nodes are those of the bicubic spline through them, which the patches
-    then are.
-
-    Parameters
-    ----------
-    force : callable
-        ``force(iu [A], x [m]) -> [N]`` on arrays of one shape.
-    currents, displacements : tuple of 2 floats
-        Lowest, below 0, and highest, above 0 [A], [m].
-    accuracy : float
-        In parts of the force's root mean square.
-
-    Raises
-    ------
-    AmbkitError
-        The finest grid is not good enough; or the force is not finite.
-    """
+    """Sample a force, each time twice as finely, until the middles between the nodes are right."""
+    # The derivatives at the nodes are those of the bicubic spline through them, which the patches
+    # then are.
     from scipy.interpolate import RectBivariateSpline
 
     cells = FIRST

@@ -16,31 +16,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ForcePoints:
-    """Points at which the force was measured, for :func:`ambkit.train`.
+    """Points at which the force was measured, for :func:`ambkit.train`."""
 
-    They may lie anywhere, and the same point may be measured again.
+    # They may lie anywhere, and the same point may be measured again.
 
-    Attributes
-    ----------
-    current : array_like (n,)
-        Control current [A].
-    displacement : array_like (n,)
-        Displacement [m].
-    force : array_like (n,)
-        Whole force of the magnet [N].
-    standard_error : array_like (n,), optional
-        Standard errors of the forces [N], > 0; None where they are not known.
-
-    Raises
-    ------
-    AmbkitError
-        No points, lengths that differ, a value that is not finite, or a standard error that is
-        not greater than 0 N; names the first such point.
-    """
-
-    current: Array
-    displacement: Array
-    force: Array
+    current: Array  #: (n,) Control current [A].
+    displacement: Array  #: (n,) Displacement [m].
+    force: Array  #: (n,) Whole force of the magnet [N].
+    #: (n,) Standard errors of the forces [N], > 0; None where they are not known.
     standard_error: Array | None = None
 
     def __post_init__(self) -> None:
@@ -68,13 +51,8 @@ class ForcePoints:
         return self.current.size
 
     def where(self, chosen: NDArray[np.bool_]) -> ForcePoints:
-        """Return some of the points.
-
-        Parameters
-        ----------
-        chosen : ndarray (n,)
-            Which.
-        """
+        """Return some of the points."""
+        # chosen (n,)
         error = self.standard_error
         return ForcePoints(
             self.current[chosen],
@@ -84,18 +62,7 @@ class ForcePoints:
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the points as ``.csv`` or ``.parquet``, as ``ambkit train --force-map`` reads them.
-
-        Parameters
-        ----------
-        path : path
-            The file.
-
-        Raises
-        ------
-        AmbkitError
-            The file cannot be written; an older one is left as it was.
-        """
+        """Write them as ``.csv`` or ``.parquet``, as ``ambkit train --force-map`` reads them."""
         from ambkit.data.files.tables import Table, write_table
 
         columns = {"iu": self.current, "x": self.displacement, "f_mag": self.force}
@@ -107,13 +74,7 @@ class ForcePoints:
     def within(
         self, currents: tuple[float, float], displacements: tuple[float, float]
     ) -> NDArray[np.bool_]:
-        """Say which points lie in a box, its edges included; True or False for each (n,).
-
-        Parameters
-        ----------
-        currents, displacements : tuple of 2 floats
-            Lowest and highest [A], [m].
-        """
+        """Say which points lie in a box, its edges included; True or False for each (n,)."""
         inside = np.ones(len(self), dtype=bool)
         for values, (low, high) in ((self.current, currents), (self.displacement, displacements)):
             rounding = 1e-9 * (high - low)

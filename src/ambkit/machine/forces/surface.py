@@ -59,45 +59,15 @@ JUDGES = 200
 
 
 class ForceSurface(Law):
-    """Force from measured points: a magnet, as plant and as what an estimator knows.
+    """Force from measured points: a magnet, as plant and as what an estimator knows."""
 
-    As a function it is the force itself, and can be given to :func:`ambkit.stiffness_map`; the C
-    core has it as smooth patches over the bearing's currents and travel, which are as near to it
-    as `ambkit.machine.forces.patches.ACCURACY` says.
-
-    How wrong the law is, how far its errors reach, and the scatter of points whose standard errors
-    are not known, are found from the points: the values of the largest posterior density, known
-    before as `LAW_SHARE`, `REACH` and `DOUBT` say. An offset of all forces may be as large as the
-    law's error.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Gives the law.
-    points : ForcePoints
-        What was measured.
-    law_error : float, optional
-        By how much the law is wrong, standard deviation [N]. Default: found.
-    like : ForceSurface, optional
-        Takes the law's errors, their reach and the scatter from another surface.
-
-    Attributes
-    ----------
-    points : ForcePoints
-        What was measured.
-    law_error : float
-        Standard deviation of the law's error [N]: what is left of doubt where nothing was measured.
-    reach : tuple of 2 floats
-        How far its errors reach in current [A] and displacement [m].
-    scatter : float or None
-        Standard deviation of the points [N], found; None where they have standard errors.
-
-    Raises
-    ------
-    AmbkitError
-        The points have all the same current or displacement, or reach the air gap; or `law_error`
-        is not positive.
-    """
+    # As a function it is the force itself, and can be given to :func:`ambkit.stiffness_map`; the C
+    # core has it as smooth patches over the bearing's currents and travel, which are as near to it
+    # as `ambkit.machine.forces.patches.ACCURACY` says.
+    # How wrong the law is, how far its errors reach, and the scatter of points whose standard
+    # errors are not known, are found from the points: the values of the largest posterior density,
+    # known before as `LAW_SHARE`, `REACH` and `DOUBT` say. An offset of all forces may be as large
+    # as the law's error.
 
     def __init__(
         self,
@@ -145,13 +115,7 @@ class ForceSurface(Law):
         return self._scale * np.asarray(self._law.force(iu, x)) + self.correction(iu, x)
 
     def scaled(self, factor: float) -> ForceSurface:
-        """Return the surface of a force so many times as large, with its doubts.
-
-        Parameters
-        ----------
-        factor : float
-            By which the force is larger [1].
-        """
+        """Return the surface of a force so many times as large, with its doubts."""
         other = copy.copy(self)
         other._scale = factor * self._scale
         p = self.patches
@@ -168,13 +132,7 @@ class ForceSurface(Law):
         return patches(self, (b.current_min, b.current_max), (-travel, travel))
 
     def in_core(self, core: ModuleType) -> Magnet:
-        """Build the C implementation.
-
-        Parameters
-        ----------
-        core : module
-            The build of the core that computes, see `core_module`.
-        """
+        """Build the C implementation."""
         p = self.patches
         nodes = (p.force, p.by_current, p.by_displacement, p.by_both)
         return core.Surface(  # type: ignore[no-any-return]
@@ -228,17 +186,9 @@ class _Found(NamedTuple):
 
 
 def smooth(a: Array, b: Array, reach: Array) -> Array:
-    """Return the correlation (n, m) of a law's errors at places (2, n) and (2, m).
-
-    Matérn's, nu = 5/2 (Rasmussen and Williams 2006, eq. 4.17): its surfaces bend smoothly.
-
-    Parameters
-    ----------
-    a, b : ndarray (2, n), (2, m)
-        Current and displacement, in parts of the area.
-    reach : ndarray (2, 1)
-        How far an error reaches, in the same parts.
-    """
+    """Return the correlation (n, m) of a law's errors at places (2, n) and (2, m)."""
+    # Matérn's, nu = 5/2 (Rasmussen and Williams 2006, eq. 4.17): its surfaces bend smoothly.
+    # a (2, n); b (2, m); reach (2, 1)
     from scipy.spatial.distance import cdist
 
     far = np.sqrt(5) * cdist((a / reach).T, (b / reach).T)
@@ -251,10 +201,8 @@ def _alike(a: Array, b: Array, reach: Array) -> Array:
 
 
 def _solved(at: Array, off: Array, error: Array, found: _Found) -> tuple[Array, Array]:
-    """Return the Cholesky factor of the points' covariance (n, n) [N], and how each pulls (n,).
-
-    The pull [1/N] is the inverse of the covariance times the distances from the law.
-    """
+    """Return the Cholesky factor of the points' covariance (n, n) [N], and how each pulls (n,)."""
+    # The pull [1/N] is the inverse of the covariance times the distances from the law.
     from scipy.linalg import cho_solve
 
     noise = np.hypot(found.scatter * error, BEST * found.law_error)

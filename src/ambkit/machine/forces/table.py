@@ -12,27 +12,15 @@ Array = NDArray[np.float64]
 
 
 class ForceTable:
-    """Force function from a table, to be given to :func:`ambkit.stiffness_map` as ``force``.
+    """Force function from a table, to be given to :func:`ambkit.stiffness_map` as ``force``."""
 
-    It goes through all values; for those that scatter there is
-    :class:`~ambkit.machine.forces.surface.ForceSurface`. Bicubic between the nodes
-    (not-a-knot spline). Outside, its last polynomial goes on for up to one node step, which is
-    where the nine points of an edge node lie (paper, eq. 27).
-
-    Parameters
-    ----------
-    current : array_like (ni,)
-        Nodes of the control current [A], ascending, at least 4.
-    displacement : array_like (nx,)
-        Nodes of the displacement [m], ascending, at least 4.
-    values : array_like (nx, ni)
-        Force [N], bias force included; rows are displacements.
-
-    Raises
-    ------
-    AmbkitError
-        Nodes that are too few, not finite or not ascending, values of another shape or not finite.
-    """
+    # It goes through all values; for those that scatter there is
+    # :class:`~ambkit.machine.forces.surface.ForceSurface`. Bicubic between the nodes (not-a-knot
+    # spline). Outside, its last polynomial goes on for up to one node step, which is where the nine
+    # points of an edge node lie (paper, eq. 27).
+    # current (ni,) Nodes of the control current [A], ascending, at least 4.
+    # displacement (nx,) Nodes of the displacement [m], ascending, at least 4.
+    # values (nx, ni) Force [N], bias force included; rows are displacements.
 
     def __init__(
         self,
@@ -73,13 +61,7 @@ class ForceTable:
         )
 
     def __call__(self, iu: ArrayLike, x: ArrayLike) -> Array:
-        """Force [N] at the points (iu [A], x [m]), of shapes that broadcast.
-
-        Raises
-        ------
-        AmbkitError
-            A point lies more than one node step outside the table.
-        """
+        """Force [N] at the points (iu [A], x [m]), of shapes that broadcast."""
         iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
         for name, asked, nodes, unit in (
             ("iu", iu, self.current, "A"),

@@ -52,10 +52,8 @@ MISPRINTS: Final = (
 
 
 def table4() -> Array:
-    """Return the current stiffness k_i [N/A] (5, 5) of Table 4.
-
-    Rows are `DISPLACEMENTS`, columns `CURRENTS`; `MISPRINTS` lists the entry that is not right.
-    """
+    """Return the current stiffness k_i [N/A] (5, 5) of Table 4."""
+    # Rows are `DISPLACEMENTS`, columns `CURRENTS`; `MISPRINTS` lists the entry that is not right.
     return _table("table4_ki.csv")[:, 1:].copy()
 
 
@@ -65,10 +63,8 @@ def table5() -> Array:
 
 
 def table6() -> Array:
-    """Return the trained widths (2, 25) of Table 6: of the 25 rules for k_i, and for k_s.
-
-    In units of 1 A and 1 mm. Rules go through the currents first, then the displacements.
-    """
+    """Return the trained widths (2, 25) of Table 6: of the 25 rules for k_i, and for k_s."""
+    # In units of 1 A and 1 mm. Rules go through the currents first, then the displacements.
     return _table("table6_widths.csv")[:, 4:].T.copy()
 
 

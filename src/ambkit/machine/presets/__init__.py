@@ -20,24 +20,12 @@ def machine_names() -> tuple[str, ...]:
 
 
 def text(name: str) -> str:
-    """Return the TOML of a bearing's preset as it stands in its file, comments included.
-
-    Raises
-    ------
-    AmbkitError
-        There is no preset of that name.
-    """
+    """Return the TOML of a bearing's preset as it stands in its file, comments included."""
     return _text(_bearings(), name)
 
 
 def machine_text(name: str) -> str:
-    """Return the TOML of a machine's preset as it stands in its file, comments included.
-
-    Raises
-    ------
-    AmbkitError
-        There is no preset of that name.
-    """
+    """Return the TOML of a machine's preset as it stands in its file, comments included."""
     return _text(_machines(), name)
 
 

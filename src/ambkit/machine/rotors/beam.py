@@ -79,17 +79,8 @@ class Shapes(NamedTuple):
 
 
 def shapes(share: Array, length: float, shear: float) -> Shapes:
-    """Return the shape functions of an element.
-
-    Parameters
-    ----------
-    share : ndarray (points,)
-        Where, from 0 to 1 of the length [1].
-    length : float
-        L [m].
-    shear : float
-        Phi [1].
-    """
+    """Return the shape functions of an element."""
+    # share (points,) [1]
     s, L, P = np.asarray(share, float), length, shear
     one = np.ones_like(s)
     w = (1 - 3 * s**2 + 2 * s**3 + P * (1 - s), L * (s - 2 * s**2 + s**3 + P / 2 * (s - s**2)),
@@ -105,10 +96,9 @@ def shapes(share: Array, length: float, shear: float) -> Shapes:
 
 @dataclass(frozen=True, eq=False)
 class Matrices:
-    """A rotor in one plane through its shaft: ``M q'' + (D - j speed G) q' + K q`` = what pushes.
+    """A rotor in one plane through its shaft: ``M q'' + (D - j speed G) q' + K q = f``."""
 
-    q: w and th of each node, one after the other; of both planes as x + j y. SI: metres, radians.
-    """
+    # q: w and th of each node, one after the other; of both planes as x + j y. SI: metres, radians.
 
     M: Array
     """Masses (2 nodes, 2 nodes)."""
@@ -127,13 +117,7 @@ class Matrices:
 
     @cached_property
     def free_modes(self) -> tuple[Array, Array]:
-        """Squares of the frequencies (all,) [1/s^2] and bending modes (2 nodes, all) of mass 1.
-
-        Raises
-        ------
-        ValueError
-            The rotor is not free: a rigid motion of it has stiffness, or a bending has none.
-        """
+        """Squares of the frequencies (all,) [1/s^2] and bending modes (2 nodes, all) of mass 1."""
         from scipy.linalg import eigh
 
         # Turns count in lengths of the shaft, or small numbers would be lost beside great ones.
@@ -184,15 +168,7 @@ class Disc(NamedTuple):
 
 
 def assemble(elements: list[Element], discs: list[Disc]) -> Matrices:
-    """Return the matrices of a shaft with discs.
-
-    Parameters
-    ----------
-    elements : list of Element
-        From the shaft's beginning on.
-    discs : list of Disc
-        Each where an element begins or ends.
-    """
+    """Return the matrices of a shaft with discs."""
     place = np.concatenate([[0.0], np.cumsum([each.length for each in elements])])
     n = 2 * len(place)
     M, K, G = np.zeros((3, n, n))
@@ -213,15 +189,7 @@ FINEST = 60
 
 
 def divided(sections: list[Element], cuts: list[float]) -> list[Element]:
-    """Return sections in elements that end at all cuts, short against the shaft.
-
-    Parameters
-    ----------
-    sections : list of Element
-        From the shaft's beginning on.
-    cuts : list of float
-        Places where there is to be a node [m].
-    """
+    """Return sections in elements that end at all cuts, short against the shaft."""
     longest = sum(each.length for each in sections) / FINEST
     found, start = [], 0.0
     for section in sections:

@@ -98,13 +98,7 @@ class _OfMatrices(Part):
         return self.body.ends[1]
 
     def bending(self, magnets: tuple[float, ...]) -> Bending:
-        """Return its bending modes.
-
-        Parameters
-        ----------
-        magnets : tuple of float
-            Places of the radial magnets [m].
-        """
+        """Return its bending modes."""
         known: dict[tuple[float, ...], Bending] = self._known
         places = magnets if self.residual else ()
         if places not in known:
@@ -145,10 +139,9 @@ class _OfMatrices(Part):
 
 
 class ShaftRotor(_OfMatrices):
-    """A rotor by a table of its shaft: sections one after the other, and discs on them.
+    """A rotor by a table of its shaft: sections one after the other, and discs on them."""
 
-    All places of its machine are measured from where the shaft begins.
-    """
+    # All places of its machine are measured from where the shaft begins.
 
     type: Literal["shaft"]
     """A table of the shaft."""
@@ -210,10 +203,9 @@ def _of_shaft(
 
 
 class MatrixRotor(_OfMatrices):
-    """A rotor by matrices M, K, G and perhaps D of the free rotor at nodes, in a file.
+    """A rotor by matrices M, K, G and perhaps D of the free rotor at nodes, in a file."""
 
-    All places of its machine are measured from where the file's places are.
-    """
+    # All places of its machine are measured from where the file's places are.
 
     type: Literal["matrices"]
     """Matrices in a file."""
@@ -330,11 +322,10 @@ class MeasuredMode(Part):
 
 
 class ModalRotor(Part):
-    """A rotor by its rigid body and its measured bending modes.
+    """A rotor by its rigid body and its measured bending modes."""
 
-    All places of its machine are measured from the centre of mass. What gyroscopics do to the modes
-    was not measured: they turn its rigid body alone.
-    """
+    # All places of its machine are measured from the centre of mass. What gyroscopics do to the
+    # modes was not measured: they turn its rigid body alone.
 
     type: Literal["modes"]
     """Measured modes."""
@@ -365,13 +356,7 @@ class ModalRotor(Part):
         return min(each.places[-1] for each in self.mode)
 
     def bending(self, magnets: tuple[float, ...]) -> Bending:
-        """Return its bending modes.
-
-        Parameters
-        ----------
-        magnets : tuple of float
-            Places of the radial magnets [m].
-        """
+        """Return its bending modes."""
         return self._bending
 
     @cached_property

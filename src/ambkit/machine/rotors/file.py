@@ -37,23 +37,7 @@ SAME = 1e-6
 
 
 def read_matrices(path: str | os.PathLike[str]) -> Matrices:
-    """Read the matrices of a free rotor, in one plane.
-
-    Parameters
-    ----------
-    path : path
-        A ``.npz`` or a ``.mat`` file.
-
-    Returns
-    -------
-    Matrices
-        In SI, of the nodes in the order of their places.
-
-    Raises
-    ------
-    RecordError
-        The file cannot be read, is damaged, holds objects or too much, or not what is needed.
-    """
+    """Read the matrices of a free rotor, in one plane."""
     try:
         found = _content(path)
         lacking = [name for name in NEEDED if name not in found]

@@ -11,15 +11,9 @@ Array = NDArray[np.float64]
 
 
 class ThroughPoints:
-    """Shapes of modes that were measured at some places, between them by natural cubic splines.
+    """Shapes of modes that were measured at some places, between them by natural cubic splines."""
 
-    Parameters
-    ----------
-    points : sequence of (places, deflections)
-        Of each mode, places rising [m].
-    largest : ndarray (modes,)
-        What the deflections are divided by.
-    """
+    # largest (modes,) What the deflections are divided by.
 
     def __init__(
         self, points: Sequence[tuple[Sequence[float], Sequence[float]]], largest: Array

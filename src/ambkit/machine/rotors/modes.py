@@ -29,43 +29,24 @@ class Shape(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Bending:
-    """Bending modes of a free rotor, beside its rigid body.
+    """Bending modes of a free rotor, beside its rigid body."""
 
-    Attributes
-    ----------
-    frequency : ndarray (modes,)
-        Undamped, at rest [rad/s].
-    mass : ndarray (modes,)
-        Modal masses, of shapes that are 1 where they are largest [kg].
-    damping : ndarray (2 + modes, 2 + modes)
-        Of what stands still, over x, tilt and the modes [N s/m], [N s].
-    internal : ndarray (modes, modes)
-        Of what turns with the rotor, over the modes [N s/m]: of the velocity that is left where one
-        turns with it.
-    polar : ndarray (1 + modes, 1 + modes)
-        Polar inertias over tilt and the modes [kg m^2], [kg m], [kg].
-    shape : Shape
-        Deflections at a place, from where the rotor's places are measured.
-    ends : tuple of float
-        Between which places there are shapes [m].
-    left_out : tuple of float
-        Frequencies of some bending modes beyond [rad/s].
-    residual : callable
-        Compliance (places, places) [m/N] of all that is left out, of a slow force.
-    attached : int
-        How many of the last modes are none: static deflections by forces at places, which keep the
-        compliance of what is left out (Rubin 1975).
-    """
-
-    frequency: Array
-    mass: Array
+    frequency: Array  #: (modes,) Undamped, at rest [rad/s].
+    mass: Array  #: (modes,) Modal masses, of shapes that are 1 where they are largest [kg].
+    #: (2 + modes, 2 + modes) Of what stands still, over x, tilt and the modes [N s/m], [N s].
     damping: Array
+    #: (1 + modes, 1 + modes) Polar inertias over tilt and the modes [kg m^2], [kg m], [kg].
     polar: Array
-    shape: Shape
-    ends: tuple[float, float]
+    shape: Shape  #: Deflections at a place, from where the rotor's places are measured.
+    ends: tuple[float, float]  #: Between which places there are shapes [m].
+    #: (modes, modes) Of what turns with the rotor, over the modes [N s/m]: of the velocity that is
+    #: left where one turns with it.
     internal: Array
-    left_out: tuple[float, ...] = ()
+    left_out: tuple[float, ...] = ()  #: Frequencies of some bending modes beyond [rad/s].
+    #: Compliance (places, places) [m/N] of all that is left out, of a slow force.
     residual: Residual | None = None
+    #: How many of the last modes are none: static deflections by forces at places, which keep the
+    #: compliance of what is left out (Rubin 1975).
     attached: int = 0
 
     @property
@@ -87,25 +68,13 @@ class Bending:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A rotor as a rigid body.
+    """A rotor as a rigid body."""
 
-    Attributes
-    ----------
-    mass : float
-        m [kg].
-    centre : float
-        Place of the centre of mass [m].
-    transverse_inertia, polar_inertia : float
-        About it, I_t and I_p [kg m^2].
-    ends : tuple of float
-        Places of the first and of the last node [m].
-    """
-
-    mass: float
-    centre: float
-    transverse_inertia: float
+    mass: float  #: m [kg].
+    centre: float  #: Place of the centre of mass [m].
+    transverse_inertia: float  #: About it, I_t and I_p [kg m^2].
     polar_inertia: float
-    ends: tuple[float, float]
+    ends: tuple[float, float]  #: Places of the first and of the last node [m].
 
 
 def body_of(matrices: Matrices) -> Body:
@@ -161,13 +130,7 @@ class Residual:
     """How many of them are kept."""
 
     def __call__(self, places: Sequence[float]) -> Array:
-        """Return deflections by slow forces (places, places) [m/N].
-
-        Parameters
-        ----------
-        places : sequence of float
-            Of forces and deflections [m].
-        """
+        """Return deflections by slow forces (places, places) [m/N]."""
         rows = np.array([self.over.row(place) for place in places]) @ self.modes[:, self.kept :]
         return np.asarray((rows / self.squares[self.kept :]) @ rows.T)
 
@@ -179,28 +142,7 @@ def reduced(
     attachments: Sequence[float] = (),
     internal_ratio: float | None = None,
 ) -> Bending:
-    """Return the modes of a rotor up to a frequency.
-
-    Parameters
-    ----------
-    matrices : Matrices
-        Of the free rotor.
-    highest : float
-        Up to which frequency bending modes are kept [rad/s].
-    damping_ratio : float, optional
-        Of each mode [1]; by default by the matrices' damping.
-    attachments : sequence of float
-        Places [m] of forces whose static compliance is kept: for each one a shape more, with what
-        the modes left out give way there (Rubin, Improved component-mode representation for
-        structural dynamic analysis, 1975).
-    internal_ratio : float, optional
-        Of each mode, by what turns with the rotor [1]; by default by the matrices' own.
-
-    Raises
-    ------
-    ValueError
-        The rotor is not free; there is no damping; no mode is as low as that.
-    """
+    """Return the modes of a rotor up to a frequency."""
     squares, modes = matrices.free_modes
     kept = int(np.count_nonzero(squares <= highest**2))
     over = OverNodes(np.zeros((len(modes), 0)), matrices.place, matrices.shear)

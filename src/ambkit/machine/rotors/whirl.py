@@ -73,15 +73,7 @@ class WhirlError(NamedTuple):
 
 
 def end_of_range(T: float, speed: float | None = None) -> float:
-    """Return up to where the standard looks at a loop [Hz].
-
-    Parameters
-    ----------
-    T : float
-        Sampling time [s]: it looks no farther than half the sampling rate.
-    speed : float, optional
-        Of the rotor [rad/s].
-    """
+    """Return up to where the standard looks at a loop [Hz]."""
     return min(max(RANGE, 3 * abs(speed or 0.0) / (2 * math.pi)), 0.5 / T)
 
 
@@ -91,24 +83,8 @@ def speeds_of(speed: float) -> Array:
 
 
 def whirl(rotor: OfRotor, bending: Bending, speed: float, modes: int | None = None) -> Array:
-    """Return the whirl frequencies of the free, undamped rotor, ascending [rad/s].
-
-    Parameters
-    ----------
-    rotor : OfRotor
-        Its rigid body.
-    bending : Bending
-        Its bending modes.
-    speed : float
-        Of rotation [rad/s].
-    modes : int, optional
-        How many of the modes, the slowest; by default all.
-
-    Returns
-    -------
-    ndarray (2 (2 + modes),)
-        Of ``M q'' - j speed G q' + K q = 0``, positive with the rotation, negative against it.
-    """
+    """Return the whirl frequencies of the free, undamped rotor, ascending [rad/s]."""
+    # returns (2 (2 + modes),)
     n = len(bending.frequency) if modes is None else modes
     mass = np.concatenate([[rotor.mass, rotor.transverse_inertia], bending.mass[:n]])
     turning = np.zeros((n + 2, n + 2))
@@ -122,21 +98,7 @@ def whirl_error(
     rotor: OfRotor, kept: Bending, highest: float, speeds: Sequence[float] | Array,
     modes: int | None = None,
 ) -> WhirlError:  # fmt: skip
-    """Return where the whirl of kept modes is farthest from that of the full matrices.
-
-    Parameters
-    ----------
-    rotor : OfRotor
-        The rotor.
-    kept : Bending
-        Its modes that are kept.
-    highest : float
-        Up to which frequency whirls are compared [Hz].
-    speeds : sequence of float
-        At which speeds [rad/s].
-    modes : int, optional
-        How many of `kept`, the slowest; by default all.
-    """
+    """Return where the whirl of kept modes is farthest from that of the full matrices."""
     worst, still = WhirlError(), STILL * float(kept.frequency[0])
     for speed in map(float, speeds):
         full, some = (
@@ -160,23 +122,10 @@ def whirl_error(
 
 
 def enough(rotor: OfRotor, T: float, speed: float, tolerance: float) -> float:
-    """Return up to which frequency to keep modes, so that the whirl is right [Hz].
-
-    All modes within the range of ISO 14839-3 and a quarter beyond are kept, and so many more that
-    every whirl in that range is right up to `BEYOND` times the speed; none is faster than half the
-    sampling rate.
-
-    Parameters
-    ----------
-    rotor : OfRotor
-        The rotor.
-    T : float
-        Sampling time [s].
-    speed : float
-        Of the machine [rad/s].
-    tolerance : float
-        Greatest error of a whirl frequency [1].
-    """
+    """Return up to which frequency to keep modes, so that the whirl is right [Hz]."""
+    # All modes within the range of ISO 14839-3 and a quarter beyond are kept, and so many more that
+    # every whirl in that range is right up to `BEYOND` times the speed; none is faster than half
+    # the sampling rate.
     every = rotor.every_mode
     f = every.frequency / (2 * math.pi)
     highest, speeds = end_of_range(T, speed), speeds_of(speed)

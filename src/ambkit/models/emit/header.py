@@ -37,13 +37,7 @@ def struct(names: Names) -> str:
 
 
 def constants(names: Names, model: Model) -> dict[str, float]:
-    """Return a model's numbers by name, in the struct's order.
-
-    Raises
-    ------
-    ValueError
-        The model is of another kind than the names are of.
-    """
+    """Return a model's numbers by name, in the struct's order."""
     if model.pattern_key() != names.model.pattern_key():
         raise ValueError("the model is of another pattern than the struct")
     return {
@@ -69,23 +63,7 @@ def header(
     includes: Sequence[str] = (),
     more: str = "",
 ) -> str:
-    """Return the header's text, not yet formatted but for the length of its lines.
-
-    Parameters
-    ----------
-    names : Names
-        Of the model.
-    about : str
-        What machine it is, for the first line.
-    stem : str, optional
-        Of the file's name, for its guard.
-    by : str, optional
-        Who writes it.
-    includes : sequence of str, optional
-        Headers that `more` needs.
-    more : str, optional
-        Further functions, for one filter at a time.
-    """
+    """Return the header's text, not yet formatted but for the length of its lines."""
     guard = f"AMBKIT_GENERATED_{stem.upper()}_H"
     counts = {
         "STATES": names.n, "FORCES": names.p, "CONTROLS": names.c, "SENSORS": names.m,

@@ -29,20 +29,7 @@ Naming = Mapping[tuple[str, int, int], str]
 
 
 class Names:
-    """Names of one model's entries, and how the functions get at them.
-
-    Parameters
-    ----------
-    model : Model
-        Its name, sizes, names and pattern are asked; its numbers are not.
-    naming : mapping, optional
-        Names of constants, in their order in the struct; others follow as ``L_0_3``.
-
-    Raises
-    ------
-    ValueError
-        The naming has an entry that is no number by the pattern.
-    """
+    """Names of one model's entries, and how the functions get at them."""
 
     def __init__(self, model: Model, naming: Naming | None = None) -> None:
         self.model = model
@@ -133,10 +120,8 @@ class Names:
         return f"/* {doc} */\n{head}\n{{\n{inside}\n}}\n"
 
     def form(self, doc: str, name: str, arguments: list[str], cases: list[list[str]]) -> str:
-        """Return a function that returns a number; the last line of each case is its expression.
-
-        Of which force or sensor, by its first argument; several are told apart by a switch.
-        """
+        """Return a function that returns a number; the last line of each case is its expression."""
+        # Of which force or sensor, by its first argument; several are told apart by a switch.
         if len(cases) == 1:
             (lines,) = cases
             body = [*lines[:-1], f"return {lines[-1]};"]

@@ -59,13 +59,7 @@ def pushed(names: Names) -> str:
 
 
 def role(names: Names) -> str:
-    """Return the function of what each state is.
-
-    Raises
-    ------
-    ValueError
-        A state has a role that the core does not know.
-    """
+    """Return the function of what each state is."""
     unknown = [state.name for state in names.model.states if state.role not in ROLES]
     if unknown:
         raise ValueError(f"states of unknown roles: {', '.join(unknown)}")

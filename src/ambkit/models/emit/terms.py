@@ -54,10 +54,8 @@ class Stages:
         self._computed: list[tuple[str, str, frozenset[str]]] = []
 
     def add(self, name: str, terms: Sum, *, times: str | None = None) -> str | None:
-        """Return the symbol of a sum (times a symbol), or None if the sum is empty.
-
-        What is a symbol already keeps its own name.
-        """
+        """Return the symbol of a sum (times a symbol), or None if the sum is empty."""
+        # What is a symbol already keeps its own name.
         if not terms:
             return None
         if len(terms) == 1 and times is None and {terms[0].text} == terms[0].symbols:

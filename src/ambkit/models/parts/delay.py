@@ -12,11 +12,10 @@ from ambkit.models.plan import UNIT, Plan
 
 @dataclass(frozen=True)
 class Delay:
-    """Demanded currents act later, by any share of a sample or by several samples.
+    """Demanded currents act later, by any share of a sample or by several samples."""
 
-    The currents demanded in samples before, as many as still act, are states ``u_1`` (of one
-    sample before), ``u_2``, ...; a delay of d samples needs ceil(d) of them.
-    """
+    # The currents demanded in samples before, as many as still act, are states ``u_1`` (of one
+    # sample before), ``u_2``, ...; a delay of d samples needs ceil(d) of them.
 
     time: float
     """Dead time [s]."""

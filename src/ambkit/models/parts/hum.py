@@ -12,10 +12,9 @@ from ambkit.models.plan import UNIT, Plan
 
 @dataclass(frozen=True)
 class Hum:
-    """An oscillator of two states whose amplitude and phase wander; stationary.
+    """An oscillator of two states whose amplitude and phase wander; stationary."""
 
-    Both states have the variance amplitude^2 / 2; the first is seen in the reading.
-    """
+    # Both states have the variance amplitude^2 / 2; the first is seen in the reading.
 
     frequency: float
     """Frequency of the line [Hz]."""

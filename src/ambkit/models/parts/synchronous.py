@@ -9,13 +9,12 @@ from ambkit.models.plan import Place, Plan, row
 
 @dataclass(frozen=True)
 class SynchronousForce:
-    """Unbalance in a plane, which goes round with the rotor: two states, along x and along y.
+    """Unbalance in a plane, which goes round with the rotor: two states, along x and along y."""
 
-    It pushes with the square of the speed, across with the speed's growth, and keeps its size but
-    for a random walk, slow against everything else. In the frame of the sensors it is a pair that
-    turns by the speed, as that of a generalised notch (Herzog et al., Unbalance compensation using
-    generalized notch filters, 1996).
-    """
+    # It pushes with the square of the speed, across with the speed's growth, and keeps its size but
+    # for a random walk, slow against everything else. In the frame of the sensors it is a pair that
+    # turns by the speed, as that of a generalised notch (Herzog et al., Unbalance compensation
+    # using generalized notch filters, 1996).
 
     size: float
     """Typical unbalance [kg m]."""
@@ -55,11 +54,10 @@ def _turn(plan: Plan, x: str, y: str, speed: float) -> None:
 
 @dataclass(frozen=True)
 class SynchronousRunout:
-    """Runout that sensors of one plane see: two states, a cosine and a sine of the angle.
+    """Runout that sensors of one plane see: two states, a cosine and a sine of the angle."""
 
-    It enters before the sensors' lag. A sensor farther round by some angle sees the profile by so
-    much later: order n by n times that angle.
-    """
+    # It enters before the sensors' lag. A sensor farther round by some angle sees the profile by so
+    # much later: order n by n times that angle.
 
     size: float
     """Typical runout [m]."""

@@ -26,27 +26,13 @@ _LEFT = ' style="text-align:left"'
 
 @dataclass(frozen=True)
 class Card:
-    """What a notebook shows of an object.
+    """What a notebook shows of an object."""
 
-    Parameters
-    ----------
-    title : str
-        What it is; like all texts here as it stands, not yet escaped.
-    rows : sequence of sequence of str
-        The table: in each row first what it tells.
-    figure : Figure
-        The picture.
-    headers : sequence of str
-        Over the columns; none where a row is a name and a value.
-    notes : sequence of str
-        Sentences below the table.
-    """
-
-    title: str
-    rows: Sequence[Sequence[str]]
-    figure: Figure
-    headers: Sequence[str] = ()
-    notes: Sequence[str] = ()
+    title: str  #: What it is; like all texts here as it stands, not yet escaped.
+    rows: Sequence[Sequence[str]]  #: The table: in each row first what it tells.
+    figure: Figure  #: The picture.
+    headers: Sequence[str] = ()  #: Over the columns; none where a row is a name and a value.
+    notes: Sequence[str] = ()  #: Sentences below the table.
 
     def html(self) -> str:
         """Return table and picture as HTML that loads and runs nothing."""
@@ -84,13 +70,7 @@ class Card:
 
 
 def image(figure: Figure) -> str:
-    """Return a figure as an image of HTML, with its description for those who do not see it.
-
-    Parameters
-    ----------
-    figure : Figure
-        What to draw.
-    """
+    """Return a figure as an image of HTML, with its description for those who do not see it."""
     picture = base64.b64encode(light(figure)).decode()
     return (
         f'<img style="max-width:100%;width:{100 * WIDTH:.0f}px;background:#fff"'
@@ -105,15 +85,5 @@ def _text(text: str) -> str:
 
 
 def value(number: float, unit: str, digits: int = 4) -> str:
-    """Print a value with its unit for a table; a dash where there is none.
-
-    Parameters
-    ----------
-    number : float
-        In SI.
-    unit : str
-        SI unit.
-    digits : int
-        Significant digits.
-    """
+    """Print a value with its unit for a table; a dash where there is none."""
     return "–" if number != number else typeset(engineering(number, unit, digits))

@@ -14,20 +14,7 @@ from ambkit.show.report.static import draw, draw_into, drawn_as_on_paper
 
 
 def plot(figure: Figure, *, ax: Any = None, panel: int | str = 0, static: bool = False) -> Any:
-    """Draw a figure, see :meth:`ambkit.base.showing.Shown.plot`.
-
-    Parameters
-    ----------
-    figure : Figure
-        What to draw.
-    ax, panel, static
-        As there.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such panel, or `ax` is no axes.
-    """
+    """Draw a figure, see :meth:`ambkit.base.showing.Shown.plot`."""
     if ax is not None:
         return _into(figure, ax, panel)
     drawn = None if static else _interactive(figure)

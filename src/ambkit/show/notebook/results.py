@@ -71,15 +71,7 @@ def scores(of: Scores) -> Card:
 
 
 def loops(of: Mapping[str, Mapping[str, Score]], title: str) -> Card:
-    """Describe estimators, each in its own loop, for each thing that happens.
-
-    Parameters
-    ----------
-    of : mapping of str to (mapping of str to Score)
-        By what happens, and by estimator.
-    title : str
-        Of the table.
-    """
+    """Describe estimators, each in its own loop, for each thing that happens."""
     rows = [
         [f"{case} {name}".strip(), *(_pair(one, s) for s in EVALUATED), f"{one.nis.mean():.3f}",
          str(one.touched)]
@@ -95,15 +87,7 @@ def _pair(score: Score, signal: str) -> str:
 
 
 def with_spread(mean: float, spread: float, unit: str) -> str:
-    """Print a value with its error, both in the same unit.
-
-    Parameters
-    ----------
-    mean, spread : float
-        In SI.
-    unit : str
-        SI unit.
-    """
+    """Print a value with its error, both in the same unit."""
     if not np.isfinite(spread):
         return value(mean, unit)
     number, _, shown = engineering(mean, unit, 4).partition(" ")

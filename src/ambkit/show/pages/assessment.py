@@ -23,28 +23,7 @@ def write_assessment(
     loads: Sequence[Figure],
     facts: Mapping[str, str],
 ) -> None:
-    """Write the page.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    bearing : str
-        Its name.
-    fed_by : str
-        What feeds the controller.
-    lines : sequence of (str, str, str, bool or None)
-        The verdict: what, what it came to, against what, and whether it is kept.
-    margins, loads : sequence of Figure
-        The pictures.
-    facts : mapping of str to str
-        What it holds for.
-
-    Raises
-    ------
-    AmbkitError
-        The file cannot be written; an older one is left as it was.
-    """
+    """Write the page."""
     from ambkit.show.report.page import write_page
 
     missed = [what.strip() for what, _, _, good in lines if good is False]

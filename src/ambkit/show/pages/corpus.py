@@ -125,20 +125,7 @@ def corpus_report(corpus: Corpus) -> Report:
 
 
 def write_corpus(path: str | os.PathLike[str], corpus: Corpus) -> None:
-    """Write the report as one HTML page that needs no net.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    corpus : Corpus
-        What the logs say.
-
-    Raises
-    ------
-    AmbkitError
-        The file cannot be written; an older one is left as it was.
-    """
+    """Write the report as one HTML page that needs no net."""
     from ambkit.show.report.page import write_page
 
     write_page(corpus_report(corpus), path)

@@ -22,34 +22,7 @@ def write_design(
     along: Figure,
     made: Mapping[str, str],
 ) -> None:
-    """Write the page.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    bearing : str
-        Its name.
-    why : str
-        Which filter to fly and why.
-    objections : sequence of str
-        What speaks against it.
-    notes : sequence of str
-        What else is to be known.
-    rows : mapping of str to sequence of float
-        By the candidates' labels, their figures.
-    headers : sequence of str
-        What these are, with units.
-    along : Figure
-        The filter along a record.
-    made : mapping of str to str
-        The files that were made, and what they are.
-
-    Raises
-    ------
-    AmbkitError
-        The file cannot be written; an older one is left as it was.
-    """
+    """Write the page."""
     from ambkit.show.report.page import write_page
 
     verdict: list[Block] = [Remark("Which filter", markdown(why))]

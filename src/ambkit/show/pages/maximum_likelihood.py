@@ -26,24 +26,7 @@ def write_identification(
     checks: Sequence[Validation],
     shown: Record,
 ) -> None:
-    """Write the report as one HTML page that needs no net.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    found : MaximumLikelihood
-        What was identified.
-    checks : sequence of Validation
-        Records that it was held to.
-    shown : Record
-        The first of these, for the picture of the prediction.
-
-    Raises
-    ------
-    AmbkitError
-        The file cannot be written; an older one is left as it was.
-    """
+    """Write the report as one HTML page that needs no net."""
     from ambkit.show.report.page import write_page
 
     write_page(identification_report(found, checks, shown), path)
@@ -82,12 +65,10 @@ def identification_report(
 
 
 def annotated_toml(found: MaximumLikelihood, folder: str | os.PathLike[str] | None = None) -> str:
-    """Return the bearing as TOML, each value that was found with its standard error beside it.
-
-    What is of the log and not of the bearing (offsets, load, a delay that cannot be told from none)
-    stands above in comments, with the lines of a channel map that take it out. Files that it names
-    are seen from `folder`, where it will lie.
-    """
+    """Return the bearing as TOML, each value that was found with its standard error beside it."""
+    # What is of the log and not of the bearing (offsets, load, a delay that cannot be told from
+    # none) stands above in comments, with the lines of a channel map that take it out. Files that
+    # it names are seen from `folder`, where it will lie.
     in_bearing = {"current_lag": ("amplifier", "bandwidth")}
     if found.delay_counts:
         in_bearing["delay"] = ("", "delay")
@@ -115,20 +96,9 @@ def annotated_toml(found: MaximumLikelihood, folder: str | os.PathLike[str] | No
 
 
 def carried_over(model: LoopModel, *, delay: bool = True, offsets: bool = True) -> list[str]:
-    """Say how what is of the log gets into a channel map, and into ``ambkit filter``.
-
-    With these lines a record is read as `LoopModel.corrected` gives it, but for the lag of the
-    current, which is the bearing's.
-
-    Parameters
-    ----------
-    model : LoopModel
-        What was identified.
-    delay : bool
-        Without: the delay is the bearing's, too.
-    offsets : bool
-        Without: they are as likely 0, and the map stays.
-    """
+    """Say how what is of the log gets into a channel map, and into ``ambkit filter``."""
+    # With these lines a record is read as `LoopModel.corrected` gives it, but for the lag of the
+    # current, which is the bearing's.
     volts = model.current_offset / model.bearing.amplifier.gain
     of_y = [f'offset = "{engineering(-model.position_offset, "m", 6)}"']
     of_u = [f'offset = "{engineering(volts, "V", 6)}"']

@@ -27,28 +27,7 @@ def write_pil(
     samples: int,
     figures: Sequence[Figure],
 ) -> None:
-    """Write the page.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    name : str
-        Of the bearing or the machine.
-    passed : bool
-        Whether all bits are the same.
-    rows : sequence of (str, str)
-        What there is to say, and that.
-    samples : int
-        How many it flew.
-    figures : sequence of Figure
-        The flight, and what it cost.
-
-    Raises
-    ------
-    AmbkitError
-        The file cannot be written; an older one is left as it was.
-    """
+    """Write the page."""
     from ambkit.show.report.page import write_page
 
     said = (
@@ -82,19 +61,8 @@ def write_pil(
 def axis_figure(
     flight: Record, frames: Record, instructions: NDArray[np.uint32], bound: int | None
 ) -> Figure:
-    """Show the flight of one axis, and its instructions.
-
-    Parameters
-    ----------
-    flight : Record
-        What the plant did, n samples.
-    frames : Record
-        What the processor sent of the same samples.
-    instructions : ndarray (n,)
-        Counted of a step; 0 where they were not.
-    bound : int, optional
-        Instructions of a step at most; None where that is not known.
-    """
+    """Show the flight of one axis, and its instructions."""
+    # instructions (n,)
     t = flight.t
     coils = [name for name in frames.signals if name.startswith("coil_")]
     looks = ("estimate", "control")
@@ -128,17 +96,8 @@ def axis_figure(
 def cost_figure(
     t: NDArray[np.float64], instructions: NDArray[np.uint32], bound: int | None
 ) -> Figure:
-    """Show the instructions alone.
-
-    Parameters
-    ----------
-    t : ndarray (n,)
-        Times [s].
-    instructions : ndarray (n,)
-        Counted of a step; 0 where they were not.
-    bound : int, optional
-        At most; None where that is not known.
-    """
+    """Show the instructions alone."""
+    # t (n,) [s]; instructions (n,)
     caption = "Counted in some of the samples."
     panel = _cost(t, instructions, bound)
     return Figure(id="cost", title="Instructions", caption=caption, panels=[panel])

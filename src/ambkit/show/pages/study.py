@@ -22,13 +22,7 @@ RATIO = Axis("magnet constant of the plant, over the known one")
 
 
 def report_of(study: Study) -> Report:
-    """Build the report.
-
-    Parameters
-    ----------
-    study : Study
-        With its sweeps.
-    """
+    """Build the report."""
     from importlib.metadata import version
 
     bench = study.bench
@@ -53,13 +47,7 @@ def report_of(study: Study) -> Report:
 
 
 def report_of_cases(benches: Mapping[str, Bench]) -> Report:
-    """Build the report of several cases.
-
-    Parameters
-    ----------
-    benches : mapping of str to Bench
-        By case, with the same estimators in each.
-    """
+    """Build the report of several cases."""
     from importlib.metadata import version
 
     first = next(iter(benches.values()))

@@ -44,27 +44,7 @@ def assessment_figure(
     whole: Loop | None = None,
     left_out: Sequence[str] = (),
 ) -> Figure:
-    """Show stable loops of one axis, or the axes of one loop.
-
-    Parameters
-    ----------
-    title : str
-        Of which bearing.
-    loops : sequence of Curves
-        At least one.
-    zones : sequence of (str, float)
-        Names, and the peaks of abs(S) below which they are.
-    top : float
-        End of the range that counts for them [Hz].
-    static : float, optional
-        Deflection by a load at rest without the controller's integral [m/N].
-    gain : float
-        Of the amplifier [A/V].
-    whole : Loop, optional
-        Whose singular values and determinant are shown as well.
-    left_out : sequence of str
-        Loops that are unstable, and not drawn.
-    """
+    """Show stable loops of one axis, or the axes of one loop."""
     nyquist = loops[0].loop.nyquist
     frequency = Axis("frequency", "Hz", scale="log", limits=(SHOWN * nyquist, nyquist))
     bode = zone_lines(zones, top)
@@ -124,19 +104,7 @@ def _unstable(names: Sequence[str]) -> str:
 def unstable_figure(
     title: str, loop: Loop, axes: Sequence[str], poles: Sequence[UnstablePole]
 ) -> Figure:
-    """Show an unstable loop: Nyquist, loop gain and poles.
-
-    Parameters
-    ----------
-    title : str
-        Of which bearing.
-    loop : Loop
-        The loop.
-    axes : sequence of str
-        Names of its axes.
-    poles : sequence of UnstablePole
-        Of the closed loop, the fastest growing first.
-    """
+    """Show an unstable loop: Nyquist, loop gain and poles."""
     nyquist = loop.nyquist
     f = grid(loop)
     f = f[f >= SHOWN * nyquist]
@@ -253,15 +221,7 @@ NYQUIST_REAL, NYQUIST_IMAGINARY = (-3.2, 1.2), (-2.1, 2.1)
 
 
 def zone_lines(zones: Sequence[tuple[str, float]], top: float) -> list[Item]:
-    """Return the upper ends of the zones over the frequency [dB], and the end of their range.
-
-    Parameters
-    ----------
-    zones : sequence of (str, float)
-        Names, and the peaks of abs(S) below which they are.
-    top : float
-        End of the range [Hz].
-    """
+    """Return the upper ends of the zones over the frequency [dB], and the end of their range."""
     ends = f"ends of zones {', '.join(name for name, _ in zones)}"
     items: list[Item] = [
         Rule(20 * math.log10(limit), signal="limit", text=name, label=ends if k == 0 else "")

@@ -21,13 +21,7 @@ SHARES = (-0.5, 0.0, 0.5)
 
 
 def bearing_figure(bearing: Bearing) -> Figure:
-    """Show what its magnet pulls with, and the current that carries the rotor.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Its magnet is drawn over all currents, and over the rotor's travel.
-    """
+    """Show what its magnet pulls with, and the current that carries the rotor."""
     magnet, travel = magnet_of(bearing), bearing.rotor.travel_limit
     iu = np.linspace(bearing.current_min, bearing.current_max, 121)
     x = np.linspace(-travel, travel, 121)

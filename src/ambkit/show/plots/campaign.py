@@ -64,13 +64,7 @@ LABELS = {
 
 
 def in_words(names: Sequence[str]) -> list[str]:
-    """Return keys of what varies in words: the last of each, and more where two are alike.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Such as ``magnet.air_gap``.
-    """
+    """Return keys of what varies in words: the last of each, and more where two are alike."""
 
     def last(name: str, steps: int) -> str:
         whose, rest = _whose(name)
@@ -134,19 +128,7 @@ def cumulative_figure(
     groups: Mapping[str, NDArray[np.bool_]],
     limits: Mapping[str, float],
 ) -> Figure:
-    """Show which share of machines is at or below each value of figures.
-
-    Parameters
-    ----------
-    title : str
-        Of what.
-    figures : sequence of Quantity
-        A panel each.
-    groups : mapping of str to ndarray of bool (n,)
-        By a choice, which machines are of it; one for all where there is none.
-    limits : mapping of str to float
-        Limits of figures, by their names, in SI.
-    """
+    """Show which share of machines is at or below each value of figures."""
     panels = []
     shown = dict(list(groups.items())[:SERIES])
     for of in figures:
@@ -198,19 +180,7 @@ class Swing(NamedTuple):
 
 
 def tornado_figure(id: str, figure: Quantity, middle: float, swings: Sequence[Swing]) -> Figure:
-    """Show what each quantity does to a figure, the strongest on top.
-
-    Parameters
-    ----------
-    id : str
-        Of the figure, letters and digits.
-    figure : Quantity
-        Which.
-    middle : float
-        Median of all machines, in SI.
-    swings : sequence of Swing
-        Of the quantities.
-    """
+    """Show what each quantity does to a figure, the strongest on top."""
     order = sorted(swings, key=lambda each: -abs(each.high - each.low))
     ends = [sorted((each.low, each.high)) for each in order]
     rows = Intervals(
@@ -240,21 +210,7 @@ def indices_figure(
     shares: Mapping[str, tuple[Array, Array]],
     caption: str,
 ) -> Figure:
-    """Show which share of a figure's variance each quantity has.
-
-    Parameters
-    ----------
-    id : str
-        Of the figure, letters and digits.
-    figure, method : str
-        Of which figure, by which method.
-    names : sequence of str
-        What varies, from the top.
-    shares : mapping of str to (ndarray (k,), ndarray (k,))
-        By "first order" and "total" the shares and half of their confidence intervals [1].
-    caption : str
-        What to know of them.
-    """
+    """Show which share of a figure's variance each quantity has."""
     panels = []
     for place, (order, (value, half)) in enumerate(shares.items()):
         texts = [f"{100 * v:.1f} ± {100 * h:.1f} %" for v, h in zip(value, half, strict=True)]
@@ -276,17 +232,8 @@ def indices_figure(
 def parallel_figure(
     title: str, quantities: Sequence[Quantity], passed: NDArray[np.bool_]
 ) -> Figure:
-    """Show machines as lines through all that varies, those that fail in red.
-
-    Parameters
-    ----------
-    title : str
-        Of what.
-    quantities : sequence of Quantity
-        From the left: what varies, then figures.
-    passed : ndarray of bool (n,)
-        Which machines are good.
-    """
+    """Show machines as lines through all that varies, those that fail in red."""
+    # passed (n,)
     k = len(quantities)
     scaled, items = np.empty((passed.size, k)), list[Item]()
     for place, of in enumerate(quantities):
@@ -330,21 +277,8 @@ def front_figure(
     title: str, error: Sequence[float], peak: Sequence[float], best: NDArray[np.bool_],
     allowed: NDArray[np.bool_], ceiling: float, taken: int,
 ) -> Figure:  # fmt: skip
-    """Show error of the force against the peak of the sensitivity, of all that was tried.
-
-    Parameters
-    ----------
-    title : str
-        Of what.
-    error, peak : sequence of float
-        Quantiles over the machines [N], [1].
-    best, allowed : ndarray of bool (n,)
-        Whether nothing is better in both; whether all constraints are kept.
-    ceiling : float
-        What the peak has to stay below [1].
-    taken : int
-        Which was taken.
-    """
+    """Show error of the force against the peak of the sensitivity, of all that was tried."""
+    # best (n,); allowed (n,)
     x, y = np.asarray(peak, float), np.asarray(error, float)
     right, top = BEYOND * ceiling, BEYOND * max(y[taken], y[0])
     shown = (x <= right) & (y <= top)

@@ -26,19 +26,8 @@ def campbell_figure(
     poles: NDArray[np.complex128],
     whirl: Sequence[str],
 ) -> Figure:
-    """Show frequencies and damping of a rotor's modes over its speed.
-
-    Parameters
-    ----------
-    machine : str
-        Its name.
-    speed : ndarray (n,)
-        Speeds of rotation [rad/s].
-    poles : ndarray of complex (n, modes)
-        Each mode's pole [1/s].
-    whirl : sequence of str (modes,)
-        "forward", "backward" or "axial".
-    """
+    """Show frequencies and damping of a rotor's modes over its speed."""
+    # speed (n,) [rad/s]; poles (n, modes) [1/s]
     looks = {"forward": "series 1", "backward": "series 2", "axial": "series 3"}
     frequencies: list[Item] = [
         Line(speed, poles[:, k].imag, signal=looks[way], label=way) for k, way in enumerate(whirl)

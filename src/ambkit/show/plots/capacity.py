@@ -20,22 +20,7 @@ def capacity_figure(
     loops: Mapping[str, Capacity],
     demands: Mapping[str, tuple[float, float]] | None = None,
 ) -> Figure:
-    """Show at which harmonic load current, displacement and voltage come to their limits.
-
-    Parameters
-    ----------
-    title : str
-        Of which bearing.
-    loops : mapping of str to Capacity
-        By what the controllers are fed, or the axes of a machine.
-    demands : mapping of str to (float, float), optional
-        What the machine asks: frequency [Hz] and amplitude [N] of a load, by the same names.
-
-    Raises
-    ------
-    AmbkitError
-        There is no loop.
-    """
+    """Show at which harmonic load current, displacement and voltage come to their limits."""
     from ambkit.base.errors import AmbkitError
 
     if not loops:

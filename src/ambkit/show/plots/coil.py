@@ -19,15 +19,7 @@ SHOWN = 0.6
 
 
 def coil_figure(fit: CoilFit, records: Sequence[Record], names: Sequence[str]) -> Figure:
-    """Show the largest step down of one log, the time constant, and what is left of each log.
-
-    Parameters
-    ----------
-    fit : CoilFit
-        What was found.
-    records, names : sequence
-        What it was found from.
-    """
+    """Show the largest step down of one log, the time constant, and what is left of each log."""
     distance = Axis("distance $z$", "mm", 1e3)
     at = np.linspace(0.0, 1.05 * max(fit.distance.values()), 200)
     far = sorted(range(len(names)), key=lambda k: fit.distance[names[k]])[len(names) // 2]

@@ -18,15 +18,7 @@ if TYPE_CHECKING:
 
 
 def comparison_figure(scores: Mapping[str, Mapping[str, Score]], what: str = "step") -> Figure:
-    """Show the errors of several filters as bars.
-
-    Parameters
-    ----------
-    scores : mapping of str to (mapping of str to Score)
-        For each case, such as the height of a step, the score of each filter by its short name.
-    what : str
-        What the cases are.
-    """
+    """Show the errors of several filters as bars."""
     shown = {
         "x": Axis("error of position", "µm rms", 1e6),
         "v": Axis("error of velocity", "mm/s rms", 1e3),

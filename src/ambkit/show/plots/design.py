@@ -13,19 +13,7 @@ from ambkit.show.report.items import Axis, Bars, Item, Rule
 def design_figure(
     names: Sequence[str], errors: Sequence[Mapping[str, float]], raw: float, title: str
 ) -> Figure:
-    """Show the errors of the filters that were tried, beside those of the raw sensor.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Of the filters.
-    errors : sequence of mapping of str to float
-        Root mean square errors of ``x`` [m] and ``f_d`` [N] of each.
-    raw : float
-        What the sensor errs by [m].
-    title : str
-        What was chosen.
-    """
+    """Show the errors of the filters that were tried, beside those of the raw sensor."""
 
     def bars(signal: str) -> list[Item]:
         return [Bars(names, np.array([each[signal] for each in errors]), label="")]

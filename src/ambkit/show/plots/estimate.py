@@ -24,13 +24,7 @@ AXES = {
 
 
 def estimate_figure(estimate: Estimate) -> Figure:
-    """Show the states over time, with 95 % of what the filter believes, and the innovations.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        Bands where it has its covariances.
-    """
+    """Show the states over time, with 95 % of what the filter believes, and the innovations."""
     t = estimate.t
     time = replace(TIME, limits=(float(t[0]), float(t[-1])))
     settled = settled_samples(t, [estimate])

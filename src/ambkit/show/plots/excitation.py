@@ -23,13 +23,7 @@ _LOOKS = ("series 1", "series 2", "series 3", "series 4", "constant")
 
 
 def excitation_figure(design: Design) -> Figure:
-    """Show an experiment over time and over frequency.
-
-    Parameters
-    ----------
-    design : Design
-        What was designed.
-    """
+    """Show an experiment over time and over frequency."""
     record, limits = design.record, design.limits
     t = record.t
     T = record.sampling_time

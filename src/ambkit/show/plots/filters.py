@@ -47,17 +47,7 @@ def filter_figure(
     evaluated: Mapping[str, Evaluation],
     smoothed: Mapping[str, Estimate] | None = None,
 ) -> Figure:
-    """Show what filters estimate along a record, and how their innovations fare.
-
-    Parameters
-    ----------
-    record : Record
-        What they ran along; reference, truth and logged estimates are shown where it has them.
-    evaluated : mapping of str to Evaluation
-        The filters by their short names (``"linear"``, ``"adaptive"``, ``"closed-law"``).
-    smoothed : mapping of str to Estimate, optional
-        What their smoothers say, by the same names.
-    """
+    """Show what filters estimate along a record, and how their innovations fare."""
     t, truth = record.t, record.truth
     time = replace(TIME, limits=(float(t[0]), float(t[-1])))
     smoothed = smoothed or {}
@@ -141,10 +131,8 @@ def with_limits(axis: Axis, items: Iterable[Item], where: NDArray[np.bool_]) -> 
 
 
 def settled_samples(t: NDArray[np.float64], estimates: Iterable[Estimate]) -> NDArray[np.bool_]:
-    """Where no filter guesses: in the dark at the start, and anew after a gap where it was HELD.
-
-    What they guess there would flatten all else.
-    """
+    """Where no filter guesses: in the dark at the start, and anew after a gap where it was HELD."""
+    # What they guess there would flatten all else.
     blind = np.zeros(t.size, dtype=bool)
     blind[0] = True
     for estimate in estimates:

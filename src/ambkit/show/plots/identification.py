@@ -17,17 +17,8 @@ if TYPE_CHECKING:
 
 
 def identification_figure(found: Identification, start: float) -> Figure:
-    """Show how the magnet constant was learned along a record, from `start` [N m^2/A^2].
-
-    :func:`~ambkit.show.plots.online.online_figure` shows several learners.
-
-    Parameters
-    ----------
-    found : Identification
-        The result.
-    start : float
-        Where learning began [N m^2/A^2].
-    """
+    """Show how the magnet constant was learned along a record, from `start` [N m^2/A^2]."""
+    # :func:`~ambkit.show.plots.online.online_figure` shows several learners.
     from ambkit.identification.online.adaline import AdalineResult
 
     history = found.history

@@ -20,19 +20,7 @@ if TYPE_CHECKING:
 def injection_figure(
     name: str, record: Record, limits: Limits, expected: MeasuredSensitivity
 ) -> Figure:
-    """Show an experiment for the sensitivity over time, and the interval that it would give.
-
-    Parameters
-    ----------
-    name : str
-        Of the bearing.
-    record : Record
-        The experiment, simulated.
-    limits : Limits
-        What it keeps within.
-    expected : MeasuredSensitivity
-        What the record tells.
-    """
+    """Show an experiment for the sensitivity over time, and the interval that it would give."""
     t = record.t
 
     def within(signal: str, limit: float, style: str, label: str) -> list[Item]:

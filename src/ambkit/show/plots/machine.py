@@ -76,15 +76,7 @@ def _of(k: int) -> str:
 
 
 def orbit_of(run: MachineRun, place: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the displacements x and y of the rotor at a place (n,) [m].
-
-    Parameters
-    ----------
-    run : MachineRun
-        A simulated run.
-    place : float
-        Along the shaft, as the machine's places are measured [m].
-    """
+    """Return the displacements x and y of the rotor at a place (n,) [m]."""
     record = run.record
     x, y = (
         sum(value * record[f"q_{q}"] for q, value in run.machine.line(place, turn).form.items())

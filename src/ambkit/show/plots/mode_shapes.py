@@ -27,21 +27,8 @@ def mode_shapes_figure(
     magnets: Mapping[str, tuple[float, Array]],
     sensors: Mapping[str, tuple[float, Array]],
 ) -> Figure:
-    """Show each mode's shape, with magnets and sensors where they are on it.
-
-    Parameters
-    ----------
-    machine : str
-        Its name.
-    modes : (ndarray (modes,), ndarray (modes,))
-        Frequencies [rad/s] and damping ratios [1].
-    place : ndarray (n,)
-        Along the shaft [m].
-    shape : ndarray (n, modes)
-        Deflections there [1].
-    magnets, sensors : mapping of str to (float, ndarray (modes,))
-        Of each its place [m], and the deflections there [1].
-    """
+    """Show each mode's shape, with magnets and sensors where they are on it."""
+    # place (n,) [m]; shape (n, modes) [1]
     panels = []
     ends = place[[0, -1]]
     for k, (frequency, ratio) in enumerate(zip(*modes, strict=True)):

@@ -28,13 +28,7 @@ ENDS = (1.03, 1.05, 1.07)
 
 
 def online_figure(learned: SideBySide) -> Figure:
-    """Show k over time with its errors, and below what each had to learn from.
-
-    Parameters
-    ----------
-    learned : SideBySide
-        What each learned.
-    """
+    """Show k over time with its errors, and below what each had to learn from."""
     t = next(iter(learned.results.values())).t
     right = t[0] + 1.09 * np.ptp(t)
     time = Axis(TIME.label, TIME.unit, limits=(float(t[0]), float(right)))

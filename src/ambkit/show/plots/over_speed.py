@@ -62,15 +62,7 @@ class _OverSpeed(Protocol):
 
 
 def over_speed_figure(found: _OverSpeed, zones: Sequence[tuple[str, float]]) -> Figure:
-    """Show sensitivity of each axis, and frequency and damping of the closed loop's modes.
-
-    Parameters
-    ----------
-    found : OverSpeed
-        What was looked at.
-    zones : sequence of (str, float)
-        Of ISO 14839-3, with the peaks of abs(S) at which they end.
-    """
+    """Show sensitivity of each axis, and frequency and damping of the closed loop's modes."""
     peaks: list[Item] = [
         Rule(limit, signal="limit", text=name, label="ends of zones A, B, C" if k == 0 else "")
         for k, (name, limit) in enumerate(zones)
@@ -112,13 +104,7 @@ def over_speed_figure(found: _OverSpeed, zones: Sequence[tuple[str, float]]) -> 
 
 
 def run_up_figure(found: _OverSpeed) -> Figure:
-    """Show displacement, current and voltage in a slow run-up, beside their limits.
-
-    Parameters
-    ----------
-    found : OverSpeed
-        What was looked at.
-    """
+    """Show displacement, current and voltage in a slow run-up, beside their limits."""
     shares = found.orbit / found.clearance
     room: list[Item] = [
         Rule(limit, signal="limit", text=name, label="ends of zones A, B, C" if k == 0 else "")

@@ -42,13 +42,7 @@ _OVERLAID = ("saturated", "frozen")
 
 
 def reading_figure(reading: Reading) -> Figure:
-    """Show the channels of a log with their faults; its clock too, where that is not even.
-
-    Parameters
-    ----------
-    reading : Reading
-        What was read.
-    """
+    """Show the channels of a log with their faults; its clock too, where that is not even."""
     record = reading.record
     names = sorted(record, key=lambda name: (name not in _FIRST, list(record).index(name)))
     delays = {channel.name: channel.delay for channel in reading.channels}
@@ -120,10 +114,8 @@ def _only(t: Array, values: Array, faults: Iterable[Fault]) -> Array:
 def missing_spans(
     stretches: Iterable[tuple[float, float]], t: Array, label: str | None = None
 ) -> Iterator[Item]:
-    """Mark stretches [s] without samples; the legend says so, or what `label` says.
-
-    They are widened so that one sample is seen, and joined where they would overlap.
-    """
+    """Mark stretches [s] without samples; the legend says so, or what `label` says."""
+    # They are widened so that one sample is seen, and joined where they would overlap.
     least = NARROWEST * float(t[-1] - t[0])
     joined: list[tuple[float, float]] = []
     for first, last in sorted(stretches):

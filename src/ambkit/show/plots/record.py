@@ -25,13 +25,7 @@ TOLD_BY = {"iu": "u", "f_mag": "f_d", "x_m": "y"}
 
 
 def record_figure(record: Record) -> Figure:
-    """Show a record's signals over time; of many the first eight panels.
-
-    Parameters
-    ----------
-    record : Record
-        :meth:`~ambkit.Record.select` says which signals.
-    """
+    """Show a record's signals over time; of many the first eight panels."""
     groups = list(_groups(record))
     names = [name for names in groups[SHOWN:] for name in names]
     left = f"Not shown: {', '.join(map(markdown, names))}." if names else ""

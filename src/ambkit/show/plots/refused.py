@@ -27,21 +27,9 @@ _TIME, _NUMBER = Axis("time", "s"), Axis("sample")
 
 
 def refused_figure(refused: Refused) -> Figure | None:
-    """Show the clocks and channels of a refused log, with the places that are complained of.
-
-    Over time, if all of its clocks go on; over the number of the sample otherwise, since times that
-    go back, or are none, are no axis.
-
-    Parameters
-    ----------
-    refused : Refused
-        What `ambkit.read` raised.
-
-    Returns
-    -------
-    Figure or None
-        None where there are not two samples to be drawn.
-    """
+    """Show the clocks and channels of a refused log, with the places that are complained of."""
+    # Over time, if all of its clocks go on; over the number of the sample otherwise, since times
+    # that go back, or are none, are no axis.
     mapped = refused.mapped
     clocks = {name: times for name, times in mapped.clocks.items() if times.size > 1}
     signals = {

@@ -26,17 +26,7 @@ NEARBY = 7
 
 
 def with_surface(figure: Figure, surface: ForceSurface, stiff: StiffnessMap) -> Figure:
-    """Put a measured force before the picture of a training.
-
-    Parameters
-    ----------
-    figure : Figure
-        Of :func:`ambkit.show.plots.training_figure`.
-    surface : ForceSurface
-        The force that was found from the points.
-    stiff : StiffnessMap
-        Gives the box.
-    """
+    """Put a measured force before the picture of a training."""
     from scipy.ndimage import maximum_filter
 
     iu = np.linspace(stiff.current[0], stiff.current[-1], 61)
@@ -61,15 +51,7 @@ def with_surface(figure: Figure, surface: ForceSurface, stiff: StiffnessMap) -> 
 
 
 def with_choice(figure: Figure, choice: RuleChoice) -> Figure:
-    """Put the choice of the number of rules before the picture of a training.
-
-    Parameters
-    ----------
-    figure : Figure
-        Of `with_surface`; the choice stands beside the learning curve.
-    choice : RuleChoice
-        What cross-validation said.
-    """
+    """Put the choice of the number of rules before the picture of a training."""
     caption = (
         "Error at points that the network was not trained on, with its standard error; 1 is as "
         f"good as can be. The smallest network below the line is taken, {choice.chosen.name}. "

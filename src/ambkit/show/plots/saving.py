@@ -14,25 +14,7 @@ ENDINGS = (".png", ".svg", ".html")
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    """Draw a figure into one file.
-
-    Parameters
-    ----------
-    figure : Figure
-        What to draw.
-    path : path
-        Its ending says how: ``.png``, ``.svg``, or ``.html``, a page that needs no net.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    AmbkitError
-        Another ending, or the file cannot be written; an older one is left as it was.
-    """
+    """Draw a figure into one file."""
     from ambkit.base import files
     from ambkit.show.report import static
 

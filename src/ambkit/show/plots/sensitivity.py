@@ -45,21 +45,7 @@ def measured_figure(
     zones: Zones,
     top: float,
 ) -> Figure:
-    """Show a measured sensitivity with its 95 % interval, its open loop and the coherence.
-
-    Parameters
-    ----------
-    title : str
-        Of which bearing.
-    found : MeasuredSensitivity
-        What a record told.
-    models : sequence of Curves
-        Linear loops, stable, to be laid beneath.
-    zones : sequence of (str, float)
-        Names, and the peaks of abs(S) below which they are.
-    top : float
-        End of the range that counts for them [Hz].
-    """
+    """Show a measured sensitivity with its 95 % interval, its open loop and the coherence."""
     f, (low, high) = found.frequency, found.interval()
     frequency = Axis("frequency", "Hz", scale="log", limits=(0.8 * f[0], 1.25 * f[-1]))
     bode = zone_lines(zones, top)
@@ -112,23 +98,7 @@ def sweep_figure(
     zones: Zones,
     top: float,
 ) -> Figure:
-    """Show sweeps of the simulated loop over the linear model.
-
-    Parameters
-    ----------
-    title : str
-        Of which bearing.
-    loop : Loop
-        The linear model.
-    axis : int
-        Which of its axes was swept.
-    swept : sequence of (float, ndarray (k,), ndarray (k,), ndarray (k,))
-        Amplitude [m], frequencies [Hz], S of the simulated loop and of the model [1].
-    zones : sequence of (str, float)
-        Names, and the peaks of abs(S) below which they are.
-    top : float
-        End of the range that counts for them [Hz].
-    """
+    """Show sweeps of the simulated loop over the linear model."""
     f = np.concatenate([each[1] for each in swept])
     frequency = Axis("frequency", "Hz", scale="log", limits=(0.8 * f.min(), 1.25 * f.max()))
     at = _between(loop, f)

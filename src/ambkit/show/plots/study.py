@@ -47,17 +47,7 @@ def _looks(names: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 
 def matrix_figure(bench: Bench, id: str = "matrix", *, alone: bool = False) -> Figure:
-    """Show all estimators by all criteria, the darker the worse.
-
-    Parameters
-    ----------
-    bench : Bench
-        What was found.
-    id : str
-        Of the figure.
-    alone : bool
-        Whether it stands without a report around it: what it shows is then written in it.
-    """
+    """Show all estimators by all criteria, the darker the worse."""
     standings = list(bench.best.values())
     names = [name for name in CRITERIA if any(np.isfinite(s.mean(name)) for s in standings)]
     shade = np.column_stack([_shades(standings, name) for name in names])
@@ -112,19 +102,7 @@ def _text(standing: Standing, criterion: Criterion) -> str:
 def sweep_figure(
     id: str, swept: Sweep, axis: Axis, title: str, caption: str, signals: Sequence[str]
 ) -> Figure:
-    """Show how the errors change with one thing, and the limit where it is known.
-
-    Parameters
-    ----------
-    id, title, caption : str
-        Of the figure.
-    swept : Sweep
-        What was found.
-    axis : Axis
-        What was changed.
-    signals : sequence of str
-        Which errors: some of x, v, f_d.
-    """
+    """Show how the errors change with one thing, and the limit where it is known."""
     panels = []
     for signal in signals:
         items: list[Item] = []
@@ -236,15 +214,7 @@ def run_figure(trial: Trial, field: Mapping[str, Contender], bench: Bench) -> Fi
 
 
 def cases_figure(benches: Mapping[str, Bench], *, alone: bool = False) -> Figure:
-    """Show the error of the disturbance force in several cases, relative to the linear filter's.
-
-    Parameters
-    ----------
-    benches : mapping of str to Bench
-        By case, with the same estimators in each; relative to the first where linear is none.
-    alone : bool
-        Whether it stands without a report around it: what it shows is then written in it.
-    """
+    """Show the error of the disturbance force in several cases, relative to the linear filter's."""
     first = next(iter(benches.values()))
     names = list(first.best)
     base = "linear" if "linear" in names else names[0]

@@ -25,13 +25,7 @@ RAISED = "\n\n\n"
 
 
 def torture_figure(torture: Torture) -> Figure:
-    """Show what became of each estimator in each fault, beside the loop and in it.
-
-    Parameters
-    ----------
-    torture : Torture
-        What was found.
-    """
+    """Show what became of each estimator in each fault, beside the loop and in it."""
     panels = [
         Panel(Axis(""), Axis(""), [_cells(torture, setting)], title=setting) for setting in SETTINGS
     ]

@@ -35,27 +35,7 @@ def tuning_figure(
     peaks: Sequence[float] = (),
     ceiling: float | None = None,
 ) -> Figure:
-    """Show the cost of all that was tried, over each value that was free and the peak of S.
-
-    Parameters
-    ----------
-    title : str
-        Which filter was tuned.
-    free : sequence of Range
-        What was free.
-    trace : sequence of Tried
-        All that was tried, the untuned first.
-    taken : mapping of str to float
-        What tuning found.
-    cost : str
-        What the cost is.
-    outcome : str
-        What became of it, a sentence.
-    peaks : sequence of float, optional
-        Peaks of abs(S) in the loop, of all that was tried [1].
-    ceiling : float, optional
-        What they were to stay below.
-    """
+    """Show the cost of all that was tried, over each value that was free and the peak of S."""
     costs = np.array([each.cost for each in trace])
     best = costs.min()
     span = max(float(costs[0] - best), 1e-3 * abs(best))
@@ -108,17 +88,7 @@ def tuning_figure(
 def trade_off_figure(
     title: str, peaks: Sequence[float], errors: Mapping[str, Sequence[float]]
 ) -> Figure:
-    """Show what a smaller peak of the sensitivity costs.
-
-    Parameters
-    ----------
-    title : str
-        Which filters.
-    peaks : sequence of float
-        Peaks of abs(S) in the loop [1], ascending.
-    errors : mapping of str to sequence of float
-        Errors of ``x`` [m] and ``f_d`` [N] of the same filters.
-    """
+    """Show what a smaller peak of the sensitivity costs."""
     axes = {
         "f_d": Axis("error of the disturbance force, rms", "N"),
         "x": Axis("error of the position, rms", "µm", 1e6),

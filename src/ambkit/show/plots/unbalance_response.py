@@ -23,17 +23,8 @@ AMPLITUDE = Axis("amplitude", "µm", 1e6)
 def unbalance_response_figure(
     machine: Machine, speed: NDArray[np.float64], amplitude: NDArray[np.float64]
 ) -> Figure:
-    """Show how far each axis moves.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine.
-    speed : ndarray (n,)
-        Speeds of rotation [rad/s].
-    amplitude : ndarray (n, p)
-        Along each axis [m].
-    """
+    """Show how far each axis moves."""
+    # speed (n,) [rad/s]; amplitude (n, p) [m]
     names: dict[int, list[str]] = {}  # axes by the first of those that move alike
     for k, axis in enumerate(machine.axes):
         alike = (j for j in names if np.allclose(amplitude[:, j], amplitude[:, k], rtol=1e-3))

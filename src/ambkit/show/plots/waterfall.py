@@ -18,13 +18,7 @@ RANGE = 60.0
 
 
 def waterfall_figure(found: Any) -> Figure:
-    """Show spectra over time, with once and twice the speed of rotation.
-
-    Parameters
-    ----------
-    found : ambkit.workflow.waterfall.Waterfall
-        The spectra.
-    """
+    """Show spectra over time, with once and twice the speed of rotation."""
     one, unit = (1e-6, "µm") if found.unit == "m" else (1.0, found.unit)
     decibels = 20 * np.log10(np.maximum(found.amplitude / one, 1e-30))
     most = 10 * math.ceil(float(decibels.max()) / 10)

@@ -11,103 +11,49 @@ Cell = str | float | int | None
 
 @dataclass(frozen=True)
 class Text:
-    """Paragraphs, lists, small headings.
+    """Paragraphs, lists, small headings."""
 
-    Parameters
-    ----------
-    source : str
-        Markdown; formulas between dollar signs; ``[](#fig15)`` becomes "Figure 7".
-    """
-
-    source: str
+    source: str  #: Markdown; formulas between dollar signs; ``[](#fig15)`` becomes "Figure 7".
 
 
 @dataclass(frozen=True)
 class Equation:
-    """A formula on its own line.
+    """A formula on its own line."""
 
-    Parameters
-    ----------
-    source : str
-        LaTeX as `formula.mathml` understands it.
-    number : str
-        Written beside it: ``"eq. 15"``.
-    """
-
-    source: str
-    number: str = ""
+    source: str  #: LaTeX as `formula.mathml` understands it.
+    number: str = ""  #: Written beside it: ``"eq. 15"``.
 
 
 @dataclass(frozen=True)
 class Remark:
-    """A paragraph set apart: a finding, a misprint, a choice that was made.
+    """A paragraph set apart: a finding, a misprint, a choice that was made."""
 
-    Parameters
-    ----------
-    title : str
-        In a word or two.
-    source : str
-        Markdown.
-    """
-
-    title: str
-    source: str
+    title: str  #: In a word or two.
+    source: str  #: Markdown.
 
 
 @dataclass(frozen=True)
 class FigureBlock:
-    """A figure with its number and caption.
+    """A figure with its number and caption."""
 
-    Parameters
-    ----------
-    figure : Figure
-        The figure.
-    """
-
-    figure: Figure
+    figure: Figure  #: The figure.
 
 
 @dataclass(frozen=True)
 class TableBlock:
-    """A table.
+    """A table."""
 
-    Parameters
-    ----------
-    id : str
-        Anchor: ``"table4"``.
-    title : str
-        What it holds, in a few words.
-    headers : sequence of str
-        Heads of the columns (Markdown with formulas), with units.
-    rows : sequence of sequence
-        Cells: text (Markdown), numbers, or None for none.
-    caption : str
-        What to see in it (Markdown).
-    digits : str or sequence of str
-        Format of the numbers, for all columns or one each: ``".2f"``.
-    highlight : mapping
-        ``(row, column)`` of cells that stand out, with the reason, which goes below the table.
-    row_heads : bool
-        Whether the first column names the rows.
-    source : str
-        Where it is from: ``"paper, Table 4"``.
-
-    Raises
-    ------
-    ValueError
-        If a row has another number of cells than there are headers, or a highlighted cell is not
-        in the table.
-    """
-
-    id: str
-    title: str
-    headers: Sequence[str]
-    rows: Sequence[Sequence[Cell]]
-    caption: str = ""
+    id: str  #: Anchor: ``"table4"``.
+    title: str  #: What it holds, in a few words.
+    headers: Sequence[str]  #: Heads of the columns (Markdown with formulas), with units.
+    rows: Sequence[Sequence[Cell]]  #: Cells: text (Markdown), numbers, or None for none.
+    caption: str = ""  #: What to see in it (Markdown).
+    #: Format of the numbers, for all columns or one each: ``".2f"``.
     digits: str | Sequence[str] = ".4g"
+    #: ``(row, column)`` of cells that stand out, with the reason, which goes below the table.
     highlight: Mapping[tuple[int, int], str] = field(default_factory=dict)
-    row_heads: bool = True
-    source: str = ""
+    row_heads: bool = True  #: Whether the first column names the rows.
+    source: str = ""  #: Where it is from: ``"paper, Table 4"``.
 
     def __post_init__(self) -> None:
         for place, row in enumerate(self.rows):
@@ -126,54 +72,25 @@ Block = Text | Equation | Remark | FigureBlock | TableBlock
 
 @dataclass(frozen=True)
 class Chapter:
-    """A chapter.
+    """A chapter."""
 
-    Parameters
-    ----------
-    id : str
-        Anchor.
-    title : str
-        Its heading.
-    blocks : sequence of Block
-        What it holds.
-    lead : str
-        The chapter in two sentences (Markdown), set larger.
-    """
-
-    id: str
-    title: str
-    blocks: Sequence[Block]
-    lead: str = ""
+    id: str  #: Anchor.
+    title: str  #: Its heading.
+    blocks: Sequence[Block]  #: What it holds.
+    lead: str = ""  #: The chapter in two sentences (Markdown), set larger.
 
 
 @dataclass(frozen=True)
 class Report:
-    """A whole report.
+    """A whole report."""
 
-    Parameters
-    ----------
-    title : str
-        Title.
-    subtitle : str
-        One line below it.
-    lead : str
-        What this is, for someone who has just opened it (Markdown).
-    version : str
-        Version of ambkit that made it.
-    chapters : sequence of Chapter
-        The chapters.
-    summary : sequence of SummaryRow
-        The list of verdicts; may be empty.
-    facts : mapping
-        What it was made from, name to value: bearing, seed, command.
-    """
-
-    title: str
-    subtitle: str
-    lead: str
-    version: str
-    chapters: Sequence[Chapter]
-    summary: Sequence[SummaryRow] = ()
+    title: str  #: Title.
+    subtitle: str  #: One line below it.
+    lead: str  #: What this is, for someone who has just opened it (Markdown).
+    version: str  #: Version of ambkit that made it.
+    chapters: Sequence[Chapter]  #: The chapters.
+    summary: Sequence[SummaryRow] = ()  #: The list of verdicts; may be empty.
+    #: What it was made from, name to value: bearing, seed, command.
     facts: Mapping[str, str] = field(default_factory=dict)
 
     @property

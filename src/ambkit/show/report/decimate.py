@@ -7,26 +7,13 @@ from numpy.typing import NDArray
 def decimate(
     x: NDArray[np.float64], y: NDArray[np.float64], buckets: int = 1000
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Keep of each stretch of samples the extremes in x and in y.
-
-    For a time series the extremes in x are the first and the last sample, which makes this the
-    M4 aggregation (Jugel, Jerzak, Hackenbroich and Markl, 2014): at one stretch a pixel column the
-    drawn line does not change. A curve that turns back has no pixel columns to lean on: it is cut
-    into ten times as many stretches, and its extremes in x are kept likewise. Every kept point is a
-    sample, none is invented; gaps (NaN) stay gaps.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        The line.
-    buckets : int
-        Number of stretches. A line of up to ``4 * buckets`` points is returned as it is.
-
-    Returns
-    -------
-    tuple of ndarray
-        x and y of the kept points, in their order: at most five a stretch.
-    """
+    """Keep of each stretch of samples the extremes in x and in y."""
+    # For a time series the extremes in x are the first and the last sample, which makes this the M4
+    # aggregation (Jugel, Jerzak, Hackenbroich and Markl, 2014): at one stretch a pixel column the
+    # drawn line does not change. A curve that turns back has no pixel columns to lean on: it is cut
+    # into ten times as many stretches, and its extremes in x are kept likewise. Every kept point is
+    # a sample, none is invented; gaps (NaN) stay gaps.
+    # x (n,); y (n,)
     if x.size > 4 * buckets and not (np.diff(x) >= 0).all():
         buckets *= 10
     if x.size <= 4 * buckets:

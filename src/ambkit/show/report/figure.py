@@ -25,25 +25,13 @@ from ambkit.show.report.markup import plain
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes.
+    """One pair of axes."""
 
-    Parameters
-    ----------
-    x, y : Axis
-        The axes.
-    items : sequence of Item
-        What is drawn.
-    title : str
-        A short heading above the axes.
-    equal : bool
-        Whether a length is as long along both axes: an orbit's circle is round.
-    """
-
-    x: Axis
+    x: Axis  #: The axes.
     y: Axis
-    items: Sequence[Item]
-    title: str = ""
-    equal: bool = False
+    items: Sequence[Item]  #: What is drawn.
+    title: str = ""  #: A short heading above the axes.
+    equal: bool = False  #: Whether a length is as long along both axes: an orbit's circle is round.
 
     @property
     def categories(self) -> Sequence[str]:
@@ -91,40 +79,17 @@ def _along(item: Item, axis: Literal["x", "y"]) -> Sequence[Vector]:
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of the report.
+    """A figure of the report."""
 
-    Parameters
-    ----------
-    id : str
-        Name of its files and anchor: ``"fig15"``. Letters, digits, ``-`` and ``_``.
-    title : str
-        What it shows, in a few words.
-    caption : str
-        What to see in it (Markdown with formulas).
-    panels : sequence of Panel
-        Row by row.
-    source : str
-        Where it is from: ``"paper, Fig. 15"``.
-    columns : int
-        Number of panels beside each other.
-    panel_height : float
-        Height of one panel on paper [inch]; 0 chooses by the number of rows.
-    alt : str
-        What a reader who cannot see it is told; made of title, axes and legend if empty.
-
-    Raises
-    ------
-    ValueError
-        For an unusable id, for no panels, or if a panel's `Bars` name different categories.
-    """
-
-    id: str
-    title: str
-    caption: str
-    panels: Sequence[Panel]
-    source: str = ""
-    columns: int = 1
+    id: str  #: Name of its files and anchor: ``"fig15"``. Letters, digits, ``-`` and ``_``.
+    title: str  #: What it shows, in a few words.
+    caption: str  #: What to see in it (Markdown with formulas).
+    panels: Sequence[Panel]  #: Row by row.
+    source: str = ""  #: Where it is from: ``"paper, Fig. 15"``.
+    columns: int = 1  #: Number of panels beside each other.
+    #: Height of one panel on paper [inch]; 0 chooses by the number of rows.
     panel_height: float = 0.0
+    #: What a reader who cannot see it is told; made of title, axes and legend if empty.
     alt: str = ""
 
     def __post_init__(self) -> None:
@@ -143,18 +108,7 @@ class Figure:
         return -(-len(self.panels) // self.columns)
 
     def shares_x(self, index: int) -> bool:
-        """Whether the panel below has the same x axis, so that it need not be labelled twice.
-
-        Parameters
-        ----------
-        index : int
-            Position in `panels`.
-
-        Returns
-        -------
-        bool
-            True if both axes are equal and neither carries categories.
-        """
+        """Whether the panel below has the same x axis, so that it need not be labelled twice."""
         below = index + self.columns
         if below >= len(self.panels):
             return False
@@ -163,13 +117,7 @@ class Figure:
         return upper.x == lower.x and not upper.categories and not lower.title and not rows
 
     def legend(self) -> Iterator[tuple[str, Item]]:
-        """Each legend text once, with the first item that carries it.
-
-        Yields
-        ------
-        tuple of str and Item
-            In the order of the panels.
-        """
+        """Each legend text once, with the first item that carries it."""
         seen = {""}
         for panel in self.panels:
             for item in panel.items:
@@ -178,13 +126,7 @@ class Figure:
                     yield item.legend, item
 
     def description(self) -> str:
-        """Text in place of the picture, for readers who cannot see it.
-
-        Returns
-        -------
-        str
-            `alt`, or a sentence of title, axes and legend.
-        """
+        """Text in place of the picture, for readers who cannot see it."""
         if self.alt:
             return self.alt
         axes = "; ".join(dict.fromkeys(f"{p.y.title} over {p.x.title}" for p in self.panels))

@@ -43,25 +43,7 @@ _MATRICES = {"matrix": ("", ""), "bmatrix": ("[", "]"), "pmatrix": ("(", ")"), "
 
 
 def mathml(source: str, display: bool = False) -> str:
-    """Write a formula as MathML.
-
-    Parameters
-    ----------
-    source : str
-        LaTeX, without dollar signs.
-    display : bool
-        True for a formula on a line of its own.
-
-    Returns
-    -------
-    str
-        A ``<math>`` element.
-
-    Raises
-    ------
-    ValueError
-        If the formula uses something that is not understood, or is not closed.
-    """
+    """Write a formula as MathML."""
     root = _node("math", _parse(source))
     if display:
         root.set("display", "block")
@@ -69,23 +51,7 @@ def mathml(source: str, display: bool = False) -> str:
 
 
 def label_html(text: str) -> str:
-    """Write a label with formulas between dollar signs in the little HTML that plotly draws.
-
-    Parameters
-    ----------
-    text : str
-        ``"stiffness $k_i$ [N/A]"``.
-
-    Returns
-    -------
-    str
-        ``"stiffness <i>k</i><sub><i>i</i></sub> [N/A]"``.
-
-    Raises
-    ------
-    ValueError
-        If a formula is not understood, or needs more than scripts and accents.
-    """
+    """Write a label with formulas between dollar signs in the little HTML that plotly draws."""
     pieces = _DOLLAR.split(text)
     if len(pieces) % 2 == 0:
         raise ValueError(f"label {text!r}: a dollar sign is not closed")

@@ -32,18 +32,7 @@ _TOP, _BOTTOM, _GAP, _TITLE = 56, 52, 16, 26
 
 
 def describe(figure: Figure) -> Json:
-    """Say in plotly's words what the figure shows.
-
-    Parameters
-    ----------
-    figure : Figure
-        What to draw.
-
-    Returns
-    -------
-    dict
-        ``data`` and ``layout`` for ``Plotly.newPlot``; long arrays are written in base64.
-    """
+    """Say in plotly's words what the figure shows."""
     total, domains = _domains(figure)
     layout: Json = {
         "height": total,
@@ -87,19 +76,7 @@ def describe(figure: Figure) -> Json:
 
 
 def to_json(figure: Figure) -> str:
-    """`describe` as JSON that may stand inside an HTML page.
-
-    Parameters
-    ----------
-    figure : Figure
-        What to draw.
-
-    Returns
-    -------
-    str
-        JSON without ``<``, so that nothing in it can end the script element around it. Long lines
-        are in steps (`ambkit.show.report.steps`), which the page's script makes whole.
-    """
+    """`describe` as JSON that may stand inside an HTML page."""
     described = describe(figure)
     shorten(described)
     written = json.dumps(described, separators=(",", ":"), ensure_ascii=False)
@@ -107,29 +84,12 @@ def to_json(figure: Figure) -> str:
 
 
 def height(figure: Figure) -> int:
-    """Height the figure takes on the screen.
-
-    Parameters
-    ----------
-    figure : Figure
-        What to draw.
-
-    Returns
-    -------
-    int
-        Height [px].
-    """
+    """Height the figure takes on the screen."""
     return _domains(figure)[0]
 
 
 def plotly_js() -> str:
-    """plotly.js itself, to be embedded once a page.
-
-    Returns
-    -------
-    str
-        JavaScript, gzipped, in base64: a third of its size. The page unpacks it.
-    """
+    """plotly.js itself, to be embedded once a page."""
     return gzipped((_PLOTLY / "plotly-cartesian.min.js").read_bytes())
 
 
@@ -236,11 +196,9 @@ def _axis(axis: Axis, area: Vector | None) -> Json:
 
 
 def _log_ticks(panel: Panel, name: Literal["x", "y"]) -> Json:
-    """Say where labels stand on a logarithmic axis: whole numbers, never plotly's lone digits.
-
-    Between powers of ten plotly writes "2" where 2×10⁻⁴ is meant, and beside 10⁻⁴ it reads as an
-    exponent. With a format of its own each label is the whole number.
-    """
+    """Say where labels stand on a logarithmic axis: whole numbers, never plotly's lone digits."""
+    # Between powers of ten plotly writes "2" where 2×10⁻⁴ is meant, and beside 10⁻⁴ it reads as an
+    # exponent. With a format of its own each label is the whole number.
     axis = panel.x if name == "x" else panel.y
     if axis.scale != "log":
         return {}

@@ -42,57 +42,18 @@ _PATTERNS = {style.DASH: "/", style.LONG: "/", style.DASH_DOT: "\\", style.DOT: 
 
 
 def shown_place(axis: Axis, value: float) -> float:
-    """Where a value stands on an axis, as plotly wants it for ranges and annotations.
-
-    Parameters
-    ----------
-    axis : Axis
-        The axis.
-    value : float
-        In SI.
-
-    Returns
-    -------
-    float
-        In the unit of the axis; on a logarithmic one its decimal logarithm.
-    """
+    """Where a value stands on an axis, as plotly wants it for ranges and annotations."""
     shown = value * axis.factor
     return float(np.log10(shown)) if axis.scale == "log" else shown
 
 
 def hover_format(coordinate: str, axis: Axis) -> str:
-    """Say how a coordinate is written when the mouse is over it.
-
-    Parameters
-    ----------
-    coordinate : {"x", "y", "z"}
-        Which one.
-    axis : Axis
-        Its axis, for the unit.
-
-    Returns
-    -------
-    str
-        Five digits and the unit, in plotly's format language.
-    """
+    """Say how a coordinate is written when the mouse is over it."""
     return f"%{{{coordinate}:.5~g}} {axis.unit}".rstrip()
 
 
 def traces_of(panel: Panel, item: Item) -> list[Json]:
-    """What plotly draws as data: everything but rules, spans and notes.
-
-    Parameters
-    ----------
-    panel : Panel
-        The panel it belongs to, for units.
-    item : Item
-        What to draw.
-
-    Returns
-    -------
-    list of dict
-        None, one or two traces, without their axes.
-    """
+    """What plotly draws as data: everything but rules, spans and notes."""
     match item:
         case Line():
             x, y = decimate(panel.x.shown(item.x), panel.y.shown(item.y), BUCKETS)
@@ -249,22 +210,7 @@ def _cells(item: Cells) -> Json:
 
 
 def decorations_of(panel: Panel, item: Item, x: str, y: str) -> tuple[list[Json], list[Json]]:
-    """What plotly draws as shapes and annotations: rules, spans and notes.
-
-    Parameters
-    ----------
-    panel : Panel
-        The panel it belongs to, for units.
-    item : Item
-        What to draw.
-    x, y : str
-        The panel's axes: ``"x2"``, ``"y"``.
-
-    Returns
-    -------
-    tuple of list of dict
-        Shapes, annotations.
-    """
+    """What plotly draws as shapes and annotations: rules, spans and notes."""
     whole_x, whole_y = f"{x} domain", f"{y} domain"
     match item:
         case Rule(axis="y"):
@@ -316,18 +262,7 @@ def _colour(item: Band | Span) -> str:
 
 
 def packed(values: Vector) -> Json:
-    """Numbers in base64, which is half of what they take as text.
-
-    Parameters
-    ----------
-    values : ndarray
-        One or two dimensions.
-
-    Returns
-    -------
-    dict
-        plotly's typed array: float32 where that is exact to a millionth of the span, else float64.
-    """
+    """Numbers in base64, which is half of what they take as text."""
     finite = values[np.isfinite(values)]
     exact = finite.size == 0 or 1e-7 * np.abs(finite).max() <= 1e-6 * np.ptp(finite)
     numbers = values.astype("<f4" if exact else "<f8")
@@ -338,23 +273,6 @@ def packed(values: Vector) -> Json:
 def annotation(
     text: str, place: Json, xanchor: str = "left", yanchor: str = "top", size: int = 12
 ) -> Json:
-    """Text at a place of a panel.
-
-    Parameters
-    ----------
-    text : str
-        A label, with formulas between dollar signs.
-    place : dict
-        ``x``, ``y`` and the axes they refer to.
-    xanchor, yanchor : str
-        Which corner of the text stands there.
-    size : int
-        Height of the letters [px].
-
-    Returns
-    -------
-    dict
-        An annotation of plotly's layout.
-    """
+    """Text at a place of a panel."""
     look = {"text": label_html(text), "showarrow": False, "font": {"size": size}}
     return look | place | {"xanchor": xanchor, "yanchor": yanchor}

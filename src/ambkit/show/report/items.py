@@ -19,27 +19,14 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Axis:
-    """What an axis shows.
+    """What an axis shows."""
 
-    Parameters
-    ----------
-    label : str
-        The quantity in words, with its symbol: ``"displacement $x$"``.
-    unit : str
-        The unit shown; empty for a pure number.
-    factor : float
-        What the data (SI) is multiplied with to be in `unit`: 1e3 for metres shown in mm.
-    scale : {"linear", "log"}
-        Scale of the axis.
-    limits : tuple of float, optional
-        Lower and upper end, in the unit of the data (SI).
-    """
-
-    label: str
-    unit: str = ""
+    label: str  #: The quantity in words, with its symbol: ``"displacement $x$"``.
+    unit: str = ""  #: The unit shown; empty for a pure number.
+    #: What the data (SI) is multiplied with to be in `unit`: 1e3 for metres shown in mm.
     factor: float = 1.0
-    scale: Literal["linear", "log"] = "linear"
-    limits: tuple[float, float] | None = None
+    scale: Literal["linear", "log"] = "linear"  #: Scale of the axis.
+    limits: tuple[float, float] | None = None  #: Lower and upper end, in the unit of the data (SI).
 
     @property
     def title(self) -> str:
@@ -47,39 +34,16 @@ class Axis:
         return f"{self.label} [{self.unit}]" if self.unit else self.label
 
     def shown(self, values: Vector) -> Vector:
-        """Data in the unit of the axis.
-
-        Parameters
-        ----------
-        values : ndarray
-            Data in SI.
-
-        Returns
-        -------
-        ndarray
-            The same shape, in `unit`.
-        """
+        """Data in the unit of the axis."""
         return values * self.factor
 
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """An item that belongs to one signal: it takes colour, dash and name from the style table.
+    """An item that belongs to one signal: it takes colour, dash and name from the style table."""
 
-    Parameters
-    ----------
-    signal : str
-        Name in `style.SIGNALS`.
-    label : str, optional
-        Legend; the signal's own name if not given, no entry if empty.
-
-    Raises
-    ------
-    ValueError
-        If there is no such signal, or the vectors of an item differ in length.
-    """
-
-    signal: str = field(default="estimate", kw_only=True)
+    signal: str = field(default="estimate", kw_only=True)  #: Name in `style.SIGNALS`.
+    #: Legend; the signal's own name if not given, no entry if empty.
     label: str | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -107,19 +71,9 @@ class Signal:
 
 @dataclass(frozen=True, eq=False)
 class Line(Signal):
-    """A curve through samples.
+    """A curve through samples."""
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        The samples, in SI. NaN in `y` is a gap.
-    signal : str
-        Name in `style.SIGNALS`.
-    label : str, optional
-        Legend; the signal's own name if not given, no entry if empty.
-    """
-
-    x: Vector
+    x: Vector  #: (n,) The samples, in SI. NaN in `y` is a gap.
     y: Vector
 
     def __post_init__(self) -> None:
@@ -129,21 +83,11 @@ class Line(Signal):
 
 @dataclass(frozen=True, eq=False)
 class Points(Signal):
-    """Single values as markers, with an error bar each if `error` is given.
+    """Single values as markers, with an error bar each if `error` is given."""
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        The values, in SI.
-    error : ndarray, shape (n,), optional
-        Half length of the vertical error bars, in SI.
-    signal, label : str
-        As in `Line`.
-    """
-
-    x: Vector
+    x: Vector  #: (n,) The values, in SI.
     y: Vector
-    error: Vector | None = None
+    error: Vector | None = None  #: (n,) Half length of the vertical error bars, in SI.
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -152,17 +96,9 @@ class Points(Signal):
 
 @dataclass(frozen=True, eq=False)
 class Band(Signal):
-    """The area between two curves, for instance two standard deviations.
+    """The area between two curves, for instance two standard deviations."""
 
-    Parameters
-    ----------
-    x, low, high : ndarray, shape (n,)
-        Samples and the two borders, in SI.
-    signal, label : str
-        As in `Line`; the band takes the signal's colour, pale.
-    """
-
-    x: Vector
+    x: Vector  #: (n,) Samples and the two borders, in SI.
     low: Vector
     high: Vector
 
@@ -173,23 +109,11 @@ class Band(Signal):
 
 @dataclass(frozen=True, eq=False)
 class Bars(Signal):
-    """One bar a category. Several `Bars` in one panel stand side by side.
+    """One bar a category. Several `Bars` in one panel stand side by side."""
 
-    Parameters
-    ----------
-    categories : sequence of str
-        Names below the bars; the same in all `Bars` of a panel.
-    values : ndarray, shape (n,)
-        Heights, in SI.
-    error : ndarray, shape (n,), optional
-        Half length of the error bars, in SI.
-    signal, label : str
-        As in `Line`.
-    """
-
-    categories: Sequence[str]
-    values: Vector
-    error: Vector | None = None
+    categories: Sequence[str]  #: Names below the bars; the same in all `Bars` of a panel.
+    values: Vector  #: (n,) Heights, in SI.
+    error: Vector | None = None  #: (n,) Half length of the error bars, in SI.
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -202,25 +126,13 @@ class Bars(Signal):
 
 @dataclass(frozen=True, eq=False)
 class Intervals(Signal):
-    """Values with their intervals along the x axis, one below the other.
+    """Values with their intervals along the x axis, one below the other."""
 
-    Parameters
-    ----------
-    rows : sequence of str
-        Names beside the rows, from the top.
-    values, low, high : ndarray, shape (n,)
-        The values and the ends of their intervals, in SI.
-    texts : sequence of str
-        Written in each row, at the right.
-    signal, label : str
-        As in `Line`.
-    """
-
-    rows: Sequence[str]
-    values: Vector
+    rows: Sequence[str]  #: Names beside the rows, from the top.
+    values: Vector  #: (n,) The values and the ends of their intervals, in SI.
     low: Vector
     high: Vector
-    texts: Sequence[str]
+    texts: Sequence[str]  #: Written in each row, at the right.
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -232,33 +144,17 @@ class Intervals(Signal):
 
 @dataclass(frozen=True, eq=False)
 class Heatmap:
-    """A surface over a plane as colours, with labelled contour lines so that it reads in grey.
+    """A surface over a plane as colours, with labelled contour lines so that it reads in grey."""
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Abscissae of the columns, ascending, in SI.
-    y : ndarray, shape (m,)
-        Ordinates of the rows, ascending, in SI.
-    z : ndarray, shape (m, n)
-        The surface, in SI.
-    bar : Axis
-        What the colours mean: label, unit, factor, limits.
-    diverging : bool
-        True for a signed quantity: the palest colour is zero, limits are symmetric.
-    lines : int
-        About how many contour lines; they stand at round values.
-    zero : bool
-        Whether one stands at zero. Where a surface is flat there, its place is an accident of the
-        grid.
-    """
-
-    x: Vector
-    y: Vector
-    z: Vector
-    bar: Axis
+    x: Vector  #: (n,) Abscissae of the columns, ascending, in SI.
+    y: Vector  #: (m,) Ordinates of the rows, ascending, in SI.
+    z: Vector  #: (m, n) The surface, in SI.
+    bar: Axis  #: What the colours mean: label, unit, factor, limits.
+    #: True for a signed quantity: the palest colour is zero, limits are symmetric.
     diverging: bool = False
-    lines: int = 9
+    lines: int = 9  #: About how many contour lines; they stand at round values.
+    #: Whether one stands at zero. Where a surface is flat there, its place is an accident of the
+    #: grid.
     zero: bool = True
 
     def __post_init__(self) -> None:
@@ -296,25 +192,14 @@ class Heatmap:
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """A table of coloured cells: names beside and below, a text in each.
+    """A table of coloured cells: names beside and below, a text in each."""
 
-    Parameters
-    ----------
-    columns, rows : sequence of str
-        Names, from the left and from the top.
-    shade : ndarray, shape (rows, columns)
-        From 0, palest, to 1, darkest (or else see `diverging`); NaN is left white.
-    texts : sequence of sequence of str
-        What stands in the cells, row by row.
-    diverging : bool
-        True where 1/2 is neither good nor bad: the palest colour then.
-    """
-
-    columns: Sequence[str]
+    columns: Sequence[str]  #: Names, from the left and from the top.
     rows: Sequence[str]
+    #: (rows, columns) From 0, palest, to 1, darkest (or else see `diverging`); NaN is left white.
     shade: Vector
-    texts: Sequence[Sequence[str]]
-    diverging: bool = False
+    texts: Sequence[Sequence[str]]  #: What stands in the cells, row by row.
+    diverging: bool = False  #: True where 1/2 is neither good nor bad: the palest colour then.
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shade", np.asarray(self.shade, dtype=np.float64))
@@ -326,62 +211,31 @@ class Cells:
 
 @dataclass(frozen=True, eq=False)
 class Rule(Signal):
-    """A straight line across the panel: a limit, a true value.
+    """A straight line across the panel: a limit, a true value."""
 
-    Parameters
-    ----------
-    value : float
-        Where it stands, in SI.
-    axis : {"y", "x"}
-        The axis it is a value of: "y" is a horizontal line, "x" a vertical one.
-    text : str
-        Written at its end.
-    signal, label : str
-        As in `Line`.
-    """
-
-    value: float
+    value: float  #: Where it stands, in SI.
+    #: The axis it is a value of: "y" is a horizontal line, "x" a vertical one.
     axis: Literal["x", "y"] = "y"
-    text: str = ""
+    text: str = ""  #: Written at its end.
 
 
 @dataclass(frozen=True, eq=False)
 class Span(Signal):
-    """A shaded stretch of the x axis: the load is on, the stop is touched.
+    """A shaded stretch of the x axis: the load is on, the stop is touched."""
 
-    Parameters
-    ----------
-    start, stop : float
-        Ends on the x axis, in SI.
-    text : str
-        Written at its top.
-    signal, label : str
-        As in `Line`.
-    """
-
-    start: float
+    start: float  #: Ends on the x axis, in SI.
     stop: float
-    text: str = ""
+    text: str = ""  #: Written at its top.
 
 
 @dataclass(frozen=True)
 class Note:
-    """A short text beside a point of the panel.
+    """A short text beside a point of the panel."""
 
-    Parameters
-    ----------
-    x, y : float
-        The point, in SI.
-    text : str
-        What is written.
-    side : {"above", "below"}
-        Where the text stands.
-    """
-
-    x: float
+    x: float  #: The point, in SI.
     y: float
-    text: str
-    side: Literal["above", "below"] = "above"
+    text: str  #: What is written.
+    side: Literal["above", "below"] = "above"  #: Where the text stands.
 
 
 Item = Line | Points | Band | Bars | Intervals | Heatmap | Cells | Rule | Span | Note

@@ -24,75 +24,22 @@ _BARE_LINK = re.compile(r"\[\]\(#([\w.-]+)\)")
 
 
 def markdown(text: str, names: Mapping[str, str] | None = None) -> str:
-    """Markdown to HTML blocks.
-
-    Parameters
-    ----------
-    text : str
-        CommonMark with tables; HTML in it is shown as text, never interpreted.
-    names : mapping, optional
-        What a link without text is called, by anchor.
-
-    Returns
-    -------
-    str
-        HTML.
-
-    Raises
-    ------
-    ValueError
-        If a formula is not understood, or a link without text points to no known anchor.
-    """
+    """Markdown to HTML blocks."""
     return str(_renderer().render(_named(text, names or {})))
 
 
 def inline(text: str, names: Mapping[str, str] | None = None) -> str:
-    """Markdown of one line to HTML, without a paragraph around it; see `markdown`.
-
-    Parameters
-    ----------
-    text : str
-        One paragraph of Markdown.
-    names : mapping, optional
-        As in `markdown`.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """Markdown of one line to HTML, without a paragraph around it; see `markdown`."""
     return str(_renderer().renderInline(_named(text, names or {})))
 
 
 def plain(text: str) -> str:
-    r"""Return Markdown of one line as a text without marks, for where there are none.
-
-    Parameters
-    ----------
-    text : str
-        ``r"error of $k_i$ for rig\_2"``.
-
-    Returns
-    -------
-    str
-        ``"error of k_i for rig_2"``.
-    """
+    r"""Return Markdown of one line as a text without marks, for where there are none."""
     return _MARK.sub(r"\1", text)
 
 
 def symbols(text: str) -> str:
-    r"""Make formulas of the bearing's symbols that a terminal shows as they are.
-
-    Parameters
-    ----------
-    text : str
-        Markdown, or a label: ``"F_St error"``.
-
-    Returns
-    -------
-    str
-        ``"$F_\mathrm{St}$ error"``; what is code, a formula or part of a name is left alone.
-    """
+    r"""Make formulas of the bearing's symbols that a terminal shows as they are."""
 
     def formula(match: re.Match[str]) -> str:
         if match["k"]:

@@ -41,29 +41,7 @@ _MARKS = "†‡§¶‖#"
 def write_report(
     report: Report, folder: Path, progress: Callable[[str], None] = lambda _message: None
 ) -> Path:
-    """Draw all figures and write ``report.html`` and ``figures/<id>.png`` and ``.svg``.
-
-    Parameters
-    ----------
-    report : Report
-        What to write.
-    folder : Path
-        Where to; made if it is not there.
-    progress : callable, optional
-        Called with a line before each figure and before the page.
-
-    Returns
-    -------
-    Path
-        ``folder/report.html``.
-
-    Raises
-    ------
-    AmbkitError
-        If the folder cannot be written.
-    ValueError
-        If the report contradicts itself; see `render_page`.
-    """
+    """Draw all figures and write ``report.html`` and ``figures/<id>.png`` and ``.svg``."""
     _anchors(report)  # before the slow part
     pictures = {}
     for place, figure in enumerate(report.figures, start=1):
@@ -77,45 +55,13 @@ def write_report(
 
 
 def write_page(report: Report, path: str | os.PathLike[str]) -> None:
-    """Draw all figures and write a report as one HTML file that needs no other.
-
-    Parameters
-    ----------
-    report : Report
-        What to write.
-    path : path
-        The file.
-
-    Raises
-    ------
-    AmbkitError
-        The file cannot be written; an older one is left as it was.
-    """
+    """Draw all figures and write a report as one HTML file that needs no other."""
     pictures = {figure.id: static.render(figure) for figure in report.figures}
     files.write_text(path, render_page(report, pictures))
 
 
 def render_page(report: Report, pictures: Mapping[str, Picture]) -> str:
-    """Write the report as HTML.
-
-    Parameters
-    ----------
-    report : Report
-        What to write.
-    pictures : mapping
-        Each figure drawn, by its id.
-
-    Returns
-    -------
-    str
-        The page. Nothing in it depends on the time or the machine.
-
-    Raises
-    ------
-    ValueError
-        If two things have the same id, a link points nowhere, a formula is not understood, or a
-        verdict is not a known word.
-    """
+    """Write the report as HTML."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     names = _anchors(report)

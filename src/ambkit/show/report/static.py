@@ -73,37 +73,13 @@ _RC: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure drawn.
+    """A figure drawn."""
 
-    Parameters
-    ----------
-    png, svg : bytes
-        Contents of the two files.
-    """
-
-    png: bytes
+    png: bytes  #: Contents of the two files.
     svg: bytes
 
     def save(self, folder: Path, name: str) -> tuple[Path, Path]:
-        """Write ``folder/<name>.png`` and ``folder/<name>.svg``.
-
-        Parameters
-        ----------
-        folder : Path
-            Made if it is not there.
-        name : str
-            Name of both files.
-
-        Returns
-        -------
-        tuple of Path
-            The two files.
-
-        Raises
-        ------
-        AmbkitError
-            If the folder cannot be made or written.
-        """
+        """Write ``folder/<name>.png`` and ``folder/<name>.svg``."""
         files.make_folder(folder)
         png, svg = folder / f"{name}.png", folder / f"{name}.svg"
         files.write_bytes(png, self.png)
@@ -112,18 +88,7 @@ class Picture:
 
 
 def render(figure: Figure) -> Picture:
-    """Draw a figure.
-
-    Parameters
-    ----------
-    figure : Figure
-        What to draw.
-
-    Returns
-    -------
-    Picture
-        PNG and SVG, free of dates and of the machine they were made on.
-    """
+    """Draw a figure."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     svg = StringIO()
@@ -138,18 +103,7 @@ def render(figure: Figure) -> Picture:
 
 
 def light(figure: Figure) -> bytes:
-    """Draw a figure as a small PNG, for a notebook.
-
-    Parameters
-    ----------
-    figure : Figure
-        What to draw.
-
-    Returns
-    -------
-    bytes
-        PNG of `LIGHT` pixels per inch and 256 colours.
-    """
+    """Draw a figure as a small PNG, for a notebook."""
     from PIL import Image  # which matplotlib writes its PNGs with
 
     with drawn_as_on_paper(figure):
@@ -191,24 +145,7 @@ def draw(
     make: "Callable[..., Canvas] | None" = None,
     resolution: float = PIXELS_PER_INCH,
 ) -> "tuple[Canvas, list[Axes]]":
-    """Build the matplotlib figure; `drawn_as_on_paper` sets the fonts.
-
-    Parameters
-    ----------
-    figure : Figure
-        What to draw.
-    make : callable, optional
-        Makes the figure of matplotlib; by default one that is not attached to any window.
-    resolution : float
-        Its pixels per inch.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-    list of matplotlib.axes.Axes
-        Its axes, one a panel.
-    """
+    """Build the matplotlib figure; `drawn_as_on_paper` sets the fonts."""
     from matplotlib.figure import Figure as Canvas
 
     entries = list(figure.legend())
@@ -242,15 +179,7 @@ def draw(
 
 
 def draw_into(axes: "Axes", panel: Panel) -> None:
-    """Draw a panel into somebody's own axes, in the fonts that they have.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Where to.
-    panel : Panel
-        What to draw.
-    """
+    """Draw a panel into somebody's own axes, in the fonts that they have."""
     entries = list(Figure("panel", "", "", [panel]).legend())
     _draw_panel(axes, panel, labelled=True, own_layout=False)
     if entries:

@@ -42,19 +42,7 @@ _MARKERS = {
 
 
 def draw_item(axes: "Axes", panel: Panel, item: Item, own_layout: bool = True) -> None:
-    """Draw one item into its axes.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Where to.
-    panel : Panel
-        The panel it belongs to, for units and neighbours.
-    item : Item
-        What to draw.
-    own_layout : bool
-        Whether the axes stand as `static` lays them out, with room for a heat map's colour bar.
-    """
+    """Draw one item into its axes."""
     x_axis, y_axis = panel.x, panel.y
     match item:
         case Line():
@@ -211,10 +199,8 @@ def _write(
     vertical: str | None = None,
     cover: float = 0.75,
 ) -> None:
-    """Put a small text at a place, `offset` points away from it, readable over lines.
-
-    `cover` is how much of them its white ground hides.
-    """
+    """Put a small text at a place, `offset` points away from it, readable over lines."""
+    # `cover` is how much of them its white ground hides.
     if text:
         axes.annotate(
             text,
@@ -269,20 +255,7 @@ def _fill(signal: str) -> dict[str, Any]:
 
 
 def legend_handle(item: Item, text: str) -> "Artist":
-    """Make the little picture beside a legend's text.
-
-    Parameters
-    ----------
-    item : Item
-        The first item of that name.
-    text : str
-        The name.
-
-    Returns
-    -------
-    matplotlib.artist.Artist
-        A line, markers or a patch in the item's look.
-    """
+    """Make the little picture beside a legend's text."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

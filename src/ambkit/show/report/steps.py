@@ -18,15 +18,8 @@ _TIMES = 1 << 22
 
 
 def shorten(described: dict[str, Any]) -> None:
-    """Replace the arrays of long lines in what plotly is told, where the eye cannot tell.
-
-    Not on a logarithmic axis, nor where the axis shows a small part of the line's span.
-
-    Parameters
-    ----------
-    described : dict
-        ``data`` and ``layout``, as `ambkit.show.report.interactive.describe` gives them.
-    """
+    """Replace the arrays of long lines in what plotly is told, where the eye cannot tell."""
+    # Not on a logarithmic axis, nor where the axis shows a small part of the line's span.
     for trace in described["data"]:
         if trace["type"] != "scatter" or trace["mode"] != "lines":
             continue

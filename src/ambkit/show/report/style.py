@@ -29,36 +29,17 @@ DIVERGING = ("#3C75B0", "#7FA9D3", "#BCD4E8", "#F5F5F2", "#F0CBA9", "#DB9A66", "
 
 @dataclass(frozen=True)
 class Style:
-    """Look of a signal.
+    """Look of a signal."""
 
-    Parameters
-    ----------
-    label : str
-        Its name in the legend.
-    colour : str
-        ``#RRGGBB``.
-    dash : tuple of float
-        Lengths of dashes and gaps in points; empty for a solid line.
-    width : float
-        Line width in points.
-    marker : {"circle", "square", "diamond", "triangle", "triangle down", "cross"}
-        Symbol of single points.
-    hollow : bool
-        Whether the symbols are outlines only.
-    layer : int
-        What is drawn over what: noise 1, most lines 3.
-    size : float
-        Of the symbols, in points.
-    """
-
-    label: str
-    colour: str
+    label: str  #: Its name in the legend.
+    colour: str  #: ``#RRGGBB``.
+    #: Lengths of dashes and gaps in points; empty for a solid line.
     dash: tuple[float, ...] = SOLID
-    width: float = 1.4
-    marker: str = "circle"
-    hollow: bool = False
-    layer: int = 3
-    size: float = 4.0
+    width: float = 1.4  #: Line width in points.
+    marker: str = "circle"  #: Symbol of single points.
+    hollow: bool = False  #: Whether the symbols are outlines only.
+    layer: int = 3  #: What is drawn over what: noise 1, most lines 3.
+    size: float = 4.0  #: Of the symbols, in points.
 
 
 SIGNALS = {
@@ -142,23 +123,7 @@ SIGNALS |= {f"kind {number}": look for number, look in enumerate(OF_KINDS)}
 
 
 def style_of(signal: str) -> Style:
-    """Look of a signal.
-
-    Parameters
-    ----------
-    signal : str
-        Name in `SIGNALS`.
-
-    Returns
-    -------
-    Style
-        Its colour, dash, width and name.
-
-    Raises
-    ------
-    ValueError
-        If there is no such signal; names the nearest one.
-    """
+    """Look of a signal."""
     if signal in SIGNALS:
         return SIGNALS[signal]
     near = difflib.get_close_matches(signal, SIGNALS, n=1)
@@ -167,20 +132,7 @@ def style_of(signal: str) -> Style:
 
 
 def ink_on(colours: tuple[str, ...], place: float) -> str:
-    """Colour of text that is readable on a colour of a scale.
-
-    Parameters
-    ----------
-    colours : tuple of str
-        The scale, ``#RRGGBB`` each.
-    place : float
-        Where on it, from 0 to 1; NaN is the empty background.
-
-    Returns
-    -------
-    str
-        `INK`, or white where that has more contrast (relative luminances of WCAG 2).
-    """
+    """Colour of text that is readable on a colour of a scale."""
     if not 0 <= place <= 1:
         return INK
     behind = _luminance(colours[round(place * (len(colours) - 1))])
@@ -195,19 +147,6 @@ def _luminance(colour: str) -> float:
 
 
 def tint(colour: str, strength: float) -> str:
-    """Colour thinned with white, which prints alike everywhere (transparency does not).
-
-    Parameters
-    ----------
-    colour : str
-        ``#RRGGBB``.
-    strength : float
-        1 keeps the colour, 0 is white.
-
-    Returns
-    -------
-    str
-        ``#RRGGBB``.
-    """
+    """Colour thinned with white, which prints alike everywhere (transparency does not)."""
     parts = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
     return "#" + "".join(f"{round(255 + (part - 255) * strength):02X}" for part in parts)

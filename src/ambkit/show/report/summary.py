@@ -9,55 +9,30 @@ from ambkit.show.report import style
 
 
 class SummaryRow(TypedDict):
-    """One line of ``summary.json``.
+    """One line of ``summary.json``."""
 
-    Attributes
-    ----------
-    id : str
-        Short name; where it begins with a figure's, table's or chapter's id and a dot (or is one),
-        the report links to it: ``"table4.largest_deviation"``.
-    what : str
-        What was computed, in words.
-    paper, ours : float, str or None
-        The paper's value and this run's; None where there is none.
-    unit : str
-        Unit of both; empty for a pure number.
-    verdict : str
-        One of `VERDICTS`.
-    spread : float or None
-        Standard deviation of ours over the runs, where it is a mean or a median of several.
-    runs : int or None
-        Of how many runs, each with a seed of its own, or of how many recordings ours is; None where
-        chance has no part in it.
-    """
-
+    #: Short name; where it begins with a figure's, table's or chapter's id and a dot (or is one),
+    #: the report links to it: ``"table4.largest_deviation"``.
     id: str
-    what: str
-    paper: float | str | None
+    what: str  #: What was computed, in words.
+    paper: float | str | None  #: The paper's value and this run's; None where there is none.
     ours: float | str | None
-    unit: str
-    verdict: str
+    unit: str  #: Unit of both; empty for a pure number.
+    verdict: str  #: One of `VERDICTS`.
+    #: Standard deviation of ours over the runs, where it is a mean or a median of several.
     spread: NotRequired[float | None]
+    #: Of how many runs, each with a seed of its own, or of how many recordings ours is; None where
+    #: chance has no part in it.
     runs: NotRequired[int | None]
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a verdict looks; the sign tells it without colour.
+    """How a verdict looks; the sign tells it without colour."""
 
-    Parameters
-    ----------
-    sign : str
-        One character.
-    kind : {"good", "bad", "odd", "plain"}
-        Which colour it takes, in the terminal and in the report.
-    meaning : str
-        What it says of the row.
-    """
-
-    sign: str
-    kind: str
-    meaning: str
+    sign: str  #: One character.
+    kind: str  #: Which colour it takes, in the terminal and in the report.
+    meaning: str  #: What it says of the row.
 
 
 VERDICTS = {
@@ -77,23 +52,7 @@ COLOURS = {"good": "#00704F", "bad": "#A32A14", "odd": "#7A5600", "plain": style
 
 
 def verdict_of(row: SummaryRow) -> Verdict:
-    """Look of a row's verdict.
-
-    Parameters
-    ----------
-    row : SummaryRow
-        A row of the summary.
-
-    Returns
-    -------
-    Verdict
-        Sign, kind and meaning.
-
-    Raises
-    ------
-    ValueError
-        If the word is not in `VERDICTS`.
-    """
+    """Look of a row's verdict."""
     word = row["verdict"]
     if word not in VERDICTS:
         raise ValueError(
@@ -103,20 +62,7 @@ def verdict_of(row: SummaryRow) -> Verdict:
 
 
 def number(value: float | str | None, digits: str = ".4g") -> str:
-    """Print a value for humans.
-
-    Parameters
-    ----------
-    value : float, str or None
-        Text is left as it is, None is a dash.
-    digits : str
-        Format of numbers.
-
-    Returns
-    -------
-    str
-        With a proper minus sign, and powers of ten written out: ``"8.3×10⁻⁵"``.
-    """
+    """Print a value for humans."""
     if value is None:
         return "–"
     if isinstance(value, str):
@@ -129,13 +75,7 @@ def number(value: float | str | None, digits: str = ".4g") -> str:
 
 
 def ours(row: SummaryRow) -> str:
-    """Print what was found for humans: ``"0.640 ± 0.011"``.
-
-    Parameters
-    ----------
-    row : SummaryRow
-        A row of the summary.
-    """
+    """Print what was found for humans: ``"0.640 ± 0.011"``."""
     value, spread = row["ours"], row.get("spread")
     if spread is None or isinstance(value, str | None):
         return number(value)
@@ -143,13 +83,7 @@ def ours(row: SummaryRow) -> str:
 
 
 def runs(row: SummaryRow) -> str:
-    """Print of how many runs it is; a dash where chance has no part.
-
-    Parameters
-    ----------
-    row : SummaryRow
-        A row of the summary.
-    """
+    """Print of how many runs it is; a dash where chance has no part."""
     count = row.get("runs")
     return "–" if count is None else str(count)
 
@@ -158,23 +92,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def tally(rows: Sequence[SummaryRow]) -> list[tuple[str, int]]:
-    """How often each verdict was given.
-
-    Parameters
-    ----------
-    rows : sequence of SummaryRow
-        The summary.
-
-    Returns
-    -------
-    list of tuple of str and int
-        In the order of `VERDICTS`, those that occur.
-
-    Raises
-    ------
-    ValueError
-        If a row's verdict is not in `VERDICTS`.
-    """
+    """How often each verdict was given."""
     for row in rows:
         verdict_of(row)
     given = [row["verdict"] for row in rows]

@@ -13,23 +13,7 @@ _COLOURS = {"good": "green", "bad": "red", "odd": "yellow", "plain": "dim"}
 
 
 def summary_table(rows: Sequence[SummaryRow]) -> "Table":
-    """Build the table.
-
-    Parameters
-    ----------
-    rows : sequence of SummaryRow
-        The summary.
-
-    Returns
-    -------
-    rich.table.Table
-        One row each; the verdict with its sign, so that it reads without colour.
-
-    Raises
-    ------
-    ValueError
-        If a row's verdict is not one of `summary.VERDICTS`.
-    """
+    """Build the table."""
     from rich import box
     from rich.cells import cell_len
     from rich.table import Table
@@ -63,20 +47,7 @@ def _pieces(column: "Column", cell: str) -> list[str]:
 
 
 def print_summary(rows: Sequence[SummaryRow], console: "Console | None" = None) -> None:
-    """Print the table and, below it, how often each verdict was given.
-
-    Parameters
-    ----------
-    rows : sequence of SummaryRow
-        The summary.
-    console : rich.console.Console, optional
-        Where to; standard output if not given.
-
-    Raises
-    ------
-    ValueError
-        If a row's verdict is not one of `summary.VERDICTS`.
-    """
+    """Print the table and, below it, how often each verdict was given."""
     from rich.console import Console
 
     console = console or Console()

@@ -15,34 +15,23 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A loop of m measurements, c controls, l loads and q positions, seen along a axes.
+    """A loop of m measurements, c controls, l loads and q positions, seen along a axes."""
 
-    It is sampled; or in continuous time, with a dead time that has no states there: then only what
-    is asked of the broken loop has an answer.
+    # It is sampled; or in continuous time, with a dead time that has no states there: then only
+    # what is asked of the broken loop has an answer.
 
-    Attributes
-    ----------
-    plant : LinearSystem
-        Inputs: c control signals [V], then l loads [N]; outputs: m measurements, then q positions
-        [m]. From control to measurement without feedthrough.
-    compensator : LinearSystem
-        Inputs: m measurements, then references [m]; outputs: c control signals [V].
-    measurements : int
-        m.
-    shown : ndarray (a, m), optional
-        Positions of the axes as the measurements show them; without it each measurement is an axis.
-    added : ndarray (m, a), optional
-        What a signal at the summing point of an axis is at the measurements.
-    delay : float
-        Dead time of a loop in continuous time [s].
-    """
-
+    #: Inputs: c control signals [V], then l loads [N]; outputs: m measurements, then q positions
+    #: [m]. From control to measurement without feedthrough.
     plant: LinearSystem
+    #: Inputs: m measurements, then references [m]; outputs: c control signals [V].
     compensator: LinearSystem
-    measurements: int = 1
+    measurements: int = 1  #: m.
+    #: (a, m) Positions of the axes as the measurements show them; without it each measurement is an
+    #: axis.
     shown: Array | None = None
+    #: (m, a) What a signal at the summing point of an axis is at the measurements.
     added: Array | None = None
-    delay: float = 0.0
+    delay: float = 0.0  #: Dead time of a loop in continuous time [s].
 
     @property
     def T(self) -> float:
@@ -57,12 +46,10 @@ class Loop:
 
     @cached_property
     def closed(self) -> LinearSystem:
-        """The closed loop, from all that comes from outside.
-
-        Inputs: m noises ``n_y`` on the measurements [m], l loads [N], c noises ``n_u`` on the
-        control signals [V], the references [m]. Outputs: m readings without the noise [m], q
-        positions [m], c control signals [V] as the compensator gives them.
-        """
+        """The closed loop, from all that comes from outside."""
+        # Inputs: m noises ``n_y`` on the measurements [m], l loads [N], c noises ``n_u`` on the
+        # control signals [V], the references [m]. Outputs: m readings without the noise [m], q
+        # positions [m], c control signals [V] as the compensator gives them.
         P, K, m = self.plant, self.compensator, self.measurements
         c = len(K.outputs)
         B_u, B_f, C_y = P.B[:, :c], P.B[:, c:], P.C[:m]
@@ -96,13 +83,8 @@ class Loop:
         return np.concatenate([self.plant.unstable(), self.compensator.unstable()])
 
     def open(self, frequency: ArrayLike) -> Complex:
-        """Return the open loop L (k, m, m) at the measurements, such that ``S = 1/(1 + L)``.
-
-        Parameters
-        ----------
-        frequency : array_like (k,)
-            Frequencies [Hz], above 0 up to `nyquist`.
-        """
+        """Return the open loop L (k, m, m) at the measurements, such that ``S = 1/(1 + L)``."""
+        # frequency (k,) [Hz]
         m, c = self.measurements, len(self.compensator.outputs)
         P, K = self.plant.response(frequency), self.compensator.response(frequency)
         L = -P[:, :m, :c] @ K[:, :, :m]
@@ -112,61 +94,33 @@ class Loop:
         return np.asarray(L)
 
     def sensitivity(self, frequency: ArrayLike) -> Complex:
-        """Return S (k, m, m): from what is added to the measurements to the measurements [1].
-
-        Parameters
-        ----------
-        frequency : array_like (k,)
-            Frequencies [Hz].
-        """
+        """Return S (k, m, m): from what is added to the measurements to the measurements [1]."""
+        # frequency (k,) [Hz]
         L = self.open(frequency)
         return np.asarray(np.linalg.inv(np.eye(self.measurements) + L))
 
     def along_axes(self, frequency: ArrayLike) -> Complex:
-        """Return S (k, a, a) from what is added at the axes' summing points to the positions there.
-
-        Its diagonal is the sensitivity of each axis with all other loops closed.
-
-        Parameters
-        ----------
-        frequency : array_like (k,)
-            Frequencies [Hz].
-        """
+        """S (k, a, a) from what is added at the axes' summing points to the positions there."""
+        # Its diagonal is the sensitivity of each axis with all other loops closed.
+        # frequency (k,) [Hz]
         S = self.sensitivity(frequency)
         if self.shown is None or self.added is None:
             return S
         return np.asarray(self.shown @ S @ self.added)
 
     def of_axis(self, axis: int, frequency: ArrayLike) -> Complex:
-        """Return S (k,) of one axis with all other loops closed [1].
-
-        Parameters
-        ----------
-        axis : int
-            Which.
-        frequency : array_like (k,)
-            Frequencies [Hz].
-        """
+        """Return S (k,) of one axis with all other loops closed [1]."""
+        # frequency (k,) [Hz]
         return np.asarray(self.along_axes(frequency)[:, axis, axis])
 
     def largest_sensitivity(self, frequency: ArrayLike) -> Array:
-        """Return the largest singular value of S along the axes (k,) [1]; of one, its magnitude.
-
-        Parameters
-        ----------
-        frequency : array_like (k,)
-            Frequencies [Hz].
-        """
+        """Return the largest singular value of S along the axes (k,) [1]; of one, its magnitude."""
+        # frequency (k,) [Hz]
         return np.asarray(np.linalg.norm(self.along_axes(frequency), 2, axis=(1, 2)))
 
     def complementary(self, frequency: ArrayLike) -> Complex:
-        """Return T = 1 - S (k, a, a) along the axes [1].
-
-        Parameters
-        ----------
-        frequency : array_like (k,)
-            Frequencies [Hz].
-        """
+        """Return T = 1 - S (k, a, a) along the axes [1]."""
+        # frequency (k,) [Hz]
         return np.asarray(np.eye(self.axes) - self.along_axes(frequency))
 
     def _of(self, outputs: slice, inputs: slice, frequency: ArrayLike) -> Complex:
@@ -187,15 +141,8 @@ class Loop:
         return slice(m, m + len(self.plant.inputs) - len(self.compensator.outputs))
 
     def driven(self, columns: Complex, frequency: float) -> tuple[Complex, Complex]:
-        """Return amplitudes of positions (q,) [m] and of control signals (c,) [V] under a rotation.
-
-        Parameters
-        ----------
-        columns : ndarray of complex (n,)
-            What a sample of what turns leaves in the plant's states.
-        frequency : float
-            Of the rotation [Hz].
-        """
+        """Amplitudes of positions (q,) [m] and of control signals (c,) [V] under a rotation."""
+        # columns (n,)
         closed = self.closed
         B = np.zeros((len(closed.A), 1), complex)
         B[: len(self.plant.A), 0] = columns
@@ -205,67 +152,35 @@ class Loop:
         return np.asarray(closed.C[self._positions] @ X), np.asarray(closed.C[-c:] @ X)
 
     def compliance(self, frequency: ArrayLike) -> Complex:
-        """Return the positions by the loads (k, q, l) [m/N]; a load is held over each sample.
-
-        Parameters
-        ----------
-        frequency : array_like (k,)
-            Frequencies [Hz].
-        """
+        """Return the positions by the loads (k, q, l) [m/N]; a load is held over each sample."""
+        # frequency (k,) [Hz]
         return self._of(self._positions, self._loads, frequency)
 
     def stiffness(self, frequency: ArrayLike) -> Complex:
-        """Return the dynamic stiffness (k, l, q) [N/m], the inverse of the compliance.
-
-        Parameters
-        ----------
-        frequency : array_like (k,)
-            Frequencies [Hz].
-        """
+        """Return the dynamic stiffness (k, l, q) [N/m], the inverse of the compliance."""
+        # frequency (k,) [Hz]
         return np.asarray(np.linalg.inv(self.compliance(frequency)))
 
     def control_by_load(self, frequency: ArrayLike) -> Complex:
-        """Return the control signals by the loads (k, c, l) [V/N]; a load is held over each sample.
-
-        Parameters
-        ----------
-        frequency : array_like (k,)
-            Frequencies [Hz].
-        """
+        """The control signals by the loads (k, c, l) [V/N]; a load is held over each sample."""
+        # frequency (k,) [Hz]
         controls = slice(-len(self.compensator.outputs), None)
         return self._of(controls, self._loads, frequency)
 
     def noise_to_control(self, frequency: ArrayLike) -> Complex:
-        """Return the control signals by the noise of the measurements (k, c, m) [V/m].
-
-        Parameters
-        ----------
-        frequency : array_like (k,)
-            Frequencies [Hz].
-        """
+        """Return the control signals by the noise of the measurements (k, c, m) [V/m]."""
+        # frequency (k,) [Hz]
         c = len(self.compensator.outputs)
         return self._of(slice(-c, None), slice(self.measurements), frequency)
 
     def noise_to_position(self, frequency: ArrayLike) -> Complex:
-        """Return the positions by the noise of the measurements (k, q, m) [1].
-
-        Parameters
-        ----------
-        frequency : array_like (k,)
-            Frequencies [Hz].
-        """
+        """Return the positions by the noise of the measurements (k, q, m) [1]."""
+        # frequency (k,) [Hz]
         return self._of(self._positions, slice(self.measurements), frequency)
 
     def noise_covariance(self, var_y: ArrayLike, var_u: ArrayLike) -> Array:
-        """Return the stationary covariance of positions and control signals (q + c, q + c).
-
-        Parameters
-        ----------
-        var_y : array_like (m,)
-            Variances of white noise on the measurements [m^2].
-        var_u : array_like (c,)
-            Variances of white noise on the control signals [V^2], after the compensator.
-        """
+        """Return the stationary covariance of positions and control signals (q + c, q + c)."""
+        # var_y (m,) [m^2]; var_u (c,) [V^2]
         closed, m, c = self.closed, self.measurements, len(self.compensator.outputs)
         shaken = m + len(self.plant.inputs) - c
         columns = [*range(m), *range(shaken, shaken + c)]

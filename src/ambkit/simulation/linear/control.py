@@ -68,21 +68,7 @@ class Gains(NamedTuple):
 
 
 def controller(pid: _Gains, bearing: Bearing) -> LinearSystem:
-    """Return the controller as ``core/src/controller.c`` computes it, within its limits.
-
-    Parameters
-    ----------
-    pid : PID
-        Its gains; ``feedback`` says whether it is fed by the measurement or by an estimate.
-    bearing : Bearing
-        Gives sampling time, sensor gain and amplifier gain.
-
-    Returns
-    -------
-    LinearSystem
-        Inputs ``position`` [m] and, with an estimate, ``velocity`` [m/s], then the reference ``r``
-        [m]; output ``u`` [V].
-    """
+    """Return the controller as ``core/src/controller.c`` computes it, within its limits."""
     gains = Gains(pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.setpoint_weight)
     found = _pid(gains, bearing.sampling_time, pid.feedback == "measurement")
     volts = 1 / bearing.amplifier.gain
@@ -118,24 +104,7 @@ def _pid(pid: Gains, T: float, measured: bool) -> LinearSystem:
 
 
 def controllers(found: _Flown, of: Bearing | Machine, *, measured: bool) -> LinearSystem:
-    """Return controllers as ``core/src/controllers.c`` computes them, within their limits.
-
-    Parameters
-    ----------
-    found : Controllers
-        As they fly.
-    of : Bearing or Machine
-        Gives sampling time, gains and names.
-    measured : bool
-        Whether they are fed by the measurements, or by an estimator.
-
-    Returns
-    -------
-    LinearSystem
-        Inputs what each PID looks at [m]; with an estimate the velocities of that [m/s], and what
-        is fed back of the estimator's states [A]; then the references of the axes [m]. Outputs the
-        control signals [V].
-    """
+    """Return controllers as ``core/src/controllers.c`` computes them, within their limits."""
     from scipy.linalg import block_diag
 
     T, q = of.sampling_time, len(found.pids)
@@ -168,17 +137,7 @@ def controllers(found: _Flown, of: Bearing | Machine, *, measured: bool) -> Line
 
 
 def fed(found: _Flown, states: int, speed: float) -> Array:
-    """Return what controllers take of an estimator's states (2 q + p, n), see `controllers`.
-
-    Parameters
-    ----------
-    found : Controllers
-        Fed by an estimator.
-    states : int
-        n.
-    speed : float
-        Of rotation [rad/s].
-    """
+    """Return what controllers take of an estimator's states (2 q + p, n), see `controllers`."""
     feedback = found.feedback
     turning = feedback.get("turning")
     velocity = feedback["velocity"] + (0.0 if turning is None else speed * turning)
@@ -200,25 +159,8 @@ def compensator(
     shown: Array,
     readings: Sequence[Signal] = (Signal("y", "m"),),
 ) -> LinearSystem:
-    """Return controllers and estimator together, from the measurements to u.
-
-    Parameters
-    ----------
-    control : LinearSystem
-        Of `controller` or `controllers`.
-    estimator : LinearSystem or None
-        Of `estimator_at`, for controllers that are fed by it; None: they are fed by the
-        measurements.
-    shown : ndarray (q, m)
-        What they look at by the measurements [1], which they are fed with then.
-    readings : sequence of Signal (m,)
-        The measurements.
-
-    Returns
-    -------
-    LinearSystem
-        Inputs the measurements and the references [m], outputs the control signals [V].
-    """
+    """Return controllers and estimator together, from the measurements to u."""
+    # shown (q, m) [1]
     K = control
     if estimator is None:
         p = shown.shape[-2]

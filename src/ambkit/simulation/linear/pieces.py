@@ -33,10 +33,9 @@ POSITION, VELOCITY = Signal("position", "m"), Signal("velocity", "m/s")
 
 
 class Orbit(NamedTuple):
-    """What turns about a work point: complex amplitudes, of ``Re(amplitude e^(j angle))``.
+    """What turns about a work point: complex amplitudes, of ``Re(amplitude e^(j angle))``."""
 
-    Numbers of one axis; of a whole machine arrays (p,), one for each axis.
-    """
+    # Numbers of one axis; of a whole machine arrays (p,), one for each axis.
 
     iu: Any
     """Of the current that flows [A]."""
@@ -47,12 +46,11 @@ class Orbit(NamedTuple):
 
 
 class WorkPoint(NamedTuple):
-    """Where a loop is linearised: control current [A] and displacement [m].
+    """Where a loop is linearised: control current [A] and displacement [m]."""
 
-    Numbers of one axis; of a whole machine arrays (p,), one for each axis. With an orbit about it
-    the tangents are their means over a turn: the first term of the harmonic series of a loop whose
-    stiffness swings with the rotation (Wereley 1991).
-    """
+    # Numbers of one axis; of a whole machine arrays (p,), one for each axis. With an orbit about it
+    # the tangents are their means over a turn: the first term of the harmonic series of a loop
+    # whose stiffness swings with the rotation (Wereley 1991).
 
     iu: Any
     x: Any
@@ -69,23 +67,7 @@ class WorkPoint(NamedTuple):
 
     @classmethod
     def hovering(cls, bearing: Bearing, x: float = 0.0, load: float = 0.0) -> WorkPoint:
-        """Return the point at which the magnet carries weight and load.
-
-        Parameters
-        ----------
-        bearing : Bearing
-            The plant.
-        x : float, optional
-            Displacement [m].
-        load : float, optional
-            Constant disturbance force [N].
-
-        Raises
-        ------
-        AmbkitError
-            It is beyond the stops, or no current within the amplifier's range holds the rotor
-            there.
-        """
+        """Return the point at which the magnet carries weight and load."""
         travel = bearing.rotor.travel_limit
         if not abs(x) <= travel:
             raise AmbkitError(
@@ -103,20 +85,7 @@ class WorkPoint(NamedTuple):
 
     @classmethod
     def of_machine(cls, machine: Machine, load: Mapping[str, float] | None = None) -> WorkPoint:
-        """Return the point at which the magnets carry the rotor in the middle, and loads.
-
-        Parameters
-        ----------
-        machine : Machine
-            The plant.
-        load : mapping of str to float, optional
-            Constant disturbance forces, by the names of the axes [N].
-
-        Raises
-        ------
-        AmbkitError
-            There is no such axis, or no current within an amplifier's range holds the rotor.
-        """
+        """Return the point at which the magnets carry the rotor in the middle, and loads."""
         names, given = [axis.name for axis in machine.axes], dict(load or {})
         for name in given:
             if name not in names:
@@ -138,32 +107,9 @@ def of_axes(signal: Signal, axes: Sequence[str]) -> tuple[Signal, ...]:
 
 
 def plant(of: Bearing | Machine, point: WorkPoint, *, continuous: bool = False) -> LinearSystem:
-    """Return amplifiers, dead time, magnets, rotor and sensors, from u and load to y and x.
-
-    Within the limits of current and voltage, without rounding and noise; of a bent sensor the slope
-    at the work point.
-
-    Parameters
-    ----------
-    of : Bearing or Machine
-        What is linearised; a machine at its speed.
-    point : WorkPoint
-        Where.
-    continuous : bool, optional
-        In continuous time, which needs a plant without delay.
-
-    Returns
-    -------
-    LinearSystem
-        Inputs ``u`` [V] and ``f_d`` [N], outputs ``y`` and ``x`` [m]; of a machine ``u_NAME`` and
-        ``f_d_NAME`` of each axis, ``y_NAME`` of each reading and the displacements ``s_NAME`` of
-        each axis.
-
-    Raises
-    ------
-    ValueError
-        In continuous time, with a delay.
-    """
+    """Return amplifiers, dead time, magnets, rotor and sensors, from u and load to y and x."""
+    # Within the limits of current and voltage, without rounding and noise; of a bent sensor the
+    # slope at the work point.
     machine = isinstance(of, Machine)
     parts = machine_parts(of, noise=False) if machine else axis_parts(of, noise=False)
     system = _linear(of, parts, point, continuous=continuous)
@@ -197,15 +143,7 @@ def plant(of: Bearing | Machine, point: WorkPoint, *, continuous: bool = False) 
 
 
 def plants(bearings: Sequence[Bearing], points: Sequence[WorkPoint]) -> LinearSystem:
-    """Return `plant` of bearings whose parts are alike, as matrices (bearings, ...).
-
-    Parameters
-    ----------
-    bearings : sequence of Bearing
-        Of one sampling time and one dead time, with the same parts; see `alike`.
-    points : sequence of WorkPoint
-        In the middle, without orbits.
-    """
+    """Return `plant` of bearings whose parts are alike, as matrices (bearings, ...)."""
     typical = Typical.of(bearings[0])
     kinds = [kind for kind in PARTS if kind not in SENSOR_NOISE]
     each = [[part for kind in kinds for part in kind.of_axis(b, typical)] for b in bearings]
@@ -240,19 +178,8 @@ def _stacked(parts: Sequence[Any]) -> Any:
 
 
 def unbalance_columns(machine: Machine, point: WorkPoint, places: Sequence[float]) -> Complex:
-    """Return what a sample of unbalance of 1 kg m leaves in the plant's states (n, planes).
-
-    Each turns with the rotor, from x towards y: its force within the sample does.
-
-    Parameters
-    ----------
-    machine : Machine
-        The plant, which turns.
-    point : WorkPoint
-        Where it is linearised.
-    places : sequence of float
-        Of the planes [m].
-    """
+    """Return what a sample of unbalance of 1 kg m leaves in the plant's states (n, planes)."""
+    # Each turns with the rotor, from x towards y: its force within the sample does.
     turning: list[Part] = [
         SynchronousForce(
             1.0, 1.0, machine.speed, f"U{k}", place(machine.line(z, 0.0).form),

@@ -37,34 +37,11 @@ _OF_CONSTANT_GAIN = (ExtendedStateObserver, SteadyStateKalmanFilter, LowPass)
 def estimator_at(
     estimator: Estimator, point: WorkPoint, told: tuple[Array, Sequence[Signal]] | None = None
 ) -> LinearSystem:
-    """Return an estimator at a work point, with the gain that it settles to.
-
-    The force in its mean is linearised by the tangents of what it knows of its magnet; covariances
-    of the linear and the adaptive filter grow by the stiffnesses through the origin, as they do in
-    the core. A filter that finds its noise online has the noise that it starts from, one that
-    learns its magnet the known one.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Of a kind that settles to a gain.
-    point : WorkPoint
-        Where.
-    told : (ndarray (k, n), sequence of Signal), optional
-        Of a whole machine, what of the states is asked of it in place of positions and velocities.
-
-    Returns
-    -------
-    LinearSystem
-        Inputs ``y`` [m] and ``u`` [V], outputs ``position`` [m] and ``velocity`` [m/s], with what y
-        of the same sample says; u acts from this sample on. Of a whole machine all readings and
-        controls, and the positions of all axes before their velocities.
-
-    Raises
-    ------
-    AmbkitError
-        Its kind does not settle to a gain, or its model has none.
-    """
+    """Return an estimator at a work point, with the gain that it settles to."""
+    # The force in its mean is linearised by the tangents of what it knows of its magnet;
+    # covariances of the linear and the adaptive filter grow by the stiffnesses through the origin,
+    # as they do in the core. A filter that finds its noise online has the noise that it starts
+    # from, one that learns its magnet the known one.
     if isinstance(estimator, AdaptiveNoise):
         return estimator_at(estimator.inner, point, told)
     if isinstance(estimator, LowPass):
@@ -79,20 +56,7 @@ def estimator_at(
 
 
 def estimators_at(estimator: Estimator, points: Sequence[WorkPoint]) -> LinearSystem:
-    """Return what `estimator_at` does of one axis at points, as matrices (points, ...).
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Of one axis, of a kind that settles to a gain and has a model.
-    points : sequence of WorkPoint
-        Without orbits.
-
-    Raises
-    ------
-    AmbkitError
-        At one of them its model has no gain.
-    """
+    """Return what `estimator_at` does of one axis at points, as matrices (points, ...)."""
     inner = estimator.inner if isinstance(estimator, AdaptiveNoise) else estimator
     magnet = inner.magnet.in_core(core_module())
     iu, x = np.array([(point.iu, point.x) for point in points], float).T.copy()
@@ -152,11 +116,9 @@ def settled_gain(estimator: Estimator, point: WorkPoint) -> tuple[Array, Array]:
 
 
 def _settled(estimator: Estimator, model: LinearModel) -> tuple[Array, Array]:
-    """Return the gain (..., n, m) that a Kalman filter settles to, and the states that it moves.
-
-    A state of noise or load that nothing drives is found once, and its gain goes to zero: it is
-    none of them (n,).
-    """
+    """Return the gain (..., n, m) that a Kalman filter settles to, and the states that it moves."""
+    # A state of noise or load that nothing drives is found once, and its gain goes to zero: it is
+    # none of them (n,).
     from scipy.linalg import solve_discrete_are
 
     states = estimator.model.states
@@ -185,11 +147,9 @@ MOST_DOUBLINGS = 50
 
 
 def _doubled(A: Array, H: Array, Q: Array, R: Array) -> Array:
-    """Return the covariances (k, n, n) before the measurement that many filters settle to.
-
-    By doubling: each step goes as far as all before (Anderson 1978, Second-order convergent
-    algorithms for the steady-state Riccati equation).
-    """
+    """Return the covariances (k, n, n) before the measurement that many filters settle to."""
+    # By doubling: each step goes as far as all before (Anderson 1978, Second-order convergent
+    # algorithms for the steady-state Riccati equation).
     one = np.eye(A.shape[-1])
     back: Array = np.swapaxes(A, -1, -2)
     seen, P = np.broadcast_to(H.T @ np.linalg.solve(R, H), Q.shape), Q
@@ -221,10 +181,8 @@ def _low_pass(estimator: LowPass) -> LinearSystem:
 
 
 def tangents_known(magnet: Any, method: str, point: WorkPoint) -> tuple[Any, Any]:
-    """Ask what an estimator knows of its magnets for k_i [N/A] and k_s [N/m] at a work point.
-
-    Numbers of one axis, arrays (p,) of several.
-    """
+    """Ask what an estimator knows of its magnets for k_i [N/A] and k_s [N/m] at a work point."""
+    # Numbers of one axis, arrays (p,) of several.
     held = magnet.in_core(core_module())
     each = held if isinstance(held, list) else [held]
     found = [

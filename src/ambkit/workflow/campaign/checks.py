@@ -121,24 +121,7 @@ def bearing_of(name: str) -> Any:
 
 
 def key_of(varied: Varied, plant: Any, run: Any, estimator: Any) -> Key:
-    """Return what stands at the key of what varies.
-
-    Parameters
-    ----------
-    varied : Varied
-        Which key.
-    plant : Bearing or Machine
-        The nominal one.
-    run : Scenario or Flight
-        What happens to it.
-    estimator : str
-        The study's.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such key, or it cannot vary.
-    """
+    """Return what stands at the key of what varies."""
     what = varied.what
     if what in ("estimator", "controller"):
         if not isinstance(varied, Choice):

@@ -30,28 +30,9 @@ PATIENCE = 60.0
 def of(
     scheduler: Any, plan: Plan, parts: Iterable[int], patience: float = 0.0
 ) -> Iterator[tuple[int, Rows]]:
-    """Yield parts as the workers of a cluster finish them, in no order.
-
-    A worker that dies has its parts computed by others; where the scheduler goes away and comes
-    back, the parts that were not finished are given to it again.
-
-    Parameters
-    ----------
-    scheduler : str or Cluster
-        Its address, or one of `scheduler`.
-    plan : Plan
-        The study.
-    parts : iterable of int
-        Which.
-    patience : float
-        How long a scheduler may be away [s].
-
-    Raises
-    ------
-    AmbkitError
-        There is no scheduler there, or not for long; a worker has another version of ambkit; a part
-        took every worker down with it.
-    """
+    """Yield parts as the workers of a cluster finish them, in no order."""
+    # A worker that dies has its parts computed by others; where the scheduler goes away and comes
+    # back, the parts that were not finished are given to it again.
     from concurrent.futures import CancelledError
 
     from distributed import Client, KilledWorker
@@ -110,21 +91,7 @@ def _from(client: Any, plan: Plan, pickled: bytes, parts: list[int]) -> Iterator
 
 @contextmanager
 def scheduler(where: str, workers: int | None = None) -> Iterator[Any]:
-    """Give a cluster of our own, or the address of one.
-
-    Parameters
-    ----------
-    where : str
-        ``"local"``, ``"slurm"``, or the address of a scheduler, such as ``"tcp://10.0.0.1:8786"``.
-    workers : int, optional
-        How many processes, or jobs of Slurm; of a scheduler that is there already, those that it
-        has.
-
-    Raises
-    ------
-    AmbkitError
-        Dask is not installed, or Slurm's jobs are not described.
-    """
+    """Give a cluster of our own, or the address of one."""
     try:
         from distributed import LocalCluster
     except ImportError:

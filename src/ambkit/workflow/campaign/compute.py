@@ -47,22 +47,7 @@ def versions() -> dict[str, str]:
 
 
 def part_of(pickled: bytes, part: int, asked: Mapping[str, str]) -> Rows:
-    """Compute a part in a worker of a cluster, in one thread.
-
-    Parameters
-    ----------
-    pickled : bytes
-        The plan.
-    part : int
-        Which.
-    asked : mapping of str to str
-        The `versions` of who asks, which must be those here.
-
-    Raises
-    ------
-    AmbkitError
-        They are not.
-    """
+    """Compute a part in a worker of a cluster, in one thread."""
     here = versions()
     if other := [name for name in asked if here.get(name) != asked[name]]:
         has, own = (", ".join(f"{n} {of.get(n)}" for n in other) for of in (here, asked))
@@ -85,19 +70,7 @@ def compute(
     threads: int | None = None,
     done: Callable[[int], None] | None = None,
 ) -> Rows:
-    """Compute runs of a study.
-
-    Parameters
-    ----------
-    plan : Plan
-        The study.
-    first, stop : int
-        Runs from the one to before the other.
-    threads : int, optional
-        Of the engine; by default as many as the process may use.
-    done : callable, optional
-        Told now and then how many runs more are flown.
-    """
+    """Compute runs of a study."""
     points, noise = plan.points(first, stop), plan.noise(first, stop)
     every = plan.study.record.every if plan.study.record.traces else 0
     wanted = [run for run in range(first, stop) if every and run % every == 0]
@@ -131,23 +104,8 @@ def fly(
     threads: int | None = None,
     done: Callable[[int], None] | None = None,
 ) -> Flown:
-    """Draw machines at points, fly and judge them.
-
-    Parameters
-    ----------
-    plan : Plan
-        The study.
-    points : ndarray (n, k)
-        What varies, of `Plan.points`.
-    noise : ndarray of uint64 (n,)
-        Numbers of the noise.
-    first : int
-        Number of the first run.
-    traced : sequence of int
-        Numbers of the runs whose samples are kept.
-    threads, done
-        See `compute`.
-    """
+    """Draw machines at points, fly and judge them."""
+    # points (n, k); noise (n,)
     drawn: list[Drawn] = []
     record = plan.study.record
 
@@ -266,13 +224,7 @@ def traces_table(plan: Plan, runs: Mapping[int, Run]) -> pa.Table:
 
 
 def signal(run: Run, name: str) -> Array:
-    """Return a signal of a run by its name in a study.
-
-    Raises
-    ------
-    AmbkitError
-        Its estimator has no such state, or there is none.
-    """
+    """Return a signal of a run by its name in a study."""
     state = name.removesuffix("_estimate")
     if state == name:
         return np.asarray(run.record[name])

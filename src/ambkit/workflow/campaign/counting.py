@@ -11,18 +11,7 @@ from ambkit.workflow.campaign.store import Folder
 
 
 class Counted:
-    """The parts of a folder, counted.
-
-    Parameters
-    ----------
-    place : Folder
-        Of a campaign.
-
-    Raises
-    ------
-    AmbkitError
-        A part is damaged.
-    """
+    """The parts of a folder, counted."""
 
     def __init__(self, place: Folder) -> None:
         self.plan = place.plan

@@ -19,21 +19,11 @@ OF_FLIGHT = "flight."
 
 
 class Key(NamedTuple):
-    """What stands at a key.
+    """What stands at a key."""
 
-    Attributes
-    ----------
-    value : object
-        Now, in SI; None where it is not said.
-    unit : str
-        SI unit of a number; empty of a word.
-    above, at_least : float or None
-        Limits of a number.
-    """
-
-    value: Any
-    unit: str
-    above: float | None = None
+    value: Any  #: Now, in SI; None where it is not said.
+    unit: str  #: SI unit of a number; empty of a word.
+    above: float | None = None  #: Limits of a number.
     at_least: float | None = None
 
     def allows(self, number: float) -> bool:
@@ -43,20 +33,7 @@ class Key(NamedTuple):
 
 
 def key_in(model: BaseModel, key: str) -> Key:
-    """Return what stands at a key of a description.
-
-    Parameters
-    ----------
-    model : BaseModel
-        Bearing or scenario.
-    key : str
-        With dots; in a list stands the name of one of its parts, or its place there from 0 on.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such key, or a table stands there.
-    """
+    """Return what stands at a key of a description."""
     here: Any = model
     place: SignalIn | None = None
     quantity: Quantity | None = None
@@ -121,15 +98,7 @@ def nested(changes: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def changed(model: Any, tree: Mapping[str, Any]) -> Any:
-    """Return a copy of a frozen description with some of its values changed, unchecked.
-
-    Parameters
-    ----------
-    model : BaseModel or tuple
-        As it is.
-    tree : mapping
-        Of `nested`, in SI.
-    """
+    """Return a copy of a frozen description with some of its values changed, unchecked."""
 
     def other(old: Any, name: str) -> Any:
         if name not in tree:

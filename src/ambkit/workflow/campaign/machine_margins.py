@@ -28,30 +28,15 @@ Array = NDArray[np.float64]
 
 
 def peaks_of_machines(runs: Sequence[PlannedMachine], threads: int | None = None) -> Array:
-    """Return the peak of abs(S) of each machine's loop within the standard's range (n,) [1].
-
-    At the machine's own speed, of the worst axis. Infinite where the loop is unstable or nothing
-    holds the rotor; NaN where the estimator settles to no gain.
-
-    Parameters
-    ----------
-    runs : sequence of PlannedMachine
-        With their controllers.
-    threads : int, optional
-        Default: as many as the process may use.
-    """
+    """Return the peak of abs(S) of each machine's loop within the standard's range (n,) [1]."""
+    # At the machine's own speed, of the worst axis. Infinite where the loop is unstable or nothing
+    # holds the rotor; NaN where the estimator settles to no gain.
     with ThreadPoolExecutor(threads or processors()) as pool:
         return np.array(list(pool.map(peak_of, runs)), float)
 
 
 def peak_of(planned: PlannedMachine) -> float:
-    """Return the peak of one, see `peaks_of_machines`.
-
-    Parameters
-    ----------
-    planned : PlannedMachine
-        The run.
-    """
+    """Return the peak of one, see `peaks_of_machines`."""
     machine, flight = planned.machine, planned.flight
     fed = planned.estimator if flight.feedback == "estimate" else None
     if fed is not None and not tells(fed):
@@ -65,15 +50,7 @@ def peak_of(planned: PlannedMachine) -> float:
 
 
 def highest(loop: Loop, top: float) -> float:
-    """Return the highest abs(S) of the axes of a loop up to a frequency [Hz]; of unstable ones inf.
-
-    Parameters
-    ----------
-    loop : Loop
-        Of a machine.
-    top : float
-        End of the range [Hz].
-    """
+    """The highest abs(S) of the axes of a loop up to a frequency [Hz]; of unstable ones inf."""
     closed, m = loop.closed, loop.measurements
     poles, V = np.linalg.eig(closed.A)
     if not (np.abs(poles) < 1).all():

@@ -49,16 +49,9 @@ Loops = Sequence[tuple["Bearing", "PID", "Estimator | None"]]
 
 
 def peaks(loops: Loops) -> Array:
-    """Return the peak of abs(S) of each loop within the standard's range (n,) [1].
-
-    Infinite where the loop is unstable or nothing holds the rotor; NaN where the estimator
-    settles to no gain.
-
-    Parameters
-    ----------
-    loops : sequence of (Bearing, PID, Estimator or None)
-        Plant, controller with all its gains, and what feeds it: None of the measurement.
-    """
+    """Return the peak of abs(S) of each loop within the standard's range (n,) [1]."""
+    # Infinite where the loop is unstable or nothing holds the rotor; NaN where the estimator
+    # settles to no gain.
     found = np.full(len(loops), np.nan)
     points: dict[int, WorkPoint] = {}
     groups: dict[Any, list[int]] = {}
@@ -152,17 +145,8 @@ def _estimators(estimator: Estimator, points: Sequence[WorkPoint]) -> LinearSyst
 
 
 def highest(opened: Complex, closed: Complex, T: float, top: float) -> Array:
-    """Return the highest abs(S) of loops up to a frequency (n,) [1].
-
-    Parameters
-    ----------
-    opened, closed : ndarray of complex (n, a), (n, b)
-        Poles of plant and compensator, and of the closed loop, of z.
-    T : float
-        Sampling time [s].
-    top : float
-        End of the range [Hz].
-    """
+    """Return the highest abs(S) of loops up to a frequency (n,) [1]."""
+    # opened (n, a); closed (n, b)
 
     def gain(f: Array) -> Array:
         """Return log abs(S) of each loop at frequencies of its own (n, k)."""
@@ -185,15 +169,8 @@ def _product(z: Complex, poles: Complex) -> Complex:
 
 
 def top_of(gain: Callable[[Array], Array], f: Array) -> Array:
-    """Return the highest of curves (n,), of each between the neighbours of its highest peaks.
-
-    Parameters
-    ----------
-    gain : callable
-        Gives each curve at frequencies of its own (n, k), (n, k).
-    f : ndarray (n, m)
-        Where each is looked at first, ascending.
-    """
+    """Return the highest of curves (n,), of each between the neighbours of its highest peaks."""
+    # f (n, m)
     seen = gain(f)
     beside = np.pad(seen, ((0, 0), (1, 1)), constant_values=-np.inf)
     tops = np.where((seen >= beside[:, :-2]) & (seen >= beside[:, 2:]), seen, -np.inf)

@@ -88,22 +88,7 @@ class Stop(Part):
 
 
 def limit_of(name: str, given: float | str, *, whole: bool | None = None) -> float:
-    """Return a limit of a figure in SI.
-
-    Parameters
-    ----------
-    name : str
-        Of the figure.
-    given : float or str
-        The limit.
-    whole : bool, optional
-        Whether it is to be one of a machine, or of a bearing.
-
-    Raises
-    ------
-    ValueError
-        There is no such figure, or it has another unit.
-    """
+    """Return a limit of a figure in SI."""
     known = UNITS if whole is None else [*figures_of(whole=whole), "peak_S"]
     if name not in known:
         raise ValueError(f"there is no figure {name}; there are {', '.join(known)}")

@@ -50,15 +50,9 @@ class Drawn(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A study with its bearing, its distributions and what is made once for all runs.
+    """A study with its bearing, its distributions and what is made once for all runs."""
 
-    Parameters
-    ----------
-    study : Study
-        Checked.
-    """
-
-    study: Study
+    study: Study  #: Checked.
 
     @cached_property
     def bearing(self) -> Bearing:
@@ -184,17 +178,8 @@ class Plan:
         return sampling.noise_of(self, first, stop)
 
     def machines(self, points: Array, noise: NDArray[np.uint64], first: int) -> Iterator[Drawn]:
-        """Yield the machines at points, one after the other.
-
-        Parameters
-        ----------
-        points : ndarray (n, k)
-            Of `points`.
-        noise : ndarray (n,)
-            Numbers of their noise.
-        first : int
-            Number of the first run.
-        """
+        """Yield the machines at points, one after the other."""
+        # points (n, k); noise (n,)
         allowed = self.allowed(points)
         for at, row in enumerate(points):
             yield self._drawn(first + at, self.valued(row), int(noise[at]), bool(allowed[at]))
@@ -234,10 +219,8 @@ class Plan:
         return Drawn(run, values, Planned(plant, scenario, estimator, number=noise), wrong)
 
     def _as_controlled(self, scenario: Scenario, plant: Bearing) -> Scenario:
-        """Return a run whose controller goes by the nominal gains of amplifier and sensor.
-
-        The simulated one divides by the plant's. What it lacks is a factor on its gains.
-        """
+        """Return a run whose controller goes by the nominal gains of amplifier and sensor."""
+        # The simulated one divides by the plant's. What it lacks is a factor on its gains.
         pid, nominal = scenario.controller, self.bearing
         ratio = plant.amplifier.gain / nominal.amplifier.gain
         if pid.feedback == "measurement":
@@ -294,13 +277,7 @@ class Plan:
 
     @cached_property
     def estimators(self) -> dict[str, Estimator | None]:
-        """The estimators by name, each knowing the nominal bearing; None for ``"none"``.
-
-        Raises
-        ------
-        AmbkitError
-            A file cannot be read.
-        """
+        """The estimators by name, each knowing the nominal bearing; None for ``"none"``."""
         from ambkit.workflow.estimators import factories
 
         chosen = self._choices("estimator") or (self.study.estimator,)
@@ -327,14 +304,7 @@ class Plan:
         return other
 
     def check(self) -> None:
-        """Make all that is made once, so that what cannot be is said before any run.
-
-        Raises
-        ------
-        AmbkitError
-            An estimator's file cannot be read; the controller is to be fed by an estimate and
-            there is none.
-        """
+        """Make all that is made once, so that what cannot be is said before any run."""
         if "none" in self.estimators and self.scenario.controller.feedback == "estimate":
             raise AmbkitError(
                 f"{self.study.name}: the controller is fed by the estimate, so the estimator "
@@ -359,18 +329,9 @@ def _without_folders(told: Any) -> Any:
 
 
 def with_values(bearing: Bearing, values: Mapping[str, Any]) -> Bearing:
-    """Return a bearing with other values, unchecked.
-
-    A magnet's coil and its constant stay one: the constant follows turns and area, and where the
-    constant is what varies, the coil is left out.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The nominal one.
-    values : mapping
-        By key, in SI.
-    """
+    """Return a bearing with other values, unchecked."""
+    # A magnet's coil and its constant stay one: the constant follows turns and area, and where the
+    # constant is what varies, the coil is left out.
     tree = nested(values)
     magnet = dict(tree.get("magnet", {}))
     if "magnet_constant" in magnet:

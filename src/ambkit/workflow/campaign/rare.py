@@ -28,28 +28,14 @@ NOISE_FROM = 1 << 40
 
 
 class Rare(NamedTuple):
-    """The probability of a rare failure.
+    """The probability of a rare failure."""
 
-    Attributes
-    ----------
-    probability : float
-        That the figure is at or above the limit [1].
-    low, high : float
-        Confidence interval [1], lognormal with `variation`.
-    variation : float
-        Coefficient of variation of the estimate [1].
-    thresholds : tuple of float
-        Of the levels, the limit at last.
-    runs : int
-        That were simulated.
-    """
-
-    probability: float
-    low: float
+    probability: float  #: That the figure is at or above the limit [1].
+    low: float  #: Confidence interval [1], lognormal with `variation`.
     high: float
-    variation: float
-    thresholds: tuple[float, ...]
-    runs: int
+    variation: float  #: Coefficient of variation of the estimate [1].
+    thresholds: tuple[float, ...]  #: Of the levels, the limit at last.
+    runs: int  #: That were simulated.
 
 
 def subset(
@@ -62,39 +48,11 @@ def subset(
     confidence: float = 0.95,
     done: Callable[..., None] = lambda text="", steps=1: None,
 ) -> Rare:
-    """Return how likely a function of standard normal numbers is at or above a limit.
-
-    The failure is reached over levels, each with a probability of a tenth of the one before; within
-    a level chains walk by the modified Metropolis algorithm, component by component.
-
-    Parameters
-    ----------
-    limit : callable
-        From points (n, k) to values (n,); it may draw noise of its own, anew at each call.
-    dimensions : int
-        k.
-    above : float
-        The limit.
-    runs : int
-        Of each level.
-    seed : int
-        Of all that is drawn here.
-    confidence : float
-        Of the interval.
-    done : callable
-        Told by ``done(text, steps=n)`` of runs that are finished.
-
-    Raises
-    ------
-    AmbkitError
-        The levels do not come nearer to the limit: the function knows only whether and not how far,
-        or the failure is less likely than can be found.
-
-    References
-    ----------
-    Au, Beck, Estimation of small failure probabilities in high dimensions by subset simulation,
-    Probabilistic Engineering Mechanics 16 (2001).
-    """
+    """Return how likely a function of standard normal numbers is at or above a limit."""
+    # The failure is reached over levels, each with a probability of a tenth of the one before;
+    # within a level chains walk by the modified Metropolis algorithm, component by component.
+    # Au, Beck, Estimation of small failure probabilities in high dimensions by subset simulation,
+    # Probabilistic Engineering Mechanics 16 (2001).
     from scipy.special import ndtri
 
     rng = np.random.Generator(np.random.Philox(seed))
@@ -192,29 +150,9 @@ def rare_failure(
     threads: int | None = None,
     done: Callable[..., None] = lambda text="", steps=1: None,
 ) -> Rare:
-    """Return how likely a machine of a study has a figure at or above a limit.
-
-    Each candidate of a chain has noise of its own: the walk is over the machines and their noise.
-    A machine that cannot be fails.
-
-    Parameters
-    ----------
-    plan : Plan
-        What varies, and what happens to it.
-    figure : str
-        Of a run.
-    above : float
-        The limit, in SI.
-    runs, seed, done
-        See `subset`.
-    threads : int, optional
-        Of the engine.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such figure; nothing varies; or see `subset`.
-    """
+    """Return how likely a machine of a study has a figure at or above a limit."""
+    # Each candidate of a chain has noise of its own: the walk is over the machines and their noise.
+    # A machine that cannot be fails.
     from scipy.special import ndtr
 
     from ambkit.workflow.campaign import sampling

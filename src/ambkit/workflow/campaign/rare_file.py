@@ -20,13 +20,7 @@ def keep(folder: Path, figure: str, above: float, found: Rare) -> None:
 
 
 def told(folder: Path) -> list[str]:
-    """Return what was found of rare failures, in sentences.
-
-    Raises
-    ------
-    AmbkitError
-        A file of it is damaged.
-    """
+    """Return what was found of rare failures, in sentences."""
     found = []
     for path in sorted(folder.glob("rare-*.json")):
         try:

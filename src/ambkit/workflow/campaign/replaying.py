@@ -19,27 +19,13 @@ if TYPE_CHECKING:
 
 
 class Replayed(NamedTuple):
-    """A run of a study.
+    """A run of a study."""
 
-    Attributes
-    ----------
-    number : int
-        Its number.
-    values : mapping of str to object
-        What varied, in SI.
-    planned : Planned or PlannedMachine
-        Plant, run and estimator.
-    run : Run or MachineRun
-        Record, with truth, and estimate.
-    row : mapping of str to object
-        Figures and verdict, as they stand in the campaign's rows.
-    """
-
-    number: int
-    values: Mapping[str, Any]
-    planned: Planned | PlannedMachine
-    run: Run | MachineRun
-    row: Mapping[str, Any]
+    number: int  #: Its number.
+    values: Mapping[str, Any]  #: What varied, in SI.
+    planned: Planned | PlannedMachine  #: Plant, run and estimator.
+    run: Run | MachineRun  #: Record, with truth, and estimate.
+    row: Mapping[str, Any]  #: Figures and verdict, as they stand in the campaign's rows.
 
     @property
     def plant(self) -> Bearing | Machine:
@@ -59,20 +45,7 @@ class Replayed(NamedTuple):
 
 
 def replay(plan: Plan, number: int) -> Replayed:
-    """Simulate a run of a study again, with all its samples.
-
-    Parameters
-    ----------
-    plan : Plan
-        The study.
-    number : int
-        Of the run.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such run, or no such machine can be.
-    """
+    """Simulate a run of a study again, with all its samples."""
     from ambkit.workflow.campaign.compute import compute
 
     if not 0 <= number < plan.runs:

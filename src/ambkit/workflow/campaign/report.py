@@ -33,20 +33,7 @@ DRIVEN = 3
 
 
 def write(campaign: Machines, path: str | os.PathLike[str]) -> None:
-    """Write the page.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        Of which.
-    path : path
-        The file.
-
-    Raises
-    ------
-    AmbkitError
-        It cannot be written; or no run is finished.
-    """
+    """Write the page."""
     from ambkit.show.report.page import write_page
 
     if not len(campaign):

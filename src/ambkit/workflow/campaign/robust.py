@@ -69,39 +69,20 @@ class Tried(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Robust(Shown):
-    """A search over controllers and filters, each flown with all machines of a study.
-
-    Attributes
-    ----------
-    plan : Plan
-        The study.
-    kind : str
-        Of the filter.
-    quantile, max_sensitivity : float
-        Which quantile over the machines was made small; what that of the peak stays below.
-    free : tuple of Range
-        What was changed, and within which bounds.
-    tried : tuple of Tried
-        All of it, in its order; the first is as it was without tuning.
-    taken : int
-        Which was taken: the one with the least error among those that are allowed.
-    estimator : Estimator
-        Its filter, which knows the nominal bearing.
-    controller : PID or None
-        Its controller; a machine's are those of its flight.
-    """
+    """A search over controllers and filters, each flown with all machines of a study."""
 
     _card_by = "workflow.campaign.robust_card:card"
 
-    plan: Plan
-    kind: str
+    plan: Plan  #: The study.
+    kind: str  #: Of the filter.
+    #: Which quantile over the machines was made small; what that of the peak stays below.
     quantile: float
     max_sensitivity: float
-    free: tuple[Range, ...]
-    tried: tuple[Tried, ...]
-    taken: int
-    estimator: Estimator
-    controller: PID | None
+    free: tuple[Range, ...]  #: What was changed, and within which bounds.
+    tried: tuple[Tried, ...]  #: All of it, in its order; the first is as it was without tuning.
+    taken: int  #: Which was taken: the one with the least error among those that are allowed.
+    estimator: Estimator  #: Its filter, which knows the nominal bearing.
+    controller: PID | None  #: Its controller; a machine's are those of its flight.
 
     def __repr__(self) -> str:
         before, after = self.tried[0], self.tried[self.taken]
@@ -143,18 +124,7 @@ class Robust(Shown):
         )  # fmt: skip
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the filter, and beside it a bearing's controller as NAME.scenario.toml.
-
-        Parameters
-        ----------
-        path : path
-            The filter's file.
-
-        Raises
-        ------
-        AmbkitError
-            A file cannot be written; or it is of a whole machine, of which there is none.
-        """
+        """Write the filter, and beside it a bearing's controller as NAME.scenario.toml."""
         study = self.plan.study
         self.estimator.save(path, bearing=study.bearing or study.machine)
         if self.controller is not None:

@@ -145,43 +145,18 @@ def _here(plan: Plan, part: int, threads: int | None, tell: Told) -> Rows:
 
 
 class Status(NamedTuple):
-    """How far a campaign is.
+    """How far a campaign is."""
 
-    Attributes
-    ----------
-    name : str
-        Of the study.
-    runs, of : int
-        Finished, and at most.
-    parts : int
-        Finished.
-    good : Share
-        The yield so far.
-    complete : bool
-        Whether nothing is left to be done.
-    """
-
-    name: str
-    runs: int
+    name: str  #: Of the study.
+    runs: int  #: Finished, and at most.
     of: int
-    parts: int
-    good: Share
-    complete: bool
+    parts: int  #: Finished.
+    good: Share  #: The yield so far.
+    complete: bool  #: Whether nothing is left to be done.
 
 
 def status(folder: str | os.PathLike[str]) -> Status:
-    """Return how far the campaign in a folder is; one that is at work is not disturbed.
-
-    Parameters
-    ----------
-    folder : path
-        The campaign's.
-
-    Raises
-    ------
-    AmbkitError
-        There is no campaign in it, or it is of another version of ambkit.
-    """
+    """Return how far the campaign in a folder is; one that is at work is not disturbed."""
     place = Folder.existing(folder)
     plan, counted = place.plan, Counted(place)
     parts = counted.counting()

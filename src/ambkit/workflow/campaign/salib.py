@@ -16,15 +16,8 @@ if TYPE_CHECKING:
 
 
 def problem_of(plan: Plan) -> dict[str, Any]:
-    """Return what varies as SALib has it: names, bounds and distributions, in SI.
-
-    A choice is its index, even from 0 to the number of its values.
-
-    Parameters
-    ----------
-    plan : Plan
-        The study.
-    """
+    """Return what varies as SALib has it: names, bounds and distributions, in SI."""
+    # A choice is its index, even from 0 to the number of its values.
     bounds: list[list[float]] = []
     dists: list[str] = []
     for of in plan.marginals:
@@ -45,18 +38,7 @@ def problem_of(plan: Plan) -> dict[str, Any]:
 
 
 def vary_from(problem: Mapping[str, Any]) -> tuple[Varied, ...]:
-    """Return what varies by SALib's problem dictionary, whose names are keys and values in SI.
-
-    Parameters
-    ----------
-    problem : mapping
-        With ``names``, ``bounds`` and perhaps ``dists``: unif, norm or truncnorm.
-
-    Raises
-    ------
-    AmbkitError
-        It is none, or has a distribution that studies do not have.
-    """
+    """Return what varies by SALib's problem dictionary, whose names are keys and values in SI."""
     names, bounds = problem.get("names"), problem.get("bounds")
     if not isinstance(names, list | tuple) or bounds is None or len(names) != len(bounds):
         raise AmbkitError("a problem of SALib has as many bounds as names")

@@ -46,20 +46,8 @@ class Wanted(Protocol):
 
 
 def uniforms(plan: Wanted, first: int, stop: int) -> Array:
-    """Return the points of runs in the unit cube, before the distributions.
-
-    Parameters
-    ----------
-    plan : Wanted
-        What varies, and how it is drawn.
-    first, stop : int
-        Runs from the one to before the other.
-
-    Returns
-    -------
-    ndarray (stop - first, k)
-        Between 0 and 1.
-    """
+    """Return the points of runs in the unit cube, before the distributions."""
+    # returns (stop - first, k)
     way, k, seed = plan.study.sampling, len(plan.marginals), plan.study.seed
     if k == 0:
         return np.zeros((stop - first, 0))
@@ -103,11 +91,9 @@ def _sobol(seed: int, k: int, first: int, stop: int) -> Array:
 
 
 def _saltelli(seed: int, k: int, first: int, stop: int) -> Array:
-    """Return points for Sobol indices, in groups of k + 2 (Saltelli et al. 2010).
-
-    Of each group the first is a point A, then A with one coordinate after the other from a point B,
-    and at last B: as ``SALib.sample.sobol`` has them without second order.
-    """
+    """Return points for Sobol indices, in groups of k + 2 (Saltelli et al. 2010)."""
+    # Of each group the first is a point A, then A with one coordinate after the other from a point
+    # B, and at last B: as ``SALib.sample.sobol`` has them without second order.
     group, place = np.divmod(np.arange(first, stop), k + 2)
     both = _sobol(seed, 2 * k, int(group[0]), int(group[-1]) + 1)[group - group[0]]
     A, B = both[:, :k], both[:, k:]
@@ -126,20 +112,8 @@ def _grid(plan: Wanted, first: int, stop: int) -> Array:
 
 
 def values(plan: Wanted, u: Array) -> Array:
-    """Return what runs get of each quantity: a value in SI, of a choice its index.
-
-    Parameters
-    ----------
-    plan : Wanted
-        What varies.
-    u : ndarray (n, k)
-        Of `uniforms`. What is correlated is so by a Gaussian copula: the normal scores of `u` are
-        mixed by the Cholesky factor of the correlation matrix.
-
-    Returns
-    -------
-    ndarray (n, k)
-    """
+    """Return what runs get of each quantity: a value in SI, of a choice its index."""
+    # u (n, k); returns (n, k)
     from scipy.special import ndtr, ndtri
 
     found = np.empty_like(u)
@@ -163,11 +137,9 @@ def values(plan: Wanted, u: Array) -> Array:
 
 
 def noise_of(plan: Wanted, first: int, stop: int) -> NDArray[np.uint64]:
-    """Return which noise runs have, by its number.
-
-    Each its own; only the points of one group of Saltelli's have the same, so that they differ by
-    what varies alone.
-    """
+    """Return which noise runs have, by its number."""
+    # Each its own; only the points of one group of Saltelli's have the same, so that they differ by
+    # what varies alone.
     run = np.arange(first, stop, dtype=np.uint64)
     if plan.study.sampling == "saltelli":
         return run // np.uint64(len(plan.marginals) + 2)

@@ -28,32 +28,17 @@ RESAMPLES = 100
 
 
 class Indices(NamedTuple):
-    """Shares of a figure's variance over the machines (Sobol 1993).
+    """Shares of a figure's variance over the machines (Sobol 1993)."""
 
-    Attributes
-    ----------
-    figure : str
-        Of which.
-    method : str
-        By which they were found.
-    names : tuple of str
-        What varies.
-    first, first_confidence : ndarray (k,)
-        Share that each has by itself, and half its confidence interval [1].
-    total, total_confidence : ndarray (k,) or None
-        With all its interactions; only points of ``sampling = "saltelli"`` tell.
-    used, left_out : int
-        Runs, and those without a finite figure.
-    """
-
-    figure: str
-    method: str
-    names: tuple[str, ...]
-    first: Array
+    figure: str  #: Of which.
+    method: str  #: By which they were found.
+    names: tuple[str, ...]  #: What varies.
+    first: Array  #: (k,) Share that each has by itself, and half its confidence interval [1].
     first_confidence: Array
+    #: (k,) With all its interactions; only points of ``sampling = "saltelli"`` tell.
     total: Array | None
     total_confidence: Array | None
-    used: int
+    used: int  #: Runs, and those without a finite figure.
     left_out: int
 
     @property
@@ -63,24 +48,10 @@ class Indices(NamedTuple):
 
 
 def indices(campaign: Machines, figure: str) -> Indices:
-    """Return what share of a figure's variance each quantity has.
-
-    Of points of Saltelli's by his estimators, first order and total. Of other points the first
-    order alone: by RBD-FAST (Tarantola, Gatelli, Mara 2006), of choices by the variance of the
-    means. There the noise of the runs is in no quantity's share.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        Its runs.
-    figure : str
-        Which.
-
-    Raises
-    ------
-    AmbkitError
-        SALib is not installed; there is no such figure; it does not vary, or too few runs have it.
-    """
+    """Return what share of a figure's variance each quantity has."""
+    # Of points of Saltelli's by his estimators, first order and total. Of other points the first
+    # order alone: by RBD-FAST (Tarantola, Gatelli, Mara 2006), of choices by the variance of the
+    # means. There the noise of the runs is in no quantity's share.
     try:
         import SALib.analyze.rbd_fast
         import SALib.analyze.sobol

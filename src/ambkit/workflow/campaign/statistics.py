@@ -30,18 +30,10 @@ class Share(NamedTuple):
 
 
 def clopper_pearson(count: int, of: int, confidence: float = 0.95) -> Share:
-    """Return a share with the interval of Clopper and Pearson (1934).
-
-    It holds the true share at least as often as the confidence says, however few the runs. After
-    Sobol points or a Latin hypercube it is wider than need be: these cover more evenly than chance.
-
-    Parameters
-    ----------
-    count, of : int
-        How many of how many.
-    confidence : float
-        Of the interval.
-    """
+    """Return a share with the interval of Clopper and Pearson (1934)."""
+    # It holds the true share at least as often as the confidence says, however few the runs. After
+    # Sobol points or a Latin hypercube it is wider than need be: these cover more evenly than
+    # chance.
     from scipy.stats import beta
 
     if of == 0:
@@ -57,17 +49,8 @@ GROWTH = 1.25
 
 
 def looks(parts: int, size: int, least: int) -> list[int]:
-    """Return after how many parts a study that may stop is looked at, the last one its end.
-
-    They depend on the study alone, so that where it stops depends on neither order nor cluster.
-
-    Parameters
-    ----------
-    parts, size : int
-        Parts of the whole study, and runs of a part.
-    least : int
-        Runs before the first look.
-    """
+    """Return after how many parts a study that may stop is looked at, the last one its end."""
+    # They depend on the study alone, so that where it stops depends on neither order nor cluster.
     found, at = [], max(1, -(-least // size))
     while at < parts:
         found.append(at)

@@ -41,28 +41,14 @@ _PART = re.compile(r"part-(\d{6,})\.parquet")
 
 
 class Folder:
-    """A campaign's folder.
-
-    Parameters
-    ----------
-    path : path
-        Where it is.
-    plan : Plan
-        The study.
-    """
+    """A campaign's folder."""
 
     def __init__(self, path: str | os.PathLike[str], plan: Plan) -> None:
         self.path, self.plan = Path(path), plan
 
     @classmethod
     def existing(cls, path: str | os.PathLike[str]) -> Folder:
-        """Return the folder of a campaign that was begun.
-
-        Raises
-        ------
-        AmbkitError
-            There is none, or it is of another version of ambkit or another study.
-        """
+        """Return the folder of a campaign that was begun."""
         path = Path(path)
         if not (path / ABOUT).is_file():
             raise AmbkitError(f"{path}: there is no campaign in it: it has no {ABOUT}")
@@ -71,13 +57,7 @@ class Folder:
         return found
 
     def begin(self) -> None:
-        """Make the folder, or make sure that it is of this study and this version.
-
-        Raises
-        ------
-        AmbkitError
-            It cannot be written, holds something else, or belongs to another study or version.
-        """
+        """Make the folder, or make sure that it is of this study and this version."""
         files.make_folder(self.path)
         if (self.path / ABOUT).is_file():
             self._check(self._about())
@@ -134,13 +114,7 @@ class Folder:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Keep others from working in the folder; a process that is killed lets go of it.
-
-        Raises
-        ------
-        AmbkitError
-            Another one is at work in it.
-        """
+        """Keep others from working in the folder; a process that is killed lets go of it."""
         try:
             import fcntl
         except ImportError:  # Windows
@@ -179,13 +153,7 @@ class Folder:
         return found
 
     def write(self, part: int, rows: Rows) -> None:
-        """Put a part in place, its traces before its rows.
-
-        Raises
-        ------
-        AmbkitError
-            It cannot be written.
-        """
+        """Put a part in place, its traces before its rows."""
         from pyarrow import parquet
 
         for name, table in ((TRACES, rows.traces), (RUNS, rows.runs)):
@@ -204,23 +172,11 @@ class Folder:
         return self.path / name / f"part-{part:06d}.parquet"
 
     def column(self, part: int, name: str) -> Any:
-        """Return a column of a part as an array.
-
-        Raises
-        ------
-        AmbkitError
-            The part is damaged.
-        """
+        """Return a column of a part as an array."""
         return array_of(self.table(part, [name]).column(0))
 
     def table(self, part: int, columns: list[str] | None = None) -> pa.Table:
-        """Return a part, or some columns of it.
-
-        Raises
-        ------
-        AmbkitError
-            It is damaged, or has not the rows that it should have.
-        """
+        """Return a part, or some columns of it."""
         import pyarrow as pa
         from pyarrow import parquet
 

@@ -33,15 +33,7 @@ LEAST, MOST = 2.0**-54, 1 - 2.0**-53
 
 
 class Wrong(ValueError):
-    """What is wrong with one key of what varies.
-
-    Parameters
-    ----------
-    key : str
-        Which.
-    text : str
-        What.
-    """
+    """What is wrong with one key of what varies."""
 
     def __init__(self, key: str, text: str) -> None:
         super().__init__(text)
@@ -157,18 +149,7 @@ class Varied(Part):
     """How many values a grid has of it."""
 
     def marginal(self, key: Key) -> Marginal:
-        """Return the distribution.
-
-        Parameters
-        ----------
-        key : Key
-            What is varied: its unit and nominal value.
-
-        Raises
-        ------
-        Wrong
-            A value is none, or they contradict each other.
-        """
+        """Return the distribution."""
         raise NotImplementedError
 
     def in_units(self, key: Key) -> Varied:

@@ -34,28 +34,16 @@ _IN_AMPERES = ("fed_back", "fed_back_by_speed", "fed_back_by_square")
 
 
 def plan_of(study: Study) -> Plan:
-    """Return a study made ready: of bearings, or of whole machines.
-
-    Parameters
-    ----------
-    study : Study
-        Checked.
-    """
+    """Return a study made ready: of bearings, or of whole machines."""
     return Plan(study) if study.machine is None else WholePlan(study)
 
 
 @dataclass(frozen=True, eq=False)
 class WholePlan(Plan):
-    """A study of whole machines.
+    """A study of whole machines."""
 
-    Controllers and estimators are made for the nominal machine and know nothing of the one that was
-    drawn: not its masses, not where its sensors look, not the gains of its amplifiers.
-
-    Parameters
-    ----------
-    study : Study
-        Checked, with a machine.
-    """
+    # Controllers and estimators are made for the nominal machine and know nothing of the one that
+    # was drawn: not its masses, not where its sensors look, not the gains of its amplifiers.
 
     @cached_property
     def bearing(self) -> Any:
@@ -161,13 +149,7 @@ class WholePlan(Plan):
 
     @cached_property
     def estimators(self) -> dict[str, Estimator | None]:
-        """The estimators by name, each knowing the nominal machine; None for ``"none"``.
-
-        Raises
-        ------
-        AmbkitError
-            One is not for whole machines.
-        """
+        """The estimators by name, each knowing the nominal machine; None for ``"none"``."""
         from ambkit.workflow.given import of_machine
 
         options = {"synchronous": self.study.synchronous} if self.study.synchronous else {}
@@ -185,14 +167,7 @@ class WholePlan(Plan):
         return self._remade(estimators={self.study.estimator: estimator})
 
     def check(self) -> None:
-        """Make all that is made once, so that what cannot be is said before any run.
-
-        Raises
-        ------
-        AmbkitError
-            An estimator or a controller cannot be made for the machine; controllers are to be fed
-            by an estimate and there is none.
-        """
+        """Make all that is made once, so that what cannot be is said before any run."""
         wrong = list(self.flight.unknown_axes(tuple(axis.name for axis in self.bearing.axes)))
         if wrong:
             raise AmbkitError(f"{self.study.name}: flight.{'; '.join(wrong)}")

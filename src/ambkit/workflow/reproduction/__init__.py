@@ -29,28 +29,7 @@ class Outcome:
 def reproduce(
     out: str | Path, *, seed: int = 0, progress: Callable[[str], None] = lambda _message: None
 ) -> Outcome:
-    """Reproduce the paper's tables and figures, and judge them.
-
-    Parameters
-    ----------
-    out : path
-        Folder for ``report.html``, ``figures/``, ``tables/`` and ``summary.json``; made if it is
-        not there.
-    seed : int
-        First seed of the noise.
-    progress : callable
-        Called with a line before each chapter and each figure.
-
-    Returns
-    -------
-    Outcome
-        The folder, and the lines of ``summary.json``.
-
-    Raises
-    ------
-    AmbkitError
-        If the folder cannot be written.
-    """
+    """Reproduce the paper's tables and figures, and judge them."""
     from ambkit.show.report.page import write_report
     from ambkit.workflow.reproduction.study import Study
 

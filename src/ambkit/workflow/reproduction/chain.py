@@ -52,18 +52,10 @@ FORCE = Axis(r"disturbance force $F_\mathrm{St}$", "N")
 
 @dataclass(frozen=True)
 class Flight:
-    """One run in stretches, and the magnet constants that its filters had, over the bearing's.
+    """One run in stretches, and the magnet constants that its filters had, over the bearing's."""
 
-    Attributes
-    ----------
-    runs : list of Run
-        The stretches, one after the other.
-    k : list of float
-        What the filter assumed in each.
-    """
-
-    runs: list[Run]
-    k: list[float]
+    runs: list[Run]  #: The stretches, one after the other.
+    k: list[float]  #: What the filter assumed in each.
 
     def truth(self, name: str) -> Array:
         """A signal of the records, (n,)."""
@@ -211,11 +203,9 @@ def _fly(study: Study, way: str, seed: int) -> Flight:
 
 
 def _figures(study: Study, way: str, seed: int) -> list[float]:
-    """Return figures of a run.
-
-    Errors of force [N] and position [µm], of k at the swaps [%]; largest change in a sample of
-    position error [µm] and of force [N] just after a swap, and the same elsewhere; stops touched.
-    """
+    """Return figures of a run."""
+    # Errors of force [N] and position [µm], of k at the swaps [%]; largest change in a sample of
+    # position error [µm] and of force [N] just after a swap, and the same elsewhere; stops touched.
     flight = _fly(study, way, seed)
     first = flight.swaps[0]
     error = flight.estimate("x") - flight.truth("x")

@@ -146,12 +146,10 @@ def _by_control(study: Study, seed: int) -> tuple[float, float]:
 
 
 def _diverges(study: Study, *, shortcut: bool, most: int = 10_000) -> int:
-    """First step at which the full matrix of eq. 10, 13 puts the deviation of x 10 % off.
-
-    The reference is the core's triangle. Written out with NumPy on purpose: this is what a reader
-    of the paper would type. ``shortcut`` takes ``(P H')'`` for ``H P``, which is the same as long
-    as P is symmetric to the last bit; returns ``most`` where nothing happens until then.
-    """
+    """First step at which the full matrix of eq. 10, 13 puts the deviation of x 10 % off."""
+    # The reference is the core's triangle. Written out with NumPy on purpose: this is what a reader
+    # of the paper would type. ``shortcut`` takes ``(P H')'`` for ``H P``, which is the same as long
+    # as P is symmetric to the last bit; returns ``most`` where nothing happens until then.
     bearing = study.bearing
     kf = KalmanFilter(bearing, noise=study.noise, as_printed=True)
     assumed = kf.variances

@@ -110,10 +110,8 @@ class Study:
 
     @property
     def filters(self) -> dict[str, Callable[[], KalmanFilter]]:
-        """The filters that are compared, by the name of their signal in the figures.
-
-        With the sampled model of the paper, eq. 19 as printed.
-        """
+        """The filters that are compared, by the name of their signal in the figures."""
+        # With the sampled model of the paper, eq. 19 as printed.
         return self.filters_of(self.bearing, as_printed=True)
 
     def filters_of(
