@@ -27,9 +27,9 @@ pytestmark = [
 
 # Instructions of a usual step that trusts its input, and of one that checks it; the latter also
 # where the compiler may contract. See firmware/README.md.
-TRUSTED = {"linear": 260, "closed-law": 380, "table": 350, "adaptive": 2950}
-LIMITS = {"linear": 525, "closed-law": 635, "table": 605, "adaptive": 3200}
-LIMITS_CONTRACTED = {"linear": 460, "closed-law": 565, "table": 535, "adaptive": 2810}
+TRUSTED = {"linear": 300, "closed-law": 420, "table": 390, "adaptive": 2990}
+LIMITS = {"linear": 580, "closed-law": 690, "table": 660, "adaptive": 3260}
+LIMITS_CONTRACTED = {"linear": 520, "closed-law": 620, "table": 585, "adaptive": 2870}
 CONTRACTED = 1e-3  # of each state's standard deviation; as the exports' own self-test
 HELPERS = {"memcpy", "memset"}  # what any C compiler may call of itself
 # What is steady-state is an observer: the same C with other numbers.

@@ -364,9 +364,11 @@ AMB_INLINE amb_rounded amb_step_rounded(const amb_kalman *kf, amb_kalman_state *
   }
   const bool again = !((y < sensor->last_y) || (y > sensor->last_y));
   const bool coarse = interval && amb_step_coarse(kf, r);
-  if (amb_step_very_coarse(kf, r)) {
+  const bool very = amb_step_very_coarse(kf, r);
+  if (very) {
     as.chance = AMB_C(1.0) - AMB_C(1.0) / amb_at_least(kf->set.dwell, AMB_C(1.0));
-  } else if (coarse || (again && (kf->set.step[r] > AMB_C(0.0)))) {
+  }
+  if (!very && (coarse || (again && (kf->set.step[r] > AMB_C(0.0))))) {
     const amb_real shown = amb_model_shown_variance(&kf->model, r, base->cov);
     const amb_real e = y - amb_model_shown(&kf->model, r, base->mean);
     if (AMB_WITHIN(e, AMB_REAL_ROOT) && (shown > AMB_C(0.0)) && (shown <= AMB_REAL_ROOT)) {

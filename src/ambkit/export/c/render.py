@@ -132,6 +132,7 @@ def render(
         "y_given": "const amb_real y[AMB_SENSORS]" if whole else "amb_real y",
         "u_given": "const amb_real u_previous[AMB_CONTROLS]" if whole else "amb_real u_previous",
         "sources": sources,
+        "calibrated": calibrated,
         "bit_headers": _bit_headers(core_files, alone=controller is None),
         "cast_sources": _casts(
             kind,
