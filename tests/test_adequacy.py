@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,9 @@ from ambkit.cli.main import main
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.export.c import export_c
-from ambkit.judge import adequacy
-from ambkit.judge.adequacy import judge_adequacy, least_process_noise, load_capacity, sentences
+from ambkit.judge import adequacy_criteria
+from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.judge.load_following import least_process_noise, load_capacity
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
 from ambkit.machine.presets import machine_names
 from ambkit.simulation.scenario import PID, Scenario, Step
@@ -165,7 +167,7 @@ def test_a_bearing_as_it_is_identified_is_not_another(tmp_path: Path) -> None:
 
 def test_the_same_filter_is_judged_once(monkeypatch: pytest.MonkeyPatch) -> None:
     judge_adequacy(noisy(disturbance=1.5))
-    monkeypatch.setattr(adequacy, "_of_filter", None)
+    monkeypatch.setattr(adequacy_criteria, "of_filter", None)
     assert judge_adequacy(noisy(disturbance=1.5))
 
 
@@ -258,6 +260,44 @@ def test_design_judges_with_the_stated_load_and_not_with_the_assumed_one(tmp_pat
         errors[factor] = found["errors"]
     assert errors[1e-4]["f_d"] > 1.5 * errors[1.0]["f_d"] > 0.5
     assert errors[1e-4]["x"] > 5 * errors[1.0]["x"]
+
+
+STUDY = """
+name = "slow"
+bearing = "slow.bearing.toml"
+runs = 4
+scenario = {duration = "50 ms"}
+
+[[vary]]
+what = "rotor.mass"
+type = "uniform"
+tolerance = "2 %"
+"""
+
+
+@pytest.mark.parametrize("words", [
+    ["compare", "slow.bearing.toml", "--estimators", "linear", "--tune", "1", "--runs", "1",
+     "--save-filters", "filters"],
+    ["train", "slow.bearing.toml", "--rules", "2x2", "--save-filter", "filter.toml"],
+    ["tune", "slow.toml", "--robust", "--evaluations", "1", "--max-sensitivity", "5",
+     "--out", "filter.toml"],
+], ids=lambda words: words[0])  # fmt: skip
+def test_whatever_writes_a_filter_shows_whether_it_may_fly(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    if "--robust" in words:
+        pytest.importorskip("optuna")
+    monkeypatch.chdir(tmp_path)
+    slow = AXIS.replace(sampling_time="2.5 ms", name="slow")  # of 8.3 ms in which the rotor falls
+    slow.save("slow.bearing.toml")
+    Path("slow.toml").write_text(STUDY)
+    assert exit_of(*words, "--json") == 0
+    written = capsys.readouterr()
+    assert "a sampling time of 2.5 ms is 0.302 times" in written.err
+    judged = json.loads(written.out)["adequacy"]
+    judged = judged["linear"] if words[0] == "compare" else judged
+    assert any(each["name"] == "time to follow a load" for each in judged)
 
 
 def test_an_axis_is_judged_alike_as_a_bearing_and_as_a_machine() -> None:

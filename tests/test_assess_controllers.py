@@ -9,12 +9,12 @@ import ambkit
 from ambkit import PID, Bearing, KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import simulate_machine
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.campbell import stiffnesses
-from ambkit.workflow.loop_of import LoopOf
 from ambkit.workflow.sweeping import _MachineRig
 from ambkit.workflow.verdict import facts
 

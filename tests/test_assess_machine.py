@@ -10,6 +10,7 @@ from machine_cases import PRESETS, made, uncoupled
 import ambkit
 from ambkit import Machine
 from ambkit.base.errors import AmbkitError
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint
@@ -17,7 +18,6 @@ from ambkit.simulation.linear.settled import estimator_at
 from ambkit.simulation.machine import simulate_machine
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.balance import unbalance_forces
-from ambkit.workflow.loop_of import LoopOf
 from ambkit.workflow.over_speed import assess_over_speed
 from ambkit.workflow.verdict import verdict, write_verdict
 

@@ -18,6 +18,7 @@ from scipy.stats import binomtest, norm
 
 import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.simulation.linear.pieces import WorkPoint, plant, plants
 from ambkit.simulation.linear.settled import estimator_at, estimators_at
 from ambkit.workflow.campaign import running, store
@@ -30,7 +31,6 @@ from ambkit.workflow.campaign.salib import problem_of, vary_from
 from ambkit.workflow.campaign.statistics import clopper_pearson, looks
 from ambkit.workflow.campaign.study import Study
 from ambkit.workflow.campaign.varied import Choice, Normal, Truncated, Uniform
-from ambkit.workflow.loop_of import LoopOf
 
 ROOT = Path(__file__).parent.parent
 

@@ -11,6 +11,7 @@ import pytest
 import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.estimate.registry import KINDS
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.show.plots.campaign import in_words
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.machine import simulate_machine
@@ -25,7 +26,6 @@ from ambkit.workflow.campaign.running import campaign
 from ambkit.workflow.campaign.study import Study
 from ambkit.workflow.campaign.whole import plan_of
 from ambkit.workflow.given import of_machine
-from ambkit.workflow.loop_of import LoopOf
 
 STUDY = """
 name = "a spindle"

@@ -12,6 +12,7 @@ from ambkit import Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import grid
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.default_control import (
@@ -25,7 +26,6 @@ from ambkit.simulation.flight import Flight
 from ambkit.simulation.holding import ENOUGH
 from ambkit.simulation.machine import simulate_machine
 from ambkit.workflow.designing_machine import control_for
-from ambkit.workflow.loop_of import LoopOf
 
 BEARING = """
 [[bearing]]

@@ -11,6 +11,7 @@ import ambkit
 from ambkit import Machine
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.cli.main import main
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine import presets
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.flight import Flight, Reference
@@ -20,7 +21,6 @@ from ambkit.simulation.scenario import PID
 from ambkit.simulation.waveforms import Step
 from ambkit.workflow.cards import machine_design
 from ambkit.workflow.designing_machine import FILES, design_machine
-from ambkit.workflow.loop_of import LoopOf
 
 TUM = Machine.preset("tum_mlps")
 

@@ -10,9 +10,9 @@ import threadpoolctl
 
 import ambkit
 from ambkit.base.threads import one_thread
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import grid
 from ambkit.models.linear import LinearSystem
-from ambkit.workflow.loop_of import LoopOf
 
 MACHINES = ("heart_pump", "tum_mlps_flexible", "ufu_flexible")
 

@@ -10,7 +10,7 @@ from ambkit import Bearing, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.judge.loop.hinf import AT_REST, PEAK, SLOW, STRONG, hinf
-from ambkit.workflow.loop_of import LoopOf
+from ambkit.judge.loop.loop_of import LoopOf
 
 ZITTAU = Bearing.preset("zittau_axial")
 LATE = ZITTAU.replace(delay=3.75e-4, amplifier__bandwidth=1000.0)

@@ -12,12 +12,12 @@ from machine_cases import AND_LONG, RIGID_AND_LONG, made
 
 from ambkit import PID, Machine
 from ambkit.judge.loop.bounds import least_peak_of_delay, least_peaks
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import bode_integral, grid, highest
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.simulation.holding import holding
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint, plant
-from ambkit.workflow.loop_of import LoopOf
 
 RPM = math.pi / 30
 UFU = Machine.preset("ufu_rig")

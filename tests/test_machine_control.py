@@ -7,6 +7,7 @@ import pytest
 import ambkit
 from ambkit import KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.controllers import Control, controllers_of
 from ambkit.simulation.flight import Disturbance, Flight, Reference
@@ -15,7 +16,6 @@ from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.regulator import regulator
 from ambkit.simulation.waveforms import Ramp, Step
-from ambkit.workflow.loop_of import LoopOf
 
 MACHINES = ("hindawi_2011", "tum_mlps", "ufu_rig")
 KINDS = [

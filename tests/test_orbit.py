@@ -9,12 +9,12 @@ import ambkit
 from ambkit import Bearing, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import magnet_of
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.linear.pieces import Orbit, WorkPoint, plant
 from ambkit.simulation.machine import simulate_machine
 from ambkit.workflow.assessing import MEASUREMENT
-from ambkit.workflow.loop_of import LoopOf
 from ambkit.workflow.orbiting import on_orbit
 from ambkit.workflow.verdict import facts
 

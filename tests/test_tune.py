@@ -11,7 +11,7 @@ import ambkit
 from ambkit import Bearing, Estimator, FilterNoise, Record
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison.cases import CASES, trials
-from ambkit.workflow.loop_of import LoopOf
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.workflow.tuning_tasks import NOISE
 
 BEARING = Bearing.preset("zittau_axial")

@@ -9,6 +9,7 @@ import pytest
 
 import ambkit
 from ambkit import KalmanFilter, Machine
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.simulation.controllers import Control, controllers_of
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.holding import holding
@@ -16,7 +17,6 @@ from ambkit.simulation.let_turn import _Rotor
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.waveforms import Constant, Ramp, Sum
 from ambkit.workflow.assessed_loop import assessed
-from ambkit.workflow.loop_of import LoopOf
 
 OVERHUNG = Path(__file__).parent / "data" / "overhung.toml"
 """An overhung compressor of 50,000 rpm with a forward critical speed of the free rotor near it."""

@@ -33,8 +33,8 @@ def deliver_sweep(
 ) -> None:
     """Sweep the simulated loop, and print how far it is from the linear one."""
     from ambkit.cli import output
+    from ambkit.judge.loop.loop_of import zone_of
     from ambkit.show import plots
-    from ambkit.workflow.loop_of import zone_of
     from ambkit.workflow.sweeping import sweep
 
     sizes = read_quantities(amplitudes, "m", "--sweep")

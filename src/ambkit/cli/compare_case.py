@@ -89,13 +89,18 @@ def _deliver(found: Study, wanted: Wanted) -> None:
     from ambkit.show.pages.study import report_of
     from ambkit.show.plots.study import matrix_figure
     from ambkit.show.report.page import write_page
+    from ambkit.workflow.saved_filters import adequacy_of
 
     bench = found.bench
     tables = [_table(bench, bench.best, "tuned alike" if bench.tuned else "defaults")]
     if bench.tuned:
         tables.insert(0, _table(bench, bench.default, "defaults"))
+    data = bench.to_dict()
+    if wanted.save_filters is not None:
+        judged = adequacy_of(found)
+        data["adequacy"] = {kind: output.say_adequacy(of, kind) for kind, of in judged.items()}
     output.deliver(
-        bench.to_dict(),
+        data,
         [*tables, *_notes(bench)],
         [
             (wanted.out, lambda path: _save(path, {bench.case.name: bench})),

@@ -16,7 +16,7 @@ from ambkit.base.progress import progress as progress
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions
 
-    from ambkit.judge.adequacy import Finding
+    from ambkit.judge.adequacy_criteria import Finding
 
 File = tuple[Path | None, Callable[[Path], object]]
 

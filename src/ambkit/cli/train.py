@@ -148,9 +148,10 @@ def train(
       ambkit train found.toml --force-map force.csv --rules auto --save-filter filter.toml
     """
     from ambkit.cli import output, train_measured
+    from ambkit.judge.adequacy import judge_adequacy
     from ambkit.machine.forces.file import load_force_points
     from ambkit.show import plots
-    from ambkit.workflow.expert import FORMS
+    from ambkit.workflow.expert import FORMS, filter_of
     from ambkit.workflow.expert import save_filter as saved
     from ambkit.workflow.training import RULES, check_within_gap, how_to_train, measured_force
     from ambkit.workflow.training import train_expert as trained
@@ -217,6 +218,9 @@ def train(
     holds = out if out is not None and out.suffix.lower() in FORMS[found.taken] else None
     if measured is not None:
         train_measured.say_what_is_taken(found, out, save_filter)
+
+    if save_filter is not None:
+        data["adequacy"] = output.say_adequacy(judge_adequacy(filter_of(found)))
 
     def draw(path: Path) -> None:
         figure = plots.training_figure(found.expert, found.stiffness)

@@ -286,7 +286,7 @@ def _shown(time: float | None) -> str:
 
 
 def _in_the_loop(found: Tuned) -> list[str]:
-    from ambkit.workflow.loop_of import zone_of
+    from ambkit.judge.loop.loop_of import zone_of
 
     if math.isnan(found.peak):
         return []

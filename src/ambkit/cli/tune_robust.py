@@ -21,9 +21,9 @@ def tune_robust(
 ) -> None:
     """Search, and write filter, controller and picture."""
     from ambkit.cli import output
+    from ambkit.judge.loop.loop_of import ZONE_A
     from ambkit.show import plots
     from ambkit.workflow.campaign import robust
-    from ambkit.workflow.loop_of import ZONE_A
 
     again = "nothing was kept: --storage FILE keeps what was tried"
     if storage is not None:
@@ -46,6 +46,7 @@ def tune_robust(
         ],
         as_json=json,
     )
+    output.say_adequacy(found.adequacy)
     if out is not None and found.controller is not None:
         output.note(f"wrote {found.beside(out)}: the controller, for --scenario")
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ambkit.judge.loop.demands import Demands, demands
+from ambkit.judge.loop.loop_of import LoopOf, zone_of
 from ambkit.judge.loop.margins import (
     BodeIntegral,
     Margins,
@@ -21,7 +22,6 @@ from ambkit.judge.loop.margins import (
     unstable_poles,
 )
 from ambkit.simulation.linear.closed import Loop
-from ambkit.workflow.loop_of import LoopOf, zone_of
 
 
 @dataclass(frozen=True, eq=False)

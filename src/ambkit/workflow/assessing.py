@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.simulation.controllers import Control
@@ -16,7 +17,6 @@ from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessed_loop import AssessedLoop, assessed
 from ambkit.workflow.assessment import Assessment
 from ambkit.workflow.given import given_estimators, given_load
-from ambkit.workflow.loop_of import LoopOf
 from ambkit.workflow.orbiting import on_orbit
 
 if TYPE_CHECKING:

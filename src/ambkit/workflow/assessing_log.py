@@ -14,13 +14,13 @@ from ambkit.base.showing import Shown
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.whole import Whole
+from ambkit.judge.loop.loop_of import ZONES, zone_of
 from ambkit.judge.loop.measured import Logged, MeasuredSensitivity, measured_sensitivity
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import Complex
 from ambkit.workflow.assessing import assess
 from ambkit.workflow.assessment import Assessment
-from ambkit.workflow.loop_of import ZONES, zone_of
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing

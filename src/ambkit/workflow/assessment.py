@@ -8,11 +8,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.showing import Shown
+from ambkit.judge.loop.loop_of import ZONES, LoopOf, ideal_pieces
 from ambkit.simulation.linear.pieces import WorkPoint
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessed_loop import AssessedLoop
 from ambkit.workflow.balance import Grade, of_grades, unbalance_forces
-from ambkit.workflow.loop_of import ZONES, LoopOf, ideal_pieces
 from ambkit.workflow.separation import Separation, separations
 
 if TYPE_CHECKING:

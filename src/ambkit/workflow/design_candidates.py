@@ -12,14 +12,16 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.adequacy import LOAD, Finding, judge_adequacy, load_capacity
+from ambkit.judge.adequacy import judge_adequacy
+from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.bench import bench
 from ambkit.judge.comparison.cases import CASES, load_case, trials
 from ambkit.judge.comparison.contenders import Contender
 from ambkit.judge.comparison.criteria import SETTLING
 from ambkit.judge.comparison.tuning import SIGNALS, errors
+from ambkit.judge.load_following import STEP, load_capacity
+from ambkit.judge.loop.loop_of import zone_of
 from ambkit.machine.magnets import own_time
-from ambkit.workflow.loop_of import zone_of
 from ambkit.workflow.stages import read_json
 from ambkit.workflow.tuning import default_disturbance
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
@@ -103,7 +105,7 @@ def judged(path: Path, seed: int) -> dict[str, Any]:
 def _under_a_load(plant: Bearing, file: FilterFile, seed: int) -> tuple[float, dict[str, float]]:
     """Return the stated load [N], and a filter's errors under a step of it."""
     # Where the rotor meets a stop in each run it is a half, a quarter, an eighth of that.
-    load = LOAD * load_capacity(plant)[0]
+    load = STEP * load_capacity(plant)[0]
     first = round(SETTLING * own_time(plant) / plant.sampling_time)
     for share in (1.0, 0.5, 0.25, 0.125):
         made = trials(load_case(share * load), plant, RUNS, seed)

@@ -20,8 +20,10 @@ from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.registry import KINDS, kind_called
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import train
-from ambkit.judge.adequacy import Finding, sentences
+from ambkit.judge.adequacy import sentences
+from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.evaluation import evaluate
+from ambkit.judge.loop.loop_of import ZONE_A, OutOfReachError
 from ambkit.machine.bearing import Bearing
 from ambkit.show.pages.design import write_design
 from ambkit.show.pages.maximum_likelihood import annotated_toml
@@ -37,7 +39,6 @@ from ambkit.workflow.design_candidates import (
     why_fly,
 )
 from ambkit.workflow.identifying import identified_filter, identify
-from ambkit.workflow.loop_of import ZONE_A, OutOfReachError
 from ambkit.workflow.stages import Stages, read_json, write_json
 from ambkit.workflow.tuned_filter import Tuned, tune
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED

@@ -17,6 +17,7 @@ from ambkit.base.showing import Shown
 from ambkit.data.reading import load_filled
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.judge.loop.loop_of import ZONE_A, LoopOf, OutOfReachError, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 from ambkit.simulation.controllers import Control
@@ -26,7 +27,6 @@ from ambkit.simulation.holding import TIMES, holding, overshoot_of
 from ambkit.simulation.scenario import GAINS, PID
 from ambkit.workflow.assessing import assess
 from ambkit.workflow.designing import exported_filter
-from ambkit.workflow.loop_of import ZONE_A, LoopOf, OutOfReachError, zone_of
 from ambkit.workflow.over_speed import assess_over_speed
 from ambkit.workflow.tuned_filter import BUDGET, RUNS, Tuned, tune
 from ambkit.workflow.tuning_tasks import JUDGED

@@ -136,15 +136,20 @@ def save_filter(
     written: str | os.PathLike[str] | None = None,
 ) -> None:
     """Write the filter that knows what was written of a training."""
-    law, magnet = found.model
-    made = AdaptiveKalmanFilter(law, magnet)
-    said = made_by("train", found.expert.source)
+    made = filter_of(found)
     if found.taken in (LAW, REFITTED):
-        made.origin = {"bearing.file": said}
         made.save(path, bearing=written or (bearing if found.taken == LAW else None))
         return
-    made.origin = {"magnet.file": said}
     made.save(path, bearing=bearing, magnet=written)
+
+
+def filter_of(found: TrainedExpert) -> AdaptiveKalmanFilter:
+    """Return the filter that knows what is taken of a training."""
+    law, magnet = found.model
+    made = AdaptiveKalmanFilter(law, magnet)
+    part = "bearing.file" if found.taken in (LAW, REFITTED) else "magnet.file"
+    made.origin = {part: made_by("train", found.expert.source)}
+    return made
 
 
 FORMS = {

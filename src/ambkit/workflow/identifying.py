@@ -25,7 +25,7 @@ from ambkit.identification.maximum_likelihood.parameters import OFFSETS, named, 
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.validation import Validation, validate
 from ambkit.identification.noise import Noise, measurement_noise
-from ambkit.judge.adequacy import FOLLOWED, LOAD, least_process_noise
+from ambkit.judge.load_following import REQUIRED, STEP, least_process_noise
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.stiffness import work_points
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 RAISED = made_by(
     "identify",
-    f"least with which a step of {LOAD:.0%} of the load capacity is followed in {FOLLOWED:g} "
+    f"least with which a step of {STEP:.0%} of the load capacity is followed in {REQUIRED:g} "
     "sqrt(m/k_s)",
 )
 """Where a process noise is from that the records left too small."""

@@ -15,10 +15,10 @@ from ambkit.simulation.linear.pieces import Orbit, WorkPoint
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
+    from ambkit.judge.loop.loop_of import LoopOf
     from ambkit.machine.machine import Machine
     from ambkit.models.linear import Complex
     from ambkit.simulation.linear.closed import Loop
-    from ambkit.workflow.loop_of import LoopOf
 
 TURNS, SAME = 60, 1e-6
 """Iterations at most, and the relative change of an orbit at which they end."""

@@ -26,6 +26,7 @@ from ambkit.judge.loop.demands import (
     voltage,
 )
 from ambkit.judge.loop.heating import heating
+from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
 from ambkit.judge.loop.margins import BodeIntegral, bode_integral, grid, highest
 from ambkit.machine.machine import Machine
 from ambkit.machine.placed import Unbalance
@@ -33,7 +34,6 @@ from ambkit.simulation.controllers import Control
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.given import given_estimators, given_load
-from ambkit.workflow.loop_of import ZONES, LoopOf, zone_of
 from ambkit.workflow.orbiting import on_orbit
 
 if TYPE_CHECKING:

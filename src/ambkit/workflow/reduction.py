@@ -12,6 +12,7 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import grid, highest
 from ambkit.machine.rotors.described import MatrixRotor, ShaftRotor
 from ambkit.machine.rotors.whirl import (
@@ -25,7 +26,6 @@ from ambkit.machine.rotors.whirl import (
 )
 from ambkit.simulation.holding import holding
 from ambkit.workflow.campbell import campbell
-from ambkit.workflow.loop_of import LoopOf
 from ambkit.workflow.separation import DAMPED, rpm
 
 if TYPE_CHECKING:

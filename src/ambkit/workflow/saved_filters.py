@@ -10,10 +10,12 @@ from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.filter_saving import NoFile, made_by, origin_of, preset_of
 from ambkit.estimate.registry import KINDS
+from ambkit.judge.adequacy import judge_adequacy
 from ambkit.judge.comparison.bench import TRAINING
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
+    from ambkit.judge.adequacy_criteria import Finding
     from ambkit.judge.comparison.study import Study
 
 
@@ -37,6 +39,14 @@ def tuned_filters(found: Study) -> dict[str, Estimator]:
             estimator.origin = origin_of(tuning.values, said)
         made[name] = estimator
     return made
+
+
+def adequacy_of(found: Study) -> dict[str, list[Finding]]:
+    """Return by kind whether the filters that a comparison tuned may fly."""
+    return {
+        name: judge_adequacy(made, nis=found.bench.tuned[name].mean("nis"))
+        for name, made in tuned_filters(found).items()
+    }
 
 
 def save_filters(

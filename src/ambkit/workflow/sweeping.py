@@ -17,6 +17,7 @@ from ambkit.base.threads import one_thread
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation.signals import sparse_multisine
+from ambkit.judge.loop.loop_of import ZONES
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import Complex
@@ -31,7 +32,6 @@ from ambkit.workflow.assessed_loop import AssessedAxis, AssessedLoop
 from ambkit.workflow.assessing import assess
 from ambkit.workflow.assessment import Assessment
 from ambkit.workflow.given import given_estimators, given_load
-from ambkit.workflow.loop_of import ZONES
 
 if TYPE_CHECKING:
     from ambkit.show.report.figure import Figure

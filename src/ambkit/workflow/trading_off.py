@@ -11,11 +11,11 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.base.showing import Shown
 from ambkit.data.record import Record
+from ambkit.judge.loop.loop_of import OutOfReachError, zone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.scenario import PID
-from ambkit.workflow.loop_of import OutOfReachError, zone_of
 from ambkit.workflow.tuned_filter import BUDGET, RUNS, Tuned, tune
 from ambkit.workflow.tuning_machine import MachineByTruth
 from ambkit.workflow.tuning_tasks import ByTruth

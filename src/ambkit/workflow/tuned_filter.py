@@ -18,9 +18,11 @@ from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.filter_saving import made_by, origin_of
 from ambkit.estimate.registry import kind_called, learned_magnet
-from ambkit.judge.adequacy import Finding, judge_adequacy
+from ambkit.judge.adequacy import judge_adequacy
+from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
 from ambkit.judge.comparison.tuning import Tried, search
+from ambkit.judge.loop.loop_of import LoopOf, OutOfReachError, zone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.simulation.controllers import Control
@@ -28,7 +30,6 @@ from ambkit.simulation.flight import Flight
 from ambkit.simulation.linear.settled import tells
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.workflow.given import of_machine
-from ambkit.workflow.loop_of import LoopOf, OutOfReachError, zone_of
 from ambkit.workflow.tuning_machine import MachineByLikelihood, MachineByTruth, check_records
 from ambkit.workflow.tuning_tasks import JUDGED, By, ByLikelihood, ByTruth
 

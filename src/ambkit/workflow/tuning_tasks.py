@@ -12,10 +12,10 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.data.reading.spike_free import without_spikes
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.judge.adequacy import least_process_noise
 from ambkit.judge.comparison.cases import CASES, trials
 from ambkit.judge.comparison.tuning import SIGNALS, Tried, errors
 from ambkit.judge.evaluation import evaluate
+from ambkit.judge.load_following import least_process_noise
 from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import own_time
 from ambkit.workflow.tuning import MUCH_LESS_LIKELY, TOO_LARGE, log_likelihood

@@ -11,11 +11,11 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.judge.loop.demands import ROOM
 from ambkit.judge.loop.heating import ZERO
+from ambkit.judge.loop.loop_of import ZONE_A
 from ambkit.simulation.controllers import Control
 from ambkit.workflow.assessed_loop import AssessedLoop
 from ambkit.workflow.assessment import Assessment
 from ambkit.workflow.balance import grade_of
-from ambkit.workflow.loop_of import ZONE_A
 from ambkit.workflow.over_speed import OverSpeed
 from ambkit.workflow.separation import BASIS
 

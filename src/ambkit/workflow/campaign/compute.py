@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
+from ambkit.judge.loop.loop_of import zone_of
 from ambkit.simulation.many import FLAGS, Many, simulate_many
 from ambkit.simulation.many_machines import simulate_machines
 from ambkit.workflow.campaign.machine_margins import peaks_of_machines
@@ -21,7 +22,6 @@ from ambkit.workflow.campaign.margins import peaks as peaks_of_axes
 from ambkit.workflow.campaign.parts import ZONES, figures_of, limit_of
 from ambkit.workflow.campaign.plan import Drawn, Plan
 from ambkit.workflow.campaign.varied import OneOf
-from ambkit.workflow.loop_of import zone_of
 
 if TYPE_CHECKING:
     import pyarrow as pa

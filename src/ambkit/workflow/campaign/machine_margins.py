@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.batch import processors
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.simulation.linear.settled import tells
 from ambkit.workflow.campaign.margins import GRID, LOWEST, top_of
-from ambkit.workflow.loop_of import LoopOf
 
 if TYPE_CHECKING:
     from ambkit.simulation.linear.closed import Loop

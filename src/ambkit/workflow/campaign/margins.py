@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.low_pass import LowPass
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.simulation.control import needs_states
 from ambkit.simulation.linear.control import compensator, controller
 from ambkit.simulation.linear.pieces import WorkPoint, alike, plants
 from ambkit.simulation.linear.settled import estimator_at, estimators_at, tells
-from ambkit.workflow.loop_of import LoopOf
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator

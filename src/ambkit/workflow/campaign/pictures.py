@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
+from ambkit.judge.loop.loop_of import ZONES
 from ambkit.show.plots import campaign as plots
 from ambkit.show.plots.campaign import LABELS, Quantity, Swing, in_words
 from ambkit.workflow.campaign.parts import UNITS, limit_of
 from ambkit.workflow.campaign.varied import OneOf
-from ambkit.workflow.loop_of import ZONES
 
 if TYPE_CHECKING:
     from ambkit.show.report.figure import Figure

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,13 +17,15 @@ from ambkit.base.errors import AmbkitError, ExtraMissing
 from ambkit.base.escaping import markdown
 from ambkit.base.showing import Shown
 from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.judge.adequacy import judge_adequacy
+from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.contenders import Range, contender_of_kind
+from ambkit.judge.loop.loop_of import ZONE_A
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.workflow.campaign.compute import fly
 from ambkit.workflow.campaign.plan import Plan
 from ambkit.workflow.campaign.study import Study, load
 from ambkit.workflow.campaign.whole import plan_of
-from ambkit.workflow.loop_of import ZONE_A
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -91,6 +93,14 @@ class Robust(Shown):
             f"{after.error:.3g} N, peak {before.peak:.3g} -> {after.peak:.3g}>"
         )
 
+    @cached_property
+    def adequacy(self) -> list[Finding]:
+        """Whether the filter may fly, with its controller, on the nominal bearing or machine."""
+        happening: Any = self.plan.scenario
+        if self.controller is not None:
+            happening = happening.model_copy(update={"controller": self.controller})
+        return judge_adequacy(self.estimator, None, happening)
+
     @property
     def front(self) -> NDArray[np.bool_]:
         """Whether nothing that was tried is better in both error and peak (n,)."""
@@ -110,6 +120,7 @@ class Robust(Shown):
                                 "unit": r.unit} for r in self.free},
             "tried": [each._asdict() | {"values": dict(each.values), "front": bool(on)}
                       for each, on in zip(self.tried, front, strict=True)],
+            "adequacy": [each.to_dict() for each in self.adequacy],
         }  # fmt: skip
 
     def figure(self) -> Figure:

@@ -1,0 +1,346 @@
+"""The single criteria of whether an estimator may fly on a machine."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.units import engineering
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.estimate.low_pass import LowPass
+from ambkit.estimate.noise import FilterNoise, Variances
+from ambkit.estimate.one_axis import OneAxis
+from ambkit.estimate.whole import Whole
+from ambkit.judge.load_following import (
+    LONGEST,
+    STEP,
+    following,
+    load_capacity,
+    settling,
+    work_point,
+)
+from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
+from ambkit.judge.loop.margins import grid
+from ambkit.machine.bank import alone_of, weights_of
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import magnet_of, own_time
+from ambkit.simulation.linear.settled import tangents_known
+from ambkit.simulation.scenario import Scenario
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.flight import Flight
+    from ambkit.simulation.waveforms import Waveform
+
+NIS_BAND = (0.25, 4.0)
+"""Mean NIS between which innovations are within a factor of two of what the filter expects."""
+
+NIS_LIMIT = 25.0
+"""Mean NIS from which on, or below its inverse, filter and record have nothing in common."""
+
+SAMPLING = (0.25, 0.5)
+"""Sampling time over the rotor's own time constant: odd, and too slow to hold it."""
+
+PARAMETER_DIFFERENCE = 0.2
+"""Relative difference from which on a number is of another machine, not of an identification."""
+
+STIFFNESS_FACTOR = 2.0
+"""Factor in a stiffness that no operating point explains."""
+
+NOISE_FACTOR = 1e3
+"""Factor in a noise intensity beyond what tuning may find."""
+
+WEIGHTS = 1e3
+"""Load capacity in weights from which on mass or magnet is doubtful."""
+
+
+class Finding(NamedTuple):
+    """One figure of the judgement."""
+
+    name: str
+    """What it is."""
+    value: float
+    """In `unit`."""
+    unit: str
+    limit: float
+    """What it is held against, in the same unit."""
+    sentence: str = ""
+    """What is wrong; empty where nothing is."""
+    fatal: bool = False
+    """Whether the filter must not fly."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data, in SI."""
+        return self._asdict()
+
+
+def innovations(nis: float) -> Iterator[Finding]:
+    """Yield whether the mean NIS of a record is in its band; nothing where it is not known."""
+    if math.isnan(nis):
+        return
+    low, high = NIS_BAND
+    limit, text = (high if nis > 1 else low), ""
+    if not low <= nis <= high:
+        text = (
+            f"innovations are {math.sqrt(nis):.2g} times what the filter expects (mean NIS "
+            f"{nis:.3g}, consistent from {low:g} to {high:g}); are the units, the signs and the "
+            "bearing those of this record?"
+        )
+    yield Finding("mean NIS", nis, "1", limit, text, not 1 / NIS_LIMIT <= nis <= NIS_LIMIT)
+
+
+def _parameters(b: Bearing) -> dict[str, tuple[float, str]]:
+    """Return the parameters by which one axis differs from another."""
+    return {
+        "sampling_time": (b.sampling_time, "s"),
+        "rotor.mass": (b.rotor.mass, "kg"),
+        "weight along x": (b.weight, "N"),
+        "rotor.travel_limit": (b.rotor.travel_limit, "m"),
+        "magnet.magnet_constant": (b.magnet.magnet_constant, "N m^2/A^2"),
+        "magnet.air_gap": (b.magnet.air_gap, "m"),
+        "magnet.bias_current": (b.magnet.bias_current, "A"),
+        "amplifier.gain": (b.amplifier.gain, "A/V"),
+        "sensor.gain": (b.sensor.gain, "1"),
+    }
+
+
+def identity(estimator: Estimator, plant: Any) -> Iterator[Finding]:
+    """Yield how far the filter's machine is from the one that it is to fly on."""
+    own = estimator.bearing
+    if own == plant:
+        yield Finding("greatest difference of a parameter", 0.0, "1", PARAMETER_DIFFERENCE)
+        return
+    names = [
+        ([a.name for a in of.axes], [r.name for r in of.readings])
+        if isinstance(of, Machine)
+        else None
+        for of in (own, plant)
+    ]
+    who = f"the filter is of {own.name} (fingerprint {_fingerprint(own)}), not of {plant.name}"
+    who = f"{who} (fingerprint {_fingerprint(plant)})"
+    if names[0] != names[1]:
+        yield Finding("axes", math.inf, "1", 0.0, f"{who}: axes or readings are others", True)
+        return
+    worst, differ = 0.0, []
+    for k, (one, other) in enumerate(zip(alone_of(own), alone_of(plant), strict=True)):
+        axis = f" of {plant.axes[k].name}" if isinstance(plant, Machine) else ""
+        ours, theirs = _parameters(one), _parameters(other)
+        for name, (value, unit) in ours.items():
+            true = theirs[name][0]
+            off = abs(value - true) / max(abs(value), abs(true), 1e-300)
+            worst = max(worst, off)
+            if off > PARAMETER_DIFFERENCE:
+                ours_is, is_not = (engineering(v, unit, digits=4) for v in (value, true))
+                differ.append(f"{name}{axis} {ours_is}, not {is_not}")
+    text = f"{who}: {', '.join(differ[:6])}" if differ else ""
+    fatal = bool(differ)
+    yield Finding(
+        "greatest difference of a parameter", worst, "1", PARAMETER_DIFFERENCE, text, fatal
+    )
+
+
+def _fingerprint(plant: Any) -> str:
+    return hashlib.sha256(plant.model_dump_json().encode()).hexdigest()[:6]
+
+
+def of_machine(plant: Bearing | Machine) -> Iterator[Finding]:
+    """Yield what is absurd about the machine itself: sampled too slowly, or far too light."""
+    T = plant.sampling_time
+    fastest = min(alone_of(plant), key=own_time)
+    share, tau = T / own_time(fastest), own_time(fastest)
+    text = ""
+    if share > SAMPLING[0]:
+        text = (
+            f"a sampling time of {engineering(T, 's', digits=3)} is {share:.3g} times the rotor's "
+            f"own time constant sqrt(m/k_s), {engineering(tau, 's', digits=3)}, in which it falls "
+            f"away by e; the limit is {SAMPLING[1]:g}: are sampling_time, mass and magnet right?"
+        )
+    name = "sampling time over own time constant"
+    yield Finding(name, share, "1", SAMPLING[1], text, share > SAMPLING[1])
+    lifts = [
+        load / (b.rotor.mass * GRAVITY)
+        for b, load in zip(alone_of(plant), load_capacity(plant), strict=True)
+    ]
+    most, text = max(lifts), ""
+    if most > WEIGHTS:
+        text = f"the magnet lifts {most:.3g} times the rotor's weight: is rotor.mass right?"
+    yield Finding("load capacity over weight", most, "1", WEIGHTS, text)
+
+
+def _usual(plant: Any) -> Variances:
+    """Return the variances that a filter of a machine has by default."""
+    view = Whole(plant) if isinstance(plant, Machine) else OneAxis(plant)
+    return view.variances(FilterNoise())
+
+
+def noise(estimator: Estimator, plant: Bearing | Machine) -> Iterator[Finding]:
+    """Yield how far the noise that a filter assumes is from what its machine has."""
+    usual = _usual(plant)
+    for name, unit, what, of in (
+        ("measurement", "m^2", "measurement noise", "the sensor's"),
+        ("disturbance", "N^2/s", "process noise intensity", "the usual (2 m g)^2/s"),
+    ):
+        ours, theirs = (np.atleast_1d(getattr(v, name)) for v in (estimator.variances, usual))
+        with np.errstate(divide="ignore"):
+            far = np.abs(np.log(ours / theirs))
+        k = int(np.argmax(far))
+        ratio, text = float(ours[k] / theirs[k]), ""
+        if far[k] > math.log(NOISE_FACTOR) + 1e-6:
+            text = (
+                f"noise.{name}, {engineering(float(ours[k]), unit, digits=3)}, is {ratio:.2g} "
+                f"times {of}, {engineering(float(theirs[k]), unit, digits=3)}"
+            )
+        yield Finding(what, ratio, "1", NOISE_FACTOR, text, bool(text) and name == "measurement")
+
+
+def of_filter(
+    estimator: Estimator, plant: Bearing | Machine, control: Any, given: bool, fed_back: bool
+) -> Iterator[Finding]:
+    """Yield what gain and magnet of a filter mean: how it follows a load, and the margins."""
+    if estimator.options.get("gravity") == "disturbance" and any(weights_of(plant)):
+        weight = max(map(abs, weights_of(plant)))
+        text = (
+            f"the weight, {engineering(weight, 'N', digits=3)}, is part of the estimated "
+            'disturbance force (gravity = "disturbance")'
+        )
+        yield Finding("weight in the disturbance force", weight, "N", 0.0, text)
+    stand_in = settling(estimator)
+    try:
+        yield from _magnet(estimator, plant)
+        if not isinstance(estimator, LowPass):
+            yield from _follows(stand_in, plant)
+        if fed_back:
+            yield from _margins(stand_in, plant, control, given)
+    except AmbkitError as error:
+        yield Finding("settled gain", math.nan, "1", math.nan, f"it cannot be judged: {error}")
+
+
+def _magnet(estimator: Estimator, plant: Any) -> Iterator[Finding]:
+    """Yield how far what the filter knows of its magnet is from that of the machine."""
+    if isinstance(estimator, LowPass):
+        return
+    point = work_point(plant)
+    ours = np.atleast_2d(np.array(tangents_known(estimator.magnet, "tangent", point)).T)
+    theirs = np.array([
+        magnet_of(b).tangent(float(iu), float(x))
+        for b, (iu, x) in zip(alone_of(plant), np.atleast_2d(np.array(point[:2]).T), strict=True)
+    ])  # fmt: skip
+    worst, text = 1.0, ""
+    for name, unit, k in (("k_i", "N/A", 0), ("k_s", "N/m", 1)):
+        for one, other in zip(ours[:, k].tolist(), theirs[:, k].tolist(), strict=True):
+            factor = math.inf if one * other <= 0 else max(one / other, other / one)
+            if abs(other) > 0 and factor > worst:
+                worst = factor
+                if factor > STIFFNESS_FACTOR:
+                    known, true = (engineering(v, unit, digits=3) for v in (one, other))
+                    text = f"the filter takes the magnet's {name} for {known}, it is {true}"
+    yield Finding("factor in a stiffness", worst, "1", STIFFNESS_FACTOR, text, bool(text))
+
+
+def _follows(estimator: Estimator, plant: Any) -> Iterator[Finding]:
+    """Yield how a step of the stated load is followed, and what noise its estimate has."""
+    loads = load_capacity(plant)
+    each = following(estimator)
+    slow = max(each, key=lambda one: one.time / one.own)
+    step, limit, text = STEP * loads[slow.axis], LONGEST * slow.own, ""
+    if slow.time > limit:
+        took = "more than " * math.isinf(slow.time) + engineering(
+            min(slow.time, 4 * limit), "s", digits=3
+        )
+        text = (
+            f"a disturbance force of {engineering(step, 'N', digits=3)}, {STEP:.0%} of the load "
+            f"capacity, is followed to 63 % in {took}; the limit is "
+            f"{engineering(limit, 's', digits=3)}, {LONGEST:g} times the rotor's own time constant "
+            f"sqrt(m/k_s). Meanwhile its position is wrong by up to "
+            f"{engineering(step * slow.wrong, 'm', digits=3)}: raise noise.disturbance"
+        )
+    yield Finding("time to follow a load", slow.time, "s", limit, text, bool(text))
+    sensors = np.sqrt(np.max(
+        np.atleast_1d(_usual(plant).measurement)
+        / np.atleast_1d(estimator.variances.measurement)
+    ))  # fmt: skip
+    loud = max(each, key=lambda one: one.noise / loads[one.axis])
+    rms, most, text = float(loud.noise * sensors), loads[loud.axis], ""
+    if rms > STEP * most:
+        text = (
+            f"the sensor's noise alone moves the estimated force by "
+            f"{engineering(rms, 'N', digits=3)} rms, of a load capacity of "
+            f"{engineering(most, 'N', digits=3)}: lower noise.disturbance"
+        )
+    yield Finding("noise of the estimated force", rms, "N", most, text, rms > most)
+
+
+def _margins(estimator: Estimator, plant: Any, control: Any, given: bool) -> Iterator[Finding]:
+    """Yield the peak of abs(S) of the loop whose controllers the estimate feeds."""
+    peak = loop_peak(plant, estimator, control)
+    text, fatal, limit = "", False, ZONES[-1][1]
+    if peak >= limit or zone_of(peak) == "C":  # not for lasting operation
+        whose = "this controller" if given else "the default controller"
+        text = (
+            f"with {whose} the loop is unstable"
+            if math.isinf(peak)
+            else f"with {whose} the peak of |S| is {peak:.3g}, zone {zone_of(peak)} of ISO 14839-3"
+        )
+        fatal = peak >= limit
+        if fatal and not given and loop_peak(plant, KalmanFilter(plant)) >= limit:
+            fatal, text = False, f"{text}; with the default filter too: the controller is at fault"
+    yield Finding("peak of |S|", peak, "1", limit, text, fatal)
+
+
+def loop_peak(plant: Any, estimator: Estimator, control: Any = None) -> float:
+    """Return the peak of abs(S) [1] on a coarse grid, infinite where the loop is unstable."""
+    of = LoopOf(plant, control, point=work_point(plant))
+    loop = of.loop(estimator)
+    if not loop.is_stable:
+        return math.inf
+    f = grid(loop, 60, 5)
+    along = loop.along_axes(np.append(f[f < of.top], of.top))
+    return float(np.abs(np.diagonal(along, axis1=1, axis2=2)).max())
+
+
+def demands(plant: Any, happening: Scenario | Flight) -> Iterator[Finding]:
+    """Yield travel and force that a run asks for against what there is."""
+    for axis, b, load in zip(_axes(plant), alone_of(plant), load_capacity(plant), strict=True):
+        position, force = _demanded(happening, axis)
+        where = f" of {axis}" if axis else ""
+        for what, each, most, unit in (
+            ("reference", position, b.rotor.travel_limit, "m"),
+            ("disturbance force", force, load, "N"),
+        ):
+            far = _greatest(each, happening.duration)
+            text = ""
+            if far > most:
+                limit = "clearance" if unit == "m" else "load capacity"
+                text = (
+                    f"the {what}{where} reaches {engineering(far, unit, digits=3)}, beyond the "
+                    f"{limit} of {engineering(most, unit, digits=3)}"
+                )
+            yield Finding(f"{what}{where}", far, unit, most, text)
+
+
+def _axes(plant: Any) -> list[str]:
+    return [axis.name for axis in plant.axes] if isinstance(plant, Machine) else [""]
+
+
+def _demanded(happening: Scenario | Flight, axis: str) -> tuple[list[Any], list[Any]]:
+    if isinstance(happening, Scenario):
+        return [happening.reference], [happening.disturbance]
+    return (
+        [each.position for each in happening.reference if each.axis == axis],
+        [each.force for each in happening.disturbance if each.axis == axis],
+    )
+
+
+def _greatest(signals: Sequence[Waveform], duration: float) -> float:
+    """Return the greatest magnitude of a sum of signals over a run."""
+    if not signals:
+        return 0.0
+    t = np.linspace(0.0, duration, 2001)
+    return float(np.abs(sum(each.sample(t) for each in signals)).max())
