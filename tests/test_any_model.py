@@ -34,7 +34,7 @@ class BuiltIn(Engine):
     ) -> None:
         super().__init__(bearing, precision, as_printed=as_printed, **options)
         core = core_module(precision)
-        s = settings_of(bearing) | {"as_printed": as_printed}
+        s = settings_of(bearing.alone("")) | {"as_printed": as_printed}
         known = made(core, "Kalman", core.Constant(1.0, 1.0), s)
         self.model = with_core_s_numbers(self.model, known.parameters)
 

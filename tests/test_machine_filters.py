@@ -100,7 +100,7 @@ def test_each_kind_takes_a_machine(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", OF_ONE_AXIS)
 def test_kinds_of_one_axis_say_so(kind: str) -> None:
-    with pytest.raises(ValueError, match="one axis, and cannot take a whole machine"):
+    with pytest.raises(ValueError, match="takes one axis; made has the axes A1, A2, B1, B2"):
         KINDS[kind].make(machine())
 
 

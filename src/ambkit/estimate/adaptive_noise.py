@@ -91,7 +91,8 @@ class AdaptiveNoise(Estimator):
             raise ValueError(f"{inner.name}: its noise cannot be found, as it has a constant gain")
         self.inner = inner
         self.smooths = inner.smooths
-        self.bearing, self.view, self.magnet = inner.bearing, inner.view, inner.magnet
+        self.machine, self.bearing = inner.machine, inner.bearing
+        self.view, self.magnet = inner.view, inner.magnet
         self.variances, self.precision = inner.variances, inner.precision
         self.name = f"{inner.name}, adaptive noise"
         share = T / memory
@@ -114,11 +115,11 @@ class AdaptiveNoise(Estimator):
         var_y, var_d = self.core.noise
         T, axes = self.bearing.sampling_time, len(self._settings["f_0"])
         growth = var_d[:axes] / T
-        if self.whole is not None:
-            return self.variances._replace(
-                measurement=tuple(var_y.tolist()), disturbance=tuple(growth.tolist())
-            )
-        return self.variances._replace(measurement=float(var_y[0]), disturbance=float(growth[0]))
+        plain = self.view.plain
+        noise: Variances = self.variances._replace(
+            measurement=plain(var_y.tolist()), disturbance=plain(growth.tolist())
+        )
+        return noise
 
 
 def _check_choice(name: str, value: str, known: tuple[str, ...]) -> None:

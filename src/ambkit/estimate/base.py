@@ -1,4 +1,4 @@
-"""What all estimators of one axial bearing have in common."""
+"""What all estimators have in common."""
 
 from __future__ import annotations
 
@@ -22,11 +22,10 @@ from ambkit.estimate.engine import Engine
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.model import LinearModel
 from ambkit.estimate.noise import FilterNoise
-from ambkit.estimate.one_axis import OneAxis
-from ambkit.estimate.whole import Whole
+from ambkit.estimate.view import View
 from ambkit.machine.bank import bank_of, constants_of
 from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Machine, as_machine
 from ambkit.machine.magnets import MagnetModel, Precision
 from ambkit.models.model import Descriptor, Model
 
@@ -104,8 +103,10 @@ class Estimator(Copyable):
         synchronous: Sequence[str] = (),
     ) -> None:
         of_type(Bearing, Machine, bearing=bearing)
-        if isinstance(bearing, Machine) and not self.several_axes and len(bearing.axes) > 1:
-            raise ValueError(f"{self.name}: it is of one axis, and cannot take a whole machine")
+        machine = as_machine(bearing)
+        if not (self.several_axes or machine.single):
+            names = ", ".join(axis.name for axis in machine.axes)
+            raise ValueError(f"{self.name} takes one axis; {machine.name} has the axes {names}")
         if gravity not in ("known", "disturbance"):
             raise ValueError(f"gravity must be 'known' or 'disturbance', got {gravity!r}")
         for limit, value in (("frozen_limit", frozen_limit), ("outlier_limit", outlier_limit)):
@@ -115,15 +116,16 @@ class Estimator(Copyable):
             raise ValueError(f"gate must be greater than 0 standard deviations, got {gate!r}")
         noise = noise or FilterNoise()
         of_type(FilterNoise, noise=noise)
-        self.bearing: Any = bearing
-        self.view: Any = Whole(bearing) if isinstance(bearing, Machine) else OneAxis(bearing)
-        self.magnet = constants_of(bearing) if magnet is None else bank_of(magnet)
+        self.machine, self.view = machine, View(machine)
+        #: Of a single axis its short form.
+        self.bearing: Any = machine.alone("") if machine.single else machine
+        self.magnet = constants_of(machine) if magnet is None else bank_of(magnet, machine)
         self.precision = precision
         self.engine = Engine(
-            bearing, precision, as_printed=as_printed, noise=self.estimates_noise,
+            machine, precision, as_printed=as_printed, noise=self.estimates_noise,
             synchronous=synchronous,
         )  # fmt: skip
-        self.variances = self.view.variances(noise)
+        self.variances: Any = self.view.variances(noise)
         forces = self.view.known_forces(self.magnet, weight=gravity == "known")
         told = self.view.settings(self.variances, self.states, self.engine.noises)
         settings = told | {
@@ -138,9 +140,9 @@ class Estimator(Copyable):
         self.reset()
 
     @property
-    def whole(self) -> Whole | None:
-        """The machine that it is of, as it sees it; None of one axis."""
-        return self.view if isinstance(self.view, Whole) else None
+    def whole(self) -> View | None:
+        """The machine as it sees it; None of a single axis."""
+        return None if self.view.single else self.view
 
     @cached_property
     def inputs(self) -> Inputs:
@@ -314,8 +316,7 @@ class Estimator(Copyable):
     @cached_property
     def _usual_std(self) -> tuple[float, ...]:
         """Those of its kind, for a bearing and the variances that it was made with."""
-        found: tuple[float, ...] = self.view.start_std(self.variances, self.states)
-        return found
+        return self.view.start_std(self.variances, self.states)
 
     def at_rest(
         self,
@@ -337,13 +338,10 @@ class Estimator(Copyable):
 
         Notes
         -----
-        Of a whole machine x are the rotor's coordinates (q,), 0 for all of them in the middle,
+        Of several axes x are the rotor's coordinates (q,), 0 for all of them in the middle,
         `shown` the readings (m,) and `current` the axes' currents (p,).
         """
-        states: NDArray[np.float64] = self.view.at_rest(
-            self.states, self.hover, x, shown, current, self.precision
-        )
-        return states
+        return self.view.at_rest(self.states, self.hover, x, shown, current, self.precision)
 
     def at_first(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the states at rest at the first measurement within the travel.
@@ -358,8 +356,7 @@ class Estimator(Copyable):
         ndarray (n,) or (runs, n)
             The states, each in its unit [m, m/s, N ...].
         """
-        states: NDArray[np.float64] = self.view.at_first(self.states, self.hover, y, self.precision)
-        return states
+        return self.view.at_first(self.states, self.hover, y, self.precision)
 
     @cached_property
     def hover(self) -> Any:
@@ -598,10 +595,7 @@ class Estimator(Copyable):
         """
         mean = np.ascontiguousarray(real("estimate.mean", estimate.mean))
         _, u = self.view.signals(record)
-        found: NDArray[np.float64] = self.view.forecast(
-            np.asarray(self.core.forecast(mean, u, ahead, estimate.scale))
-        )
-        return found
+        return self.view.forecast(np.asarray(self.core.forecast(mean, u, ahead, estimate.scale)))
 
     @property
     def mean(self) -> NDArray[np.float64]:
@@ -625,12 +619,12 @@ class Estimator(Copyable):
     @property
     def innovation(self) -> Any:
         """Last measurement less its prediction [m]; of several readings (m,)."""
-        return self.view.latest(self.core.innovation)
+        return self.core.innovation
 
     @property
     def innovation_variance(self) -> Any:
         """Its variance S as the filter expects it [m^2]; of several readings (m,)."""
-        return self.view.latest(self.core.variance)
+        return self.core.variance
 
     @property
     def scale(self) -> tuple[float, float] | None:
@@ -656,7 +650,6 @@ def check_sampling(bearing: Bearing | Machine, record: Record) -> None:
     T = float(record.t[-1] - record.t[0]) / (len(record.t) - 1)
     if abs(T - bearing.sampling_time) > 1e-3 * bearing.sampling_time:
         raise ValueError(
-            f"the record is sampled every {T:.6g} s, but {type(bearing).__name__.lower()} "
-            f"{bearing.name!r} has "
+            f"the record is sampled every {T:.6g} s, but {bearing.name!r} has "
             f"sampling_time = {bearing.sampling_time:.6g} s"
         )

@@ -11,15 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.machine.bank import alone_of
-from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, core_module
-from ambkit.models import axis_model, axis_parts
 from ambkit.models.axis import paper_pattern, printed
 from ambkit.models.machine import SYNCHRONOUS, machine_model, machine_parts
 from ambkit.models.model import Model, compressed_rows
-from ambkit.models.plan import Part, Plan
+from ambkit.models.plan import Plan
 from ambkit.models.roles import ENUMERATORS, ROLES
 
 Array = NDArray[np.float64]
@@ -62,18 +59,18 @@ class Nodes(NamedTuple):
 
 
 class Engine:
-    """A build of the core, and the model of a bearing or a machine in it."""
+    """A build of the core, and the model of a machine in it."""
 
     def __init__(
         self,
-        bearing: Bearing | Machine,
+        machine: Machine,
         precision: Precision,
         *,
         as_printed: bool = False,
         noise: bool = True,
         synchronous: Sequence[str] = (),
     ) -> None:
-        self.bearing: Any = bearing
+        self.machine = machine
         self.precision = precision
         self.turned = False  # whether the core's model has been at another speed
         self._nodes: dict[int, tuple[Array, Array]] = {}  # by number of steps
@@ -82,19 +79,19 @@ class Engine:
         if unknown:
             known = " and ".join(SYNCHRONOUS)
             raise ValueError(f"synchronous must be some of {known}, got {unknown[0]!r}")
-        if synchronous and not isinstance(bearing, Machine):
-            raise ValueError("synchronous states are of a whole machine, not of one axis")
-        if isinstance(bearing, Machine) and as_printed and len(bearing.axes) > 1:
-            raise ValueError("as printed there is one axis, not a whole machine")
-        plan = Plan(bearing.sampling_time)
-        for part in parts_of(bearing, noise=noise, synchronous=synchronous):
+        if synchronous and machine.rotor.type == "mass":
+            raise ValueError("synchronous states are of a rotor that turns; a mass does not")
+        if as_printed and not machine.single:
+            raise ValueError(f"eq. 19 as printed has one axis; {machine.name} has several")
+        plan = Plan(machine.sampling_time)
+        for part in machine_parts(machine, noise=noise, synchronous=synchronous):
             plan.add(part)
         self.states, self.noises = tuple(plan.states), tuple(plan.noises)
         self.built_in = self._built_in(plan)
         self.core: ModuleType = core_module(precision, any_model=not self.built_in)
-        check_room(self.core, plan, bearing.name)
+        check_room(self.core, plan, machine.name)
         if self.built_in:
-            (axis,) = alone_of(bearing)
+            axis = machine.alone("")
             self.model_of_core: Any = self.core.Model(
                 axis.sampling_time, axis.rotor.mass, axis.sensor.gain, axis.sensor_lag, as_printed,
             )  # fmt: skip
@@ -125,7 +122,7 @@ class Engine:
 
     def nodes(self, slowest: float, fastest: float) -> Nodes:
         """Return the model at the speeds between which it takes any other; see `let_turn`."""
-        step = NODE / self.bearing.sampling_time
+        step = NODE / self.machine.sampling_time
         lowest, highest = math.floor(slowest / step) - 1, math.floor(fastest / step) + 2
         found = [self._node(number, step) for number in range(lowest, highest + 1)]
         at, by_growth = (np.stack(each) for each in zip(*found, strict=True))
@@ -136,7 +133,7 @@ class Engine:
         still = numbers(self.model)
         if len(still) > MOST_NUMBERS:
             raise ValueError(
-                f"{self.bearing.name}: a model that turns has {MOST_NUMBERS} numbers at most; has "
+                f"{self.machine.name}: a model that turns has {MOST_NUMBERS} numbers at most; has "
                 f"{len(still)}"
             )
         return Nodes(lowest, step, still, which, at[:, which], grown, by_growth[:, grown])
@@ -145,7 +142,7 @@ class Engine:
         """Return the model's numbers at a node, and what growth of the speed does to them there."""
         # They are kept, as one run of a campaign after the other asks for the same nodes.
         if number not in self._nodes:
-            there = self.bearing.model_copy(update={"speed": number * step})
+            there = self.machine.model_copy(update={"speed": number * step})
             still, faster = (
                 machine_model(
                     there, noise=self.noise, synchronous=self.synchronous, speeding=speeding
@@ -169,19 +166,8 @@ class Engine:
     @cached_property
     def model(self) -> Model:
         """The model as data, sampled when it is first asked for."""
-        if isinstance(self.bearing, Machine):
-            model = machine_model(self.bearing, noise=self.noise, synchronous=self.synchronous)
-            return printed(model) if self.as_printed else model
-        return axis_model(self.bearing, as_printed=self.as_printed, noise=self.noise)
-
-
-def parts_of(
-    bearing: Bearing | Machine, *, noise: bool = True, synchronous: Sequence[str] = ()
-) -> list[Part]:
-    """Return the parts of a bearing or of a whole machine."""
-    if isinstance(bearing, Machine):
-        return machine_parts(bearing, noise=noise, synchronous=synchronous)
-    return axis_parts(bearing, noise=noise)
+        model = machine_model(self.machine, noise=self.noise, synchronous=self.synchronous)
+        return printed(model) if self.as_printed else model
 
 
 def check_room(core: ModuleType, plan: Plan, name: str) -> None:

@@ -9,7 +9,6 @@ from ambkit.base.asked import Given, in_si
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.observer import unstable_pole
-from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
@@ -72,7 +71,7 @@ class LowPass(Estimator):
         return engine.core.LowPass(
             magnet,
             engine.model_of_core,
-            m=alone_of(self.bearing)[0].rotor.mass,
+            m=self.bearing.rotor.mass,
             **taken,
             **settings,
         )

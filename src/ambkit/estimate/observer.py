@@ -16,7 +16,8 @@ from ambkit.estimate.engine import Engine
 from ambkit.estimate.model import LinearModel
 from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel
-from ambkit.models import axis_parts, compose
+from ambkit.models import compose
+from ambkit.models.machine import machine_parts
 from ambkit.models.model import Descriptor, Model
 from ambkit.models.parts import Hum
 
@@ -54,8 +55,7 @@ class _Observer(Estimator):
         raise NotImplementedError
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        (axis,) = alone_of(self.bearing)
-        k = ConstantStiffness.of(axis)
+        k = ConstantStiffness.of(self.bearing)
         # The states are counted in their own units, or the equations below lose their digits
         # between newtons and micrometres.
         whole = _whole(engine)
@@ -168,22 +168,21 @@ class SteadyStateKalmanFilter(_Observer):
 
 def _whole(engine: Engine) -> Model:
     """Return the model of the machine with all sensor noise."""
-    (axis,) = alone_of(engine.bearing)
-    sensor = axis.sensor
+    sensor = engine.machine.sensor[0]
     if not sensor.hum and (engine.noise or not sensor.coloured_noise):
         return engine.model
     parts = [
         replace(part, bandwidth=part.bandwidth or WANDER * part.frequency)
         if isinstance(part, Hum)
         else part
-        for part in axis_parts(axis)
+        for part in machine_parts(engine.machine)
     ]
-    return compose(parts, engine.bearing.sampling_time, name="axial")
+    return compose(parts, engine.machine.sampling_time, name="axial")
 
 
 def unstable_pole(bearing: Bearing | Machine) -> float:
     """Return the pole at which the rotor falls out of its middle, sqrt(k_s / m) [rad/s]."""
-    # Of a whole machine, of the fastest axis alone.
+    # Of several axes, of the fastest alone.
     return max(
         math.sqrt(ConstantStiffness.of(each).k_s / each.rotor.mass) for each in alone_of(bearing)
     )

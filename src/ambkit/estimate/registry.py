@@ -304,21 +304,23 @@ def kind_of(estimator: Estimator) -> str:
 
 def learned_magnet(name: str, bearing: Bearing | Machine) -> MagnetModel | None:
     """Return what a kind that must be given its magnet knows of it where nobody says otherwise."""
-    from ambkit.machine.bank import Bank, alone_of
-    from ambkit.machine.machine import Machine
+    from ambkit.machine.bank import bank_of
+    from ambkit.machine.machine import as_machine
 
     if KINDS[name].magnet is not None:
         return None
-    if isinstance(bearing, Machine):
-        learned: dict[str, Any] = {}
-        for axis, alone in zip(bearing.axes, alone_of(bearing), strict=True):
-            if axis.bearing.name not in learned:  # both axes of a bearing have one magnet
-                learned[axis.bearing.name] = learned_magnet(name, alone)
-        return Bank(learned[axis.bearing.name] for axis in bearing.axes)
+    machine, learned = as_machine(bearing), {}
+    for axis in machine.axes:
+        if axis.bearing.name not in learned:  # both axes of a bearing have one magnet
+            learned[axis.bearing.name] = _learned(name, machine.alone(axis.name))
+    return bank_of([learned[axis.bearing.name] for axis in machine.axes], machine)
+
+
+def _learned(name: str, axis: Bearing) -> Any:
     if name == "table":
         from ambkit.machine.stiffness import stiffness_map
 
-        return stiffness_map(bearing)
+        return stiffness_map(axis)
     from ambkit.fuzzy.training import train
 
-    return train(bearing, weights=True)
+    return train(axis, weights=True)

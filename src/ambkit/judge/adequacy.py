@@ -12,6 +12,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
 from ambkit.estimate.base import Estimator
 from ambkit.judge import adequacy_criteria as criteria
+from ambkit.machine.machine import short_form
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.default_control import feedback_of
 from ambkit.simulation.flight import Flight
@@ -31,7 +32,7 @@ def judge_adequacy(
 ) -> list[Finding]:
     """Judge whether an estimator may fly."""
     own = getattr(estimator, "bearing", None)
-    plant = own if plant is None else plant
+    plant = own if plant is None else short_form(plant)
     found = list(criteria.innovations(nis))
     if isinstance(estimator, Estimator) and plant is not None:
         found += _static(estimator, plant, *_control_of(plant, happening))

@@ -14,8 +14,7 @@ from ambkit.base.units import engineering
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.low_pass import LowPass
 from ambkit.estimate.noise import FilterNoise, Variances
-from ambkit.estimate.one_axis import OneAxis
-from ambkit.estimate.whole import Whole
+from ambkit.estimate.view import View
 from ambkit.judge.load_following import (
     LONGEST,
     STEP,
@@ -28,7 +27,7 @@ from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
 from ambkit.judge.loop.margins import grid
 from ambkit.machine.bank import alone_of, weights_of
 from ambkit.machine.bearing import GRAVITY
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Machine, as_machine
 from ambkit.machine.magnets import magnet_of, own_time
 from ambkit.simulation.linear.settled import tangents_known
 from ambkit.simulation.scenario import Scenario
@@ -176,7 +175,7 @@ def of_machine(plant: Bearing | Machine) -> Iterator[Finding]:
 
 def _usual(plant: Any) -> Variances:
     """Return the variances that a filter of a machine has by default."""
-    view = Whole(plant) if isinstance(plant, Machine) else OneAxis(plant)
+    view = View(as_machine(plant))
     return view.variances(FilterNoise())
 
 

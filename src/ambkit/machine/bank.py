@@ -1,15 +1,15 @@
-"""The magnets of a bearing or of a whole machine, axis by axis."""
+"""The magnets of a machine, axis by axis: of a single axis its law, of several a `Bank`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any, cast
+from typing import Any
 
 from ambkit.machine import geometry
 from ambkit.machine.bearing import GRAVITY, Bearing
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Machine, as_machine
 from ambkit.machine.magnets import (
     ConstantStiffness,
     MagnetModel,
@@ -33,38 +33,43 @@ class Bank:
         return [model.in_core(core) for model in self.models]
 
 
-def bank_of(magnet: MagnetModel | Sequence[MagnetModel]) -> MagnetModel:
+def bank_of(magnet: MagnetModel | Sequence[MagnetModel], of: Machine) -> MagnetModel:
     """Return what is known of magnets as one: of several axes a `Bank`."""
-    return Bank(magnet) if isinstance(magnet, list | tuple) else cast("MagnetModel", magnet)
+    models = tuple(magnet) if isinstance(magnet, list | tuple) else models_of(magnet)
+    return models[0] if of.single and len(models) == 1 else Bank(models)
+
+
+def models_of(magnet: Any) -> tuple[MagnetModel, ...]:
+    """Return what is known of the magnet of each axis."""
+    return magnet.models if isinstance(magnet, Bank) else (magnet,)
 
 
 def alone_of(of: Bearing | Machine) -> tuple[Bearing, ...]:
-    """Return the axes, each as a bearing alone; a bearing is its own."""
-    if isinstance(of, Machine):
-        return tuple(of.alone(axis.name) for axis in of.axes)
-    return (of,)
+    """Return the axes, each with all others held still."""
+    machine = as_machine(of)
+    return tuple(machine.alone(axis.name) for axis in machine.axes)
+
+
+def _each(of: Bearing | Machine, made: Callable[[Bearing], MagnetModel]) -> MagnetModel:
+    return bank_of([made(axis) for axis in alone_of(of)], as_machine(of))
 
 
 def laws_of(of: Bearing | Machine) -> MagnetModel:
-    """Return the magnets that a bearing or a machine describes."""
-    return Bank(map(magnet_of, alone_of(of))) if isinstance(of, Machine) else magnet_of(of)
+    """Return the magnets that a machine describes."""
+    return _each(of, magnet_of)
 
 
 def constants_of(of: Bearing | Machine) -> MagnetModel:
     """Return the constant stiffnesses of the work point."""
-    if isinstance(of, Machine):
-        return Bank(map(ConstantStiffness.of, alone_of(of)))
-    return ConstantStiffness.of(of)
+    return _each(of, ConstantStiffness.of)
 
 
 def bias_forces_of(magnet: MagnetModel, of: Bearing | Machine) -> list[float]:
     """Return the force of each axis at iu = 0, x = 0 [N]; see `bias_force_of`."""
-    models = magnet.models if isinstance(magnet, Bank) else (magnet,)
-    return [bias_force_of(each, b) for each, b in zip(models, alone_of(of), strict=True)]
+    return [bias_force_of(each, b) for each, b in zip(models_of(magnet), alone_of(of), strict=True)]
 
 
 def weights_of(of: Bearing | Machine) -> list[float]:
     """Return the forces along the axes that do what gravity does [N]."""
-    if isinstance(of, Machine):
-        return [-float(f) for f in geometry.supporting_forces(of.rotor, of.axes, GRAVITY)]
-    return [of.weight]
+    machine = as_machine(of)
+    return [-float(f) for f in geometry.supporting_forces(machine.rotor, machine.axes, GRAVITY)]

@@ -25,7 +25,14 @@ from ambkit.machine.parts import (
     delay_contradictions,
     line_contradictions,
 )
-from ambkit.machine.placed import ROTORS, AnyRotor, PlacedBearing, PlacedSensor, Unbalance
+from ambkit.machine.placed import (
+    ROTORS,
+    AnyRotor,
+    MassRotor,
+    PlacedBearing,
+    PlacedSensor,
+    Unbalance,
+)
 from ambkit.machine.placing import beyond_the_rotor, loose, unseen
 from ambkit.machine.rotors.described import MatrixRotor, ShaftRotor
 from ambkit.machine.rotors.modes import Bending
@@ -193,13 +200,29 @@ class Machine(Document):
         bearing : Bearing
             The axis; its signals and states keep their names, without a suffix.
         """
-        data = bearing.model_dump(exclude_none=True)
-        rotor, speed = data.pop("rotor"), data.pop("speed", 0.0)
-        placed = {"type": "single", "travel_limit": rotor.pop("travel_limit")}
-        placed |= {k: data.pop(k) for k in ("magnet", "amplifier", "stop", "coil") if k in data}
-        sensor = {"type": "single"} | data.pop("sensor")
-        data |= {"rotor": {"type": "mass"} | rotor, "bearing": [placed], "sensor": [sensor]}
-        return cls(**data, speed=speed)
+        # Each part was checked when the bearing was made.
+        own, made = dict(bearing), {}
+        rotor, sensor = own.pop("rotor"), dict(own.pop("sensor"))
+        for key in ("magnet", "amplifier", "stop", "coil"):
+            made[key] = own.pop(key)
+        placed = PlacedBearing.model_construct(
+            type="single", travel_limit=rotor.travel_limit, **made
+        )
+        own |= {"speed": own["speed"] or 0.0, "bearing": (placed,)}
+        own["rotor"] = MassRotor.model_construct(mass=rotor.mass, gravity=rotor.gravity)
+        own["sensor"] = (PlacedSensor.model_construct(type="single", **sensor),)
+        machine = cls.model_construct(**own)
+        machine.made_alone[""] = bearing
+        return machine
+
+    @property
+    def single(self) -> bool:
+        """Whether it has one axis and one reading, without names: its signals are y and u."""
+        return (
+            len(self.bearing) == len(self.sensor) == 1
+            and self.bearing[0].type == self.sensor[0].type == "single"
+            and not self.bearing[0].name
+        )
 
     def alone(self, axis: str) -> Bearing:
         """Return an axis as a bearing alone, with the mass that is effective there.
@@ -316,6 +339,16 @@ class Machine(Document):
         if not any(each.type == "single" for each in bearings):
             yield from _too_heavy(read, bearings, sensors)
         yield from unseen(read, bearings, sensors)
+
+
+def as_machine(of: Bearing | Machine) -> Machine:
+    """Return a machine as it is, and a bearing as the machine of one axis that it describes."""
+    return of if isinstance(of, Machine) else Machine.of_axis(of)
+
+
+def short_form(of: Bearing | Machine) -> Bearing | Machine:
+    """Return the short form of a machine with a single axis, and others as they are."""
+    return of.alone("") if isinstance(of, Machine) and of.single else of
 
 
 def _double_names(key: str, placed: tuple[Any, ...]) -> Iterator[tuple[str, str]]:

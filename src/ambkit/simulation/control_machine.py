@@ -15,7 +15,7 @@ from ambkit.simulation.controllers import Controllers, arrays
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.estimate.whole import Whole
+    from ambkit.estimate.view import View
     from ambkit.simulation.plant import Plant
     from ambkit.simulation.sequence import LiftOff
 
@@ -37,7 +37,7 @@ class MachineController:
     fed: bool  #: Whether the estimator feeds the controllers; else the readings do.
 
     @property
-    def _whole(self) -> Whole:
+    def _whole(self) -> View:
         assert self.estimator.whole is not None  # who makes one has a machine
         return self.estimator.whole
 

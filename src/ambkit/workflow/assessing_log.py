@@ -13,7 +13,7 @@ from ambkit.base.errors import RecordError
 from ambkit.base.showing import Shown
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
-from ambkit.estimate.whole import Whole
+from ambkit.estimate.view import View
 from ambkit.judge.loop.loop_of import ZONES, zone_of
 from ambkit.judge.loop.measured import Logged, MeasuredSensitivity, measured_sensitivity
 from ambkit.machine.machine import Machine
@@ -205,7 +205,7 @@ def of_one_axis(record: Record, machine: Machine) -> tuple[int, Record]:
     lacking = [signal("y", r.name) for r in machine.readings if signal("y", r.name) not in record]
     if lacking:
         raise RecordError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
-    axis, whole = names.index(told[0]), Whole(machine)
+    axis, whole = names.index(told[0]), View(machine)
     y = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
     shown = y @ (whole.H @ whole.shown)[axis]
     return axis, Record(record.t, {"y": shown, "injected": record[signal("injected", told[0])]})

@@ -9,7 +9,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.data.signals import signal
-from ambkit.estimate.whole import Whole
+from ambkit.estimate.view import View
 from ambkit.judge.machine import errors_along
 from ambkit.machine.bank import weights_of
 from ambkit.simulation.flight import Disturbance, Flight
@@ -50,7 +50,7 @@ class MachineByTruth(ByTruth):
     """Tuning by the errors against the truth of simulated flights, with steps of load."""
 
     def __init__(self, machine: Machine, runs: int, seed: int) -> None:
-        self.whole = Whole(machine)
+        self.whole = View(machine)
         super().__init__(machine, runs, seed)
 
     def _trials(self, seed: int) -> Sequence[Record]:

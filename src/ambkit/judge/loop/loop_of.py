@@ -14,7 +14,7 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.estimate.whole import Whole
+from ambkit.estimate.view import View
 from ambkit.judge.loop.bounds import least_peaks
 from ambkit.judge.loop.demands import Turned, of_runout, of_unbalance
 from ambkit.judge.loop.hinf import beside_each_other, hinf
@@ -124,7 +124,7 @@ class LoopOf:
         self.added: Array | None = None
         if isinstance(bearing, Machine):
             self.point = point or WorkPoint.of_machine(bearing, load)
-            whole = Whole(bearing)
+            whole = View(bearing)
             self.shown = whole.H @ whole.shown
             self.added = np.asarray(np.linalg.pinv(self.shown), float)
             self.axes = tuple(axis.name for axis in bearing.axes)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.whole import Whole
+from ambkit.estimate.view import View
 from ambkit.machine.bank import alone_of
 from ambkit.machine.hovering import hover_current
 from ambkit.machine.machine import Machine
@@ -98,7 +98,7 @@ class WorkPoint(NamedTuple):
                     f"no control current from {b.current_min:g} to {b.current_max:g} A of axis "
                     f"{name} holds the rotor of {machine.name} with its weight and load"
                 )
-        return cls(currents, Whole(machine).H @ q)
+        return cls(currents, View(machine).H @ q)
 
 
 def of_axes(signal: Signal, axes: Sequence[str]) -> tuple[Signal, ...]:
@@ -116,7 +116,7 @@ def plant(of: Bearing | Machine, point: WorkPoint, *, continuous: bool = False) 
     B, C, alone = system.B.copy(), system.C, alone_of(of)
     B[:, : len(alone)] *= [b.amplifier.gain for b in alone]
     if isinstance(of, Machine):
-        whole, m = Whole(of), len(of.readings)
+        whole, m = View(of), len(of.readings)
         seen = np.linalg.pinv(whole.H @ whole.shown) @ point.x / whole.gains
         sensors: list[Sensor] = [r.sensor for r in of.readings]
         stands = {state.name: k for k, state in enumerate(system.states)}

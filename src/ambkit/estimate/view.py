@@ -1,4 +1,4 @@
-"""What an estimator of a whole machine is told, and where it starts."""
+"""A machine as its estimators see it: settings of the core, and where a filter starts."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ from numpy.typing import NDArray
 
 from ambkit.data.signals import signal
 from ambkit.estimate.noise import FilterNoise, Variances, check_variances, dwell
-from ambkit.estimate.starting import hovering
 from ambkit.machine import geometry
-from ambkit.machine.bank import Bank, alone_of, bias_forces_of, weights_of
+from ambkit.machine.bank import alone_of, bias_forces_of, models_of, weights_of
 from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.hovering import hover_current
 from ambkit.machine.magnets import own_time
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
+    from ambkit.machine.magnets import MagnetModel
     from ambkit.models.model import Descriptor
 
 Array = NDArray[np.float64]
@@ -29,11 +31,12 @@ VAGUE = 3.0
 the speeds tell them, and not the start."""
 
 
-class Whole:
-    """A machine as its estimators see it; `OneAxis` is the same of one axis."""
+class View:
+    """A machine as its estimators see it: numbers of a single axis, arrays of several."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
+        self.single = machine.single
         self.alone = alone_of(machine)
         positions = machine.positions
         self.H = geometry.matrix([axis.line for axis in machine.axes], positions)
@@ -49,6 +52,8 @@ class Whole:
     @property
     def columns(self) -> dict[str, Any]:
         """What an estimate is told of the names of axes and readings."""
+        if self.single:
+            return {}
         return {
             "axes": tuple(axis.name for axis in self.machine.axes),
             "readings": tuple(r.name for r in self.machine.readings),
@@ -97,29 +102,36 @@ class Whole:
 
     def variances(self, noise: FilterNoise) -> Variances:
         """Return what a filter assumes, one number for each reading and axis."""
-        readings, axes = self.machine.readings, self.alone
-
-        def each(name: str, own: Sequence[float]) -> tuple[float, ...]:
-            given = getattr(noise, name)
-            if isinstance(given, tuple) and len(given) != len(own):
-                raise ValueError(f"noise.{name} must be {len(own)} numbers, got {len(given)}")
-            if isinstance(given, tuple):
-                return given
-            return tuple(own) if given is None else (given,) * len(own)
-
-        full = Variances(
-            each("measurement", [r.sensor.noise_variance for r in readings]),
-            each("control", [b.amplifier.noise_variance for b in axes]),
-            each("disturbance", [(2 * b.rotor.mass * GRAVITY) ** 2 for b in axes]),
+        axes = self.alone
+        own = Variances(
+            [r.sensor.noise_variance for r in self.machine.readings],
+            [b.amplifier.noise_variance for b in axes],
+            [(2 * (b.rotor.mass * GRAVITY)) ** 2 for b in axes],
         )
+        full = Variances(*(self._each(name, noise, usual) for name, usual in own._asdict().items()))
         check_variances(full)
         return full
+
+    def _each(self, name: str, noise: FilterNoise, own: Sequence[float]) -> Any:
+        """Return the variances that a noise states, or the machine's own."""
+        given = getattr(noise, name)
+        if isinstance(given, tuple) and (self.single or len(given) != len(own)):
+            many = "one number for one axis" if self.single else f"{len(own)} numbers"
+            got = "several" if self.single else len(given)
+            raise ValueError(f"noise.{name} must be {many}, got {got}")
+        if given is None:
+            given = tuple(own)
+        return self.plain(given if isinstance(given, tuple) else (given,) * len(own))
+
+    def plain(self, values: Sequence[Any]) -> Any:
+        """Return a tuple, or of a single axis its number."""
+        return values[0] if self.single else tuple(values)
 
     def growth(self, variances: Variances, noises: Sequence[Descriptor]) -> list[float]:
         """Return the variances of a model's noises, the loads' in a sample [N^2]."""
         T, p = self.machine.sampling_time, len(self.alone)
         return [
-            *(T * each for each in variances.disturbance),
+            *(T * each for each in several(variances.disturbance)),
             *(noise.size**2 for noise in noises[p:]),
         ]
 
@@ -138,9 +150,9 @@ class Whole:
             "iu_max": [b.current_max for b in axes],
             "x_max": [b.rotor.travel_limit for b in axes],
             "cap": self.caps(states),
-            "var_u": list(variances.control),
+            "var_u": several(variances.control),
             "var_d": self.growth(variances, noises),
-            "var_y": list(variances.measurement),
+            "var_y": several(variances.measurement),
             "rise": [each.sensor.noise_rise for each in self.machine.readings],
             "step": self.steps.tolist(),
             "dwell": dwell(self.alone),
@@ -158,11 +170,11 @@ class Whole:
             ),
             "sensor": 3 * np.abs(self.gains) * self.travel_seen,
         }
-        return self._each(states, by_role, 10.0, [30 * state.size for state in states])
+        return self._by_role(states, by_role, 10.0, [30 * state.size for state in states])
 
     def start_std(self, variances: Variances, states: Sequence[Descriptor]) -> tuple[float, ...]:
         """Return the standard deviations with which a filter starts; see `Estimator.reset`."""
-        sigma = 3 * np.sqrt(np.array(variances.measurement) + self.steps**2 / 12)
+        sigma = 3 * np.sqrt(np.array(several(variances.measurement)) + self.steps**2 / 12)
         quickest = min(own_time(b) for b in self.alone)
         seen = self.seen[: self.rigid]
         bent = np.array([state.size for state in states if state.role == "bending"])
@@ -175,7 +187,7 @@ class Whole:
             "sensor": sigma,
         }
         others = [(VAGUE if s.role in ("unbalance", "runout") else 1.0) * s.size for s in states]
-        return tuple(self._each(states, by_role, 1.0, others))
+        return tuple(self._by_role(states, by_role, 1.0, others))
 
     def _run_out(self, states: Sequence[Descriptor]) -> Array:
         """Return what runout adds to the readings' variance, where it is among the states [m^2]."""
@@ -189,7 +201,7 @@ class Whole:
                 found[seen] += (VAGUE * self.gains[seen] * state.size) ** 2
         return found
 
-    def _each(
+    def _by_role(
         self, states: Sequence[Descriptor], by_role: dict[str, Array], currents: float,
         others: Sequence[float],
     ) -> list[float]:  # fmt: skip
@@ -218,65 +230,68 @@ class Whole:
         bias = bias_forces_of(magnet, self.machine)
         return [w + b for w, b in zip(weights, bias, strict=True)]
 
-    def hover(self, magnet: Bank, states: Sequence[Descriptor]) -> list[tuple[float, float]]:
-        """Return for each axis what `hovering` does."""
+    def hover(self, magnet: Any, states: Sequence[Descriptor]) -> Any:
+        """Return for each axis the current that holds the rotor in the middle, and its slope."""
+        # The weight is there, whether a filter knows it or takes it for a disturbance.
         known = self.known_forces(magnet, weight=True)
-        return [
-            hovering(b, model, states, balance)
-            for b, model, balance in zip(self.alone, magnet.models, known, strict=True)
-        ]
+        return self.plain(
+            [
+                _hovering(b, model, states, force)
+                for b, model, force in zip(self.alone, models_of(magnet), known, strict=True)
+            ]
+        )
 
     def at_rest(
-        self, states: Sequence[Descriptor], hover: list[tuple[float, float]], q: Any,
-        shown: Any = None, currents: Array | None = None, precision: str = "float64",
+        self, states: Sequence[Descriptor], hover: Any, x: Any, shown: Any = None,
+        currents: Any = None, precision: str = "float64",
     ) -> Array:  # fmt: skip
-        """Return the states (n,) of a rotor at rest at q (q,); see `Estimator.at_rest`."""
-        q = np.broadcast_to(np.asarray(q, float), self.H.shape[1])
-        along = self.H @ q
-        if currents is None:
-            currents = np.array([i + slope * s for (i, slope), s in zip(hover, along, strict=True)])
-        sensors = iter(self.gains * (self.C @ q) if shown is None else shown)
-        places = iter(q)
-        mean = np.zeros(len(states))
+        """Return the states (n,) or (runs, n) of a rotor at rest; see `Estimator.at_rest`."""
+        q, y, i = (self._last(each) for each in (x, shown, currents))
+        q = np.broadcast_to(q, (*q.shape[:-1], self.H.shape[1]))
+        if y is None:
+            y = self.gains * _times(self.C, q)
+        if i is None:  # what holds the rotor is in the precision of an exported filter
+            i0, slope = np.array([hover] if self.single else hover).astype(precision).T
+            i = i0 + slope * _times(self.H, q).astype(precision)
+        columns = {"position": q.T, "sensor": y.T}
+        taken = dict.fromkeys(columns, 0)
+        mean = np.zeros((*q.shape[:-1], len(states)))
         for k, state in enumerate(states):
-            if state.role in ("position", "bending"):
-                mean[k] = next(places)
-            elif state.role == "sensor":
-                mean[k] = next(sensors)
-            elif state.role in ("current", "past control"):
-                mean[k] = currents[self.axis_of(state)]
+            role = "position" if state.role == "bending" else state.role
+            if role in columns:
+                mean[..., k] = columns[role][taken[role]].T
+                taken[role] += 1
+            elif role in ("current", "past control"):
+                mean[..., k] = i[..., self.axis_of(state)]
         return mean
 
-    def at_first(
-        self, states: Sequence[Descriptor], hover: list[tuple[float, float]], y: Array,
-        precision: str,
-    ) -> Array:  # fmt: skip
-        """Return the states (n,) at rest at the first readings (N, m) within the travel."""
-        # In the precision and the order of an exported filter.
-        number = np.dtype(precision)
-        y = self.first(y)
-        if len(self.machine.axes) > 1:  # until the exported C starts by the three stages below
-            constant, by_reading = self.start_form(states, hover)
-            start: NDArray[Any] = constant.astype(precision)
-            for column, seen in zip(by_reading.T, y, strict=True):
-                start = start + column.astype(precision) * number.type(seen)
-            return start.astype(float)
-        looked = y / self.gains  # where the sensors look
-        q = _added_up(self.seen, looked)
-        along = _added_up(self.H, q).astype(number)
-        currents = [
-            np.array(i, number) + np.array(slope, number) * s
-            for (i, slope), s in zip(hover, along, strict=True)
-        ]
-        return self.at_rest(states, hover, q, y, np.array(currents, float))
+    def at_first(self, states: Sequence[Descriptor], hover: Any, y: Array, precision: str) -> Array:
+        """Return the states (n,) or (runs, n) at rest at the first readings within the travel."""
+        # y (N, m), of a single axis (N,) or (runs, N). In the precision and the order of an
+        # exported filter.
+        if self.single:
+            rows = y.reshape(-1, y.shape[-1], 1)
+            first = np.array([self.first(row) for row in rows]).reshape(*y.shape[:-1], 1)
+            return self.at_rest(
+                states, hover, (first / self.gains)[..., 0], first[..., 0], precision=precision
+            )
+        first = self.first(y)
+        constant, by_reading = self.start_form(states, hover)
+        start: NDArray[Any] = constant.astype(precision)
+        for column, seen in zip(by_reading.T, first, strict=True):
+            start = start + column.astype(precision) * np.dtype(precision).type(seen)
+        return start.astype(float)
 
-    def latest(self, of_readings: Any) -> Any:
-        """Return what the core says of the last readings (m,)."""
-        return of_readings
+    def _last(self, values: Any) -> Any:
+        """Return an array with the coordinates, readings or axes last."""
+        if values is None:
+            return None
+        a = np.asarray(values, float)
+        return a[..., None] if self.single or a.ndim == 0 else a
 
-    def forecast(self, of_readings: Array) -> Array:
-        """Return what it says of readings to come (N, m) [m]."""
-        return of_readings
+    def forecast(self, readings: Array) -> Array:
+        """Return readings to come (N, m) [m]; of a single sensor (N,)."""
+        return readings[:, 0] if self.single else readings
 
     def start_form(
         self, states: Sequence[Descriptor], hover: list[tuple[float, float]]
@@ -305,17 +320,26 @@ class Whole:
         """Return readings (N, m) [m] and control signals (N, p) [V] of a record."""
         y = [record[signal("y", r.name)] for r in self.machine.readings]
         u = [record[signal("u", axis.name)] for axis in self.machine.axes]
-        return _columns(y), _columns(u)
+        return (y[0], u[0]) if self.single else (np.column_stack(y), np.column_stack(u))
 
 
-def _columns(signals: list[Array]) -> Array:
-    """Return signals side by side; a single one is not copied."""
-    return signals[0][:, None] if len(signals) == 1 else np.column_stack(signals)
+def several(values: Any) -> list[Any]:
+    """Return numbers as a list, of a single axis too."""
+    return list(values) if isinstance(values, tuple | list) else [values]
 
 
-def _added_up(A: Array, x: Array) -> Array:
-    """Return A x, added up from the first column on, as the exported C does."""
-    total = np.zeros(len(A))
-    for column, value in zip(A.T, x, strict=True):
-        total = total + column * value
-    return total
+def _times(A: Array, x: Array) -> Array:
+    """Return A x of vectors x (..., n)."""
+    return np.asarray((A @ x[..., None])[..., 0])
+
+
+def _hovering(
+    axis: Bearing, magnet: MagnetModel, states: Sequence[Descriptor], known: float
+) -> tuple[float, float]:
+    """Return the current that holds the rotor in the middle [A], and its slope there [A/m]."""
+    # Without a current among the states nobody asks: 0.
+    if not {"current", "past control"} & {state.role for state in states}:
+        return 0.0, 0.0
+    step = 0.1 * axis.rotor.travel_limit
+    less, middle, more = (hover_current(axis, magnet, x, known) for x in (-step, 0.0, step))
+    return middle, (more - less) / (2 * step)
