@@ -8,7 +8,7 @@ from pathlib import Path
 import ambkit
 from ambkit.judge.evaluation import evaluate
 from ambkit.show import plots
-from ambkit.workflow.tuning import most_likely_disturbance
+from ambkit.workflow.tuning import tune_disturbance
 
 TUNED_ON = 1.5  # s
 
@@ -27,7 +27,7 @@ def make(growth: float) -> ambkit.KalmanFilter:
 
 
 # The growth of the disturbance force is the one figure that nothing measures.
-growth = most_likely_disturbance(bearing, record.between(None, record.t[0] + TUNED_ON), make)
+growth = tune_disturbance(bearing, record.between(None, record.t[0] + TUNED_ON), make).growth
 found = evaluate(make(growth), record, settling=TUNED_ON)
 for ahead, error in found.prediction.items():
     print(

@@ -22,7 +22,7 @@ from ambkit.simulation.flight import Disturbance
 from ambkit.simulation.machine import MachineRun, simulate_machine
 from ambkit.simulation.sequence import LiftOff, Mode
 from ambkit.simulation.waveforms import Ramp, Step
-from ambkit.workflow.filtering_machine import filter_machine
+from ambkit.workflow.filtering import filter as filter_record
 from ambkit.workflow.flying import FlightSummary
 
 COMPILER = shutil.which("gcc") or shutil.which("clang")
@@ -136,7 +136,7 @@ def test_what_lies_is_left_out_of_what_is_filtered() -> None:
     """Magnets are off there, which no filter is told: NIS would be several times too large."""
     machine = Machine.preset("tum_mlps").replace(speed=0.0)
     record = lifted(machine, feedback="estimate").record
-    found = filter_machine(machine, record, ("linear",))
+    found = filter_record(machine, record, ["linear"])
     on = np.isin(record["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING))
     assert len(found.record) == on.sum()
     assert found.to_dict()["estimators"]["linear"]["nis"] < 1.3

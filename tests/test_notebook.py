@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Estimate, Expert, KalmanFilter, Record
+from ambkit import Bearing, Estimate, Expert, KalmanFilter, Machine, Record
 from ambkit.base.asked import in_si
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison import compare
@@ -137,8 +137,9 @@ def hostile(text: str) -> Iterator[Any]:
     yield record
     yield dataclasses.replace(ESTIMATE, estimator=text)
     yield Expert.paper().model_copy(update={"source": text})
+    machine = Machine.of_axis(BEARING).model_copy(update={"name": text, "description": text})
     yield dataclasses.replace(
-        filtering, bearing=bearing, record=record, estimators={text: filtering["linear"]}
+        filtering, machine=machine, record=record, estimators={text: filtering["linear"]}
     )
     yield dataclasses.replace(ambkit.identify_online(RECORD, BEARING), bearing=bearing)
 
@@ -266,8 +267,8 @@ def test_quantities_are_taken_with_their_units() -> None:
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
-        (lambda: ambkit.filter("rig.toml", RECORD), "bearing must be of type Bearing, is the str "
-         "'rig.toml'; Bearing.preset or Bearing.load gives one"),
+        (lambda: ambkit.filter("rig.toml", RECORD), "bearing must be of type Bearing or "
+         "Machine, is the str 'rig.toml'; Bearing.preset or Bearing.load gives one"),
         (lambda: ambkit.filter(BEARING, BEARING), "record must be of type Record, is the Bearing"),
         (lambda: ambkit.filter(BEARING, RECORD, settling="5 V"),
          'settling must be in s: "5 V": V cannot be converted to s'),

@@ -13,7 +13,6 @@ from ambkit.workflow.tuning import (
     TunedDisturbance,
     default_disturbance,
     log_likelihood,
-    most_likely_disturbance,
     tune_disturbance,
 )
 
@@ -46,10 +45,10 @@ def wandering(bearing, growth, n=20_000, seed=3):
 def test_the_growth_that_made_the_record_is_found(growth):
     bearing = Bearing.preset("zittau_axial")
     record = wandering(bearing, growth)
-    found = most_likely_disturbance(
+    found = tune_disturbance(
         bearing, record, lambda g: KalmanFilter(bearing, noise=FilterNoise(disturbance=g))
     )
-    assert 0.5 * growth < found < 2 * growth
+    assert 0.5 * growth < found.growth < 2 * growth
 
 
 def test_likelihood_is_that_of_the_innovations_taken_in():

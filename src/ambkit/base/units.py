@@ -126,6 +126,16 @@ def engineering(value: float, unit: str, digits: int | None = 6, like: float | N
     return f"{_plain(exact.scaleb(-shift))} {head}{prefix}{symbol}{tail}"
 
 
+def figure(number: Any, unit: str, digits: int = 4, like: float | None = None) -> str:
+    """Print a value of a table, or several by their names; a dash where there is none."""
+    # The error of a value, or what it is compared with, takes the value's prefix: `like`.
+    if isinstance(number, dict):
+        return ", ".join(f"{k} {figure(each, unit, digits, like)}" for k, each in number.items())
+    if number is None or not math.isfinite(number):
+        return "–"
+    return engineering(number, unit, digits=digits, like=like)
+
+
 def interval(
     low: float, high: float, unit: str, digits: int | None = 6, like: float | None = None
 ) -> str:

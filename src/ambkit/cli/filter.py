@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,26 +21,20 @@ from ambkit.cli.options import (
     To,
     arguments_of_the_user,
     file_option,
-    find_bearing,
-    find_machine,
+    find_plant,
     quantity,
 )
 from ambkit.estimate.registry import FILTER_SUFFIX
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from ambkit.data.channelmap import ChannelMap
     from ambkit.data.record import Record
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.judge.evaluation import Evaluation
-    from ambkit.machine.bearing import Bearing
-    from ambkit.machine.machine import Machine
     from ambkit.workflow.filtering import Filtered, Filtering, Stretch
     from ambkit.workflow.oddities import OutsideOfBox
-
-
-_USUAL = "linear,adaptive,closed-law"  # of one axis
 
 
 def filter_record(
@@ -51,7 +46,7 @@ def filter_record(
         str | None,
         typer.Option(
             "--bearing",
-            metavar="BEARING",
+            metavar="MACHINE",
             help="A preset's name, or a TOML file.",
             show_default="that of the first filter's file",
         ),
@@ -67,7 +62,7 @@ def filter_record(
             help=f"One or several of {', '.join(NAMES)}; all; or filters' files (.toml), whose "
             "inputs say what y and u of the log are.",
         ),
-    ] = _USUAL,
+    ] = "linear,adaptive,closed-law",
     expert: ExpertFile = None,
     begin: From = None,
     end: To = None,
@@ -135,7 +130,6 @@ def filter_record(
     """
     from ambkit.cli import output
     from ambkit.cli.belonging import say_what_is_odd
-    from ambkit.cli.filter_machine import filter_machine
     from ambkit.cli.kinds import factories
     from ambkit.cli.logs import load_log
     from ambkit.estimate.filter_file import FilterFile
@@ -150,30 +144,15 @@ def filter_record(
         raise AmbkitError(f"--tune must be greater than 0 s, is {tune:g} s")
     chosen = names(estimator)
     files = {name: FilterFile.load(name) for name in chosen if name.endswith(FILTER_SUFFIX)}
-    whole = next(_machines_of(files), None) if bearing is None else find_machine(bearing)
-    if whole is not None:
-        filter_machine(
-            whole,
-            load_log(record, channel_map, begin, end),
-            ("linear", "extended") if estimator == _USUAL else chosen,
-            synchronous=synchronous or (),
-            noise=FilterNoise(measurement=noise_y, disturbance=noise_d),
-            settling=settling or 0.0,
-            smooth=smooth,
-            out=out,
-            json=json,
-            others={"expert": expert, "tune": tune, "plot": plot},
-        )
-        return
-    if synchronous:
-        raise AmbkitError("--synchronous is of a whole machine, not of one axis")
-    model = find_bearing(bearing) if bearing is not None else _bearing_of(files)
+    if bearing is None and not files:
+        raise AmbkitError("--bearing is missing: a preset's name, or a TOML file")
+    machine = next(iter(files.values())).plant if bearing is None else find_plant(bearing)
     log = load_log(record, _channels(files, channel_map), begin, end)
-    say_what_is_odd(record, log, model)
+    say_what_is_odd(record, log, machine)
     if noise_d is None:
         with arguments_of_the_user("--"):
             _say_what_is_tuned_on(stretch_to_tune_on(log, tune), log)
-    built = factories(chosen, model, expert)
+    built = factories(chosen, machine, expert, synchronous or ())
     with arguments_of_the_user(), output.progress("filtering", len(built)) as done:
 
         def tell(one: Filtered) -> None:
@@ -181,7 +160,7 @@ def filter_record(
             done()
 
         found = filtered(
-            model,
+            machine,
             log,
             built,
             noise=FilterNoise(measurement=noise_y, disturbance=noise_d),
@@ -190,37 +169,22 @@ def filter_record(
             smooth=smooth,
             done=tell,
         )
-    _warn(found)
-    adequacy = {name: _adequacy(name, one, built[name], model)
+    _warn(found, len(log))
+    adequacy = {name: _adequacy(name, one, built[name], machine)
                 for name, one in found.estimators.items()}  # fmt: skip
 
     def drawn() -> Any:
-        return plots.filter_figure(log, found.evaluations, found.smoothed)
+        return plots.filter_figure(found.record, found.evaluations, found.smoothed)
 
     output.deliver(
         {"record": str(record), "adequacy": adequacy} | found.to_dict(),
-        _tables(found, f"{record.name}, {len(log)} samples, {model.name}"),
+        _tables(found, f"{record.name}, {len(found.record)} samples, {machine.name}"),
         [
             (out, lambda path: found.to_record().save(path)),
             (plot, lambda path: plots.save_figure(drawn(), path)),
         ],
         as_json=json,
     )
-
-
-def _bearing_of(files: Mapping[str, FilterFile]) -> Bearing:
-    """Return the bearing of the first filter that is a file."""
-    for file in files.values():
-        if file.bearing is not None:
-            return file.bearing.bearing
-    raise AmbkitError("--bearing is missing: a preset's name, or a TOML file")
-
-
-def _machines_of(files: Mapping[str, FilterFile]) -> Iterator[Machine]:
-    """Yield the whole machines of filters that are files."""
-    for file in files.values():
-        if file.machine is not None:
-            yield file.machine.machine
 
 
 def _channels(files: Mapping[str, FilterFile], channel_map: Path | None) -> ChannelMap | None:
@@ -272,21 +236,27 @@ def _say_how_it_was_tuned(one: Filtered) -> None:
         )
 
 
-def _adequacy(name: str, one: Filtered, build: Any, bearing: Bearing) -> list[dict[str, Any]]:
-    """Say whether a filter from a file may fly on a bearing; of any other what NIS says."""
+def _adequacy(name: str, one: Filtered, build: Any, machine: Any) -> list[dict[str, Any]]:
+    """Say whether a filter from a file may fly on a machine; of any other what NIS says."""
     from ambkit.cli import output
     from ambkit.judge.adequacy import judge_adequacy
     from ambkit.workflow.estimators import FromFile
 
     saved = build() if isinstance(build, FromFile) else None
-    return output.say_adequacy(judge_adequacy(saved, bearing, nis=one.evaluation.nis), name)
+    return output.say_adequacy(judge_adequacy(saved, machine, nis=one.evaluation.nis), name)
 
 
-def _warn(found: Filtering) -> None:
+def _warn(found: Filtering, samples: int) -> None:
     """Say so where filter and record do not belong together, or what was asked is not known."""
     from ambkit.cli import output
+    from ambkit.data.signals import each_of
     from ambkit.workflow.oddities import lost_control
 
+    left = samples - len(found.record)
+    if left:
+        output.note(
+            f"{left} samples are left out, in which magnets have no current by the record's mode"
+        )
     lost, in_a_row = lost_control(found.record)
     if lost:
         output.note(
@@ -294,16 +264,16 @@ def _warn(found: Filtering) -> None:
             f"{in_a_row} in a row: the filters hold the last one, and are less sure for a while "
             "than they say"
         )
-    gap = found.bearing.magnet.air_gap
+    gap = max(placed.magnet.air_gap for placed in found.machine.bearing)
     for name, one in found.estimators.items():
-        if any(error > gap for error in one.evaluation.prediction.values()):
+        if any(max(each_of(e)) > gap for e in one.evaluation.prediction.values()):
             output.note(
                 f"{name}: predicts beyond the air gap, {output.value(gap, 'm', 4)}: over so long a "
-                "time the rotor does not move as this bearing says; it lies or is held in a part "
+                "time the rotor does not move as this machine says; it lies or is held in a part "
                 "of the record, or the record is of another rig ('ambkit check' with --bearing)"
             )
-        if one.outside is not None:
-            output.note(_of_the_box(name, one.outside))
+        for axis, outside in one.outside.items():
+            output.note(_of_the_box(f"{name}, axis {axis}" if axis else name, outside))
 
 
 def _of_the_box(name: str, outside: OutsideOfBox) -> str:
@@ -322,9 +292,11 @@ def _of_the_box(name: str, outside: OutsideOfBox) -> str:
 
 
 def _tables(found: Filtering, title: str) -> list[Any]:
+    from ambkit.cli import harmonics
     from ambkit.cli.output import table, value
-    from ambkit.judge.comparison import EVALUATED
+    from ambkit.data.signals import each_of
     from ambkit.workflow.filtering import HORIZONS
+    from ambkit.workflow.tuning import growth_text
 
     evaluated = found.evaluations
     after = {name: found.after(name) for name in found.smoothed}
@@ -333,21 +305,21 @@ def _tables(found: Filtering, title: str) -> list[Any]:
     def row(what: str, entry: Any) -> list[str]:
         return [what, *(entry(evaluation) for evaluation in evaluations)]
 
-    one = evaluations[0]
+    one, units = evaluations[0], evaluations[0].estimate.units
     flags = list(dict.fromkeys(flag for j in evaluations for flag in j.status))
     rows = [
         row("measurements used", lambda j: f"{j.used} of {j.samples}"),
         *(row(f"  status: {flag}", lambda j, f=flag: str(j.status.get(f, 0))) for flag in flags),
         row("innovation, mean", lambda j: value(j.innovation_mean, "m")),
         row("innovation, std", lambda j: value(j.innovation_std, "m")),
-        row("  std that the filter expects", lambda j: value(j.expected_std or None, "m")),
+        row("  std that the filter expects", lambda j: value(_or_none(j.expected_std), "m")),
         row("  mean NIS (1: consistent)", lambda j: "–" if j.nis != j.nis else f"{j.nis:.3f}"),
         row("  lags within 95 % bound", _white),
         row("load, mean", lambda j: value(j.disturbance_mean, "N")),
         row("load, std", lambda j: value(j.disturbance_std, "N")),
     ]
     rows += [
-        row(f"error of {name}, rms", lambda j, n=name: value(j.rmse[n], EVALUATED[n]))
+        row(f"error of {name}, rms", lambda j, n=name: value(j.rmse[n], units[n]))
         for name in one.rmse
     ]
     if after:
@@ -355,19 +327,25 @@ def _tables(found: Filtering, title: str) -> list[Any]:
         rows.append(["load, std, smoothed", *spreads])
         rows += [
             [f"error of {name}, rms, smoothed"]
-            + [value(s["rmse"][name], EVALUATED[name]) for s in after.values()]
+            + [value(s["rmse"][name], units[name]) for s in after.values()]
             for name in one.rmse
         ]
     growths = [each.noise.disturbance for each in found.estimators.values()]
-    growths = [growth for growth in growths if growth is not None]
-    if growths:
-        rows.append(["load, noise assumed", *(f"{growth:.3g} N^2/s" for growth in growths)])
+    if any(growth is not None for growth in growths):
+        told = ("–" if growth is None else growth_text(growth) for growth in growths)
+        rows.append(["load, noise assumed", *told])
+    turning = [
+        dict(harmonics.rows({h.name: h.to_dict() for h in each.turning}))
+        for each in found.estimators.values()
+    ]
+    for what in dict.fromkeys(what for each in turning for what in each):
+        rows.append([what, *(each.get(what, "–") for each in turning)])
     headers = ["", *(f"{ahead} step{'s' * (ahead > 1)} ahead" for ahead in HORIZONS)]
     ways = {name: evaluation.prediction for name, evaluation in evaluated.items()}
     ways |= {"last measurement held": one.held, **one.logged}
-    gap = found.bearing.magnet.air_gap
+    gap = max(placed.magnet.air_gap for placed in found.machine.bearing)
     errors = [
-        [name, *(value(way[ahead], "m") if way[ahead] <= gap else "beyond the gap"
+        [name, *("beyond the gap" if max(each_of(way[ahead])) > gap else value(way[ahead], "m")
                  for ahead in HORIZONS)]
         for name, way in ways.items()
     ]  # fmt: skip
@@ -378,5 +356,12 @@ def _tables(found: Filtering, title: str) -> list[Any]:
 
 
 def _white(evaluation: Evaluation) -> str:
-    white = evaluation.whiteness
-    return f"{100 * white.share_within:.0f} %" if white else "too few"
+    from ambkit.data.signals import each_of
+
+    white = [each.share_within if each else math.nan for each in each_of(evaluation.whiteness)]
+    return "too few" if math.isnan(min(white)) else f"{100 * min(white):.0f} %"
+
+
+def _or_none(expected: Any) -> Any:
+    """Return None where nothing is expected."""
+    return expected if isinstance(expected, dict) else expected or None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -70,7 +70,10 @@ def is_a_name(name: str) -> str:
 
 
 def factories(
-    chosen: Iterable[str], bearing: Bearing, expert: Path | None = None
+    chosen: Iterable[str],
+    machine: Bearing | Machine,
+    expert: Path | None = None,
+    synchronous: Sequence[str] = (),
 ) -> dict[str, Factory]:
     """Return what builds each of the chosen estimators, as often as asked."""
     from ambkit.workflow.estimators import expanded
@@ -79,11 +82,26 @@ def factories(
     chosen = expanded(chosen)
     if expert is not None and "adaptive" not in chosen:
         raise AmbkitError("--expert is for --estimator adaptive, which is not among those chosen")
-    magnets = {"adaptive": read_expert(expert, bearing)} if expert is not None else {}
+    magnets = {"adaptive": experts(expert, machine)} if expert is not None else {}
     if "adaptive" not in chosen or magnets:
-        return built(chosen, bearing, magnets)
+        return built(chosen, machine, magnets, synchronous)
     with output.progress("training the expert"):
-        return built(chosen, bearing)
+        return built(chosen, machine, synchronous=synchronous)
+
+
+def experts(path: Path, machine: Bearing | Machine) -> MagnetModel:
+    """Return the expert in a file for each axis of a machine, whose magnets must be alike."""
+    from ambkit.machine.bank import alone_of, bank_of
+    from ambkit.machine.machine import as_machine
+
+    axes = alone_of(machine)
+    other = next((b.name for b in axes if b.magnet != axes[0].magnet), None)
+    if other is not None:
+        raise AmbkitError(
+            f"--expert is of one magnet, and the axes {axes[0].name} and {other} of "
+            f"{machine.name} have different ones"
+        )
+    return bank_of([read_expert(path, axes[0])] * len(axes), as_machine(machine))
 
 
 class Chosen(NamedTuple):

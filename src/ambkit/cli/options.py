@@ -152,6 +152,11 @@ def find_machine(text: str) -> Machine | None:
     return None
 
 
+def find_plant(text: str) -> Bearing | Machine:
+    """Return the machine that the user named: a preset, or one in a TOML file."""
+    return find_machine(text) or find_bearing(text)
+
+
 def refuse_of_one_axis(machine: Machine, options: Mapping[str, Any]) -> None:
     """Refuse what a whole machine does not take."""
     for name, value in options.items():

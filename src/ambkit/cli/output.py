@@ -186,14 +186,11 @@ def _spread(widths: Sequence[tuple[int, int]], room: int) -> list[int]:
     return given
 
 
-def value(number: float | None, unit: str, digits: int = 4, like: float | None = None) -> str:
+def value(number: Any, unit: str, digits: int = 4, like: float | None = None) -> str:
     """Print a value in SI as an engineer writes it; a dash where there is none."""
-    # The error of a value, or what it is compared with, takes the value's prefix: `like`.
-    from ambkit.base.units import engineering
+    from ambkit.base.units import figure
 
-    if number is None or not math.isfinite(number):
-        return "–"
-    return engineering(number, unit, digits=digits, like=like)
+    return figure(number, unit, digits, like)
 
 
 def plain(data: Any) -> Any:

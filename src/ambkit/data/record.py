@@ -105,9 +105,9 @@ class Record(Shown):
         A record counts as simulated where its ``meta`` holds the scenario: an estimate has
         signals of the same names and is not the truth.
         """
-        if "scenario" not in self.meta:
+        if not {"scenario", "flight"} & set(self.meta):
             return {}
-        return {name: self.signals[name] for name in self if name in names.TRUTH}
+        return {name: self.signals[name] for name in self if names.is_truth(name)}
 
     @property
     def has_truth(self) -> bool:

@@ -1,6 +1,9 @@
 """Names of the signals in a record, and the SI unit of each."""
 
+import re
+from collections.abc import Sequence
 from functools import cache
+from typing import Any
 
 MEASURED = {"y": "m", "u": "V", "r": "m", "injected": "m"}
 """What a rig's log has: measured position, control signal, reference, and what was added to the
@@ -28,6 +31,24 @@ SI_UNITS = (
 def signal(what: str, name: str) -> str:
     """Name of a signal of an axis or a reading, ``y_A1``; a single one has no suffix."""
     return f"{what}_{name}" if name else what
+
+
+_TRUE = re.compile(f"({'|'.join((*TRUTH, 's', 'q'))})(_.+)?")
+
+
+def is_truth(name: str) -> bool:
+    """Whether a signal of a simulated record is known by simulation only."""
+    return _TRUE.fullmatch(name) is not None
+
+
+def by_name(names: Sequence[str], values: Sequence[Any]) -> Any:
+    """Return values by their names; of a single one without a name the value itself."""
+    return dict(zip(names, values, strict=True)) if any(names) else values[0]
+
+
+def each_of(values: Any) -> list[Any]:
+    """Return the values that `by_name` gave."""
+    return list(values.values()) if isinstance(values, dict) else [values]
 
 
 @cache

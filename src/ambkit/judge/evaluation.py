@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import RecordError
+from ambkit.data.signals import by_name, each_of, signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.innovations import Whiteness, whiteness
-from ambkit.judge.comparison import EVALUATED
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -29,39 +29,49 @@ LAGS = 50
 class Evaluation:
     """What a record says about a filter that ran along it."""
 
+    # What is of a reading or an axis is a number where there is one without a name, or else a
+    # mapping by their names.
+
     estimate: Estimate  #: What the filter estimated, all samples.
     #: Time at the start that does not count below [s]; the first sample never does.
     settling: float
     samples: int  #: Samples that count, and those of them whose measurement the filter took in.
     used: int
-    innovation_mean: float  #: Of the measurements taken in [m].
-    innovation_std: float
+    innovation_mean: Any  #: Of the measurements taken in [m], by reading.
+    innovation_std: Any
     #: Root mean square of what the filter expected its innovations to be, ``sqrt(S)`` [m].
-    expected_std: float
+    expected_std: Any
     #: Mean normalised innovation squared; 1 where model and noise are right. Below 1 the filter
     #: expects more noise than there is, above 1 less. NaN where it expects nothing.
     nis: float
     #: Autocorrelation of the innovations, `LAGS` lags; None where fewer than four times as many
-    #: measurements were taken in, or all innovations are equal.
-    whiteness: Whiteness | None
+    #: measurements were taken in, or all innovations are equal. By reading.
+    whiteness: Any
     #: How many samples had which flag of :class:`ambkit.Status`; flags that did not occur are left
     #: out.
     status: Mapping[str, int]
-    #: Steps ahead, and the RMS error of the filter's prediction of the measured position [m].
-    prediction: Mapping[int, float]
+    #: Steps ahead, and the RMS error of the filter's prediction of the readings [m].
+    prediction: Mapping[int, Any]
     #: The same where the last measurement is held for the prediction [m].
-    held: Mapping[int, float]
+    held: Mapping[int, Any]
     #: (mapping of int to float) The same for the estimates that the rig logged [m], see
     #: `logged_predictions`.
     logged: Mapping[str, Mapping[int, float]]
-    #: RMS errors of ``x`` [m], ``v`` [m/s], ``f_d`` [N] against the truth; empty without it.
+    #: RMS errors against the truth, by state: ``x`` [m], ``v`` [m/s], ``f_d`` [N] of one axis;
+    #: empty without it.
     rmse: Mapping[str, float]
-    disturbance_mean: float  #: Of the estimated disturbance force [N].
-    disturbance_std: float
+    disturbance_mean: Any  #: Of the estimated disturbance force [N], by axis.
+    disturbance_std: Any
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI, ready for JSON; without the estimate."""
-        white = self.whiteness
+        white = each_of(self.whiteness)
+        of_white = {
+            f"white_{key}": by_name(self.estimate.readings or ("",), [
+                getattr(w, name) if w else None for w in white
+            ])
+            for key, name in (("share", "share_within"), ("bound", "bound"))
+        }  # fmt: skip
         return {
             "estimator": self.estimate.estimator,
             "settling": self.settling,
@@ -71,8 +81,7 @@ class Evaluation:
             "innovation_std": self.innovation_std,
             "expected_std": self.expected_std,
             "nis": self.nis,
-            "white_share": white.share_within if white else None,
-            "white_bound": white.bound if white else None,
+            **of_white,
             "status": dict(self.status),
             "prediction": _by_text(self.prediction),
             "held": _by_text(self.held),
@@ -93,49 +102,84 @@ def evaluate(
     """Run a filter along a record and say how well the two fit."""
     _check(record, horizons, settling)
     estimate = kalman.run(record)
+    names, axes = estimate.readings or ("",), estimate.axes or ("",)
+    y = np.column_stack([record[signal("y", name)] for name in names])
     # The filter starts from the first measurement, which is then no surprise to it.
     first = max(1, round(settling / record.sampling_time))
-    taken = estimate.used[first:]
+    innovation = estimate.innovation.reshape(y.shape)[first:]
+    variance = estimate.innovation_variance.reshape(y.shape)[first:]
+    # The status is of all readings together: where one of several is missing, S tells of the rest.
+    used = estimate.used[first:]
+    taken = used[:, None] | ((len(names) > 1) & (variance > 0))
     if not taken.any():
-        flags = _flags(estimate.status[first:])
-        there = int(np.isfinite(record["y"][first:]).sum())
-        if flags.get("missing", 0) > taken.size - there:  # the core has one flag for both
-            absent = taken.size - there
-            flags["far beyond the travel"] = flags.pop("missing") - absent
-            flags |= {"missing": absent} if absent else {}
-        raise RecordError(
-            f"no measurement could be taken in: of {taken.size} samples "
-            + ", ".join(f"{n} {flag}" for flag, n in flags.items())
-        )
-    innovation = estimate.innovation[first:][taken]
-    variance = estimate.innovation_variance[first:][taken]
-    f_d = estimate.f_d[first:]
-    last = _last_measured(record["y"])
+        raise RecordError(f"no measurement could be taken in: {_why(estimate, y, first)}")
+    last = _last_measured(y)
+    of_readings = zip(innovation.T, variance.T, taken.T, strict=True)
+    pairs = [(e[some], S[some]) for e, S, some in of_readings]
+    forecasts = {
+        ahead: np.reshape(kalman.forecast(estimate, record, ahead), y[ahead:].shape)
+        for ahead in horizons
+    }
+
+    def by_reading(figures: Iterable[Any]) -> Any:
+        return by_name(names, list(figures))
+
+    def errors(predicted: Array, ahead: int) -> Any:
+        wrong = (y[ahead:] - predicted)[first:]
+        return by_reading(_rms(one) for one in wrong.T)
+
+    loads = [estimate[signal("f_d", axis)][first:] for axis in axes]
     return Evaluation(
         estimate=estimate,
         settling=settling,
-        samples=taken.size,
-        used=int(taken.sum()),
-        innovation_mean=float(innovation.mean()),
-        innovation_std=float(innovation.std()),
-        expected_std=float(np.sqrt(variance.mean())),
-        nis=_mean_nis(innovation, variance),
-        whiteness=_white(innovation),
+        samples=used.size,
+        used=int(used.sum()),
+        innovation_mean=by_reading(float(e.mean()) if e.size else math.nan for e, _ in pairs),
+        innovation_std=by_reading(float(e.std()) if e.size else math.nan for e, _ in pairs),
+        expected_std=by_reading(float(np.sqrt(S.mean())) if S.size else math.nan for _, S in pairs),
+        nis=_mean_nis(innovation[taken], variance[taken]),
+        whiteness=by_reading(_white(e) for e, _ in pairs),
         status=_flags(estimate.status[first:]),
-        prediction={
-            ahead: _error(kalman.forecast(estimate, record, ahead), record, ahead, first)
-            for ahead in horizons
-        },
-        held={ahead: _error(last[:-ahead], record, ahead, first) for ahead in horizons},
+        prediction={ahead: errors(predicted, ahead) for ahead, predicted in forecasts.items()},
+        held={ahead: errors(last[:-ahead], ahead) for ahead in horizons},
         logged=logged_predictions(record, horizons, first=first),
-        rmse={
-            name: _rms(estimate[name][first:] - record[name][first:])
-            for name in EVALUATED
-            if name in record.truth
-        },
-        disturbance_mean=float(f_d.mean()),
-        disturbance_std=float(f_d.std()),
+        rmse=errors_along(estimate, record, first),
+        disturbance_mean=by_name(axes, [float(load.mean()) for load in loads]),
+        disturbance_std=by_name(axes, [float(load.std()) for load in loads]),
     )
+
+
+JUDGED = ("position", "velocity", "bending", "bending velocity", "disturbance force")
+"""Roles of the states whose errors are told."""
+
+
+def errors_along(
+    estimate: Estimate, record: Record, first: int = 0, end: int | None = None
+) -> dict[str, float]:
+    """Return root mean square errors of states against a record's truth, each in its unit."""
+    found = {}
+    for state in estimate.states:
+        truth = true_signal(record, state.name)
+        if state.role in JUDGED and truth is not None:
+            found[state.name] = _rms((estimate[state.name] - truth)[first:end])
+    return found
+
+
+def true_signal(record: Record, state: str) -> Array | None:
+    """Return the truth (n,) of a state in its unit; None where a record does not know it."""
+    truth = record.truth
+    return truth.get(f"q_{state}", truth.get(state))
+
+
+def _why(estimate: Estimate, y: Array, first: int) -> str:
+    """Say why no measurement was taken in."""
+    flags, count = _flags(estimate.status[first:]), len(y) - first
+    there = int(np.isfinite(y[first:]).any(axis=1).sum())
+    if flags.get("missing", 0) > count - there:  # the core has one flag for both
+        absent = count - there
+        flags["far beyond the travel"] = flags.pop("missing") - absent
+        flags |= {"missing": absent} if absent else {}
+    return f"of {count} samples " + ", ".join(f"{n} {flag}" for flag, n in flags.items())
 
 
 def logged_predictions(
@@ -174,9 +218,9 @@ def _check(record: Record, horizons: Sequence[int], settling: float) -> None:
 
 
 def _last_measured(y: Array) -> Array:
-    """Return y with each missing sample in the place of the last one that was not."""
-    at = np.where(np.isnan(y), 0, np.arange(y.size))
-    return np.asarray(y[np.maximum.accumulate(at)])
+    """Return y (n, readings) with each missing sample in the place of the last that was not."""
+    at = np.where(np.isnan(y), 0, np.arange(len(y))[:, None])
+    return np.take_along_axis(y, np.maximum.accumulate(at, axis=0), axis=0)
 
 
 def _error(predicted: Array, record: Record, ahead: int, first: int) -> float:
@@ -208,5 +252,5 @@ def _flags(status: NDArray[np.uint16]) -> dict[str, int]:
     return {name: count for name, count in counts.items() if count}
 
 
-def _by_text(errors: Mapping[int, float]) -> dict[str, float]:
+def _by_text(errors: Mapping[int, Any]) -> dict[str, Any]:
     return {str(ahead): error for ahead, error in errors.items()}

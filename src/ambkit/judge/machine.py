@@ -23,7 +23,6 @@ from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import MachineRun, simulate_machine
 
 if TYPE_CHECKING:
-    from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.estimate import Estimate
     from ambkit.machine.machine import Machine
@@ -355,17 +354,3 @@ def _raw(
     p = len(machine.axes)
     found[:p] = np.sqrt(np.mean((shown - truth[:, :p]) ** 2, axis=0))
     return found
-
-
-def errors_along(
-    estimate: Estimate, record: Record, first: int = 0, end: int | None = None
-) -> dict[str, float]:
-    """Return root mean square errors against the truth of a whole machine's record."""
-    truth = {state.name: f"q_{state.name}" for state in estimate.states} | {
-        signal("f_d", axis): signal("f_d", axis) for axis in estimate.axes
-    }
-    return {
-        name: float(np.sqrt(np.mean((estimate[name] - record[of])[first:end] ** 2)))
-        for name, of in truth.items()
-        if of in record
-    }

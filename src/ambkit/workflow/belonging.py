@@ -1,4 +1,4 @@
-"""Whether a record can be of the bearing that is named with it, asked before work begins."""
+"""Whether a record can be of the machine that is named with it, checked before work begins."""
 
 from __future__ import annotations
 
@@ -8,17 +8,23 @@ import numpy as np
 
 from ambkit.base.errors import RecordError
 from ambkit.judge.belongs import evaluate_record, off_rate
+from ambkit.machine.machine import as_machine
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
 
 MOST = 0.5
 """Share of the measurements beyond the air gap, where no rotor can be, with which nothing works."""
 
 
-def check_belongs(record: Record, bearing: Bearing) -> list[str]:
-    """Return what is odd about a record of a bearing, or refuse it."""
+def check_belongs(record: Record, machine: Bearing | Machine) -> list[str]:
+    """Return what is odd about a record of a machine with one axis, or refuse it."""
+    machine = as_machine(machine)
+    if len(machine.axes) > 1:  # each moves by the forces on all
+        return []
+    bearing = machine.alone(machine.axes[0].name)
     if off_rate(record, bearing):
         return []
     verdict = evaluate_record(record, bearing)

@@ -102,16 +102,17 @@ def filtering(of: Filtering) -> Card:
         ["load, mean", *(value(e.disturbance_mean, "N") for e in evaluated)],
     ]  # fmt: skip
     first = next(iter(evaluated))
+    units = first.estimate.units
     rows += [
         [f"{ahead} step{'s' * (ahead > 1)} ahead, rms",
          *(value(e.prediction[ahead], "m") for e in evaluated)]
         for ahead in first.prediction
     ]  # fmt: skip
     rows += [
-        [f"error of {name}, rms", *(value(e.rmse[name], EVALUATED[name]) for e in evaluated)]
+        [f"error of {name}, rms", *(value(e.rmse[name], units[name]) for e in evaluated)]
         for name in first.rmse
     ]
-    title = f"{of.bearing.name}: {len(of.record)} samples"
+    title = f"{of.machine.name}: {len(of.record)} samples"
     figure = filter_figure(of.record, of.evaluations, of.smoothed)
     return Card(title, rows, figure, ["", *of.evaluations])
 

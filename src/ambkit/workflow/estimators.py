@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ambkit.base.asked import names_in
 from ambkit.base.errors import AmbkitError
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.noise import FilterNoise
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel, Precision
 
 USUAL = ("linear", "adaptive", "closed-law")
@@ -46,8 +47,9 @@ class FromFile:
 
 def factories(
     names: Iterable[str],
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     magnets: Mapping[str, MagnetModel] | None = None,
+    synchronous: Sequence[str] = (),
 ) -> dict[str, Factory]:
     """Return what builds each of the chosen estimators, as often as asked."""
     chosen, given = expanded(names), dict(magnets or {})
@@ -57,11 +59,19 @@ def factories(
 
     def factory(name: str) -> Factory:
         if name.endswith(FILTER_SUFFIX):
+            if synchronous:
+                raise AmbkitError(f"synchronous is of kinds; {name} says itself what it estimates")
             return FromFile(FilterFile.load_for(name, bearing))
         magnet = given[name] if name in given else learned_magnet(name, bearing)
-        return lambda noise=None, **options: KINDS[name].make(
-            bearing, magnet, noise=noise, **options
-        )
+        turning = {"synchronous": synchronous} if synchronous else {}
+
+        def make(noise: FilterNoise | None = None, **options: Any) -> Estimator:
+            try:
+                return KINDS[name].make(bearing, magnet, noise=noise, **turning, **options)
+            except ValueError as error:
+                raise AmbkitError(str(error)) from error
+
+        return make
 
     return {name: factory(name) for name in chosen}
 

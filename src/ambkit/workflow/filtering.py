@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ambkit.base.asked import Given, in_si, of_type
+from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
 from ambkit.data.record import Record
+from ambkit.data.signals import by_name, signal
 from ambkit.estimate.noise import FilterNoise
-from ambkit.judge.comparison import EVALUATED
-from ambkit.judge.evaluation import Evaluation, evaluate
+from ambkit.judge.evaluation import Evaluation, errors_along, evaluate
 from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine, as_machine
+from ambkit.simulation.sequence import Mode
 from ambkit.workflow.estimators import USUAL, Factory, FromFile, factories
+from ambkit.workflow.harmonics import Harmonic, harmonics
 from ambkit.workflow.oddities import OutsideOfBox, outside_of_box
 from ambkit.workflow.tuning import default_disturbance, log_likelihood, tune_disturbance
 
 if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
     from ambkit.estimate.estimate import Estimate
     from ambkit.machine.magnets import MagnetModel
 
@@ -77,8 +82,10 @@ class Filtered:
     evaluation: Evaluation  #: How well the two fit, with its estimate.
     tuning: TunedNoise | None = None  #: None where nothing was tuned.
     smoothed: Estimate | None = None  #: Each sample estimated from the whole record, if asked for.
-    #: None where no expert is asked beyond its box in more than a hundredth of the samples.
-    outside: OutsideOfBox | None = None
+    #: By axis, where an expert is asked beyond its box in more than a hundredth of the samples.
+    outside: Mapping[str, OutsideOfBox] = field(default_factory=dict)
+    #: What it says of unbalance and runout at the end of the record.
+    turning: Sequence[Harmonic] = ()
 
     @property
     def absurd(self) -> bool:
@@ -92,8 +99,8 @@ class Filtering(Shown):
 
     _card_by = "workflow.cards:filtering"
 
-    bearing: Bearing  #: What they assume.
-    record: Record  #: What they filtered.
+    machine: Machine  #: What they assume.
+    record: Record  #: What they filtered: of lift-off and landing what lies between.
     stretch: Stretch | None  #: What they were tuned on.
     settling: float  #: Time at the start that does not count [s].
     estimators: Mapping[str, Filtered]  #: By name.
@@ -114,29 +121,34 @@ class Filtering(Shown):
 
     def after(self, name: str) -> dict[str, Any]:
         """What is told of a smoothed estimate: its load, and its errors against the truth."""
-        estimate, log = self.smoothed[name], self.record
-        late = log.t - log.t[0] >= self.settling
+        estimate, t = self.smoothed[name], self.record.t
+        first = int(np.argmax(t - t[0] >= self.settling))
+        axes = [axis.name for axis in self.machine.axes]
+        loads = [estimate[signal("f_d", axis)][first:] for axis in axes]
         return {
-            "rmse": {
-                signal: float(np.sqrt(np.mean((estimate[signal] - log[signal])[late] ** 2)))
-                for signal in EVALUATED
-                if signal in log.truth
-            },
-            "disturbance_mean": float(estimate.f_d[late].mean()),
-            "disturbance_std": float(estimate.f_d[late].std()),
+            "rmse": errors_along(estimate, self.record, first),
+            "disturbance_mean": by_name(axes, [float(load.mean()) for load in loads]),
+            "disturbance_std": by_name(axes, [float(load.std()) for load in loads]),
         }
+
+    def growth(self, noise: FilterNoise) -> Any:
+        """Growth of the load's variance that is assumed [N^2/s]; of several by their axes."""
+        axes, growth = (axis.name for axis in self.machine.axes), noise.disturbance
+        return dict(zip(axes, growth, strict=True)) if isinstance(growth, tuple) else growth
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
         return {
-            "bearing": self.bearing.name,
+            "machine": self.machine.name,
             "estimators": {
                 name: each.evaluation.to_dict()
-                | {"disturbance_noise": each.noise.disturbance}
+                | {"disturbance_noise": self.growth(each.noise)}
                 | ({"smoothed": self.after(name)} if each.smoothed is not None else {})
+                | ({"synchronous": {h.name: h.to_dict() for h in each.turning}}
+                   if each.turning else {})
                 for name, each in self.estimators.items()
             },
-        }
+        }  # fmt: skip
 
     def to_record(self) -> Record:
         """Return the estimates; of several estimators, each signal carries the name."""
@@ -151,7 +163,7 @@ class Filtering(Shown):
 
 
 def filter(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     record: Record,
     estimators: Iterable[str] | Mapping[str, Factory] = USUAL,
     *,
@@ -160,6 +172,7 @@ def filter(
     tune: Given | None = None,
     settling: Given = 0.0,
     smooth: bool = False,
+    synchronous: Sequence[str] = (),
     done: Callable[[Filtered], None] = lambda _one: None,
 ) -> Filtering:
     """Run estimators along a record, and judge them.
@@ -170,10 +183,12 @@ def filter(
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         What the estimators assume.
     record : Record
-        With ``y`` [m] and ``u`` [V]; with truth where simulated.
+        With ``y`` [m] and ``u`` [V], of several axes ``y_NAME`` of each reading and ``u_NAME`` of
+        each axis; with truth where simulated. Where its ``mode`` says that the magnets have no
+        current, it is left out.
     estimators : iterable of str, or mapping of str to Factory
         Some of :data:`ambkit.estimate.registry.KINDS`, or what builds them.
     magnets : mapping of str to MagnetModel, optional
@@ -187,6 +202,8 @@ def filter(
         Time at the start that does not count [s].
     smooth : bool
         Whether each sample is also estimated from the whole record.
+    synchronous : sequence of str
+        What rotates with the rotor and is estimated too: ``"unbalance"``, ``"runout"``.
     done : callable
         Called with each estimator that is done.
 
@@ -198,7 +215,7 @@ def filter(
     Raises
     ------
     AmbkitError
-        There is no such estimator, or a time is none.
+        There is no such estimator, a time is none, or the record lacks a signal.
     TypeError
         `bearing` is no bearing, or `record` no record.
     RecordError
@@ -215,30 +232,62 @@ def filter(
     >>> 0.9 < filtering["closed-law"].evaluation.nis < 1.1
     True
     """
-    of_type(Bearing, bearing=bearing)
+    of_type(Bearing, Machine, bearing=bearing)
     of_type(Record, record=record)
+    machine = as_machine(bearing)
+    check_signals(machine, record)
     tune, settling = in_si("tune", tune, "s"), in_si("settling", settling, "s")
     noise = noise or FilterNoise()
     if tune is not None and noise.disturbance is not None:
         raise ValueError("tune finds what noise.disturbance gives: use one of them")
+    begin, end = in_flight(record)
+    until, record = record.between(stop=end), record.between(begin, end)
     stretch = stretch_to_tune_on(record, tune) if noise.disturbance is None else None
     late = max(settling, stretch.stop if stretch else 0.0)
     built = (
-        estimators if isinstance(estimators, Mapping) else factories(estimators, bearing, magnets)
+        estimators
+        if isinstance(estimators, Mapping)
+        else factories(estimators, bearing, magnets, synchronous)
     )
     found = {}
     for name, build in built.items():
         # A filter from a file assumes what the file says.
         if isinstance(build, FromFile):
             own = FilterNoise(*build().variances)
-            one = _filtered(name, build, record, own, None, late)
+            estimator, one = _filtered(name, build, record, own, None, late)
         else:
-            one = _filtered(name, build, record, noise, stretch, late)
-        if smooth:
-            one = replace(one, smoothed=build(one.noise).smooth(record))
+            estimator, one = _filtered(name, build, record, noise, stretch, late)
+        one = replace(
+            one,
+            outside=outside_of_box(estimator, one.evaluation.estimate, record),
+            turning=harmonics(estimator, until),
+            smoothed=build(one.noise).smooth(record) if smooth else None,
+        )
         found[name] = one
         done(one)
-    return Filtering(bearing, record, stretch, late, found)
+    return Filtering(machine, record, stretch, late, found)
+
+
+def check_signals(machine: Machine, record: Record) -> None:
+    """Refuse a record without a reading or a control signal of a machine."""
+    needed = [signal("y", r.name) for r in machine.readings]
+    needed += [signal("u", axis.name) for axis in machine.axes]
+    lacking = [name for name in needed if name not in record]
+    if lacking:
+        raise AmbkitError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
+
+
+def in_flight(record: Record) -> tuple[float | None, float | None]:
+    """From when to when the magnets have currents, in a record of lift-off and landing [s]."""
+    # A rotor that lies has the backup bearings' forces, and magnets that are off, which no
+    # estimator is told. None and None: a record without a ``mode``, or one that never lifts.
+    if "mode" not in record:
+        return None, None
+    on = np.flatnonzero(np.isin(record["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING)))
+    if len(on) < 3:
+        return None, None
+    end = int(on[-1]) + 1
+    return float(record.t[on[0]]), float(record.t[end]) if end < len(record) else None
 
 
 def _filtered(
@@ -248,24 +297,22 @@ def _filtered(
     noise: FilterNoise,
     stretch: Stretch | None,
     settling: float,
-) -> Filtered:
-    def evaluated(assumed: FilterNoise) -> Evaluation:
-        return evaluate(build(assumed), record, horizons=HORIZONS, settling=settling)
-
-    def outside(evaluation: Evaluation) -> OutsideOfBox | None:
-        return outside_of_box(build(), evaluation.estimate, record)
+) -> tuple[Estimator, Filtered]:
+    def evaluated(assumed: FilterNoise) -> tuple[Estimator, Evaluation]:
+        estimator = build(assumed)
+        return estimator, evaluate(estimator, record, horizons=HORIZONS, settling=settling)
 
     if stretch is None:
-        evaluation = evaluated(noise)
-        return Filtered(name, noise, evaluation, outside=outside(evaluation))
+        estimator, evaluation = evaluated(noise)
+        return estimator, Filtered(name, noise, evaluation)
     found, why = _tuned(build, noise, record, stretch)
     untuned = replace(noise, disturbance=default_disturbance(build().bearing))
     with_found, without = evaluated(found), evaluated(untuned)
-    worse = _likelihood(with_found) < _likelihood(without)
+    worse = _likelihood(with_found[1]) < _likelihood(without[1])
     kept = not (worse and stretch.by_itself)
     tuning = TunedNoise(found, untuned, why, worse, kept)
-    assumed, evaluation = (found, with_found) if kept else (untuned, without)
-    return Filtered(name, assumed, evaluation, tuning, outside=outside(evaluation))
+    assumed, (estimator, evaluation) = (found, with_found) if kept else (untuned, without)
+    return estimator, Filtered(name, assumed, evaluation, tuning)
 
 
 def _tuned(

@@ -12,7 +12,7 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
-from ambkit.judge.machine import errors_along
+from ambkit.judge.evaluation import errors_along
 from ambkit.simulation.controllers import controllers_of
 from ambkit.simulation.default_control import settled_flight
 from ambkit.simulation.flight import Flight

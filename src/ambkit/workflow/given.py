@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ from ambkit.base.asked import in_si, names_in, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
+from ambkit.workflow.estimators import factories
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -40,7 +40,7 @@ def given_estimators(given: Any, bearing: Bearing | Machine) -> dict[str, Estima
                 raise AmbkitError(f"two filters are called {each.name}: give them as a mapping")
             found[each.name] = each
         else:
-            found |= _named(os.fspath(each), bearing)
+            found |= {name: make() for name, make in factories([each], bearing).items()}
     for name, each in found.items():
         T = each.bearing.sampling_time
         if abs(T - bearing.sampling_time) > 1e-9 * T:
@@ -55,27 +55,4 @@ def of_machine(
     name: str, machine: Machine, *, synchronous: Sequence[str] = (), noise: Any = None
 ) -> Estimator:
     """Return an estimator for a machine, of a kind or in a file."""
-    from ambkit.estimate.registry import FILTER_SUFFIX, kind_called, learned_magnet
-
-    if name.endswith(FILTER_SUFFIX):
-        from ambkit.estimate.filter_file import FilterFile
-
-        if synchronous:
-            raise AmbkitError(f"--synchronous is of kinds; {name} says itself what it estimates")
-        return FilterFile.load_for(name, machine).make()
-    kind = kind_called(name)
-    try:
-        return kind.make(
-            machine, learned_magnet(name, machine), noise=noise, synchronous=synchronous
-        )
-    except ValueError as error:
-        raise AmbkitError(str(error)) from error
-
-
-def _named(name: str, bearing: Bearing | Machine) -> dict[str, Estimator]:
-    """Return the estimators of a kind or in a file, made anew."""
-    from ambkit.workflow.estimators import factories
-
-    if isinstance(bearing, Machine):
-        return {name: of_machine(name, bearing)}
-    return {name: make() for name, make in factories([name], bearing).items()}
+    return factories([name], machine, synchronous=synchronous)[name](noise)

@@ -6,13 +6,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ambkit.data.signals import signal
 from ambkit.fuzzy.expert import Expert
+from ambkit.machine.bank import alone_of, models_of
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.estimate import Estimate
+
+Array = NDArray[np.float64]
 
 OUTSIDE = 0.01
 """An expert that is asked outside of its box in more than this part of the samples is noted."""
@@ -32,28 +37,41 @@ def lost_control(record: Record) -> tuple[int, int]:
     """Return how many samples lack the control signal, and how many in a row at most."""
     # Nobody knows what acted on the rotor then: filters hold the last value, and are less sure for
     # a while than they say.
-    lost = ~np.isfinite(record["u"])
+    lost = ~np.isfinite([record[n] for n in record if n.partition("_")[0] == "u"]).all(axis=0)
     if not lost.any():
         return 0, 0
     edges = np.flatnonzero(np.diff(np.r_[False, lost, False])).reshape(-1, 2)
     return int(lost.sum()), int(np.ptp(edges, axis=1).max())
 
 
-def outside_of_box(estimator: Estimator, estimate: Estimate, record: Record) -> OutsideOfBox | None:
-    """Return how often an expert was asked beyond its box, if that is worth a word."""
-    expert, b = getattr(estimator, "magnet", None), estimator.bearing
-    if not isinstance(expert, Expert):
-        return None
-    current = np.clip(b.amplifier.gain * record["u"], b.current_min, b.current_max)
+def outside_of_box(
+    estimator: Estimator, estimate: Estimate, record: Record
+) -> dict[str, OutsideOfBox]:
+    """Return of each axis how often its expert was asked beyond its box, if worth a word."""
+    machine, found = estimator.machine, {}
+    each = zip(machine.axes, models_of(estimator.magnet), alone_of(machine), strict=True)
+    for axis, expert, b in each:
+        if not isinstance(expert, Expert):
+            continue
+        current = np.clip(
+            b.amplifier.gain * record[signal("u", axis.name)], b.current_min, b.current_max
+        )
+        x = sum(form * estimate[q] for q, form in axis.line.form.items())
+        one = _outside(expert, current, np.asarray(x))
+        if one.share > OUTSIDE:
+            found[axis.name] = one
+    return found
+
+
+def _outside(expert: Expert, current: Array, x: Array) -> OutsideOfBox:
+    """Return how often an expert was asked beyond its box, at currents [A] and positions [m]."""
     box = expert.current_range, expert.displacement_range
     # The ends may be off by a rounding; what is missing is not outside.
     slack = [1e-9 * (high - low) for low, high in box]
     beyond = [
         (at < low - s) | (at > high + s)
-        for at, (low, high), s in zip((current, estimate.x), box, slack, strict=True)
+        for at, (low, high), s in zip((current, x), box, slack, strict=True)
     ]
     share = float(np.mean(beyond[0] | beyond[1]))
-    if share <= OUTSIDE:
-        return None
     ends = [(low, high, float(np.mean(b))) for (low, high), b in zip(box, beyond, strict=True)]
     return OutsideOfBox(share, ends[0], ends[1])

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 from ambkit.data.reading.spike_free import spike_free
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate, Status
+from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import GRAVITY
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
 
 DECADES = (-8.0, 1.0)
 """Range of the search, in decades around ``(2 m g)^2`` a second."""
@@ -34,9 +36,20 @@ TOO_LARGE = 2.0
 """Innovations over what the filter expects, root mean square, that no load explains."""
 
 
-def default_disturbance(bearing: Bearing) -> float:
-    """Growth of the disturbance force's variance that an untuned filter assumes [N^2/s]."""
-    return float((2 * bearing.rotor.mass * GRAVITY) ** 2)
+def default_disturbance(machine: Bearing | Machine) -> Any:
+    """Growth of the disturbance force's variance of an untuned filter, of each axis [N^2/s]."""
+    return _grown([(2 * b.rotor.mass * GRAVITY) ** 2 for b in alone_of(machine)], 1.0)
+
+
+def _grown(own: Any, factor: float) -> Any:
+    each = tuple(factor * float(one) for one in np.atleast_1d(own))
+    return each if len(each) > 1 else each[0]
+
+
+def growth_text(growth: Any) -> str:
+    """Return a growth of the disturbance force's variance, of each axis, as text."""
+    each = dict.fromkeys(f"{one:.3g}" for one in np.atleast_1d(growth))
+    return f"{' and '.join(each)} N^2/s"
 
 
 def log_likelihood(estimate: Estimate, first: int = 1) -> float:
@@ -47,31 +60,23 @@ def log_likelihood(estimate: Estimate, first: int = 1) -> float:
     # more likely for it. What a filter has no idea of, as a low-pass, does not count.
     taken = _taken(estimate)
     taken[: max(1, first)] = False
-    if estimate.innovation_variance.ndim > 1:  # one reading after another, each given those before
-        e, S = estimate.innovation[taken], estimate.innovation_variance[taken]
-        told = S > 0
-        return float(-0.5 * np.sum(np.log(S[told]) + e[told] ** 2 / S[told]))
-    taken &= estimate.innovation_variance > 0
-    return float(-0.5 * np.sum(np.log(estimate.innovation_variance[taken]) + estimate.nis[taken]))
+    # Of several readings one after another, each given those before.
+    e, S = estimate.innovation[taken], estimate.innovation_variance[taken]
+    told = S > 0
+    return float(-0.5 * np.sum(np.log(S[told]) + e[told] ** 2 / S[told]))
 
 
 @dataclass(frozen=True)
 class TunedDisturbance:
     """What a stretch of a record says of how fast the load wanders."""
 
-    growth: float  #: Growth of the variance of the disturbance force to be used [N^2/s].
+    #: Growth of the variance of the disturbance force to be used [N^2/s], of several axes of each.
+    growth: Any
     why: str = ""  #: Why it is that, where the stretch does not single one out; else empty.
 
 
-def most_likely_disturbance(
-    bearing: Bearing, record: Record, make: Callable[[float], Estimator]
-) -> float:
-    """Find the growth of the disturbance force under which a record is most likely."""
-    return tune_disturbance(bearing, record, make).growth
-
-
 def tune_disturbance(
-    bearing: Bearing, record: Record, make: Callable[[float], Estimator]
+    machine: Bearing | Machine, record: Record, make: Callable[[Any], Estimator]
 ) -> TunedDisturbance:
     """Find the growth of the disturbance force under which a record is most likely."""
     # The paper leaves it to experiment. Too small, and the filter is sure of a wrong force; too
@@ -81,13 +86,13 @@ def tune_disturbance(
     # small growth is as likely, the largest of these is taken.
     from scipy.optimize import brentq, minimize_scalar
 
-    own = default_disturbance(bearing)
+    own = default_disturbance(machine)
     low, high = DECADES
     record, _ = spike_free(record)
 
     @cache
     def cost(decade: float) -> float:
-        return -log_likelihood(make(own * 10**decade).run(record))
+        return -log_likelihood(make(_grown(own, 10**decade)).run(record))
 
     # The likelihood can have a flat or second hill: look everywhere first, then go up the highest.
     grid = np.arange(low, high + 0.5)
@@ -101,29 +106,29 @@ def tune_disturbance(
     def ruled_out(decade: float) -> float:
         return cost(decade) - cost(at) - MUCH_LESS_LIKELY
 
-    larger = _innovations_over_expected(make(own * 10**at).run(record))
+    larger = _innovations_over_expected(make(_grown(own, 10**at)).run(record))
     if at > high - AT_THE_END or larger > TOO_LARGE:
         return TunedDisturbance(
             own,
             "no load explains this stretch: with the likeliest load noise, "
-            f"{own * 10**at:.3g} N^2/s, the innovations are {larger:.1f} times what the filter "
-            "expects. Is the noise of the sensor as large as the bearing says "
-            f"(--measurement-noise)? The untuned load noise is kept, {own:.3g} N^2/s",
+            f"{growth_text(_grown(own, 10**at))}, the innovations are {larger:.1f} times what the "
+            "filter expects. Is the noise of the sensor as large as the bearing says "
+            f"(--measurement-noise)? The untuned load noise is kept, {growth_text(own)}",
         )
     if ruled_out(0.0) < 0:
         return TunedDisturbance(own, "this stretch does not tell how fast the load wanders, so the "
-                                     f"untuned load noise is kept, {own:.3g} N^2/s")  # fmt: skip
+                                     f"untuned load noise is kept, {growth_text(own)}")  # fmt: skip
     if ruled_out(low) < 0:
         beyond = next((float(d) for d in grid if d > at and ruled_out(float(d)) > 0), at)
-        most = own * 10**at
+        most = _grown(own, 10**at)
         if beyond > at:
-            most = float(own * 10 ** brentq(ruled_out, at, beyond, xtol=0.02))
+            most = _grown(own, 10 ** brentq(ruled_out, at, beyond, xtol=0.02))
         return TunedDisturbance(
             most,
-            f"the load hardly wanders in this stretch: any load noise up to {most:.3g} N^2/s is as "
-            "likely, and this one is used",
+            "the load hardly wanders in this stretch: any load noise up to "
+            f"{growth_text(most)} is as likely, and this one is used",
         )
-    return TunedDisturbance(float(own * 10**at))
+    return TunedDisturbance(_grown(own, 10**at))
 
 
 def _innovations_over_expected(estimate: Estimate) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.data.signals import signal
 from ambkit.estimate.view import View
-from ambkit.judge.machine import errors_along
+from ambkit.judge.evaluation import errors_along
 from ambkit.machine.bank import weights_of
 from ambkit.simulation.flight import Disturbance, Flight
 from ambkit.simulation.machine import simulate_machine

@@ -9,7 +9,7 @@ from html import escape
 from typing import Any
 
 from ambkit.base.escaping import one_line
-from ambkit.base.units import engineering, typeset
+from ambkit.base.units import figure, typeset
 from ambkit.show.notebook.drawing import plot
 from ambkit.show.report.figure import Figure
 from ambkit.show.report.static import light
@@ -84,6 +84,6 @@ def _text(text: str) -> str:
     return escape(line if len(line) <= LONGEST else f"{line[: LONGEST - 3]}...")
 
 
-def value(number: float, unit: str, digits: int = 4) -> str:
+def value(number: Any, unit: str, digits: int = 4) -> str:
     """Print a value with its unit for a table; a dash where there is none."""
-    return "–" if number != number else typeset(engineering(number, unit, digits))
+    return typeset(figure(number, unit, digits))

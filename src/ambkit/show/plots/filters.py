@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from ambkit.base.escaping import label as label_of
 from ambkit.base.escaping import markdown
+from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Status
+from ambkit.judge.evaluation import true_signal
 from ambkit.show.plots.looks import (
     CURRENT,
     DISTURBANCE,
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.estimate import Estimate
     from ambkit.judge.evaluation import Evaluation
+    from ambkit.models.model import Descriptor
 
 Array = NDArray[np.float64]
 
@@ -48,15 +51,16 @@ def filter_figure(
     smoothed: Mapping[str, Estimate] | None = None,
 ) -> Figure:
     """Show what filters estimate along a record, and how their innovations fare."""
-    t, truth = record.t, record.truth
+    t = record.t
     time = replace(TIME, limits=(float(t[0]), float(t[-1])))
     smoothed = smoothed or {}
 
     def known(signal: str, style: str, **label: str) -> list[Item]:
         return [Line(t, record[signal], signal=style, **label)] if signal in record else []
 
-    def true(signal: str) -> list[Item]:
-        return known(signal, "truth") if signal in truth else []
+    def true(state: str) -> list[Item]:
+        truth = true_signal(record, state)
+        return [] if truth is None else [Line(t, truth, signal="truth")]
 
     def told(signal: str) -> list[Item]:
         return drawn(lambda estimate: estimate[signal] if signal in estimate.names else None)
@@ -71,34 +75,57 @@ def filter_figure(
             if (values := read(estimate)) is not None
         ]
 
-    absent = _absent(record)
+    estimates = [evaluation.estimate for evaluation in evaluated.values()]
+    absent = _absent(record, estimates[0])
     innovations = [
         innovation_panel(name, evaluation.estimate, time, absent)
         for name, evaluation in evaluated.items()
     ]
-    position = [*known("y", "measured"), *known("r", "reference"), *true("x"), *told("x")]
-    velocity = [*known("v_logged", "logged"), *true("v"), *told("v")]
-    disturbance = [*true("f_d"), *told("f_d")]
-    late = {n: None for each in evaluated.values() for n in each.estimate.of_role("current")}
-    follows = [line for name in late for line in told(name)]
-    currents = [Panel(time, CURRENT, [*true("iu"), *follows, *absent])] if follows else []
-    coloured = drawn(lambda estimate: estimate.sensor_noise)
+    settled = settled_samples(t, estimates)
+
+    def panel(state: Descriptor) -> Panel:
+        axis = of_state(state)
+        shown = [*true(state.name), *told(state.name)]
+        if state.name == "x":
+            shown = [*known("y", "measured"), *known("r", "reference"), *shown]
+            shown += known("x_logged", "logged")
+        if state.name == "v":
+            shown = [*known("v_logged", "logged"), *shown]
+        if state.role != "position":
+            axis = with_limits(axis, shown, settled)
+        return Panel(time, axis, [*shown, *absent])
+
+    late = {n: None for each in estimates for n in each.of_role("current")}
+    currents = [
+        Panel(time, CURRENT, [*true(f"iu{name.removeprefix('i')}"), *told(name), *absent])
+        for name in late
+    ]
+    coloured = [] if any(estimates[0].readings) else drawn(lambda each: each.sensor_noise)
     noises = [Panel(time, NOISE, [*whole_noise(record), *coloured, *absent])] if coloured else []
-    settled = settled_samples(t, [evaluation.estimate for evaluation in evaluated.values()])
     return Figure(
         id="filter",
         title=f"Estimates along {markdown(record.meta.get('source') or 'the record')}",
         caption="Bounds: two standard deviations of the innovation as the filter expects it. First "
         "guesses, at the start and after a long gap, may reach beyond the axes.",
         panels=[
-            Panel(time, POSITION, [*position, *known("x_logged", "logged"), *absent]),
-            Panel(time, with_limits(VELOCITY, velocity, settled), [*velocity, *absent]),
-            Panel(time, with_limits(DISTURBANCE, disturbance, settled), [*disturbance, *absent]),
+            *(panel(state) for state in estimates[0].states if state.role in AXES),
             *currents,
             *noises,
             *innovations,
         ],
     )
+
+
+AXES = {"position": POSITION, "velocity": VELOCITY, "disturbance force": DISTURBANCE}
+"""Axes of the states that are shown, by their roles."""
+
+
+def of_state(state: Descriptor) -> Axis:
+    """Return the axis of a state; one of several is named, and a tilt is in mrad."""
+    axis = AXES[state.role]
+    if state.name not in ("x", "v", "f_d"):
+        axis = replace(axis, label=f"{axis.label} {state.name}")
+    return replace(axis, unit=axis.unit.replace("mm", "mrad")) if "rad" in state.unit else axis
 
 
 def whole_noise(record: Record) -> list[Item]:
@@ -108,11 +135,12 @@ def whole_noise(record: Record) -> list[Item]:
     return [Line(record.t, record["y"] - record["x_m"], signal="measured")]
 
 
-def _absent(record: Record) -> list[Item]:
+def _absent(record: Record, estimate: Estimate) -> list[Item]:
     """Mark where nothing was measured."""
     from ambkit.show.plots.reading import missing_spans
 
-    t, lost = record.t, np.isnan(record["y"])
+    t = record.t
+    lost = np.isnan([record[signal("y", name)] for name in estimate.readings or ("",)]).any(axis=0)
     edges = np.flatnonzero(np.diff(np.r_[False, lost, False]))
     stretches = [(float(t[a]), float(t[b - 1])) for a, b in edges.reshape(-1, 2)]
     return list(missing_spans(stretches, t))
@@ -158,10 +186,13 @@ def _innovations(t: Array, innovation: Array) -> Item:
 
 def innovation_panel(name: str, estimate: Estimate, time: Axis, absent: Sequence[Item]) -> Panel:
     """Show innovations beside what the filter expects; mark those that would flatten the rest."""
-    t = estimate.t
+    # Of several readings those whose innovations are largest by what is expected.
+    t, e, S = estimate.t, estimate.innovation, estimate.innovation_variance
+    if e.ndim > 1:
+        k = int(np.argmax((e**2 / np.where(S > 0, S, np.inf)).mean(axis=0)))
+        e, S, name = e[:, k], S[:, k], f"{name} {estimate.readings[k]}".strip()
     told = estimate.used | ((estimate.status & np.uint16(Status.OUTLIER)) != 0)
-    innovation = np.where(told, estimate.innovation, np.nan)
-    expected = 2 * np.sqrt(estimate.innovation_variance)
+    innovation, expected = np.where(told, e, np.nan), 2 * np.sqrt(S)
     # The first bounds are so wide that they would make a line of all others.
     expected[expected > 1.5 * np.median(expected)] = np.nan
     expected[expected == 0] = np.nan  # a low-pass has no idea of them

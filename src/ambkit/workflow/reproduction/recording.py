@@ -28,7 +28,7 @@ from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Line, Points, Rule
 from ambkit.show.report.style import style_of
 from ambkit.workflow.reproduction.study import POSITION, TIME, Part, Study, row
-from ambkit.workflow.tuning import most_likely_disturbance
+from ambkit.workflow.tuning import tune_disturbance
 
 WORK_GAP = 0.010  # m: the ball's distance from the magnet at x = 0
 FIT_RANGE = (0.004, 0.016)  # m: where one law fits the lift-off points
@@ -101,7 +101,7 @@ class Rig:
         """Tune on the beginning of the record, judge on the rest; also the growth found."""
         make = self.maker(name)
         beginning = record.between(None, record.t[0] + TUNED_ON)
-        growth = most_likely_disturbance(self.bearing, beginning, make)
+        growth = tune_disturbance(self.bearing, beginning, make).growth
         return growth, evaluate(make(growth), record, settling=TUNED_ON)
 
     def naive(self, record: Record) -> Naive:
