@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ambkit.export.c import data
 from ambkit.export.c.model import by_loops
-from ambkit.models import Model, axis_model, compose, emit
+from ambkit.models import Model, compose, emit, machine_model
 from ambkit.models.parts import Amplifier, Delay, Disturbance, MagnetPlace, Rotor, Sensor
 from ambkit.models.plan import Part
 
@@ -75,7 +75,7 @@ def machines() -> dict[str, Model]:
     from ambkit.machine.bearing import Bearing
 
     return {
-        "the paper's axis": axis_model(Bearing.preset("zittau_axial")),
+        "the paper's axis": machine_model(Bearing.preset("zittau_axial")),
         "two axes": compose(axes(2), T, name="two"),
         "rigid rotor, gyroscopic": compose(axes(4), T, name="rigid"),
         "flexible rotor": compose(axes(4, 8, late=True), T, name="flexible"),

@@ -5,11 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
-from filter_cases import BEARING
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -131,13 +128,3 @@ def machine(
 
 
 # ---- a bearing ----
-
-
-def bearing(**keys: Any) -> Any:
-    """The preset with keys that it may have one day."""
-    sensor = SimpleNamespace(gain=1.0, lag=2e-4, **keys.pop("sensor", {}))
-    amplifier = SimpleNamespace(**keys.pop("amplifier", {}))
-    return SimpleNamespace(
-        magnet=BEARING.magnet, rotor=BEARING.rotor, sampling_time=BEARING.sampling_time,
-        sensor=sensor, sensor_lag=sensor.lag, amplifier=amplifier, **keys,
-    )  # fmt: skip

@@ -14,7 +14,7 @@ from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.loop.bounds import least_peaks
 from ambkit.judge.loop.margins import bode_integral, margins
 from ambkit.machine import presets
-from ambkit.models import axis_parts
+from ambkit.models import machine_parts
 from ambkit.models.linear import LinearSystem, Signal, linearised
 from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.linear.closed import Loop
@@ -295,7 +295,7 @@ def test_bodes_integral_to_six_digits(preset, late):
 
 def test_bodes_integral_of_an_undamped_spring_is_zero():
     """Its poles are on the unit circle, where S is zero: they count for nothing."""
-    springy = linearised(axis_parts(ZITTAU, noise=False), ZITTAU.sampling_time, 10.0, -7537.5)
+    springy = linearised(machine_parts(ZITTAU, noise=False), ZITTAU.sampling_time, 10.0, -7537.5)
     pid = PID(kp=100.0, ki=0.0, kd=3.0, feedback="measurement")
     loop = Loop(springy, compensator(controller(pid, ZITTAU), None, np.eye(1)))
     assert loop.is_stable

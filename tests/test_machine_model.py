@@ -21,8 +21,7 @@ from machine_cases import (
 
 from ambkit import Machine, magnet_of
 from ambkit.machine.magnets import core_module
-from ambkit.models import axis_model
-from ambkit.models.machine import machine_model
+from ambkit.models import machine_model
 
 UNITS = {"m": 1e-4, "rad": 1e-4, "m/s": 1e-1, "rad/s": 1e-1, "N": 10.0, "A": 1.0}
 
@@ -203,7 +202,7 @@ def test_axes_that_do_not_couple_are_those_of_bearings_alone() -> None:
     after = model.L @ X + model.b @ (F + model.r @ X)
     shown = model.index("x_m_A1")
     for k, axis in enumerate(one.axes):
-        alone = axis_model(one.alone(axis.name))
+        alone = machine_model(one.alone(axis.name))
         own = np.array([H[k] @ X[:4], H[k] @ X[4:8], X[8 + k], X[shown + k]])
         moved = alone.L @ own + alone.b[:, 0] * (F[k] + own[2])
         got = np.array([H[k] @ after[:4], H[k] @ after[4:8], after[8 + k], after[shown + k]])

@@ -257,7 +257,7 @@ def test_each_is_switched_on_by_name() -> None:
     assert len(KalmanFilter(one, synchronous=["runout"]).states) == count + 4
     with pytest.raises(ValueError, match="some of unbalance and runout, got 'hum'"):
         KalmanFilter(one, synchronous=("hum",))
-    with pytest.raises(ValueError, match="of a whole machine"):
+    with pytest.raises(ValueError, match="of a rotor that turns"):
         KalmanFilter(one.alone("A1"), synchronous=("runout",))
 
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from filter_cases import BEARING
-from model_cases import Axis, bearing, machine
+from model_cases import Axis, machine
 from model_oracles import random_model, random_settings
 from numpy.typing import NDArray
 
-from ambkit.models import NUMBER, ONE, ZERO, axis, axis_model, compose
+from ambkit.models import NUMBER, ONE, ZERO, compose, machine_model
+from ambkit.models import machine as compositions
 from ambkit.models.model import compressed_rows
 from ambkit.models.parts import (
     PARTS,
@@ -46,7 +46,7 @@ def test_the_pattern_is_of_the_kind_not_of_the_numbers() -> None:
 
 
 def test_the_paper_s_axis_has_the_paper_s_pattern() -> None:
-    pattern = axis_model(BEARING).pattern
+    pattern = machine_model(BEARING).pattern
     known = {
         "L": [[1, 2, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [2, 2, 0, 2]],
         "b": [[2], [2], [0], [2]], "B_u": [[0]] * 4, "h": [[1, 2, 0, 0]], "e": [[0] * 4],
@@ -59,7 +59,7 @@ def test_the_paper_s_axis_has_the_paper_s_pattern() -> None:
 
 
 def test_compressed_rows_hold_the_whole_pattern() -> None:
-    for model in (axis_model(BEARING), random_model(3, 12, 2, 3)):
+    for model in (machine_model(BEARING), random_model(3, 12, 2, 3)):
         for name in ("L", "b", "h", "c", "d"):
             start, column, value = compressed_rows(
                 getattr(model, name), model.pattern[name] != ZERO
@@ -80,7 +80,7 @@ def test_a_number_that_happens_to_be_zero_is_listed() -> None:
 
 
 def test_what_a_pattern_says_the_numbers_hold_to() -> None:
-    model = axis_model(BEARING)
+    model = machine_model(BEARING)
     with pytest.raises(ValueError, match="r has other numbers where its pattern says 0 or 1"):
         replace(model, r=2 * model.r)
     with pytest.raises(ValueError, match=r"b must be of shape \(4, 1\), is of \(3, 1\)"):
@@ -116,11 +116,10 @@ def test_at_rest_nothing_moves(case: Axis) -> None:
 
 
 def test_a_bearing_s_keys_bring_their_parts() -> None:
-    lines = [SimpleNamespace(frequency=at, amplitude=5e-6, bandwidth=0.5) for at in (50.0, 150.0)]
-    noise = SimpleNamespace(variance=1e-12, bandwidth=200.0)
-    model = axis_model(bearing(
-        delay=1.5e-4, amplifier={"bandwidth": 2000.0},
-        sensor={"coloured_noise": noise, "hum": lines},
+    lines = [{"frequency": at, "amplitude": 5e-6, "bandwidth": 0.5} for at in (50.0, 150.0)]
+    model = machine_model(BEARING.replace(
+        delay=1.5e-4, amplifier__bandwidth=2000.0, sensor__lag=2e-4, sensor__hum=lines,
+        sensor__coloured_noise={"variance": 1e-12, "bandwidth": 200.0},
     ))  # fmt: skip
     assert [at.name for at in model.states] == [
         "x", "v", "f_d", "x_m", "i", "u_1", "u_2", "n_y", "hum_c", "hum_s", "hum2_c", "hum2_s",
@@ -128,8 +127,6 @@ def test_a_bearing_s_keys_bring_their_parts() -> None:
     known = Axis(K_sen=1.0, bandwidth=2000.0, delay=1.5e-4, coloured=200.0, hum=(50.0, 0.5)).model()
     np.testing.assert_allclose(model.L[:10, :10], known.L, rtol=1e-9, atol=1e-25)
     assert [at.size for at in model.noises][1:] == pytest.approx([1e-6, *[5e-6 / 2**0.5] * 2])
-    plain = axis_model(bearing())
-    assert plain.pattern_key() == axis_model(BEARING).pattern_key()
 
 
 @dataclass(frozen=True)
@@ -139,8 +136,8 @@ class Mount:
     rate: float
 
     @classmethod
-    def of_axis(cls, bearing: Any, typical: Any) -> list[Mount]:
-        return [cls(bearing.creep)]
+    def of(cls, machine: Any, sizes: Any) -> list[Mount]:
+        return [cls(3.0)]
 
     def declare(self, plan: Plan) -> None:
         plan.state("creep", "m", 1e-6, "noise")
@@ -149,8 +146,8 @@ class Mount:
 
 
 def test_a_new_part_is_one_class_and_its_registration(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(axis, "PARTS", (*PARTS, Mount))
-    model = axis_model(bearing(creep=3.0))
+    monkeypatch.setattr(compositions, "PARTS", (*PARTS, Mount))
+    model = machine_model(BEARING)
     assert [at.name for at in model.states] == ["x", "v", "f_d", "x_m", "creep"]
     assert model.L[4, 4] == pytest.approx(math.exp(-3.0 * model.T))
     np.testing.assert_array_equal(model.c, [[0, 0, 0, 1, 1]])

@@ -23,7 +23,7 @@ from model_oracles import (
     random_state,
 )
 
-from ambkit.models import Model, axis_model, compose, emit
+from ambkit.models import Model, compose, emit, machine_model
 from ambkit.models.axis import PAPER_CONSTANTS
 from ambkit.models.parts import (
     Amplifier,
@@ -188,7 +188,7 @@ def _same_structure(code: Compiled, model: Model, X: Array) -> None:
 
 @compiled
 def test_the_axis_s_code_has_the_bits_of_the_loops(tmp_path: Path) -> None:
-    model = axis_model(BEARING)
+    model = machine_model(BEARING)
     s = Settings(*(np.array([at]) for at in (10.05, 7537.5, 1.0, 8e-5, 1e-3, 8.3e-11)))
     same_bits(model, s, tmp_path, PAPER_CONSTANTS)
 
@@ -257,21 +257,21 @@ def test_the_paper_s_axis_has_the_text_that_flies(function: Callable[[emit.Names
         return re.sub(r"\s+", " ", re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))
 
     flies = code((ROOT / "core" / "generated" / "axial.h").read_text())
-    text = code(function(emit.Names(axis_model(BEARING), PAPER_CONSTANTS))).strip()
+    text = code(function(emit.Names(machine_model(BEARING), PAPER_CONSTANTS))).strip()
     assert text.count(";") >= 1
     assert text in flies
 
 
 def test_a_one_by_structure_costs_no_product() -> None:
-    names = emit.Names(axis_model(BEARING), PAPER_CONSTANTS)
+    names = emit.Names(machine_model(BEARING), PAPER_CONSTANTS)
     assert list(names.constants.values())[:4] == ["T", "T_2", "T_m", "T2_2m"]
     assert "AMB_C(1.0) *" not in emit.header(names, "x")
     assert "mean[2] =" not in emit.predict_mean(names)  # f_d stays what it is
 
 
 def test_numbers_are_those_of_a_model_of_the_pattern() -> None:
-    names = emit.Names(axis_model(BEARING), PAPER_CONSTANTS)
-    lighter = axis_model(BEARING.replace(rotor__mass="0.5 kg"))
+    names = emit.Names(machine_model(BEARING), PAPER_CONSTANTS)
+    lighter = machine_model(BEARING.replace(rotor__mass="0.5 kg"))
     found = emit.constants(names, lighter)
     assert list(found) == list(PAPER_CONSTANTS.values())
     assert found["T_m"] == lighter.b[1, 0]

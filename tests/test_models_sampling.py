@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from ambkit.machine.magnets import core_module
-from ambkit.models import ZERO, axis, axis_model, compose
+from ambkit.models import ZERO, axis, compose, machine_model
 from ambkit.models.parts import (
     Amplifier,
     Disturbance,
@@ -142,7 +142,8 @@ def test_its_matrices_are_those_of_the_estimators(as_printed: bool) -> None:
     core = core_module()
     s = SETTINGS | {"as_printed": as_printed, "f_0": 0.0}
     A, B, Q_stepped = step_matrices(made(core, "Kalman", core.Constant(10.05, 7537.5), s), s)
-    model = axis_model(BEARING, as_printed=as_printed)
+    model = machine_model(BEARING)
+    model = axis.printed(model) if as_printed else model
     np.testing.assert_allclose(model.jacobian(10.05, 7537.5), A, rtol=1e-12)
     np.testing.assert_allclose(model.input_matrix(10.05)[:, 0] * SETTINGS["k_ui"], B, rtol=1e-12)
     var_u = SETTINGS["var_u"] * SETTINGS["k_ui"] ** 2

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, core_module
 from ambkit.models.axis import paper_pattern, printed
-from ambkit.models.machine import SYNCHRONOUS, machine_model, machine_parts
+from ambkit.models.machine import machine_model, machine_parts
 from ambkit.models.model import Model, compressed_rows
+from ambkit.models.parts import SYNCHRONOUS
 from ambkit.models.plan import Plan
 from ambkit.models.roles import ENUMERATORS, ROLES
 

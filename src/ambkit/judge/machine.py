@@ -18,7 +18,8 @@ from ambkit.judge import machine_reference
 from ambkit.machine.bank import alone_of, weights_of
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import Runout
-from ambkit.models.machine import unbalance_planes, velocity_of
+from ambkit.models.parts.rotor import velocity_of
+from ambkit.models.parts.synchronous import unbalance_planes
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import MachineRun, simulate_machine
 

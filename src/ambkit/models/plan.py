@@ -26,6 +26,11 @@ def row(place: Place) -> dict[str, float]:
     return {place: UNIT} if isinstance(place, str) else dict(place)
 
 
+def place(form: Mapping[str, float]) -> Place:
+    """Return a linear form of the coordinates, with ones by structure where it is along one."""
+    return {q: UNIT if q in "xyz" and value == 1 else value for q, value in form.items()}
+
+
 class Part(Protocol):
     """One part of a machine."""
 

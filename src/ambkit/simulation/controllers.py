@@ -318,7 +318,7 @@ def _synchronous(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
     # u leaves S = -M X + G X J.
     states, machine = _places(estimator, "unbalance"), plant.machine
     check_unbalance(estimator)
-    from ambkit.models.machine import unbalance_planes
+    from ambkit.models.parts.synchronous import unbalance_planes
 
     forms = [
         geometry.Line.across(z, turn)

@@ -17,7 +17,8 @@ from ambkit.machine.bank import alone_of, weights_of
 from ambkit.machine.hovering import hover_current
 from ambkit.machine.magnets import magnet_of, own_time
 from ambkit.models.linear import linearised
-from ambkit.models.machine import machine_parts, velocities_of
+from ambkit.models.machine import machine_parts
+from ambkit.models.parts.rotor import velocities_of
 from ambkit.simulation.gains import PEAK, weight_of
 from ambkit.simulation.holding_margins import Sensitivities, sensitivities, shown_along_axes
 from ambkit.simulation.scenario import PID

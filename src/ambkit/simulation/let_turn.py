@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import geometry
 from ambkit.machine.magnets import ConstantStiffness
-from ambkit.models.machine import SLOWEST, unbalance_planes
+from ambkit.models.parts.synchronous import SLOWEST, unbalance_planes
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator

@@ -21,7 +21,7 @@ from ambkit.data.signals import signal
 from ambkit.estimate.batch import processors
 from ambkit.estimate.estimate import Status
 from ambkit.machine import geometry
-from ambkit.models.machine import velocity_of
+from ambkit.models.parts.rotor import velocity_of
 from ambkit.simulation.machine import MachineRun, simulate_machine
 from ambkit.simulation.many import FIGURES as OF_ONE_AXIS
 from ambkit.simulation.many import FLAGS, Figure, Many, first_of

@@ -12,7 +12,7 @@ from ambkit.judge.loop.demands import of_unbalance, orbit, pairs_of
 from ambkit.machine import geometry
 from ambkit.machine.bank import alone_of
 from ambkit.machine.placed import Unbalance
-from ambkit.models.machine import unbalance_planes
+from ambkit.models.parts.synchronous import unbalance_planes
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine

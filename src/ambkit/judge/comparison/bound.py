@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.threads import one_thread
 from ambkit.machine.magnets import magnet_of
-from ambkit.models import axis_model
+from ambkit.models import machine_model
 from ambkit.models.axis import PAPER_STATES
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def bearing_bound(
 def _bearing_bound(
     bearing: Bearing, records: Sequence[Record], variances: Variances, unit: Array
 ) -> Array:
-    model = axis_model(bearing)
+    model = machine_model(bearing)
     plain = tuple(state.name for state in model.states) == PAPER_STATES
 
     def along(record: Record) -> tuple[Array, Array]:

@@ -10,15 +10,19 @@ from ambkit.models.parts.rotor import Rotor
 from ambkit.models.parts.sensor import Sensor
 from ambkit.models.parts.synchronous import SynchronousForce, SynchronousRunout
 
-PARTS = (Rotor, MagnetPlace, Disturbance, Sensor, Amplifier, Delay, ColouredNoise, Hum)
-"""In the order of their states; each takes what concerns it from a bearing (``of_axis``)."""
+PARTS = (Rotor, MagnetPlace, Disturbance, Sensor, Amplifier, Delay)
+"""In the order of their states; each takes what concerns it from a machine (``of``)."""
 
 SENSOR_NOISE = (ColouredNoise, Hum)
-"""Those that are noise of the sensor with a memory."""
+"""Coloured noise of the sensor; a filter may leave it out."""
+
+SYNCHRONOUS = {"unbalance": SynchronousForce, "runout": SynchronousRunout}
+"""What turns with the rotor and can be among the states, by name."""
 
 __all__ = [
     "PARTS",
     "SENSOR_NOISE",
+    "SYNCHRONOUS",
     "Amplifier",
     "ColouredNoise",
     "Delay",

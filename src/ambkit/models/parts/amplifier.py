@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ambkit.data.signals import signal
 from ambkit.models.parts.typical import Typical
 from ambkit.models.plan import UNIT, Plan
 
@@ -26,9 +28,12 @@ class Amplifier:
     """The magnet force that it feeds."""
 
     @classmethod
-    def of_axis(cls, bearing: Any, typical: Typical) -> list[Amplifier]:
-        """Return the amplifier of an axis; it lags if it has a bandwidth."""
-        return [cls(typical.current, getattr(bearing.amplifier, "bandwidth", None))]
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Amplifier]:
+        """Return the amplifier of each axis; it lags if it has a bandwidth."""
+        return [
+            cls(s.current, a.bearing.amplifier.bandwidth, *(signal(x, a.name) for x in "uif"))
+            for a, s in zip(machine.axes, sizes, strict=True)
+        ]
 
     def declare(self, plan: Plan) -> None:
         """Add the control, and the current if it lags behind."""

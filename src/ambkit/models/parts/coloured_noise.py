@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ambkit.data.signals import signal
 from ambkit.models.parts.typical import Typical
 from ambkit.models.plan import UNIT, Plan
 
@@ -24,10 +26,13 @@ class ColouredNoise:
     """The measurement it is on."""
 
     @classmethod
-    def of_axis(cls, bearing: Any, typical: Typical) -> list[ColouredNoise]:
-        """Return the sensor's, if it has any."""
-        noise = getattr(bearing.sensor, "coloured_noise", None)
-        return [cls(noise.variance, noise.bandwidth)] if noise else []
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[ColouredNoise]:
+        """Return that of each reading that has any."""
+        return [
+            cls(noise.variance, noise.bandwidth, signal("n_y", r.name), signal("y", r.name))
+            for r in machine.readings
+            if (noise := r.sensor.coloured_noise)
+        ]
 
     def declare(self, plan: Plan) -> None:
         """Add the state, its noise, and its share of the reading."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ambkit.data.signals import signal
 from ambkit.models.parts.typical import Typical
 from ambkit.models.plan import UNIT, Plan
 
@@ -25,10 +27,14 @@ class Delay:
     """The demanded current that is late."""
 
     @classmethod
-    def of_axis(cls, bearing: Any, typical: Typical) -> list[Delay]:
-        """Return the delay of the loop, if there is one."""
-        time = getattr(bearing, "delay", None)
-        return [cls(time, typical.current)] if time else []
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Delay]:
+        """Return the dead time of each control current, if there is one."""
+        if not machine.delay:
+            return []
+        return [
+            cls(machine.delay, s.current, signal("u", a.name))
+            for a, s in zip(machine.axes, sizes, strict=True)
+        ]
 
     def declare(self, plan: Plan) -> None:
         """Add the past controls."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ambkit.data.signals import signal
 from ambkit.models.parts.typical import Typical
 from ambkit.models.plan import Place, Plan
 
@@ -25,9 +27,12 @@ class Disturbance:
     """Where it pushes, away from the magnets."""
 
     @classmethod
-    def of_axis(cls, bearing: Any, typical: Typical) -> list[Disturbance]:
-        """Return the one that every estimator knows."""
-        return [cls(typical.force, growth=1e-3 * typical.force)]
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Disturbance]:
+        """Return one for each axis, at the place of its magnet force."""
+        return [
+            cls(s.force, 1e-3 * s.force, signal("f_d", a.name), signal("f", a.name))
+            for a, s in zip(machine.axes, sizes, strict=True)
+        ]
 
     def declare(self, plan: Plan) -> None:
         """Add the state and its noise."""

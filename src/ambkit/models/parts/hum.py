@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ambkit.data.signals import signal
 from ambkit.models.parts.typical import Typical
 from ambkit.models.plan import UNIT, Plan
 
@@ -28,13 +30,16 @@ class Hum:
     """The measurement it is on."""
 
     @classmethod
-    def of_axis(cls, bearing: Any, typical: Typical) -> list[Hum]:
-        """Return the sensor's lines: the first is ``hum``, the others are ``hum2``, ``hum3``."""
-        lines = getattr(bearing.sensor, "hum", None) or ()
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Hum]:
+        """Return the lines of each reading: the first is ``hum``, others are ``hum2``, ``hum3``."""
         return [
-            cls(line.frequency, line.amplitude, line.bandwidth, f"hum{k}" if k > 1 else "hum")
-            for k, line in enumerate(lines, 1)
-        ]
+            cls(
+                line.frequency, line.amplitude, line.bandwidth,
+                signal(f"hum{k if k > 1 else ''}", r.name), signal("y", r.name),
+            )
+            for r in machine.readings
+            for k, line in enumerate(r.sensor.hum, 1)
+        ]  # fmt: skip
 
     def declare(self, plan: Plan) -> None:
         """Add both states, their noise, and their share of the reading."""

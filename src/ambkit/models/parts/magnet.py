@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ambkit.data.signals import signal
 from ambkit.models.parts.typical import Typical
-from ambkit.models.plan import Place, Plan
+from ambkit.models.plan import Place, Plan, place
 
 
 @dataclass(frozen=True)
@@ -21,9 +23,12 @@ class MagnetPlace:
     """Where it pulls."""
 
     @classmethod
-    def of_axis(cls, bearing: Any, typical: Typical) -> list[MagnetPlace]:
-        """Return the one place of an axis's magnets."""
-        return [cls(typical.force)]
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[MagnetPlace]:
+        """Return where the magnets of each axis pull."""
+        return [
+            cls(s.force, signal("f", a.name), place(a.line.form))
+            for a, s in zip(machine.axes, sizes, strict=True)
+        ]
 
     def declare(self, plan: Plan) -> None:
         """Add the force."""

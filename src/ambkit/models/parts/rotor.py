@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from ambkit.machine.geometry import deflections, modal_positions
+from ambkit.machine.rotors.modes import Bending
 from ambkit.models.parts.typical import Typical
 from ambkit.models.plan import UNIT, Plan
 
@@ -47,9 +49,39 @@ class Rotor:
     """Speed of rotation [rad/s]."""
 
     @classmethod
-    def of_axis(cls, bearing: Any, typical: Typical) -> list[Rotor]:
-        """Return the mass of one axis."""
-        return [cls(bearing.rotor.mass, typical.displacement, typical.velocity)]
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Rotor]:
+        """Return it with its gyroscopics at the machine's speed, and its bending modes."""
+        positions = machine.positions
+        reach = max(
+            (abs(a.line.place) for a in machine.axes if not (a.line.axial or a.line.translation)),
+            default=1.0,
+        )
+        way, fast = max(s.displacement for s in sizes), max(s.velocity for s in sizes)
+        at = {q: k for k, q in enumerate(positions)}
+        polar = {("th_x", "th_y"): machine.rotor.polar_inertia} if "th_x" in positions else {}
+        stiffness: dict[str, float] = {}
+        damping: dict[tuple[str, str], float] = {}
+        circulatory: dict[tuple[str, str], float] = {}
+        bends: dict[str, tuple[float, float]] = {}
+        bending = machine.bending
+        if bending is not None:
+            stiffness = dict(
+                zip(modal_positions(bending), bending.stiffness.repeat(2), strict=True)
+            )
+            bends = _typical_bendings(machine, sizes)
+            polar, damping = _coupled(bending)
+            circulatory = _circulatory(bending)
+        masses = {(k, k): value for k, value in enumerate(machine.masses.tolist())}
+        own = cls(
+            masses, way, fast, positions, velocities_of(positions), speed=machine.speed,
+            gyroscopic={(at[i], at[j]): g for (i, j), g in polar.items()}
+            | {(at[j], at[i]): -g for (i, j), g in polar.items()},
+            stiffness={(at[q], at[q]): float(k) for q, k in stiffness.items()},
+            damping={(at[i], at[j]): d for (i, j), d in damping.items()},
+            circulatory={(at[i], at[j]): n for (i, j), n in circulatory.items()},
+            turns=tuple(q.startswith("th") for q in positions), lever=reach, bends=bends,
+        )  # fmt: skip
+        return [own]
 
     def declare(self, plan: Plan) -> None:
         """Add q, then q'."""
@@ -86,9 +118,9 @@ class Rotor:
     def _inverse_mass(self) -> dict[tuple[int, int], float]:
         """Return entries of the inverse of M: all within a group that M couples."""
         n = len(self.positions)
-        if not isinstance(self.mass, Mapping) and n == 1 and np.all(self.mass > 0):
-            return {(0, 0): 1 / self.mass}
         entries = self.mass if isinstance(self.mass, Mapping) else {(0, 0): self.mass}
+        if n == 1 and np.all(entries[0, 0] > 0):  # of many machines at once, too
+            return {(0, 0): 1 / entries[0, 0]}
         M, joined = np.zeros((n, n)), np.eye(n, dtype=bool)
         for (i, j), value in entries.items():
             M[i, j], joined[i, j], joined[j, i] = value, True, True
@@ -97,3 +129,71 @@ class Rotor:
         joined = np.linalg.matrix_power(joined.astype(np.int64), n) > 0
         inverse = np.linalg.inv(M)
         return {(int(i), int(j)): float(inverse[i, j]) for i, j in np.argwhere(joined)}
+
+
+def velocity_of(position: str) -> str:
+    """Return what the derivative of a coordinate is called: ``v_x``, ``w_x`` of ``th_x``."""
+    return f"w_{position[3:]}" if position.startswith("th_") else f"v_{position}"
+
+
+def velocities_of(positions: tuple[str, ...]) -> tuple[str, ...]:
+    """Return what the derivatives of the coordinates are called; that of a mass is ``v``."""
+    return ("v",) if positions == ("x",) else tuple(map(velocity_of, positions))
+
+
+def _coupled(
+    bending: Bending,
+) -> tuple[dict[tuple[str, str], float], dict[tuple[str, str], float]]:
+    """Return entries of G, of which those across the diagonal follow, and of D."""
+    # In one plane the slopes are th_y and those of the modes, in the other -th_x and those.
+    planes = [
+        [("x", 1.0), ("th_y", 1.0), *((f"{name}_x", 1.0) for name in bending.names)],
+        [("y", 1.0), ("th_x", -1.0), *((f"{name}_y", 1.0) for name in bending.names)],
+    ]
+    polar = {
+        (i, j): float(bending.polar[k, m] * si * sj)
+        for k, (i, si) in enumerate(planes[0][1:])
+        for m, (j, sj) in enumerate(planes[1][1:])
+        if bending.polar[k, m]
+    }
+    every = bending.damping.copy()
+    every[2:, 2:] += bending.internal
+    damping = {
+        (i, j): float(every[k, m] * si * sj)
+        for plane in planes
+        for k, (i, si) in enumerate(plane)
+        for m, (j, sj) in enumerate(plane)
+        if every[k, m]
+    }
+    return polar, damping
+
+
+def _circulatory(bending: Bending) -> dict[tuple[str, str], float]:
+    """Return entries of N: of D_internal (q' - speed J q), what is not of q'."""
+    # J turns from x towards y. What stands still for a rotor that turns moves for its material,
+    # which so drives a whirl that is slower than the rotor.
+    found: dict[tuple[str, str], float] = {}
+    for k, m in np.argwhere(bending.internal):
+        one, other, value = bending.names[k], bending.names[m], float(bending.internal[k, m])
+        found |= {(f"{one}_x", f"{other}_y"): value, (f"{one}_y", f"{other}_x"): -value}
+    return found
+
+
+LEAST_BENT = 1 / 30
+"""Of the travel, that a mode is expected to be out at least."""
+
+
+def _typical_bendings(machine: Any, sizes: Sequence[Typical]) -> dict[str, tuple[float, float]]:
+    """Return how far and how fast modes are bent [m], [m/s]: by what the magnets pull at most."""
+    bending, positions = machine.bending, modal_positions(machine.bending)
+    lines = [axis.line for axis in machine.axes]
+    least = LEAST_BENT * min(s.displacement for s in sizes)
+    most = np.full(len(positions), least)
+    for k, size in enumerate(sizes):
+        pull = size.force * np.eye(len(lines))[k]
+        most = np.maximum(most, np.abs(deflections(bending, lines, pull, positions)))
+    rates = bending.frequency.repeat(2)
+    return {
+        q: (float(far), float(far * rate))
+        for q, far, rate in zip(positions, most, rates, strict=True)
+    }

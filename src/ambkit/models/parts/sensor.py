@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ambkit.data.signals import signal
 from ambkit.models.parts.typical import Typical
-from ambkit.models.plan import UNIT, Place, Plan, row
+from ambkit.models.plan import UNIT, Place, Plan, place, row
 
 
 @dataclass(frozen=True)
@@ -27,11 +29,16 @@ class Sensor:
     """Where it looks."""
 
     @classmethod
-    def of_axis(cls, bearing: Any, typical: Typical) -> list[Sensor]:
-        """Return the sensor of an axis."""
-        sensor = bearing.sensor
-        lag = bearing.sensor_lag if sensor.lag else None
-        return [cls(sensor.gain, lag, abs(sensor.gain) * typical.displacement)]
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Sensor]:
+        """Return one for each reading."""
+        far = max(s.displacement for s in sizes)
+        return [
+            cls(
+                r.sensor.gain, machine.lag_of(r.sensor), abs(r.sensor.gain) * far,
+                signal("y", r.name), signal("x_m", r.name), place(r.line.form),
+            )
+            for r in machine.readings
+        ]  # fmt: skip
 
     def declare(self, plan: Plan) -> None:
         """Add the measurement, and the lagged position if there is a lag."""

@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
-from ambkit.models.plan import Place, Plan, row
+from ambkit.data.signals import signal
+from ambkit.machine.geometry import Line
+from ambkit.models.plan import Place, Plan, place, row
+
+GRADE = 6.3e-3
+"""Balance quality grade that an unknown unbalance is expected to have [m/s] (ISO 21940-11)."""
+RUNOUT = 3e-6
+"""Runout that is expected where none is described [m]."""
+SLOWEST = 100.0
+"""Speed from which on that is expected [rad/s]."""
+MEMORY = 1e5
+"""Time in which both may change by as much as they are expected to be [s]."""
 
 
 @dataclass(frozen=True)
@@ -31,14 +44,28 @@ class SynchronousForce:
     speeding: float = 0.0
     """By how much the speed grows [rad/s^2]."""
 
+    @classmethod
+    def of(cls, machine: Any, speeding: float) -> list[SynchronousForce]:
+        """Return one for each plane."""
+        planes = unbalance_planes(machine)
+        speed, usual = machine.speed, max(abs(machine.speed), SLOWEST)
+        size = machine.rotor.mass * GRADE / usual / len(planes)
+        return [
+            cls(
+                size, size * math.sqrt(machine.sampling_time / MEMORY), speed, f"U{k}",
+                *(place(machine.line(z, angle).form) for angle in (0.0, math.pi / 2)), speeding,
+            )
+            for k, z in enumerate(planes, 1)
+        ]  # fmt: skip
+
     def declare(self, plan: Plan) -> None:
         """Add both states, where they push, and their noise."""
         x, y = f"{self.name}_x", f"{self.name}_y"
-        for state, place, across, way in (
+        for state, along, across, way in (
             (x, self.along_x, self.along_y, -1.0), (y, self.along_y, self.along_x, 1.0)
         ):  # fmt: skip
             plan.state(state, "kg m", self.size, "unbalance")
-            pushed = {q: self.speed**2 * each for q, each in row(place).items()}
+            pushed = {q: self.speed**2 * each for q, each in row(along).items()}
             if self.speeding:
                 pushed |= {q: way * self.speeding * each for q, each in row(across).items()}
             plan.push(state, pushed)
@@ -73,6 +100,25 @@ class SynchronousRunout:
     """Of each sensor that sees it: state of the lagged reading, gain [1], lag [s], and cosine and
     sine of n times the angle by which it is farther round."""
 
+    @classmethod
+    def of(cls, machine: Any, speeding: float) -> list[SynchronousRunout]:
+        """Return one for each order that a sensor sees."""
+        parts: list[SynchronousRunout] = []
+        for sensor in machine.sensor:
+            told = {line.order: line.amplitude for line in sensor.runout} or {1: RUNOUT}
+            looking = [r for r in machine.readings if r.sensor is sensor]
+            for order, size in told.items():
+                # A quarter farther round: exactly 0 and 1 where they are.
+                around = [Line.across(0.0, order * k * math.pi / 2) for k in range(len(looking))]
+                seen = tuple(
+                    (signal("x_m", r.name), sensor.gain, machine.lag_of(sensor), at.cosine, at.sine)
+                    for r, at in zip(looking, around, strict=True)
+                )
+                growth = size * math.sqrt(machine.sampling_time / MEMORY)
+                name = f"r{order}_{sensor.name}"
+                parts.append(cls(size, growth, machine.speed, order, name, seen))
+        return parts
+
     def declare(self, plan: Plan) -> None:
         """Add both states, their share of the readings, and their noise."""
         c, s = f"{self.name}_c", f"{self.name}_s"
@@ -85,3 +131,14 @@ class SynchronousRunout:
                     plan.rate(shown, state, gain * share / lag)
         grown = dict.fromkeys((c, s), 1 / plan.T)
         plan.noise(self.name, "m", self.growth, grown, walk=False)
+
+
+def unbalance_planes(machine: Any) -> list[float]:
+    """Where unbalance is estimated: one or two described planes, or at the outer bearings."""
+    # Two planes are all that a rigid rotor has, and one that bends has another for each mode.
+    given = {each.place for each in machine.unbalance}
+    most = 2 if machine.bending is None else 2 + len(machine.bending.frequency)
+    if 0 < len(given) <= most:
+        return sorted(given)
+    places = sorted(each.place for each in machine.bearing if each.type == "radial")
+    return [places[0], places[-1]]

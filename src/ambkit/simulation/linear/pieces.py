@@ -15,11 +15,10 @@ from ambkit.machine.bank import alone_of
 from ambkit.machine.hovering import hover_current
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
-from ambkit.models import axis_parts
 from ambkit.models.linear import Complex, LinearSystem, Signal, linearised
-from ambkit.models.machine import machine_parts, place
-from ambkit.models.parts import PARTS, SENSOR_NOISE, SynchronousForce
-from ambkit.models.parts.typical import Typical
+from ambkit.models.machine import machine_parts
+from ambkit.models.parts import SynchronousForce
+from ambkit.models.plan import place
 from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
@@ -110,9 +109,7 @@ def plant(of: Bearing | Machine, point: WorkPoint, *, continuous: bool = False) 
     """Return amplifiers, dead time, magnets, rotor and sensors, from u and load to y and x."""
     # Within the limits of current and voltage, without rounding and noise; of a bent sensor the
     # slope at the work point.
-    machine = isinstance(of, Machine)
-    parts = machine_parts(of, noise=False) if machine else axis_parts(of, noise=False)
-    system = _linear(of, parts, point, continuous=continuous)
+    system = _linear(of, machine_parts(of, noise=False), point, continuous=continuous)
     B, C, alone = system.B.copy(), system.C, alone_of(of)
     B[:, : len(alone)] *= [b.amplifier.gain for b in alone]
     if isinstance(of, Machine):
@@ -144,9 +141,7 @@ def plant(of: Bearing | Machine, point: WorkPoint, *, continuous: bool = False) 
 
 def plants(bearings: Sequence[Bearing], points: Sequence[WorkPoint]) -> LinearSystem:
     """Return `plant` of bearings whose parts are alike, as matrices (bearings, ...)."""
-    typical = Typical.of(bearings[0])
-    kinds = [kind for kind in PARTS if kind not in SENSOR_NOISE]
-    each = [[part for kind in kinds for part in kind.of_axis(b, typical)] for b in bearings]
+    each = [machine_parts(b, noise=False) for b in bearings]
     parts = [_stacked(of) for of in zip(*each, strict=True)]
     k = np.array([
         [float(of[0]) for of in magnet_of(b).tangent(np.array([at.iu]), np.array([at.x]))]
@@ -172,7 +167,11 @@ def _stacked(parts: Sequence[Any]) -> Any:
     changes = {}
     for field in fields(first):
         values = [getattr(part, field.name) for part in parts]
-        if "size" not in field.name and any(value != values[0] for value in values):
+        if "size" in field.name or all(value == values[0] for value in values):
+            continue
+        if isinstance(values[0], Mapping):
+            changes[field.name] = {key: np.array([v[key] for v in values]) for key in values[0]}
+        else:
             changes[field.name] = np.array(values, float)
     return replace(first, **changes)
 
@@ -182,8 +181,8 @@ def unbalance_columns(machine: Machine, point: WorkPoint, places: Sequence[float
     # Each turns with the rotor, from x towards y: its force within the sample does.
     turning: list[Part] = [
         SynchronousForce(
-            1.0, 1.0, machine.speed, f"U{k}", place(machine.line(z, 0.0).form),
-            place(machine.line(z, math.pi / 2).form),
+            1.0, 1.0, machine.speed, f"U{k}",
+            *(place(machine.line(z, angle).form) for angle in (0.0, math.pi / 2)),
         )
         for k, z in enumerate(places)
     ]  # fmt: skip
