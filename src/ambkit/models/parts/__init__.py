@@ -1,5 +1,7 @@
 """The parts of a machine, one file each; what is registered here is composed."""
 
+from typing import Any
+
 from ambkit.models.parts.amplifier import Amplifier
 from ambkit.models.parts.coloured_noise import ColouredNoise
 from ambkit.models.parts.delay import Delay
@@ -16,7 +18,7 @@ PARTS = (Rotor, MagnetPlace, Disturbance, Sensor, Amplifier, Delay)
 SENSOR_NOISE = (ColouredNoise, Hum)
 """Coloured noise of the sensor; a filter may leave it out."""
 
-SYNCHRONOUS = {"unbalance": SynchronousForce, "runout": SynchronousRunout}
+SYNCHRONOUS: dict[str, Any] = {"unbalance": SynchronousForce, "runout": SynchronousRunout}
 """What turns with the rotor and can be among the states, by name."""
 
 __all__ = [

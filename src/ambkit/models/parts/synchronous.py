@@ -53,7 +53,7 @@ class SynchronousForce:
         return [
             cls(
                 size, size * math.sqrt(machine.sampling_time / MEMORY), speed, f"U{k}",
-                *(place(machine.line(z, angle).form) for angle in (0.0, math.pi / 2)), speeding,
+                *across(machine, z), speeding,
             )
             for k, z in enumerate(planes, 1)
         ]  # fmt: skip
@@ -61,13 +61,13 @@ class SynchronousForce:
     def declare(self, plan: Plan) -> None:
         """Add both states, where they push, and their noise."""
         x, y = f"{self.name}_x", f"{self.name}_y"
-        for state, along, across, way in (
+        for state, along, beside, way in (
             (x, self.along_x, self.along_y, -1.0), (y, self.along_y, self.along_x, 1.0)
         ):  # fmt: skip
             plan.state(state, "kg m", self.size, "unbalance")
             pushed = {q: self.speed**2 * each for q, each in row(along).items()}
             if self.speeding:
-                pushed |= {q: way * self.speeding * each for q, each in row(across).items()}
+                pushed |= {q: way * self.speeding * each for q, each in row(beside).items()}
             plan.push(state, pushed)
         _turn(plan, x, y, self.speed)
         grown = dict.fromkeys((x, y), 1 / plan.T)
@@ -131,6 +131,12 @@ class SynchronousRunout:
                     plan.rate(shown, state, gain * share / lag)
         grown = dict.fromkeys((c, s), 1 / plan.T)
         plan.noise(self.name, "m", self.growth, grown, walk=False)
+
+
+def across(machine: Any, z: float) -> tuple[Place, Place]:
+    """Return a place on the shaft, moved along x and along y."""
+    x, y = (place(machine.line(z, angle).form) for angle in (0.0, math.pi / 2))
+    return x, y
 
 
 def unbalance_planes(machine: Any) -> list[float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,8 +16,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.models.linear import Complex, LinearSystem, Signal, linearised
 from ambkit.models.machine import machine_parts
-from ambkit.models.parts import SynchronousForce
-from ambkit.models.plan import place
+from ambkit.models.parts.synchronous import SynchronousForce, across
 from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
@@ -164,7 +162,7 @@ def alike(bearing: Bearing) -> tuple[Any, ...]:
 def _stacked(parts: Sequence[Any]) -> Any:
     """Return parts that are alike as one, with arrays for the numbers that differ."""
     first = parts[0]
-    changes = {}
+    changes: dict[str, Any] = {}
     for field in fields(first):
         values = [getattr(part, field.name) for part in parts]
         if "size" in field.name or all(value == values[0] for value in values):
@@ -180,12 +178,9 @@ def unbalance_columns(machine: Machine, point: WorkPoint, places: Sequence[float
     """Return what a sample of unbalance of 1 kg m leaves in the plant's states (n, planes)."""
     # Each turns with the rotor, from x towards y: its force within the sample does.
     turning: list[Part] = [
-        SynchronousForce(
-            1.0, 1.0, machine.speed, f"U{k}",
-            *(place(machine.line(z, angle).form) for angle in (0.0, math.pi / 2)),
-        )
+        SynchronousForce(1.0, 1.0, machine.speed, f"U{k}", *across(machine, z))
         for k, z in enumerate(places)
-    ]  # fmt: skip
+    ]
     A = _linear(machine, [*machine_parts(machine, noise=False), *turning], point).A
     n = len(A) - 2 * len(places)
     return np.asarray(A[:n, n::2] - 1j * A[:n, n + 1 :: 2])
