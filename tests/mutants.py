@@ -414,7 +414,7 @@ def main() -> None:
                     precision=given.precision, expert_form=form,
                 )  # fmt: skip
             bench = Bench(made.folder, "f")
-            known = unseen.MACHINE if given.machine else unseen.FILTER
+            known = unseen.lists(bool(given.machine), False, False)
             constants = list(of_constants("f_data.c", bench.text("f_data.c")))
             operators = bench.operators(boundaries=given.boundaries)
             for what, mutants in (("constants", constants), ("operators", operators)):

@@ -57,12 +57,14 @@ static int moved_by(const amb_model *model, int j)
   const amb_real F[AMB_FORCES] = {0};
   amb_real states[AMB_STATES];
   int most = -1;
+  amb_real farthest = AMB_C(-1.0);
   only(model, j, states);
   amb_model_predict_mean(model, F, iu, states);
   for (int i = 0; i < amb_states(model); i++) {
-    if ((amb_model_role(model, i) == AMB_POSITION) &&
-        ((most < 0) || (amb_magnitude(states[i]) > amb_magnitude(states[most])))) {
+    const amb_real far = amb_magnitude(states[i]);
+    if ((amb_model_role(model, i) == AMB_POSITION) && (far > farthest)) {
       most = i;
+      farthest = far;
     }
   }
   return most;

@@ -92,7 +92,8 @@ def blind(
         return {"unseen": [], "not_run": []}
     flying = {name: text for name, text in texts.items() if not name.startswith(("self", "proof"))}
     one, controlled = estimator.whole is None, context["flown"] is not None
-    said = unseen.told(flying, unseen.lists(not one, controlled))
+    rounded = bool(np.any(estimator.core.parameters["set"]["step"]))
+    said = unseen.told(flying, unseen.lists(not one, controlled, rounded))
     has = None if one else machine_has(estimator, context)
     return {"unseen": said, "not_run": [] if has is None else unseen.not_run(flying, has)}
 
@@ -102,8 +103,9 @@ def machine_has(estimator: Estimator, context: dict[str, Any]) -> unseen.Has:
     direct = any(array["name"] == "model_B_u_column" for array in context["arrays"]) and bool(
         estimator.engine.model.B_u.any()
     )
-    rising = bool(np.any(estimator.core.parameters["set"]["rise"]))
-    plain = unseen.Has(len(estimator.states), direct, rising)
+    known = estimator.core.parameters["set"]
+    rising, rounded = bool(np.any(known["rise"])), bool(np.any(known["step"]))
+    plain = unseen.Has(len(estimator.states), direct, rising, rounded=rounded)
     if not context["controlled"]:
         return plain
     gains = any(context["matrices"][f"gain_{k}"] != "NULL" for k in range(3))

@@ -32,6 +32,7 @@ class Has(NamedTuple):
     turning: bool = False  # velocities of what the PIDs see have a part of the speed
     alone: bool = False  # each axis has a PID of its own, and nothing else acts on it
     tracking: bool = False  # integrals follow what is left of a demand
+    rounded: bool = False  # the readings of a sensor come in steps
 
 
 class NotRun(NamedTuple):
@@ -47,6 +48,7 @@ class NotRun(NamedTuple):
 _ONE = "of a single reading, or of kinds of filters that this is not"
 _DIRECT = "no control signal acts on the states past the magnets"
 _TURN = "no motion is left to the rotor"
+_ROUNDED = "no sensor's readings come in steps"
 
 NOT_RUN = (
     NotRun(
@@ -110,9 +112,16 @@ NOT_RUN = (
         "controller.c", "amb_pid_step", "status |= AMB_MISSING", "estimates are finite",
         lambda has: has.fed,
     ),
+    *(
+        NotRun(
+            "controller.c", "amb_pid_step", text, "the estimate has the velocity",
+            lambda has: has.fed,
+        )
+        for text in ("state->velocity +=", "FASTEST", "state->velocity = amb_clamp(")
+    ),
     NotRun(
-        "controller.c", "amb_pid_step", "state->velocity +=", "the estimate has the velocity",
-        lambda has: has.fed,
+        "controller.c", "amb_pid_step", "((velocity != NULL) &&", "readings have no velocity",
+        lambda has: not has.fed,
     ),
     NotRun(
         "controller.c", "amb_pid_step", "!saturated", "integrals follow what is left of a demand",
@@ -134,11 +143,25 @@ NOT_RUN = (
         "controllers.c", "amb_controllers_step", "status |= AMB_SATURATED",
         "each PID has held its axis to its limits", lambda has: has.alone,
     ),
-    NotRun("controllers.c", "find", "", _TURN, lambda has: not has.let_turn),
-    NotRun("controllers.c", "turned", "", _TURN, lambda has: not has.let_turn),
+    *(
+        NotRun("controllers.c", function, "", _TURN, lambda has: not has.let_turn)
+        for function in ("find", "turned", "taken", "leave")
+    ),
     *(
         NotRun("controllers.c", "amb_controllers_step", text, _TURN, lambda h: not h.let_turn)
-        for text in ("i < c->states", "i < turn->moved", "turned(")
+        for text in ("i < c->states", "i < c->let_turn->moved", "left.motion[", "left.current[")
+    ),
+    *(
+        NotRun(file, function, "", _ROUNDED, lambda has: not has.rounded)
+        for file, function in (
+            ("exponential.h", "amb_exp_polynomial"), ("exponential.h", "amb_exp_negative"),
+            ("real.h", "amb_at_least"), ("kalman.c", "density"), ("kalman.c", "mills"),
+            ("kalman.c", "amb_kalman_rounded"),
+        )
+    ),
+    NotRun(
+        "sequence.c", "mend", "AMB_LIFTING : AMB_TRIPPED", "for bits that flip in memory",
+        lambda _: True,
     ),
     NotRun(
         "controllers.c", "fed_back", "dot(", "no states are fed back", lambda has: not has.gains
@@ -158,7 +181,7 @@ FILTER = (
     Unseen("kalman.c", "!amb_is_finite(mean[i]) ||", "asked of constants alone, all good"),
     Unseen("kalman.c", "for (int i = 0; i < n; i++) {", "a loop over that check, or killed"),
     Unseen("kalman.c", "near && (std != NULL)", "a start between the stops is near, and has a std"),
-    Unseen("at_rest.c", "amb_magnitude(states[i]) > amb_magnitude(states[most])", "one position"),
+    Unseen("at_rest.c", "(far > farthest)", "one position"),
     Unseen("at_rest.c", "(position >= 0) && these[position]", "a velocity has a position"),
     Unseen(
         "at_rest.c", "if (these[i] && (amb_model_role(model, i) == AMB_POSITION))",
@@ -257,6 +280,7 @@ _RETURN = "the filter does not ask for the return value"
 _GIVEN = "asked of constants and of bounded means alone, all of them good"
 _UNITY = "a reading is a state, taken once"
 _ROOM = "room that no sum of rows uses up"
+_FLIPPED = "for bits that flip in memory"
 
 MACHINE = (
     Unseen("real.h", "(a > AMB_C(0.0)) && (a <= AMB_REAL_MAX)", _GIVEN),
@@ -310,14 +334,23 @@ MACHINE = (
         "amb_control_hover",
     ),
     Unseen("control.c", "out->usable = true;", "the supervisor says it"),
+    Unseen("control.c", "(a > most) ? most : -most", "no reading or current is so large"),
+    Unseen("control.c", "works_by->copy[", _FLIPPED),
+    Unseen("controller.c", "state->copy[", _FLIPPED),
+    Unseen("sequence.c", "const bool there =", _FLIPPED),
+    Unseen("envelope.c", "i < amb_states(&kf->model)", _GIVEN, "amb_envelope_within"),
+    Unseen("envelope.c", "within = within &&", _GIVEN, "amb_envelope_within"),
 )  # fmt: skip
 """Of a machine's linear filter and its controllers."""
 
+UNROUNDED = (Unseen("", "kf->rounding[", _ROUNDED),)
+"""Of a machine whose readings do not come in steps."""
 
-def lists(of_machine: bool, controlled: bool) -> tuple[Unseen, ...]:
+
+def lists(of_machine: bool, controlled: bool, rounded: bool) -> tuple[Unseen, ...]:
     """Return what is known of an export: of a machine or an axis, a filter or a controller."""
     if of_machine:
-        return MACHINE
+        return MACHINE if rounded else MACHINE + UNROUNDED
     return CONTROL if controlled else FILTER
 
 
