@@ -13,7 +13,7 @@ import flips
 import numpy as np
 import objects
 import pytest
-from export_cases import INCLUDES, SAME_BITS, STRICT
+from export_cases import INCLUDES, SAME_BITS, STRICT, program
 
 from ambkit import Bearing, FilterNoise, KalmanFilter, Scenario
 from ambkit.base.errors import AmbkitError
@@ -182,6 +182,17 @@ def test_what_cannot_be_is_refused_and_the_old_flies_on(
     same, _, _ = flown(made, tmp_path, y, exported(made))
     np.testing.assert_array_equal(told, same)
     np.testing.assert_allclose(in_use, list(exported(made).values()), rtol=1e-7)
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_its_own_self_test_passes(precision: Any, tmp_path: Path) -> None:
+    export_c(BEARING, None, tmp_path / "rig", prefix="rig", scenario=SCENARIO,
+             calibrated=True, precision=precision)  # fmt: skip
+    done = program("gcc", tmp_path / "rig", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    said = subprocess.run([tmp_path / "out"], capture_output=True, text=True).stdout
+    assert said.startswith("pass")
+    assert "equal to the last bit" in said
 
 
 def test_what_is_made_of_more_is_not_calibrated(tmp_path: Path) -> None:

@@ -105,7 +105,7 @@ static void copy(const amb_real from[AMB_PARAMETERS], amb_real to[AMB_PARAMETERS
   }
 }
 
-static uint32_t sum_of(const amb_calibration_kept *kept)
+uint32_t amb_calibration_sum(const amb_calibration_kept *kept)
 {
   uint32_t sum = 0U;
   for (size_t i = 0U; i < (sizeof kept->of.word / sizeof kept->of.word[0]); i++) {
@@ -127,7 +127,7 @@ static uint32_t work(const amb_calibration_base *base, const amb_real numbers[AM
     controller(base, numbers, set);
     tie(base, numbers[AMB_STRONG], set);
     copy(numbers, set->numbers);
-    kept->sum = sum_of(kept);
+    kept->sum = amb_calibration_sum(kept);
   }
   return wrong;
 }
@@ -166,8 +166,8 @@ const amb_control *amb_calibration_update(const amb_calibration_base *base,
       fly(calibration, idle);
     }
     calibration->answered = request;
-  } else if ((flying != 0U) &&
-             (calibration->kept[flying - 1U].sum != sum_of(&calibration->kept[flying - 1U]))) {
+  } else if ((flying != 0U) && (calibration->kept[flying - 1U].sum !=
+                                amb_calibration_sum(&calibration->kept[flying - 1U]))) {
     fly(calibration, (work(base, calibration->in_use, next) == 0U) ? idle : 0U);
   } else { /* all is as it was */
   }
@@ -186,7 +186,7 @@ const amb_control *amb_calibration_flown(const amb_calibration_base *base, amb_w
   if (control != base->control) {
     const void *start = control; /* of what was kept */
     const amb_calibration_kept *kept = (const amb_calibration_kept *)start;
-    control = (kept->sum == sum_of(kept)) ? control : base->control;
+    control = (kept->sum == amb_calibration_sum(kept)) ? control : base->control;
   }
   return control;
 }

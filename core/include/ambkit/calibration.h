@@ -62,7 +62,7 @@ typedef struct amb_calibration_set {
   amb_real numbers[AMB_PARAMETERS]; /* that it was made from */
 } amb_calibration_set;
 
-/* The same, and a sum over its words that no single bit leaves as it is. */
+/* The same, and its amb_calibration_sum. */
 typedef struct amb_calibration_kept {
   union {
     amb_calibration_set set;
@@ -84,6 +84,9 @@ typedef struct amb_calibration {
   amb_calibration_kept kept[2];
 } amb_calibration;
 
+/* A sum over the words of a set, which no single bit leaves as it is. */
+uint32_t amb_calibration_sum(const amb_calibration_kept *kept);
+
 /* At power-on: what was exported flies. */
 void amb_calibration_init(const amb_calibration_base *base, amb_calibration *calibration);
 
@@ -93,7 +96,7 @@ const amb_control *amb_calibration_update(const amb_calibration_base *base,
                                           amb_calibration *calibration);
 
 /* What a sample is to fly by: what amb_calibration_update gave, or as exported where a bit of that
- * has flipped since. */
+ * has flipped since. Another amb_control must be that of an amb_calibration_kept with its sum. */
 const amb_control *amb_calibration_flown(const amb_calibration_base *base, amb_works_by *works_by);
 
 #ifdef __cplusplus

@@ -49,6 +49,8 @@ _ONE = "of a single reading, or of kinds of filters that this is not"
 _DIRECT = "no control signal acts on the states past the magnets"
 _TURN = "no motion is left to the rotor"
 _ROUNDED = "no sensor's readings come in steps"
+_TOO_FAR = "no reading or current is so large"
+_FIRST = "the first sample is a start, without a control"
 
 NOT_RUN = (
     NotRun(
@@ -259,6 +261,11 @@ CONTROL = (
     Unseen("", "others", "a machine's that is let turn"),
     Unseen("", "i < c->states", "a machine's that is let turn"),
     Unseen("", "sum += (one[j]", "a machine's that is let turn"),
+    Unseen("", "left.current[", "a machine's that is let turn"),
+    Unseen("controllers.c", "", "a machine's that is let turn", "taken"),
+    Unseen("controllers.c", "", "a machine's that is let turn", "leave"),
+    Unseen("", "(a > most) ? most : -most", _TOO_FAR),
+    Unseen("", "/ kf->set.k_ui[f]", _FIRST),
     Unseen("", "at > AMB_C(0.0)", "a machine's that is let turn"),
     Unseen("", "int node = (int)at", "a machine's that is let turn"),
     Unseen("", "for (int k = 0; k < 3; k++)", "a machine's second and third"),
@@ -330,11 +337,11 @@ MACHINE = (
         "amb_control_init",
     ),
     Unseen(
-        "control.c", "/ kf->set.k_ui[f]", "the first sample is a start, without a control",
+        "control.c", "/ kf->set.k_ui[f]", _FIRST,
         "amb_control_hover",
     ),
     Unseen("control.c", "out->usable = true;", "the supervisor says it"),
-    Unseen("control.c", "(a > most) ? most : -most", "no reading or current is so large"),
+    Unseen("control.c", "(a > most) ? most : -most", _TOO_FAR),
     Unseen("control.c", "works_by->copy[", _FLIPPED),
     Unseen("controller.c", "state->copy[", _FLIPPED),
     Unseen("sequence.c", "const bool there =", _FLIPPED),
@@ -344,20 +351,19 @@ MACHINE = (
 """Of a machine's linear filter and its controllers."""
 
 UNROUNDED = (Unseen("", "kf->rounding[", _ROUNDED),)
-"""Of a machine whose readings do not come in steps."""
+"""Of a machine or an axis whose readings do not come in steps."""
 
 
 def lists(of_machine: bool, controlled: bool, rounded: bool) -> tuple[Unseen, ...]:
     """Return what is known of an export: of a machine or an axis, a filter or a controller."""
-    if of_machine:
-        return MACHINE if rounded else MACHINE + UNROUNDED
-    return CONTROL if controlled else FILTER
+    known = MACHINE if of_machine else CONTROL if controlled else FILTER
+    return known if rounded else known + UNROUNDED
 
 
 def told(sources: dict[str, str], known: tuple[Unseen, ...]) -> list[tuple[str, str]]:
     """Return the lines that make no difference, of those that stand in the sources, and why."""
     return [
-        (f"{each.function}: {each.text}" if each.function else each.text, each.why)
+        (": ".join(filter(None, (each.function, each.text))), each.why)
         for each in known
         if any(name.endswith(each.file) and each.text in text for name, text in sources.items())
     ]
