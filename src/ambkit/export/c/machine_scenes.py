@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from ambkit.data.signals import signal
 from ambkit.estimate.engine import NODE
+from ambkit.estimate.estimate import Status
 from ambkit.export.c.control_scenes import QUICK
 from ambkit.export.c.vectors import within
 from ambkit.simulation.control import settling_of
 from ambkit.simulation.control_machine import MachineController
 from ambkit.simulation.flight import Disturbance, Flight, Reference
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.machine import MachineRun, simulate_machine
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.sequence import Mode
 from ambkit.simulation.waveforms import Constant, Ramp, Step, Sum
@@ -33,6 +34,10 @@ TAKEN = 40
 """Samples of a flight that is taken over."""
 PUSH, PULL = 0.2, 3.0
 """Loads of the flights, in what an axis can pull with its greatest current."""
+DRAWN, ROUNDED = 4, 256
+"""Flights whose readings are off, and by how many roundings of the travel."""
+PART = 2e-3
+"""Of the greatest current: a tenth of what the self-test lets pass."""
 
 
 class Vectors(NamedTuple):
@@ -77,11 +82,7 @@ def vectors(
     machine = estimator.whole.machine
     parts = []
     for scene in _scenes(machine, flight):
-        run = simulate_machine(
-            machine, scene.flight, estimator=estimator, controllers=controllers,
-            readings=scene.readings, references=scene.references, from_readings=True,
-            fly=scene.fly, other=None if flight.sequence is None else _quick(estimator),
-        )  # fmt: skip
+        run = _flown(estimator, controllers, scene, scene.readings)
         record = run.record
         y = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
         r, u = (
@@ -93,8 +94,11 @@ def vectors(
         n = len(y) if sequenced else within(estimator, run.estimate.mean, bound)
         mode = record["mode"].astype(np.uint8) if sequenced else np.zeros(len(y), np.uint8)
         usable = np.zeros(len(y), bool) if run.usable is None else run.usable
-        # From readings on that are lost or far away.
-        amplified = np.maximum.accumulate((scene.readings != 0).any(axis=1))
+        # From readings on that are lost or far away, from where rounding decides, and from where
+        # readings are refused of a rotor that has tripped, and is thrown between its stops.
+        spoilt = (scene.readings != 0).any(axis=1)
+        spoilt |= (mode == Mode.TRIPPED) & ((run.status & Status.OUTLIER) != 0)
+        amplified = np.maximum.accumulate(spoilt | _spread(estimator, controllers, scene, run))
         each = (y, r, u, record["speed"], mode, scene.fly > 0, run.status, usable,
                 run.estimate.mean, amplified)  # fmt: skip
         parts.append(tuple(values[:n] for values in each))
@@ -119,6 +123,43 @@ def vectors(
         y, r, u, speed, mode, fly, status, usable, mean, starts[:flown], starts[flown:],
         taken_with, amplified, int(full.sum()),
     )  # fmt: skip
+
+
+def _flown(
+    estimator: Estimator, controllers: Controllers, scene: Scene, readings: Array
+) -> MachineRun:
+    """Return one flight, with this added to its readings (n, m) [m]."""
+    assert estimator.whole is not None
+    return simulate_machine(
+        estimator.whole.machine, scene.flight, estimator=estimator, controllers=controllers,
+        readings=readings, references=scene.references, from_readings=True, fly=scene.fly,
+        other=None if scene.flight.sequence is None else _quick(estimator),
+    )  # fmt: skip
+
+
+def _spread(
+    estimator: Estimator, controllers: Controllers, scene: Scene, run: MachineRun
+) -> NDArray[np.bool_]:
+    """Return where flights differ (n,) whose readings differ by no more than rounding makes."""
+    # A compiler that contracts rounds otherwise. A rotor that is thrown between its stops makes of
+    # that another flight, and a reading at the gate another decision.
+    assert estimator.whole is not None
+    machine = estimator.whole.machine
+    least = ROUNDED * min(each.travel_limit for each in machine.bearing)
+    least *= float(np.finfo(estimator.precision).eps)
+    axes = [(signal("u", axis.name), axis.bearing.amplifier) for axis in machine.axes]
+    random, found = np.random.default_rng(0), np.zeros(len(scene.readings), bool)
+    for _ in range(DRAWN):
+        off = least * random.choice([-1.0, 1.0], scene.readings.shape)
+        other = _flown(estimator, controllers, scene, scene.readings + off)
+        for key, amplifier in axes:
+            away = np.abs(other.record[key] - run.record[key]) * amplifier.gain
+            found |= away > PART * amplifier.current_limit
+        found |= other.status != run.status
+        if scene.flight.sequence is not None:
+            found |= other.record["mode"] != run.record["mode"]
+            found |= other.usable != run.usable
+    return found
 
 
 def _taken_over(
