@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 STREAMS = 64
-"""Of random numbers that each reading has to itself; the first are of the control signals."""
+"""Of random numbers for each axis and its reading: its control signal's, then its sensor's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,9 +257,9 @@ def _noise(machine: Machine, flight: Flight, n: int) -> tuple[Array, Array]:
         return noise_u, noise_y
     for k, axis in enumerate(machine.axes):
         std = math.sqrt(axis.bearing.amplifier.noise_variance)
-        noise_u[:, k] = noise.Stream(flight.seed, flight.run, k).normal(std, n)
+        noise_u[:, k] = noise.Stream(flight.seed, flight.run, STREAMS * k).normal(std, n)
     for k, r in enumerate(readings):
-        own = noise.Stream(flight.seed, flight.run, STREAMS * (1 + k))
+        own = noise.Stream(flight.seed, flight.run, STREAMS * k + 1)
         noise_y[:, k] = noise.of_sensor(r.sensor, machine.sampling_time, n, own)
     return noise_u, noise_y
 
