@@ -11,6 +11,8 @@ extern "C" {
 // What stays the same throughout a run; arguments by the names of sim/loop.h and controller.h.
 struct LoopOf {
   amb_parts parts{};
+  amb_axis axis{};
+  amb_axis_room room{};
   amb_loop loop{};
   LoopOf(const LoopOf &) = delete; // `loop` points into the object
 
@@ -30,14 +32,14 @@ struct LoopOf {
       estimator->must_have({AMB_POSITION, AMB_VELOCITY}, "feedback from the estimate");
     if (given)
       parts = parts_of(*given);
-    loop = {{magnet.magnet, m, f_0, K_sen, T_sen, travel, substeps, given ? &parts : nullptr,
-             coil ? coil->magnet : amb_magnet{}},
+    axis = {magnet.magnet, m,      f_0,      f_bias, K_sen,
+            T_sen,         travel, substeps, &parts, coil ? coil->magnet : amb_magnet{}};
+    loop = {amb_plant_of_axis(&axis, &room),
             {T, kp, ki, kd, T_f, T_t, weight, iu_min, iu_max},
             T,
             k_ui,
             iu_min,
             iu_max,
-            f_bias,
             estimator ? &estimator->estimator : nullptr,
             feedback_estimate,
             control ? &control->control : nullptr,

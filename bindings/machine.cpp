@@ -22,6 +22,10 @@ public:
   {
     return nb::cast<amb_real>(given[name]);
   }
+  bool has(const char *name) const
+  {
+    return given.contains(name);
+  }
   int count(const char *name) const
   {
     return nb::cast<int>(given[name]);
@@ -39,17 +43,17 @@ public:
         throw std::invalid_argument(std::string(name) + " is out of range");
     return ints.back().data();
   }
-  amb_sparse sparse(const char *name, size_t rows, size_t columns)
+  amb_rows rows(const char *name, size_t count, size_t columns)
   {
     const auto parts = nb::cast<nb::tuple>(given[name]); // start, column, value
     shorts.push_back(nb::cast<std::vector<unsigned short>>(parts[0]));
     const std::vector<unsigned short> &start = shorts.back();
     shorts.push_back(nb::cast<std::vector<unsigned short>>(parts[1]));
     const std::vector<unsigned short> &column = shorts.back();
-    same_length(rows + 1, start.size(), name);
+    same_length(count + 1, start.size(), name);
     same_length(start.back(), column.size(), name);
     const amb_real *value = reals.keep(parts[2], start.back(), name);
-    for (size_t i = 0; i < rows; i++)
+    for (size_t i = 0; i < count; i++)
       if (start[i + 1] < start[i])
         throw std::invalid_argument(std::string(name) + ": rows must ascend");
     for (const unsigned short at : column)
@@ -81,28 +85,30 @@ struct Whole {
                                     ", got " + std::to_string(n));
       return n;
     };
-    amb_machine &at = loop.machine;
+    amb_plant &at = loop.plant;
     n = within(static_cast<size_t>(arrays.count("states")), AMB_STATES, "states");
     p = within(static_cast<size_t>(arrays.count("axes")), AMB_FORCES, "axes");
     m = within(static_cast<size_t>(arrays.count("sensors")), AMB_SENSORS, "sensors");
+    const size_t q = within(static_cast<size_t>(arrays.count("positions")), n / 2, "positions");
+    at.positions = static_cast<int>(q);
     at.states = static_cast<int>(n);
     at.axes = static_cast<int>(p);
     at.sensors = static_cast<int>(m);
-    at.A = arrays.sparse("A", n, n);
-    at.spin = arrays.numbers("spin", at.A.start[n]);
-    at.b = arrays.sparse("b", n, p);
-    at.B_u = arrays.sparse("B_u", n, p);
-    at.h = arrays.sparse("h", p, n);
-    at.v = arrays.sparse("v", p, n);
+    at.H = arrays.rows("H", p, q);
+    at.B = arrays.rows("B", q, p);
+    at.C = arrays.rows("C", m, q);
+    at.A = arrays.rows("A", q, 2 * q);
+    at.spin = arrays.numbers("spin", at.A.start[q]);
     at.current = arrays.places("current", p, n, -1);
     at.second = arrays.places("second", p, n, -1);
-    at.base = arrays.places("base", 3, n, -1);
-    at.none = arrays.numbers("none", p);
+    at.base = arrays.places("base", 3, q, -1);
+    at.bias = arrays.numbers("bias", p);
     at.farthest = arrays.numbers("farthest", p);
-    at.g = arrays.numbers("g", n);
-    at.cosine = arrays.numbers("cosine", n);
-    at.sine = arrays.numbers("sine", n);
-    at.seen = arrays.sparse("seen", m, n);
+    at.g = arrays.numbers("g", q);
+    if (arrays.has("cosine")) {
+      at.cosine = arrays.numbers("cosine", q);
+      at.sine = arrays.numbers("sine", q);
+    }
     at.shows = arrays.places("shows", m, n, 0);
     at.gain = arrays.numbers("gain", m);
     at.lag = arrays.numbers("lag", m);
@@ -118,8 +124,8 @@ struct Whole {
       amplifiers.push_back(parts_of(nb::cast<nb::dict>(each)));
     same_length(p, amplifiers.size(), "amplifiers");
     for (size_t f = 0; f < p; f++)
-      if ((amplifiers[f].voltage > 0 || at.second[f] >= 0) && at.current[f] < 0)
-        throw std::invalid_argument("an amplifier whose voltage is limited has no current");
+      if ((amplifiers[f].corner > 0 || at.second[f] >= 0) && at.current[f] < 0)
+        throw std::invalid_argument("an amplifier that lags has no current");
     at.amplifier = amplifiers.data();
     for (const auto each : nb::cast<nb::list>(arrays["sensor_parts"]))
       sensors.push_back(parts_of(nb::cast<nb::dict>(each)));
@@ -130,8 +136,8 @@ struct Whole {
       const int first = nb::cast<int>(ring["first"]), second = nb::cast<int>(ring["second"]);
       if (first < 0 || first >= at.axes || second < -1 || second >= at.axes)
         throw std::invalid_argument("a ring is about axes that are not there");
-      rings.push_back({first, second, nb::cast<amb_real>(ring["travel"]),
-                       parts_of(nb::cast<nb::dict>(ring["stop"]))});
+      stops.push_back(parts_of(nb::cast<nb::dict>(ring["stop"])));
+      rings.push_back({first, second, nb::cast<amb_real>(ring["travel"]), &stops.back()});
     }
     at.rings = static_cast<int>(rings.size());
     at.ring = rings.data();
@@ -162,6 +168,7 @@ private:
   std::vector<amb_magnet> magnets, coils;
   std::vector<amb_parts> amplifiers;
   std::vector<amb_parts> sensors;
+  std::list<amb_parts> stops;
   std::vector<amb_ring> rings;
   Law law;
 };
@@ -206,7 +213,7 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
   same_length(q, integral.size(), "integral");
   if (fly)
     same_length(n, fly->size(), "fly");
-  amb_machine_state state{};
+  amb_plant_state state{};
   std::copy_n(start.data(), whole.n, state.X);
   state.cosine = 1;
   for (auto &past : state.demanded)

@@ -43,8 +43,6 @@ inline amb_parts parts_of(const nb::dict &given)
   take("rise", parts.rise);
   take("orders", parts.orders);
   take("speed", parts.speed);
-  take("turn_cosine", parts.turn_cosine);
-  take("turn_sine", parts.turn_sine);
   take("stiffness", parts.stiffness);
   take("damping", parts.damping);
   take("farthest", parts.farthest);

@@ -11,30 +11,55 @@
 
 /* ---- The texts once more. ---- */
 
-typedef lanes_law lanes_puller;
+/* An isolated axis that is plain: the pattern closed_axis of plant.c. */
+typedef struct lanes_pattern {
+  int positions, axes, states;
+  bool plain;
+} lanes_pattern;
 
-AMB_INLINE lanes lanes_pull(const lanes_puller *law, lanes iu, lanes x)
+static const lanes_pattern axis = {1, 1, 3, true};
+
+typedef struct lanes_going {
+  lanes h, half, sixth, g[1], per_mass, per_lag, K, travel, iu;
+  lanes_law law;
+} lanes_going;
+
+AMB_INLINE lanes lanes_reachable(const lanes_pattern *p, const lanes_going *of, lanes x, int k)
 {
-  return lanes_law_force(law, iu, x);
+  (void)p, (void)k;
+  return lanes_clamp(x, -of->travel, of->travel);
+}
+
+AMB_INLINE lanes lanes_driven(const lanes_pattern *p, const lanes_going *of, lanes start, lanes by,
+                              const lanes F[], int k)
+{
+  (void)p, (void)k;
+  return start + by * of->per_mass * F[0];
+}
+
+AMB_INLINE void lanes_stage(const lanes_pattern *p, const lanes_going *of, const lanes X[],
+                            int stage, lanes F[], lanes d[])
+{
+  (void)p, (void)stage;
+  F[0] = lanes_law_force(&of->law, of->iu, X[0]);
+  d[2] = (of->K * X[0] - X[2]) * of->per_lag;
 }
 
 #define amb_real lanes
-#define amb_clamp lanes_clamp
-#define amb_puller lanes_puller
-#define amb_pull lanes_pull
-#define amb_stride lanes_stride
-#define amb_motion lanes_motion
+#define amb_pattern lanes_pattern
+#define amb_going lanes_going
 #define amb_reachable lanes_reachable
-#define amb_runge_kutta lanes_runge_kutta
-#include "plant_step.h"
+#define amb_driven lanes_driven
+#define amb_stage lanes_stage
+#define amb_substep lanes_substep
+#include "plant_text.h"
 #undef amb_real
-#undef amb_clamp
-#undef amb_puller
-#undef amb_pull
-#undef amb_stride
-#undef amb_motion
+#undef amb_pattern
+#undef amb_going
 #undef amb_reachable
-#undef amb_runge_kutta
+#undef amb_driven
+#undef amb_stage
+#undef amb_substep
 
 #define amb_judged lanes
 #define amb_judged_mask lanes_mask
@@ -69,11 +94,10 @@ AMB_INLINE lanes lanes_pull(const lanes_puller *law, lanes iu, lanes x)
 #define STRETCH AMB_NOISE_DRAWN /* samples whose noise is drawn together; blocks fill it */
 
 typedef struct loops {
-  lanes_stride stride;
-  lanes_puller law;
-  lanes m, f_0, k_ui, iu_min, iu_max, K_sen;
+  lanes_going of;
+  lanes m, f_0, k_ui, iu_min, iu_max;
   lanes T, kp, ki, kd, derivative, T_t, weight, out_min, out_max; /* of the PID */
-  lanes_motion at;
+  lanes X[3];
   lanes integral, last_r, last_x, velocity;
   lanes_mask started;
   lanes u; /* control signal from the last sample on */
@@ -99,25 +123,24 @@ static void fill_loop(loops *l, size_t i, const amb_many_run *run)
 {
   const amb_loop *loop = run->loop;
   const amb_plant *plant = &loop->plant;
-  const amb_law *law = (const amb_law *)plant->magnet.self;
+  const amb_law *law = (const amb_law *)plant->magnet[0].self;
   const amb_pid *pid = &loop->pid;
   const amb_real h = loop->T / (amb_real)plant->substeps;
-  l->stride.h[i] = h;
-  l->stride.half[i] = h / 2;
-  l->stride.sixth[i] = h / 6;
-  l->stride.per_mass[i] = 1 / plant->m;
-  l->stride.per_lag[i] = 1 / plant->T_sen;
-  l->stride.K[i] = plant->K_sen;
-  l->stride.travel[i] = plant->travel;
-  l->law.k[i] = law->k;
-  l->law.s0[i] = law->s0;
-  l->law.i0[i] = law->i0;
-  l->m[i] = plant->m;
-  l->f_0[i] = plant->f_0;
+  l->of.h[i] = h;
+  l->of.half[i] = h / 2;
+  l->of.sixth[i] = h / 6;
+  l->of.per_mass[i] = 1 / plant->mass[0];
+  l->of.per_lag[i] = 1 / plant->lag[0];
+  l->of.K[i] = plant->gain[0];
+  l->of.travel[i] = plant->farthest[0];
+  l->of.law.k[i] = law->k;
+  l->of.law.s0[i] = law->s0;
+  l->of.law.i0[i] = law->i0;
+  l->m[i] = plant->mass[0];
+  l->f_0[i] = plant->g[0];
   l->k_ui[i] = loop->k_ui;
   l->iu_min[i] = loop->iu_min;
   l->iu_max[i] = loop->iu_max;
-  l->K_sen[i] = plant->K_sen;
   l->T[i] = pid->T;
   l->kp[i] = pid->kp;
   l->ki[i] = pid->ki;
@@ -127,9 +150,8 @@ static void fill_loop(loops *l, size_t i, const amb_many_run *run)
   l->weight[i] = pid->weight;
   l->out_min[i] = pid->iu_min;
   l->out_max[i] = pid->iu_max;
-  l->at.x[i] = run->state.plant.x;
-  l->at.v[i] = run->state.plant.v;
-  l->at.x_m[i] = run->state.plant.x_m;
+  for (int j = 0; j < 3; j++)
+    l->X[j][i] = run->state.plant.X[j];
   l->integral[i] = run->state.pid.integral;
   l->last_r[i] = run->state.pid.last_r;
   l->last_x[i] = run->state.pid.last_x;
@@ -186,28 +208,31 @@ AMB_INLINE lanes pid_step(loops *l, lanes r, lanes x, const lanes *known)
 }
 
 /* stop() of plant.c. */
-AMB_INLINE lanes_mask stop(lanes travel, lanes_motion *s)
+AMB_INLINE lanes_mask stop(lanes travel, lanes X[])
 {
-  const lanes_mask touched = (s->x >= travel) | (s->x <= -travel);
-  s->x = lanes_choose(touched, lanes_clamp(s->x, -travel, travel), s->x);
-  const lanes_mask above = s->x > AMB_C(0.0);
-  const lanes_mask outward = (above & (s->v > AMB_C(0.0))) | (~above & (s->v < AMB_C(0.0)));
-  s->v = lanes_choose(touched & outward, lanes_all_equal(AMB_C(0.0)), s->v);
+  const lanes_mask touched = (X[0] >= travel) | (X[0] <= -travel);
+  X[0] = lanes_choose(touched, lanes_clamp(X[0], -travel, travel), X[0]);
+  const lanes_mask above = X[0] > AMB_C(0.0);
+  const lanes_mask outward = (above & (X[1] > AMB_C(0.0))) | (~above & (X[1] < AMB_C(0.0)));
+  X[1] = lanes_choose(touched & outward, lanes_all_equal(AMB_C(0.0)), X[1]);
   return touched;
 }
 
 /* act() and what follows from it: the plant one sample on. */
 AMB_INLINE lanes_mask act(loops *l, lanes iu, lanes f_d)
 {
-  const lanes g = (l->f_0 + f_d) / l->m;
+  lanes_going of = l->of;
+  lanes X[3] = {lanes_clamp(l->X[0], -of.travel, of.travel), l->X[1], l->X[2]};
   lanes_mask touched = iu != iu;
   touched &= ~touched;
-  lanes_motion s = {lanes_reachable(&l->stride, l->at.x), l->at.v, l->at.x_m};
+  of.g[0] = (l->f_0 + f_d) / l->m;
+  of.iu = iu;
   for (size_t i = 0; i < l->substeps; i++) {
-    lanes_runge_kutta(&l->stride, &l->law, &s, iu, g);
-    touched |= stop(l->stride.travel, &s);
+    lanes_substep(&axis, &of, X);
+    touched |= stop(of.travel, X);
   }
-  l->at = s;
+  for (int j = 0; j < 3; j++)
+    l->X[j] = X[j];
   return touched;
 }
 
@@ -215,7 +240,7 @@ AMB_INLINE lanes_mask act(loops *l, lanes iu, lanes f_d)
 AMB_INLINE void sample(flight *f, size_t b, lanes_of of, lanes_state *s, bool is_first)
 {
   loops *l = &f->l;
-  const lanes y = l->at.x_m + f->noise_y[b];
+  const lanes y = l->X[2] + f->noise_y[b];
   f->t.b.y[b] = y;
   f->t.b.u[b] = l->u;
   if (is_first) {
@@ -239,11 +264,11 @@ AMB_INLINE void sample(flight *f, size_t b, lanes_of of, lanes_state *s, bool is
   if (l->feedback_estimate)
     demanded = pid_step(l, f->r[b], s->mean[AMB_FIRST_POSITION], &s->mean[AMB_FIRST_VELOCITY]);
   else
-    demanded = pid_step(l, f->r[b], y / l->K_sen, NULL);
+    demanded = pid_step(l, f->r[b], y / l->of.K, NULL);
   l->u = demanded / l->k_ui;
   const lanes iu = lanes_clamp(l->k_ui * (l->u + f->noise_u[b]), l->iu_min, l->iu_max);
-  f->x[b] = l->at.x;
-  f->v[b] = l->at.v;
+  f->x[b] = l->X[0];
+  f->v[b] = l->X[1];
   f->u[b] = l->u;
   f->iu[b] = iu;
   f->touched[b] = act(l, iu, f->f_d[b]);

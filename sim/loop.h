@@ -17,7 +17,6 @@ typedef struct amb_loop {
   amb_real T;                     /* sampling time [s] */
   amb_real k_ui;                  /* amplifier gain [A/V] */
   amb_real iu_min, iu_max;        /* its limits [A] */
-  amb_real f_bias;                /* the magnet's bias force, which the plant's f_0 holds [N] */
   const amb_estimator *estimator; /* or NULL; of one sensor and one control */
   bool feedback_estimate;     /* controller fed by the estimated position and velocity, which its
                                * model must have; else by the measurement */

@@ -4,15 +4,15 @@
 #include <string.h>
 
 #if defined(AMB_HAS_LANES) && !defined(AMB_FLOAT)
-/* In lanes: a plant without parts on the closed law of two sides, a PID and an estimator that has
+/* In lanes: a plain axis on the closed law of two sides, a PID and an estimator that has
  * lanes. */
 unsigned int amb_many_group(const amb_many_run *run)
 {
   const amb_loop *loop = run->loop;
   const amb_plant *plant = &loop->plant;
-  const bool closed = (plant->magnet.methods == &amb_law_magnet) &&
-                      ((const amb_law *)plant->magnet.self)->two_sided;
-  if (!closed || (loop->control != NULL) || (plant->parts != NULL) || (run->scale != NULL) ||
+  const amb_parts *sensor = plant->sensor;
+  if (!amb_plant_is_plain_axis(plant) || (sensor->step > 0) || (sensor->rise < 0) ||
+      (sensor->rise > 0) || (loop->control != NULL) || (run->scale != NULL) ||
       (run->faults != NULL))
     return 0U;
   if ((plant->substeps < 1) || (plant->substeps > 1000) || (loop->estimator == NULL))

@@ -1,4 +1,5 @@
-/* What a plant may have beside magnet, rotor, sensor lag and hard stops; each part is off at 0. */
+/* What a plant may have beside magnets, rotor, sensor lags and hard stops; each part is off at 0.
+ */
 #ifndef AMBKIT_SIM_PARTS_H
 #define AMBKIT_SIM_PARTS_H
 
@@ -26,21 +27,45 @@ typedef struct amb_parts {
 
   /* Sensor: it sees x and the runout, bent by 1 + quadratic x + cubic x^2, and lags; after the
    * noise it is rounded. */
-  amb_real quadratic;                      /* [1/m] */
-  amb_real cubic;                          /* [1/m^2] */
-  amb_real step;                           /* of the rounding [m]; 0: none */
-  amb_real rise;                           /* of the noise, see amb_noise_share [1/m] */
-  int orders;                              /* of the speed, 0 to AMB_RUNOUT_MOST */
-  amb_real speed;                          /* of rotation; orders * speed * T < pi [rad/s] */
-  amb_real turn_cosine, turn_sine;         /* of speed * T */
+  amb_real quadratic; /* [1/m] */
+  amb_real cubic;     /* [1/m^2] */
+  amb_real step;      /* of the rounding [m]; 0: none */
+  amb_real rise;      /* of the noise, see amb_noise_share [1/m] */
+  int orders;         /* of the speed, 0 to AMB_RUNOUT_MOST */
+  amb_real speed;     /* of an axis's rotation; orders * speed * T < pi [rad/s] */
   amb_real runout_cosine[AMB_RUNOUT_MOST]; /* order n is cosine cos(n phi) ... [m] */
   amb_real runout_sine[AMB_RUNOUT_MOST];   /* ... + sine sin(n phi) [m] */
 
   /* Contact with a stop in the depth d: stiffness d^1.5 (1 + 3/2 damping d'), never a pull (Hunt
    * and Crossley 1975). A slow impact of v keeps 1 - damping v of its speed. */
-  amb_real stiffness; /* [N/m^1.5]; 0: the hard stop of plant.h */
+  amb_real stiffness; /* [N/m^1.5]; 0: a hard stop, at which the rotor stays */
   amb_real damping;   /* [s/m] */
   amb_real farthest;  /* where the stop gives way no more, between travel and air gap [m] */
 } amb_parts;
+
+/* Rate of the control current of the coil towards +x [A/s], within its voltage, at this multiple of
+ * its magnet constant; that of the other one is -amb_parts_rate of its negative current and demand,
+ * at -x and -v. */
+amb_real amb_parts_rate(const amb_parts *parts, amb_real scale, amb_real i, amb_real demanded,
+                        amb_real x, amb_real v);
+
+/* And its voltage [V] at this rate. */
+amb_real amb_parts_voltage(const amb_parts *parts, amb_real scale, amb_real i, amb_real rate,
+                           amb_real x, amb_real v);
+
+/* Cosine and sine of an angle, |angle| < pi, by the series of an eighth of it. */
+void amb_parts_turn(amb_real angle, amb_real *cosine, amb_real *sine);
+
+/* What the sensor settles at, times its gain [m], where it looks at x [m] and these are cosine and
+ * sine of the angle of rotation. */
+amb_real amb_parts_shown(const amb_parts *parts, amb_real K_sen, amb_real x, amb_real cosine,
+                         amb_real sine);
+
+/* What a sensor with x_m [m] behind its lag and with this noise shows, a multiple of its step [m].
+ */
+amb_real amb_parts_reading(const amb_parts *parts, amb_real x_m, amb_real noise);
+
+/* What a stop pushes back with [N], so deep in it [m] and going deeper with this velocity [m/s]. */
+amb_real amb_parts_push(const amb_parts *parts, amb_real depth, amb_real inward);
 
 #endif

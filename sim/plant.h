@@ -1,74 +1,151 @@
-/* The nonlinear plant between two samples: force law, gravity, disturbance, sensor lag, stops. */
+/* The nonlinear plant between two samples: rotor, force laws of the magnets, amplifiers, sensors,
+ * stops.
+ *
+ *   q'' = g + B F(i, H q) + (A + speed spin) (q, q') + unbalance
+ *   m'  = (shown(C q) - m) / lag,  i' = rate(i, demanded)
+ *
+ * X: positions q, velocities, then readings m and, where amplifiers lag, currents.
+ */
 #ifndef AMBKIT_SIM_PLANT_H
 #define AMBKIT_SIM_PLANT_H
 
 #include "ambkit/magnet.h"
+#include "ambkit/model.h"
 #include "parts.h"
 
+#define AMB_PLANT_STATES (AMB_STATES + AMB_FORCES)
+#define AMB_PLANT_AXES AMB_FORCES
+
+/* Rows of entries: those of row i are start[i] to start[i + 1]. */
+typedef struct amb_rows {
+  const unsigned short *start;
+  const unsigned short *column;
+  const amb_real *value;
+} amb_rows;
+
+/* A stop: a ring about two axes, or along one axis where the second is -1. */
+typedef struct amb_ring {
+  int first, second;     /* axes */
+  amb_real travel;       /* what it leaves [m] */
+  const amb_parts *stop; /* its stiffness and damping; a stiffness of 0 is for isolated axes */
+} amb_ring;
+
 typedef struct amb_plant {
-  amb_magnet magnet;      /* force relative to the bias force */
+  int positions, axes, sensors, states;
+  bool own; /* axis k moves position k and nothing else, and sensor k sees it: `mass` in place of
+             * H, B, C, A, spin, cosine and sine; its reading is state 2 positions + k */
+  const amb_real *mass; /* [positions], where they are their own [kg] */
+  const amb_real *g;    /* [positions]: by constant forces [m/s^2]; of their own the force [N] */
+  amb_rows H;           /* axes x positions: displacements [m] */
+  amb_rows B;           /* positions x axes: accelerations [1/kg] */
+  amb_rows C;           /* sensors x positions: what they look at [m] */
+  amb_rows A;           /* positions x 2 positions: accelerations by motion, at rest ... */
+  const amb_real *spin; /* ... and what each entry gains by 1 rad/s of rotation */
+  const amb_real *cosine,
+      *sine;                /* [positions]: unbalance, by its force ahead and across; NULL: none
+                             */
+  const int *base;          /* [3]: positions along x, y, z, or -1; NULL: none */
+  const amb_magnet *magnet; /* [axes]: force relative to the bias force */
+  const amb_magnet *coil;   /* [axes]: pull of one coil of a pair over that of its bias current
+                             * at 0, for currents that differ; without methods the magnet gets
+                             * the mean of both control currents */
+  const amb_real *bias;     /* [axes]: bias forces [N] */
+  const amb_real *farthest; /* [axes]: no magnet finds the rotor farther away [m] */
+  const int *current; /* [axes]: state of the control current, or -1: the demanded one at once */
+  const int *second;  /* [axes]: state of the other coil's, or -1 */
+  const int *shows;   /* [sensors]: state of the reading */
+  const amb_real *gain, *lag; /* [sensors]: [1], [s] > 0 */
+  const amb_parts *amplifier; /* [axes] */
+  const amb_parts *sensor;    /* [sensors]: runout, non-linearity, rounding */
+  int rings;
+  const amb_ring *ring;
+  int delay; /* as in parts.h, of all axes */
+  amb_real delay_rest;
+  int substeps; /* Runge-Kutta steps in a sample, >= 1 */
+  bool plain;   /* no currents of their own, nothing that depends on velocities or on the angle, and
+                 * no soft stop */
+} amb_plant;
+
+typedef struct amb_plant_state {
+  amb_real X[AMB_PLANT_STATES];
+  amb_real cosine, sine;                                 /* of the angle of rotation */
+  amb_real demanded[AMB_DELAY_MOST + 2][AMB_PLANT_AXES]; /* currents, the last one first [A] */
+} amb_plant_state;
+
+/* What acts from a sample to the next. */
+typedef struct amb_acts {
+  const amb_real *demanded; /* [axes]: control currents [A] */
+  const amb_real *load;     /* [axes]: disturbance forces [N] */
+  const amb_real *base;     /* [3]: acceleration of the foundation [m/s^2]; NULL: it stands still */
+  amb_real speed, next;     /* of rotation, here and at the next sample [rad/s] */
+  amb_real scale;           /* of the magnets, bias force and all [1] ... */
+  bool off;                 /* ... and whether they have no current at all */
+} amb_acts;
+
+/* What acts on an axis at a moment. */
+typedef struct amb_acting {
+  amb_real iu;         /* control current, of a pair the mean of both [A] */
+  amb_real force;      /* of the magnet, relative to its bias force [N] */
+  amb_real voltage[2]; /* of each coil [V]; 0 where it is not modelled */
+} amb_acting;
+
+/* On by the sampling time T [s]: classical Runge-Kutta of order 4 with fixed substeps, with a dead
+ * time in pieces between the moments at which the demand changes, in contact with a soft stop in as
+ * many smaller ones as it takes. At a hard stop the rotor stays, without bouncing, until the force
+ * pulls it off. Returns whether a stop was touched. */
+bool amb_plant_advance(const amb_plant *plant, amb_plant_state *state, amb_real T,
+                       const amb_acts *acts);
+
+/* How fast the states change, each in its unit over s: of a rotor that no hard stop holds, and
+ * without the dead time. */
+void amb_plant_rates(const amb_plant *plant, const amb_plant_state *state, const amb_acts *acts,
+                     amb_real rates[]);
+
+/* What acts at axis f while its control current iu [A] is demanded. */
+amb_acting amb_plant_acting(const amb_plant *plant, const amb_plant_state *state, int f,
+                            const amb_acts *acts, amb_real iu);
+
+/* The demand that acts at axis f just after a sample at which it is iu [A], before
+ * amb_plant_advance ... */
+amb_real amb_plant_from_now(const amb_plant *plant, const amb_plant_state *state, int f,
+                            amb_real iu);
+
+/* ... and just before one, iu demanded at the one before it. */
+static inline amb_real amb_plant_until_now(const amb_plant *plant, const amb_plant_state *state,
+                                           int f, amb_real iu)
+{
+  return (plant->delay > 0) || (plant->delay_rest > 0) ? state->demanded[plant->delay][f] : iu;
+}
+
+/* Whether it is one axis with the closed law of two sides, and plain: it may fly in lanes. */
+bool amb_plant_is_plain_axis(const amb_plant *plant);
+
+/* ---- A plant with one axis. ---- */
+
+typedef struct amb_axis {
+  amb_magnet magnet;
   amb_real m;             /* mass of the rotor [kg] */
   amb_real f_0;           /* weight and bias force [N] */
+  amb_real bias;          /* the bias force of the magnet [N] */
   amb_real K_sen;         /* sensor gain [1] */
   amb_real T_sen;         /* sensor lag [s], > 0 */
   amb_real travel;        /* mechanical stop at +-travel [m] */
   int substeps;           /* Runge-Kutta steps in a sample, >= 1 */
   const amb_parts *parts; /* or NULL: none */
-  amb_magnet coil;        /* pull of one coil of a pair over that of its bias current at x = 0, for
-                           * currents that differ; without methods it is not known, and the magnet
-                           * gets the mean of both control currents */
-} amb_plant;
+  amb_magnet coil;        /* one of a pair, or without methods */
+} amb_axis;
 
-typedef struct amb_plant_state {
-  amb_real x, v; /* [m], [m/s] */
-  amb_real x_m;  /* lagged position, times sensor gain [m] */
-  /* Of the parts. */
-  amb_real i[2];                         /* the coils carry i0 + i[0] and i0 - i[1] [A] */
-  amb_real cosine, sine;                 /* of the angle of rotation */
-  amb_real demanded[AMB_DELAY_MOST + 2]; /* control currents, the last one first [A] */
-} amb_plant_state;
+/* What its plant points to beside the axis. */
+typedef struct amb_axis_room {
+  amb_parts parts;
+  amb_ring ring;
+  amb_real farthest;
+} amb_axis_room;
 
-/* What acts on the rotor at a moment. */
-typedef struct amb_acting {
-  amb_real iu;         /* control current, of a pair the mean of both [A] */
-  amb_real force;      /* magnet, weight and bias force [N] */
-  amb_real voltage[2]; /* of each coil [V]; 0 where it is not modelled */
-} amb_acting;
-
-/* Force on the rotor without the disturbance, the control current iu in all coils [N]. */
-amb_real amb_plant_force(const amb_plant *plant, amb_real iu, amb_real x);
+/* The plant, which points to both. */
+amb_plant amb_plant_of_axis(const amb_axis *axis, amb_axis_room *room);
 
 /* At rest at x [m], where the control current iu [A] has long been: the sensor has settled. */
 void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, amb_real x, amb_real iu);
-
-/* What acts just after a sample at which iu [A] is demanded, before amb_plant_advance ... */
-amb_acting amb_plant_from_now(const amb_plant *plant, const amb_plant_state *state, amb_real iu);
-
-/* ... and just before a sample, iu demanded at the one before it. */
-amb_acting amb_plant_until_now(const amb_plant *plant, const amb_plant_state *state, amb_real iu);
-
-/* What a sensor with x_m [m] behind its lag and with this noise shows, a multiple of its step [m].
- */
-amb_real amb_parts_reading(const amb_parts *parts, amb_real x_m, amb_real noise);
-
-/* Measurement that the sensor gives with this noise [m]. */
-static inline amb_real amb_plant_measure(const amb_plant *plant, amb_real x_m, amb_real noise)
-{
-  return plant->parts != NULL ? amb_parts_reading(plant->parts, x_m, noise) : x_m + noise;
-}
-
-/* Advance by the sampling time T [s] with the control current iu [A] demanded at its start and the
- * disturbance f_d [N] held: classical Runge-Kutta of order 4 with fixed substeps (Kutta 1901), with
- * a dead time in pieces between the moments at which the demand changes, in contact with a stop in
- * as many smaller ones as it takes. At a hard stop the rotor stays, without bouncing, until the
- * force pulls it off. Returns true where a stop was touched. */
-bool amb_plant_advance(const amb_plant *plant, amb_plant_state *state, amb_real T, amb_real iu,
-                       amb_real f_d);
-
-/* How fast the state changes while iu [A] is demanded, with the disturbance f_d [N], at the angle
- * of rotation that the state has: x, v, x_m and i of `rates`, each in its unit over s. Of a rotor
- * that no hard stop holds, and without the dead time. */
-void amb_plant_rates(const amb_plant *plant, const amb_plant_state *state, amb_real iu,
-                     amb_real f_d, amb_plant_state *rates);
 
 #endif

@@ -229,7 +229,7 @@ def exact(command: np.ndarray, T: float, parts: dict[str, Any], x_start: float) 
 
 WHOLE = coils() | {
     "delay": 1, "delay_rest": 1.7e-4, "quadratic": 30.0, "cubic": -2e4, "speed": 300.0,
-    "turn_cosine": np.cos(300.0 * 4e-4), "turn_sine": np.sin(300.0 * 4e-4), "orders": 2,
+    "orders": 2,
     "runout_cosine": np.array([3e-5, 0.0]), "runout_sine": np.array([1e-5, -2e-5]),
 }  # fmt: skip
 

@@ -50,6 +50,8 @@ static void test_normal(void)
 typedef struct one {
   amb_kalman kf;
   amb_estimator estimator;
+  amb_axis axis;
+  amb_axis_room room;
   amb_loop loop;
   amb_low_pass_state state[2];
   amb_many_run run[2];
@@ -91,13 +93,15 @@ static void fill(one *o, size_t i, size_t n, const amb_estimator_methods *method
   CHECK(amb_kalman_init(&o->kf, &model, &settings) == AMB_OK);
   const amb_estimator e = {methods, &o->kf, &linear, own};
   o->estimator = e;
-  const amb_loop loop = {.plant = {.magnet = {&amb_law_magnet, &law},
-                                   .m = PAPER_M - AMB_C(0.02) * (amb_real)i,
-                                   .f_0 = AMB_C(-5.08158),
-                                   .K_sen = 1,
-                                   .T_sen = PAPER_T_SEN,
-                                   .travel = PAPER_X_MAX,
-                                   .substeps = 4},
+  const amb_axis axis = {.magnet = {&amb_law_magnet, &law},
+                         .m = PAPER_M - AMB_C(0.02) * (amb_real)i,
+                         .f_0 = AMB_C(-5.08158),
+                         .K_sen = 1,
+                         .T_sen = PAPER_T_SEN,
+                         .travel = PAPER_X_MAX,
+                         .substeps = 4};
+  o->axis = axis;
+  const amb_loop loop = {.plant = amb_plant_of_axis(&o->axis, &o->room),
                          .pid = {.T = PAPER_T,
                                  .kp = 3000,
                                  .ki = 20000,

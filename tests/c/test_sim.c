@@ -5,7 +5,7 @@
 
 #define N 2000
 
-static const amb_plant plant = {
+static const amb_axis axis = {
     .magnet = {&amb_law_magnet, &law},
     .m = AMB_C(0.518),
     .f_0 = AMB_C(-5.08158),
@@ -50,32 +50,41 @@ static amb_kalman never_frozen(void)
   return kf;
 }
 
+static amb_axis_room room;
+
+/* On by 0.1 ms with this current [A] and load [N]. */
+static bool advance(const amb_axis *of, amb_plant_state *s, amb_real iu, amb_real f_d)
+{
+  const amb_plant plant = amb_plant_of_axis(of, &room);
+  const amb_acts acts = {.demanded = &iu, .load = &f_d, .scale = 1};
+  return amb_plant_advance(&plant, s, AMB_C(1e-4), &acts);
+}
+
 static void test_plant(void)
 {
-  CHECK_NEAR(amb_plant_force(&plant, 0, 0), plant.f_0);
-  amb_plant_state s = {.x = 0};
-  amb_plant once = plant;
+  amb_plant_state s = {.X = {0}};
+  amb_axis once = axis;
   once.substeps = 1;
-  CHECK(!amb_plant_advance(&once, &s, AMB_C(1e-4), AMB_C(0.5), 1));
-  CHECK(s.v > 0 && s.x > 0 && s.x_m > 0 && s.x_m < s.x);
+  CHECK(!advance(&once, &s, AMB_C(0.5), 1));
+  CHECK(s.X[1] > 0 && s.X[0] > 0 && s.X[2] > 0 && s.X[2] < s.X[0]);
 
   /* Pressed against a stop it stays; in the pole of the law it is put back; a push off moves it. */
-  s.x = law.s0;
-  s.v = 100;
-  CHECK(amb_plant_advance(&plant, &s, AMB_C(1e-4), 0, 100));
-  CHECK(same(s.x, plant.travel) && same(s.v, 0));
-  CHECK_WITHIN(s.x_m, plant.travel * AMB_C(0.39346934), AMB_C(1e-3));
+  s.X[0] = law.s0;
+  s.X[1] = 100;
+  CHECK(advance(&axis, &s, 0, 100));
+  CHECK(same(s.X[0], axis.travel) && same(s.X[1], 0));
+  CHECK_WITHIN(s.X[2], axis.travel * AMB_C(0.39346934), AMB_C(1e-3));
   for (int k = 0; k < 100; k++)
-    CHECK(amb_plant_advance(&plant, &s, AMB_C(1e-4), 0, 100) && s.x_m <= plant.travel);
+    CHECK(advance(&axis, &s, 0, 100) && s.X[2] <= axis.travel);
   for (int k = 0; k < 10; k++)
-    (void)amb_plant_advance(&plant, &s, AMB_C(1e-4), 0, -100);
-  CHECK(s.x < plant.travel && s.v < 0);
+    (void)advance(&axis, &s, 0, -100);
+  CHECK(s.X[0] < axis.travel && s.X[1] < 0);
 }
 
 static amb_loop loop_of(const amb_estimator *estimator, bool fed_by_estimate)
 {
   const amb_loop loop = {
-      .plant = plant,
+      .plant = amb_plant_of_axis(&axis, &room),
       .pid = pid,
       .T = AMB_C(1e-4),
       .k_ui = 1,
@@ -152,7 +161,7 @@ static void test_steps(bool fed_by_estimate)
   int different = 0;
   for (int k = 0; k < N; k++) {
     const amb_loop_sample sample = {r[k], f_d[k], noise_u[k], noise_y[k], true};
-    different += !same(step.plant.x, x[k]);
+    different += !same(step.plant.X[0], x[k]);
     CHECK(!amb_loop_step(&loop, &step, &own, &sample));
     different += !same(step.u, u[k]) + !same(own.mean[2], mean[4 * k + 2]);
   }

@@ -120,12 +120,7 @@ def _sensor(bearing: Bearing, dtype: str) -> dict[str, Any]:
     sensor = bearing.sensor
     if not sensor.runout or bearing.speed is None:
         return of_sensor(sensor, (), dtype)
-    turn = bearing.speed * bearing.sampling_time
-    return of_sensor(sensor, sensor.runout, dtype) | {
-        "speed": bearing.speed,
-        "turn_cosine": math.cos(turn),
-        "turn_sine": math.sin(turn),
-    }
+    return of_sensor(sensor, sensor.runout, dtype) | {"speed": bearing.speed}
 
 
 def of_sensor(

@@ -1,4 +1,4 @@
-"""The plant of a whole machine, for ``sim/machine.h``."""
+"""The plant of a whole machine, for ``sim/plant.h``."""
 
 from __future__ import annotations
 
@@ -95,49 +95,45 @@ class Plant:
         return X
 
     def arrays(self, core: ModuleType, substeps: int, fastest: float) -> dict[str, Any]:
-        """Return the fields of ``amb_machine``."""
+        """Return the fields of ``amb_plant``."""
         machine, model = self.machine, self.model
         n, readings = len(model.states), machine.readings
         index, more = model.place, len(self.pairs)
-        seen = np.zeros((len(readings), n))
-        seen[:, : len(machine.positions)] = geometry.matrix(
-            [r.line for r in readings], machine.positions
-        )
-        # What the currents of second coils do stands in the amplifiers alone.
-        A, spin = np.pad(model.A, (0, more)), np.pad(model.spin, (0, more))
+        place = {name: k for k, name in enumerate(machine.positions)}
+        q = len(place)
+        # Of the model, the motion of the rotor; currents and readings follow from their parts.
+        A, spin = model.A[q : 2 * q, : 2 * q], model.spin[q : 2 * q, : 2 * q]
         pattern = (A != 0) | (spin != 0)
-        down, right = ((0, more), (0, 0)), ((0, 0), (0, more))
-        sparse = {
-            "b": np.pad(model.b, down), "B_u": np.pad(model.B_u, down),
-            "h": np.pad(model.h, right), "v": np.pad(model.v, right), "seen": np.pad(seen, right),
-        }  # fmt: skip
+        B = model.b[q : 2 * q]
+        seen = geometry.matrix([r.line for r in readings], machine.positions)
+        sparse = {"H": model.h[:, :q], "B": B, "C": seen}
         cosine, sine = self.unbalance()
         dtype = "float32" if core.__name__.endswith("f32") else "float64"
-        g = model.b @ self.bias
+        g = B @ self.bias
         if machine.bending is None:
-            moved = machine.masses
             weight = geometry.weight_of(machine.rotor, machine.positions, GRAVITY)
-            g[len(moved) : 2 * len(moved)] += weight / moved
+            g += weight / machine.masses
         else:  # what its bearings bend it by at rest is no displacement, see geometry.py
-            g += model.b @ np.array(weights_of(machine))
-        constant = {"g": g, "cosine": cosine, "sine": sine}
+            g += B @ np.array(weights_of(machine))
+        turned = {"cosine": cosine.tolist(), "sine": sine.tolist()} if cosine.any() else {}
         second = {axis: n + k for k, axis in enumerate(self.pairs)}
         return {
-            "states": n + more, "axes": len(self.axes), "sensors": len(readings),
+            "states": n + more, "positions": q,
+            "axes": len(self.axes), "sensors": len(readings),
             "A": compressed_rows(A, pattern),
             "spin": spin[pattern].tolist(),
             **{name: compressed_rows(values, values != 0) for name, values in sparse.items()},
-            **{name: np.pad(values, (0, more)).tolist() for name, values in constant.items()},
+            "g": g.tolist(), **turned,
             "second": [second.get(k, -1) for k in range(len(self.axes))],
             "amplifiers": [parts.amplifier_of(alone) for alone in self.alone],
             "coils": [
                 None if fields is None else core.Law(**fields)
                 for fields in map(parts.coil_fields, self.alone)
             ],
-            "base": [index.get(f"v_{way}", -1) for way in "xyz"],
+            "base": [place.get(way, -1) for way in "xyz"],
             "current": [-1 if each is None else index[each] for each in model.current],
             "magnets": [law.in_core(core) for law in self.laws],
-            "none": (-self.bias).tolist(),
+            "bias": self.bias.tolist(),
             "farthest": [_farthest(axis) for axis in self.axes],
             "shows": [index[signal("x_m", r.name)] for r in readings],
             "gain": [r.sensor.gain for r in readings],
@@ -149,14 +145,13 @@ class Plant:
         }  # fmt: skip
 
     def unbalance(self) -> tuple[Array, Array]:
-        """Return accelerations by unbalance ahead and across, for 1 rad/s (n,)."""
+        """Return accelerations by unbalance ahead and across, for 1 rad/s (q,)."""
         machine = self.machine
         moved = machine.masses
-        found = np.zeros((2, len(self.model.states)))
-        velocities = slice(len(moved), 2 * len(moved))
+        found = np.zeros((2, len(moved)))
         for place, amount, angle in machine.unbalances():
             along = [machine.line(place, turn) for turn in (angle, angle + math.pi / 2)]
-            found[:, velocities] += amount * geometry.matrix(along, machine.positions) / moved
+            found += amount * geometry.matrix(along, machine.positions) / moved
         return found[0], found[1]
 
     def _sensors(self, precision: str) -> list[dict[str, Any]]:

@@ -13,17 +13,17 @@ amb_status amb_unit_tune(amb_unit *model, const double value[AMB_VARIABLES])
   return AMB_OK;
 }
 
-/* It points to the other two. */
-static amb_loop loop_of(const amb_unit *model, const amb_estimator *estimator, amb_control *control)
+/* It points to the other three. */
+static amb_loop loop_of(const amb_unit *model, const amb_estimator *estimator, amb_control *control,
+                        amb_rig_room *room)
 {
   const amb_rig *rig = &model->rig;
   amb_loop loop = {
-      .plant = amb_rig_plant(rig),
+      .plant = amb_rig_plant(rig, room),
       .T = rig->T,
       .k_ui = rig->k_ui,
       .iu_min = rig->iu_min,
       .iu_max = rig->iu_max,
-      .f_bias = rig->bias_force,
       .estimator = estimator,
   };
   amb_held_by(model, control, &loop);
@@ -41,17 +41,20 @@ amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
   memset(s, 0, sizeof *s);
   const amb_estimator estimator = amb_filter_estimator(&model->filter);
   amb_control control;
-  const amb_loop loop = loop_of(model, &estimator, &control);
+  amb_rig_room room;
+  const amb_loop loop = loop_of(model, &estimator, &control, &room);
   const amb_plant plant = loop.plant;
   s->demanded = amb_clamp(value[VR_start_current], rig->iu_min, rig->iu_max);
   amb_plant_settle(&plant, &s->plant,
                    amb_clamp(value[VR_start_position], -rig->travel, rig->travel), s->demanded);
   /* Nobody tells it the runout. */
-  const amb_real x = s->plant.x;
+  const amb_real x = s->plant.X[0];
   amb_filter_start(&model->filter, &model->estimate, &s->result, x, rig->K_sen * x, s->demanded);
   amb_held_start(&loop, model, value);
-  s->y = amb_plant_measure(&plant, s->plant.x_m, value[VR_noise_y]);
-  s->acting = amb_plant_from_now(&plant, &s->plant, s->demanded);
+  s->y = amb_parts_reading(plant.sensor, s->plant.X[2], value[VR_noise_y]);
+  const amb_acts acts = amb_rig_acts(rig, &s->demanded, &x);
+  s->acting = amb_plant_acting(&plant, &s->plant, 0, &acts,
+                               amb_plant_from_now(&plant, &s->plant, 0, s->demanded));
   s->u = s->demanded / rig->k_ui;
   model->between.share = 1;
   return AMB_OK;
@@ -61,7 +64,8 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
 {
   const amb_estimator estimator = amb_filter_estimator(&model->filter);
   amb_control control;
-  const amb_loop loop = loop_of(model, &estimator, &control);
+  amb_rig_room room;
+  const amb_loop loop = loop_of(model, &estimator, &control, &room);
   model->between.before = model->state.plant;
   model->between.T = model->rig.T;
   model->between.share = 1;
@@ -82,13 +86,13 @@ void amb_unit_show(const amb_unit *model, double value[AMB_VARIABLES])
 {
   const amb_loop_state *s = &model->state;
   const amb_plant_state now = amb_rig_now(&model->between, &s->plant);
-  value[VR_x] = now.x;
-  value[VR_v] = now.v;
-  value[VR_x_m] = now.x_m;
+  value[VR_x] = now.X[0];
+  value[VR_v] = now.X[1];
+  value[VR_x_m] = now.X[2];
   value[VR_y] = s->y;
   value[VR_u] = s->u;
   value[VR_iu] = s->acting.iu;
-  value[VR_f_mag] = amb_rig_force(&model->rig, &now, s->demanded);
+  value[VR_f_mag] = amb_rig_acting(&model->rig, &now, s->demanded).force;
   amb_estimates_show(&model->filter, &model->estimate, &s->result, value);
   amb_held_show(model, value);
 }

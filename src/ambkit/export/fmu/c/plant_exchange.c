@@ -1,5 +1,4 @@
 #include "exchange.h"
-#include "sim/parts_step.h"
 
 #define TURN 6.283185307179586 /* [rad] */
 
@@ -20,13 +19,13 @@ void amb_unit_follow(amb_unit *model, double time, const double value[AMB_VARIAB
   if (model->rig.with_parts)
     turn(model, time);
   for (int n = 0; n < AMB_DELAY_MOST + 2; n++)
-    model->state.demanded[n] = model->demanded;
+    model->state.demanded[n][0] = model->demanded;
 }
 
 void amb_unit_states(const amb_unit *model, double states[])
 {
   const amb_plant_state *s = &model->state;
-  const double all[] = {s->x, s->v, s->x_m, s->i[0], s->i[1]};
+  const double all[] = {s->X[0], s->X[1], s->X[2], s->X[3], s->X[4]};
   for (int i = 0; i < AMB_CONTINUOUS_STATES; i++)
     states[i] = all[i];
 }
@@ -34,38 +33,47 @@ void amb_unit_states(const amb_unit *model, double states[])
 void amb_unit_set_states(amb_unit *model, const double states[])
 {
   amb_plant_state *s = &model->state;
-  s->x = states[0];
-  s->v = states[1];
-  s->x_m = states[2];
+  s->X[0] = states[0];
+  s->X[1] = states[1];
+  s->X[2] = states[2];
 #if AMB_CONTINUOUS_STATES > 3
-  s->i[0] = states[3];
-  s->i[1] = states[AMB_CONTINUOUS_STATES - 1];
+  s->X[3] = states[3];
+  s->X[4] = states[AMB_CONTINUOUS_STATES - 1];
 #endif
 }
 
 /* Rates of a rotor that no hard stop holds. */
-static amb_plant_state rates(const amb_unit *model, const double value[AMB_VARIABLES])
+static void rates(const amb_unit *model, const double value[AMB_VARIABLES],
+                  amb_real found[AMB_PLANT_STATES])
 {
-  const amb_plant plant = amb_rig_plant(&model->rig);
-  amb_plant_state found;
-  amb_plant_rates(&plant, &model->state, model->demanded, value[VR_f_d], &found);
-  return found;
+  amb_rig_room room;
+  const amb_plant plant = amb_rig_plant(&model->rig, &room);
+  const amb_real f_d = value[VR_f_d];
+  const amb_acts acts = amb_rig_acts(&model->rig, &model->demanded, &f_d);
+  amb_plant_rates(&plant, &model->state, &acts, found);
+}
+
+/* How hard it is pressed against the stop on this side [m/s^2]. */
+static amb_real pressed(const amb_unit *model, const double value[AMB_VARIABLES], int side)
+{
+  amb_real found[AMB_PLANT_STATES];
+  rates(model, value, found);
+  return side * found[1];
 }
 
 void amb_unit_slopes(const amb_unit *model, const double value[AMB_VARIABLES], double slopes[])
 {
-  const amb_plant_state d = rates(model, value);
-  const bool free = model->held == 0;
-  const double all[] = {free ? d.x : 0, free ? d.v : 0, d.x_m, d.i[0], d.i[1]};
+  amb_real found[AMB_PLANT_STATES];
+  rates(model, value, found);
   for (int i = 0; i < AMB_CONTINUOUS_STATES; i++)
-    slopes[i] = all[i];
+    slopes[i] = (i < 2) && (model->held != 0) ? 0 : found[i];
 }
 
 void amb_plant_show_rates(const amb_unit *model, double value[])
 {
   amb_unit_slopes(model, value, &value[VR_der_x_]); /* they stand together, in their order */
 #if AMB_CONTINUOUS_STATES > 3
-  const double i[] = {model->state.i[0], model->state.i[1]};
+  const double i[] = {model->state.X[3], model->state.X[4]};
   for (int k = 0; k < AMB_CONTINUOUS_STATES - 3; k++)
     value[VR_i_0 + k] = i[k];
 #endif
@@ -84,11 +92,11 @@ void amb_unit_indicators(const amb_unit *model, const double value[AMB_VARIABLES
 {
   const amb_real end = end_of(&model->rig);
   if (model->held != 0) {
-    indicators[0] = model->held * rates(model, value).v;
+    indicators[0] = pressed(model, value, model->held);
     indicators[1] = 1;
   } else {
-    indicators[0] = end - model->state.x;
-    indicators[1] = end + model->state.x;
+    indicators[0] = end - model->state.X[0];
+    indicators[1] = end + model->state.X[0];
   }
 }
 
@@ -97,15 +105,15 @@ bool amb_unit_event(amb_unit *model, const double value[AMB_VARIABLES])
   const amb_real end = end_of(&model->rig), near = 1e-9 * end;
   amb_plant_state *s = &model->state;
   if (model->held != 0) {
-    if (!(model->held * rates(model, value).v > 0))
+    if (!(pressed(model, value, model->held) > 0))
       model->held = 0;
     return false;
   }
-  const int side = (s->x >= end - near) - (s->x <= near - end);
-  if ((side == 0) || (side * s->v < 0))
+  const int side = (s->X[0] >= end - near) - (s->X[0] <= near - end);
+  if ((side == 0) || (side * s->X[1] < 0))
     return false;
-  s->x = side * end;
-  s->v = 0;
-  model->held = (side * rates(model, value).v > 0) ? side : 0;
+  s->X[0] = side * end;
+  s->X[1] = 0;
+  model->held = (pressed(model, value, side) > 0) ? side : 0;
   return true;
 }

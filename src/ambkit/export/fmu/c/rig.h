@@ -31,8 +31,17 @@ extern const amb_magnet amb_data_rig_magnet;
  * another bias force. */
 void amb_rig_tune(amb_rig *rig, amb_real mass, amb_real magnet_constant);
 
-/* What sim/plant.h asks for; it points to the rig. */
-amb_plant amb_rig_plant(const amb_rig *rig);
+/* The plant of a rig, which points to both. */
+typedef struct amb_rig_room {
+  amb_axis axis;
+  amb_axis_room room;
+} amb_rig_room;
+
+amb_plant amb_rig_plant(const amb_rig *rig, amb_rig_room *room);
+
+/* What acts with the control current demanded [A] and the disturbance f_d [N]; it points to them.
+ */
+amb_acts amb_rig_acts(const amb_rig *rig, const amb_real *demanded, const amb_real *f_d);
 
 /* Control current [A] that the amplifier makes of a control signal [V], with this share of its
  * range [1]. */
@@ -48,7 +57,8 @@ typedef struct amb_glimpse {
 /* The plant's state then: the cubic through places and velocities, and straight lines. */
 amb_plant_state amb_rig_now(const amb_glimpse *between, const amb_plant_state *after);
 
-/* Whole force of the magnet just before a sample, iu demanded at the one before it [N]. */
-amb_real amb_rig_force(const amb_rig *rig, const amb_plant_state *state, amb_real iu);
+/* What acts just before a sample, iu demanded at the one before it; the whole force of the magnet.
+ */
+amb_acting amb_rig_acting(const amb_rig *rig, const amb_plant_state *state, amb_real iu);
 
 #endif

@@ -1,0 +1,73 @@
+#include "parts.h"
+#include "ambkit/root.h"
+#include <stdint.h>
+
+amb_real amb_parts_voltage(const amb_parts *parts, amb_real scale, amb_real i, amb_real rate,
+                           amb_real x, amb_real v)
+{
+  const amb_real gap = parts->s0 - x, L = 2 * (scale * parts->k) / gap, whole = parts->i0 + i;
+  return L * rate + (parts->R + L * v / gap) * whole;
+}
+
+amb_real amb_parts_rate(const amb_parts *parts, amb_real scale, amb_real i, amb_real demanded,
+                        amb_real x, amb_real v)
+{
+  const amb_real rate = parts->corner * (demanded - i);
+  if (!(parts->voltage > 0))
+    return rate;
+  const amb_real u = amb_parts_voltage(parts, scale, i, rate, x, v);
+  const amb_real over = u - amb_clamp(u, -parts->voltage, parts->voltage);
+  return rate - over * (parts->s0 - x) / (2 * (scale * parts->k));
+}
+
+void amb_parts_turn(amb_real angle, amb_real *cosine, amb_real *sine)
+{
+  const amb_real a = angle / 8, q = a * a;
+  amb_real c = 1, s = 1;
+  for (int n = 12; n > 0; n -= 2) {
+    c = 1 - c * q / (amb_real)(n * (n - 1));
+    s = 1 - s * q / (amb_real)((n + 1) * n);
+  }
+  s *= a;
+  for (int n = 0; n < 3; n++) {
+    const amb_real twice = 2 * s * c;
+    c = 1 - 2 * s * s;
+    s = twice;
+  }
+  *cosine = c;
+  *sine = s;
+}
+
+amb_real amb_parts_shown(const amb_parts *parts, amb_real K_sen, amb_real x, amb_real cosine,
+                         amb_real sine)
+{
+  amb_real sum = 0, c = 1, s = 0;
+  for (int n = 0; n < parts->orders; n++) {
+    const amb_real next = c * cosine - s * sine;
+    s = s * cosine + c * sine;
+    c = next;
+    sum += parts->runout_cosine[n] * c + parts->runout_sine[n] * s;
+  }
+  const amb_real seen = x + sum;
+  const amb_real bent = (parts->quadratic + parts->cubic * seen) * seen;
+  return K_sen * (seen + seen * bent);
+}
+
+amb_real amb_parts_reading(const amb_parts *parts, amb_real x_m, amb_real noise)
+{
+  const amb_real y = x_m + amb_noise_share(parts->rise, x_m) * noise;
+  if (!(parts->step > 0))
+    return y;
+  const amb_real steps = y / parts->step;
+  if (!(amb_magnitude(steps) < AMB_C(1e15))) /* it has no digits after the point, or is none */
+    return y;
+  return parts->step * (amb_real)(int64_t)(steps < 0 ? steps - AMB_C(0.5) : steps + AMB_C(0.5));
+}
+
+amb_real amb_parts_push(const amb_parts *parts, amb_real depth, amb_real inward)
+{
+  if (!(parts->stiffness > 0) || !(depth > 0))
+    return 0;
+  const amb_real give = 1 + AMB_C(1.5) * parts->damping * inward;
+  return parts->stiffness * depth * amb_root(depth) * (give > 0 ? give : 0);
+}

@@ -1,0 +1,74 @@
+/* The plant over one substep, as one text for every pattern. No include guard: it is compiled for
+ * numbers (plant.c: unrolled for an isolated axis, and in loops) and for lanes (lanes_many.c), who
+ * say what amb_real, amb_going, amb_stage, amb_driven and amb_reachable are. With a pattern that is
+ * a constant the loops unroll, and what is not there drops out.
+ *
+ * X: positions, velocities, then states of first order (readings, currents). Stage 0 of a substep
+ * is at its start, 1 in its middle, 2 at its end.
+ */
+
+/* One step of the classical method of order 4 (Kutta 1901), the constant accelerations g held.
+ *
+ * The stages of the velocities are eliminated (Nystroem 1925) and g's part is the parabola that it
+ * is: a shorter chain of operations that wait for one another, and that is what the time goes into.
+ * What depends on velocities needs these stages, and in a plain plant nothing does. */
+AMB_INLINE void amb_substep(const amb_pattern *p, const amb_going *of, amb_real X[])
+{
+  const amb_real h = of->h, half = of->half, sixth = of->sixth;
+  const int q = p->positions, n = p->states;
+  amb_real X2[AMB_PLANT_STATES], X3[AMB_PLANT_STATES], X4[AMB_PLANT_STATES];
+  amb_real d1[AMB_PLANT_STATES], d2[AMB_PLANT_STATES], d3[AMB_PLANT_STATES], d4[AMB_PLANT_STATES];
+  amb_real F1[AMB_PLANT_AXES], F2[AMB_PLANT_AXES], F3[AMB_PLANT_AXES], F4[AMB_PLANT_AXES];
+  amb_real coasting[AMB_PLANT_STATES]; /* where it gets without the magnets */
+
+  amb_stage(p, of, X, 0, F1, d1);
+  for (int k = 0; k < q; k++) {
+    const amb_real g = of->g[k], v = X[q + k], halfway = X[k] + half * v;
+    coasting[k] = X[k] + h * v + h * half * g;
+    X2[k] = amb_reachable(p, of, halfway, k);
+    X3[k] = amb_driven(p, of, halfway + half * half * g, half * half, F1, k);
+    if (!p->plain) {
+      X3[k] += half * half * d1[q + k];
+      X2[q + k] = amb_driven(p, of, v + half * (g + d1[q + k]), half, F1, k);
+    }
+    X3[k] = amb_reachable(p, of, X3[k], k);
+  }
+  for (int j = 2 * q; j < n; j++)
+    X2[j] = X[j] + half * d1[j];
+
+  amb_stage(p, of, X2, 1, F2, d2);
+  for (int k = 0; k < q; k++) {
+    X4[k] = amb_driven(p, of, coasting[k], h * half, F2, k);
+    if (!p->plain) {
+      X4[k] += h * half * d2[q + k];
+      X3[q + k] = amb_driven(p, of, X[q + k] + half * (of->g[k] + d2[q + k]), half, F2, k);
+    }
+    X4[k] = amb_reachable(p, of, X4[k], k);
+  }
+  for (int j = 2 * q; j < n; j++)
+    X3[j] = X[j] + half * d2[j];
+
+  amb_stage(p, of, X3, 1, F3, d3);
+  for (int k = 0; k < q; k++)
+    if (!p->plain)
+      X4[q + k] = amb_driven(p, of, X[q + k] + h * (of->g[k] + d3[q + k]), h, F3, k);
+  for (int j = 2 * q; j < n; j++)
+    X4[j] = X[j] + h * d3[j];
+
+  amb_stage(p, of, X4, 2, F4, d4);
+  for (int f = 0; f < p->axes; f++) {
+    F4[f] = F1[f] + 2 * (F2[f] + F3[f]) + F4[f];
+    F3[f] = F1[f] + F2[f] + F3[f];
+  }
+  for (int k = 0; k < q; k++) {
+    X[k] = amb_driven(p, of, coasting[k], h * sixth, F3, k);
+    X[q + k] = amb_driven(p, of, X[q + k] + h * of->g[k], sixth, F4, k);
+    if (!p->plain) {
+      const amb_real *w1 = &d1[q], *w2 = &d2[q], *w3 = &d3[q], *w4 = &d4[q];
+      X[k] += h * sixth * (w1[k] + w2[k] + w3[k]);
+      X[q + k] += sixth * (w1[k] + 2 * (w2[k] + w3[k]) + w4[k]);
+    }
+  }
+  for (int j = 2 * q; j < n; j++)
+    X[j] = X[j] + sixth * (d1[j] + 2 * (d2[j] + d3[j]) + d4[j]);
+}
