@@ -148,11 +148,13 @@ def test_bodes_integral_of_presets(name, rpm):
 def test_bodes_integral_of_presets_in_continuous_time(name, rpm):
     """With an integrator, whose singularity at 0 is handled, and a dead time with its tail."""
     preset = Machine.preset(name).model_copy(update={"speed": rpm * RPM})
-    if name == "compressor":
-        pytest.xfail("since it keeps five modes: 1.6 % off, not looked into")
     one = preset if len(preset.readings) == 4 else reference(speed=rpm * RPM)
     pid = holding(preset).pids[0]  # which bending does not shake
-    loop = continuous_loop(one, 1e-4, pid.kp, pid.kd, 1 / pid.derivative_filter, pid.ki)
+    # With twice this dead time a bending mode of the compressor grows by 7.74/s in both planes: its
+    # integral is less by four times that, the closed loop's unstable poles. With this one a
+    # mode is hardly damped, and the panels have to be halved about it.
+    delay = 5e-5 if name == "compressor" else 1e-4
+    loop = continuous_loop(one, delay, pid.kp, pid.kd, 1 / pid.derivative_filter, pid.ki)
     found = bode_integral(loop)
     assert found.poles > 100
     assert found.integral == pytest.approx(found.poles, rel=1e-6)

@@ -121,9 +121,12 @@ def test_one_mode_is_too_few_and_that_is_said(one_mode: Machine) -> None:
 def test_modes_are_chosen_for_the_speed(chosen: Machine) -> None:
     found, rotor = compared(chosen), rotor_of(chosen)
     assert found.kept == 4
-    assert found.good
     assert 0 < found.whirl.error < 0.01
     assert found.critical_error < 0.01
+    # Its default controllers are a regulator, fed by the estimate: the fifth mode moves their peak.
+    assert found.peak is not None
+    assert 0.01 < found.peak.share < 0.06
+    assert "give rotor.modes_up_to = " in found.text()
     top = end_of_range(chosen.sampling_time, chosen.speed)
     three = whirl_error(rotor, rotor.every_mode, top, [found.fastest], 3)
     assert three.error > 0.01  # so that none is kept for nothing
@@ -156,6 +159,7 @@ def test_check_and_rotor_print_the_comparison(call: Any, one_mode: Machine, tmp_
     one_mode.save(path)
     remarks = " ".join(inspect(path).remarks)
     assert "1 of 128 bending modes kept, against all" in remarks
+    assert "raise it to 5300 Hz" in remarks
     assert "too near to 49" in remarks
     found = call("rotor", str(path))
     assert found.code == 0, found.err
@@ -167,11 +171,11 @@ def test_check_and_rotor_print_the_comparison(call: Any, one_mode: Machine, tmp_
 
 
 def test_separation_margins() -> None:
-    """API 617: none where the amplification is below 2.5, 17 % and 27 % where it is infinite."""
+    """API 617: none where the amplification is below 2.5, 16 % and 26 % where it is infinite."""
     near = Separation(CriticalSpeed(990.0, 0.0), 1000.0)
-    assert (near.margin, near.needed, near.kept) == (pytest.approx(0.01), 0.17, False)
+    assert (near.margin, near.needed, near.kept) == (pytest.approx(0.01), 0.16, False)
     above = Separation(CriticalSpeed(1280.0, 1e-9), 1000.0)
-    assert above.needed == pytest.approx(0.27)
+    assert above.needed == pytest.approx(0.26)
     assert above.kept
     assert Separation(CriticalSpeed(1000.0, 0.21), 1000.0).kept
     assert Separation(CriticalSpeed(900.0, 0.1), 1000.0).needed == pytest.approx(

@@ -119,8 +119,8 @@ def control_of(
     machine: Machine, given: str | None
 ) -> tuple[PID | Control | None, dict[str, float], bool]:
     """Return the controllers, the loads, and whether it is said that a measurement feeds them."""
+    from ambkit.simulation import default_control
     from ambkit.simulation.controllers import TYPES, Control
-    from ambkit.simulation.default_control import feedback_of
     from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
     from ambkit.simulation.waveforms import Constant
@@ -145,4 +145,7 @@ def control_of(
         each.axis: each.force.value
         for each in flight.disturbance if isinstance(each.force, Constant)
     }  # fmt: skip
-    return flight.control, loads, feedback_of(machine, flight) == "measurement"
+    control = flight.control
+    if default_control.fastest_of(machine, flight) > abs(machine.speed):
+        control = default_control.control_of(machine, flight)
+    return control, loads, default_control.feedback_of(machine, flight) == "measurement"

@@ -37,7 +37,7 @@ def simulate_machine(
     from ambkit.cli import output
     from ambkit.judge.adequacy import judge_adequacy
     from ambkit.show import plots
-    from ambkit.simulation.default_control import default_control, is_default
+    from ambkit.simulation.default_control import default_for, is_default
     from ambkit.simulation.flight import Flight
     from ambkit.simulation.holding import holding
     from ambkit.simulation.machine import simulate_machine as fly
@@ -59,8 +59,10 @@ def simulate_machine(
     named = estimator != "none"
     if not named and happening.feedback is None:
         happening = happening.replace(feedback="measurement")
-    if machine.speed and is_default(happening.control):
-        output.note(default_control(machine, happening.feedback).why)
+    if is_default(happening.control):
+        chosen = default_for(machine, happening)
+        if chosen.fastest:
+            output.note(chosen.summary)
     kalman = of_machine(estimator, machine, synchronous=synchronous) if named else None
     with output.progress("simulating"):
         run = fly(machine, happening, estimator=kalman)

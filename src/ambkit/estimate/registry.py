@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -321,6 +322,12 @@ def _learned(name: str, axis: Bearing) -> Any:
         from ambkit.machine.stiffness import stiffness_map
 
         return stiffness_map(axis)
+    return _trained(axis)
+
+
+@lru_cache(maxsize=64)
+def _trained(axis: Bearing) -> MagnetModel:
+    """Return the default expert of an axis."""
     from ambkit.fuzzy.training import train
 
     return train(axis, weights=True)

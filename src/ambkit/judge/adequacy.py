@@ -14,7 +14,7 @@ from ambkit.estimate.base import Estimator
 from ambkit.judge import adequacy_criteria as criteria
 from ambkit.machine.machine import short_form
 from ambkit.machine.magnets import core_module
-from ambkit.simulation.default_control import feedback_of
+from ambkit.simulation.default_control import control_of, feedback_of
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.scenario import Scenario
 
@@ -105,5 +105,5 @@ def _control_of(plant: Any, happening: Scenario | Flight | None) -> tuple[Any, b
         return pid, bool(pid.model_fields_set - {"feedback"}), pid.feedback == "estimate"
     if isinstance(happening, Flight):
         given = bool(happening.control.model_fields_set)
-        return happening.control, given, feedback_of(plant, happening) == "estimate"
+        return control_of(plant, happening), given, feedback_of(plant, happening) == "estimate"
     return None, False, True

@@ -24,7 +24,6 @@ from ambkit.simulation.holding_margins import Sensitivities, sensitivities, show
 from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
 
 Array = NDArray[np.float64]
@@ -110,10 +109,10 @@ def _held(machine: Machine, feedback: Literal["measurement", "estimate"]) -> Hol
         found = search.most_damped()
     margins = sensitivities(machine, estimated=feedback == "estimate")
     if margins is None or not found.held:
-        return found
+        return search.weighted(found)
     if margins.peaks(found.pids).max() >= ENOUGH:
         found = search.on_margins(found, margins)
-    return search.calm(found)
+    return search.calm(search.weighted(found))
 
 
 class _Search:
@@ -131,7 +130,7 @@ class _Search:
 
     def of(self, pids: tuple[PID, ...], p: float, d: float, f: float) -> tuple[PID, ...]:
         """Return controllers with these shares of gains and filter."""
-        return tuple(_changed(*each, p, d, f) for each in zip(pids, self.loop.alone, strict=True))
+        return tuple(_changed(pid, p, d, f) for pid in pids)
 
     def most_damped(self) -> Holding:
         """Return those that leave most damping."""
@@ -212,8 +211,18 @@ class _Search:
         every = np.zeros((len(logs), 3))
         every[:, : logs.shape[1]] = logs
         shares = np.exp(np.clip(every, *BOUNDS))[of_axis]
-        told = zip(self.usual, alone_of(self.machine), shares, strict=True)
-        return tuple(_changed(pid, alone, *map(float, each)) for pid, alone, each in told)
+        each = zip(self.usual, shares, strict=True)
+        return tuple(_changed(pid, *map(float, share)) for pid, share in each)
+
+    def weighted(self, found: Holding) -> Holding:
+        """Return controllers that were changed with the weight of the reference of their gains."""
+        if found.pids is self.usual:
+            return found
+        pids = tuple(
+            pid.model_copy(update={"setpoint_weight": weight_of(alone, pid.kp, pid.ki, pid.kd)})
+            for pid, alone in zip(found.pids, alone_of(self.machine), strict=True)
+        )
+        return replace(found, pids=pids)
 
     def calm(self, found: Holding) -> Holding:
         """Return the same with less of the references to kp, where a step overshoots by much."""
@@ -228,11 +237,11 @@ class _Search:
         return replace(found, pids=pids)
 
 
-def _changed(pid: PID, alone: Bearing, p: float, d: float, f: float) -> PID:
-    kp, ki, kd = pid.kp * p, pid.ki * p, pid.kd * d
+def _changed(pid: PID, p: float, d: float, f: float) -> PID:
+    """Return a PID with shares of its gains; neither poles nor margins need its weight."""
     return PID(
-        kp=kp, ki=ki, kd=kd, derivative_filter=pid.derivative_filter * f,
-        anti_windup=pid.anti_windup, setpoint_weight=weight_of(alone, kp, ki, kd),
+        kp=pid.kp * p, ki=pid.ki * p, kd=pid.kd * d,
+        derivative_filter=pid.derivative_filter * f, anti_windup=pid.anti_windup,
     )  # fmt: skip
 
 

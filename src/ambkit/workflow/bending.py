@@ -12,7 +12,8 @@ from ambkit.base.units import engineering
 from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.placing import NODE
-from ambkit.simulation.default_control import PIDS, default_control
+from ambkit.simulation.control_candidates import PIDS
+from ambkit.simulation.default_control import default_control
 from ambkit.simulation.holding import holding
 from ambkit.workflow.reduction import reduction
 

@@ -20,8 +20,9 @@ from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.loop.loop_of import ZONE_A, LoopOf, OutOfReachError, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
+from ambkit.simulation.control_candidates import name_of
 from ambkit.simulation.controllers import Control
-from ambkit.simulation.default_control import default_control, name_of
+from ambkit.simulation.default_control import default_control
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.holding import TIMES, holding, overshoot_of
 from ambkit.simulation.scenario import GAINS, PID
@@ -229,7 +230,7 @@ def control_for(machine: Machine) -> Control:
     """The default controllers of a machine that an estimate feeds, as they are written down."""
     found = default_control(machine, "estimate")
     if not found.held:
-        raise AmbkitError(found.why)
+        raise AmbkitError(found.summary)
     control = found.chosen.control
     if control.type == "decentralised" and not control.pid:
         names = [axis.name for axis in machine.axes]

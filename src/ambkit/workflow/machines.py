@@ -33,7 +33,7 @@ def described(machine: Machine) -> tuple[str, tuple[Remark, ...]]:
     ]
     remarks = [Remark(_of_the_poles(machine)), *of_bending(machine)]
     if machine.speed:
-        remarks.append(Remark(default_control(machine).why))
+        remarks.append(Remark(default_control(machine).summary))
         remarks.append(Remark(sentence(separations(machine), machine.speed)))
     return "; ".join(about), tuple(remarks)
 

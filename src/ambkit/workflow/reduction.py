@@ -24,6 +24,7 @@ from ambkit.machine.rotors.whirl import (
     speeds_of,
     whirl_error,
 )
+from ambkit.simulation.default_control import default_control
 from ambkit.simulation.holding import holding
 from ambkit.workflow.campbell import campbell
 from ambkit.workflow.separation import DAMPED, rpm
@@ -36,6 +37,9 @@ COARSE, NEAR = 250, 9
 
 MORE, LEAST = 4, 10
 """Modes beyond those kept that stand for all in the loop, and how many these are at least."""
+
+BESIDE = 1.05
+"""How far beyond a mode that grows modes are to be kept."""
 
 SPEEDS = 61
 """At which critical speeds are looked for."""
@@ -75,7 +79,9 @@ class Reduction:
     peak: Peak | None
     #: Pole of the default loop that grows with all modes [1/s], and not with those kept.
     grows: complex | None
-    needed: float  #: What `modes_up_to` must be, at least, for the whirls [Hz].
+    #: What `modes_up_to` must be, at least: for the whirls, for what grows, or one mode more where
+    #: the sensitivity is off [Hz].
+    needed: float
 
     @property
     def critical_error(self) -> float:
@@ -168,7 +174,10 @@ class Reduction:
         if self.good:
             return f"{said}; {'' if self.peak is None else 'all '}within {_percent(self.tolerance)}"
         help = "leave out rotor.modes_up_to, so that enough modes are kept"
-        if self.needed:
+        if max(self.whirl.error, self.critical_error) <= self.tolerance:  # it is the loop's
+            help = f"give rotor.modes_up_to = {engineering(self.needed, 'Hz', 4)}, so that the "
+            help += "default controllers are chosen with more modes"
+        elif self.needed:
             help += f", or raise it to {engineering(self.needed, 'Hz', 4)}"
         return f"{said}; not within {_percent(self.tolerance)} (rotor.modes_within): {help}"
 
@@ -195,11 +204,15 @@ def reduction(machine: Machine) -> Reduction | None:
     )  # fmt: skip
     fastest = BEYOND * abs(speed)
     peak, grows = _peaks(machine, many)
+    needed = enough(rotor, T, speed, rotor.modes_within)
+    if grows is not None:
+        needed = max(needed, BESIDE * abs(grows.imag) / 2 / math.pi)
+    elif peak is not None and peak.share > rotor.modes_within and kept < len(f):
+        needed = max(needed, above(f, kept + 1))
     return Reduction(
         kept, len(f), rotor.modes_within, fastest, min(given, top),
         whirl_error(rotor, bending, min(given, top), speeds_of(speed)),
-        _critical(machine, many, fastest), peak, grows,
-        enough(rotor, T, speed, rotor.modes_within),
+        _critical(machine, many, fastest), peak, grows, needed,
     )  # fmt: skip
 
 
@@ -224,12 +237,15 @@ def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None
     """Return where the peaks of the default loops differ most, and what grows with all modes."""
     try:
         of = LoopOf(machine)
-        estimator = KalmanFilter(machine) if of.needs_estimate else None
+        fed_by_estimate = default_control(machine).chosen.feedback == "estimate"
+        estimator = KalmanFilter(machine) if fed_by_estimate else None
         flown = of.flown_by(estimator)
     except (AmbkitError, ValueError):  # nothing holds the rotor, or no filter takes it
         return None, None
     worst: Peak | None = None
     for speed in dict.fromkeys((0.0, machine.speed / 2, machine.speed)):
+        if estimator is not None:
+            estimator = KalmanFilter(machine.model_copy(update={"speed": speed}))
         loops = [
             LoopOf(
                 each.model_copy(update={"speed": speed}), of.control, point=of.point, flown=flown

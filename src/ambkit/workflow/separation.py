@@ -1,5 +1,12 @@
 """How far a speed of operation is from each critical speed, after API 617."""
 
+# API 617, Axial and centrifugal compressors and expander-compressors, and API RP 684, 6.8.2.10,
+# with the amplification factor AF: below the operating speed the lesser of 16 % and
+# ``17 % (1 - 1/(AF - 1.5))``, above it the lesser of 26 % and 10 % more; none where AF < 2.5. The
+# standards themselves were not at hand: the figures are those by which ROSS, the rotordynamic
+# software of Petrobras, judges (github.com/petrobras/ross, ``separation margin``, after API 684).
+# ISO 14839 has no separation margins; its part 3 judges the peak of the sensitivity.
+
 from __future__ import annotations
 
 import math
@@ -17,9 +24,12 @@ if TYPE_CHECKING:
 DAMPED = 2.5
 """Amplification factor below which API 617 takes a mode for critically damped."""
 
-BELOW, ABOVE = 0.17, 0.10
-"""Margin that an undamped critical speed below the operating speed needs, and how much more one
-above it."""
+SHARE, ABOVE = 0.17, 0.10
+"""Factor of the margin that a critical speed needs, and how much more one above the operating speed
+needs."""
+
+MOST = 0.16
+"""The greatest margin that a critical speed below the operating speed needs."""
 
 BASIS = "API 617"
 """Where the margins are from."""
@@ -40,11 +50,10 @@ class Separation:
     @property
     def needed(self) -> float:
         """Margin that is required [1]: none of a mode that is critically damped."""
-        # ``0.17 (1 - 1/(AF - 1.5))`` below the operating speed, 0.10 more above it.
         factor = self.critical.amplification
         if factor < DAMPED:
             return 0.0
-        margin = BELOW * (1 - 1 / (factor - 1.5))
+        margin = min(MOST, SHARE * (1 - 1 / (factor - 1.5)))
         return margin + (ABOVE if self.critical.speed > self.speed else 0.0)
 
     @property
@@ -96,8 +105,6 @@ def separations(
 ) -> list[Separation]:
     """Return the distances of a speed from all critical speeds up to twice of it."""
     # Of the rotor on its controllers, see `ambkit.campbell`.
-    # API 617, Axial and centrifugal compressors and expander-compressors, 7th edition, 2002:
-    # separation margins by amplification factors.
     speed = abs(machine.speed if speed is None else speed)
     if not speed:
         return []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from functools import cache
 from importlib.metadata import distribution, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -245,6 +246,11 @@ def compiled_files(files: Iterable[str]) -> tuple[str, ...]:
 
 def rendered(template: str, context: dict[str, Any]) -> str:
     """Fill in a template of this package."""
+    return str(_templates(template.endswith(".html.j2")).get_template(template).render(context))
+
+
+@cache
+def _templates(autoescape: bool) -> Any:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -253,8 +259,8 @@ def rendered(template: str, context: dict[str, Any]) -> str:
         keep_trailing_newline=True,
         trim_blocks=True,
         lstrip_blocks=True,
-        autoescape=template.endswith(".html.j2"),
+        autoescape=autoescape,
     )
     environment.filters |= escaping.FILTERS
     environment.filters["number"] = lambda value: data.number(value, "double")
-    return environment.get_template(template).render(context)
+    return environment

@@ -171,7 +171,7 @@ class LoopOf:
         machine = self.machine
         if machine is None or not machine.speed or self._flown or not is_default(self.control):
             return None
-        return default_control(machine, "estimate" if estimator else "measurement").why
+        return default_control(machine, "estimate" if estimator else "measurement").summary
 
     def fed_by(self, estimator: Any) -> list[PID]:
         """Return the PIDs of the axes as an estimator feeds them or, None, the measurement."""

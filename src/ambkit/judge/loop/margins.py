@@ -212,7 +212,8 @@ def bode_integral(loop: Loop) -> BodeIntegral:
     # By Gauss's rule in the logarithm of the frequency, between the frequencies of all poles and
     # ever finer towards each: an integrator makes S zero at 0, an undamped pole makes it zero
     # elsewhere. In continuous time it goes on until nothing is left of the tail, and to where the
-    # dead time turns slowly against it.
+    # dead time turns slowly against it; and as poles of a closed loop with a dead time are not
+    # known, panels are halved until that changes nothing.
     poles = np.concatenate([loop.plant.poles(), loop.compensator.poles()])
     if loop.plant.T is None:
         unit, low, high = 1.0, 1e-9, 1e10
@@ -233,17 +234,38 @@ def bode_integral(loop: Loop) -> BodeIntegral:
     finer = 0.5 * GRADED ** np.arange(LEVELS)
     shares = np.concatenate([[0.0], finer[::-1], 1 - finer[1:], [1.0]])
     cuts = np.unique(np.concatenate([even, *(a + (b - a) * shares for a, b in pairwise(ends))]))
+
+    def of(logs: Array) -> Array:
+        angle = np.exp(logs)
+        det = np.linalg.det(np.eye(loop.measurements) + loop.open(angle / (2 * math.pi * unit)))
+        return np.asarray(-np.log(np.abs(det)) * angle / math.pi)
+
+    a, b = cuts[:-1], cuts[1:]
+    parts = _gauss(of, a, b)
+    integral = 0.0
+    for _ in range(HALVINGS if loop.plant.T is None else 0):
+        middle = (a + b) / 2
+        left, right = _gauss(of, a, middle), _gauss(of, middle, b)
+        off = np.abs(left + right - parts) > EXACT * max(lost, 1.0)
+        integral += float((left + right)[~off].sum())
+        a, b = np.concatenate([a[off], middle[off]]), np.concatenate([middle[off], b[off]])
+        parts = np.concatenate([left[off], right[off]])
+    return BodeIntegral(integral + float(parts.sum()), lost)
+
+
+def _gauss(of: Callable[[Array], Array], a: Array, b: Array) -> Array:
+    """Return the integrals (k,) of a function over panels, by Gauss's rule."""
+    # a, b (k,)
     nodes, weights = np.polynomial.legendre.leggauss(16)
-    middle, half = (cuts[1:] + cuts[:-1]) / 2, (cuts[1:] - cuts[:-1]) / 2
-    angle = np.exp(middle[:, None] + half[:, None] * nodes).ravel()
-    det = np.linalg.det(np.eye(loop.measurements) + loop.open(angle / (2 * math.pi * unit)))
-    values = -np.log(np.abs(det)) * angle
-    integral = np.sum(values.reshape(-1, len(nodes)) * weights * half[:, None]) / math.pi
-    return BodeIntegral(float(integral), lost)
+    at = (a + b)[:, None] / 2 + (b - a)[:, None] / 2 * nodes
+    return np.asarray((of(at.ravel()).reshape(at.shape) * weights).sum(axis=1) * (b - a) / 2)
 
 
 TAIL = 1e7
 """To where a dead time's turns are followed [rad/s]; beyond nothing is left of the open loop."""
+
+HALVINGS, EXACT = 20, 1e-9
+"""How often panels are halved, and what may change then, over the sum of the unstable poles."""
 
 GRADED, LEVELS = 0.3, 16
 """By which ratio panels shrink towards a pole's frequency, and how often."""

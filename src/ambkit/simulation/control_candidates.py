@@ -1,0 +1,275 @@
+"""Candidates for the controllers of a machine that turns, and their margins over its speeds."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.machine.rotors.whirl import end_of_range
+from ambkit.models.linear import LinearSystem, Signal
+from ambkit.simulation.controllers import Control, Controllers, controllers_of
+from ambkit.simulation.gains import two_digits, weight_of
+from ambkit.simulation.holding import ENOUGH
+from ambkit.simulation.holding_margins import shown_along_axes
+from ambkit.simulation.linear.closed import Loop
+from ambkit.simulation.linear.control import compensator, controllers, fed
+from ambkit.simulation.linear.pieces import WorkPoint, plant
+from ambkit.simulation.linear.settled import estimator_at
+from ambkit.simulation.plant import Plant
+from ambkit.simulation.scenario import GAINS, PID
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
+
+Array = NDArray[np.float64]
+Feedback = Literal["measurement", "estimate"]
+
+SPEEDS = 9
+"""Speeds of rotation at which loops are looked at, from rest to the fastest."""
+IN_ORDER = ("kp", "ki", "kd", "derivative_filter", "anti_windup", "setpoint_weight")
+"""Of a PID as it flies, in their order."""
+LOWEST, GRID, NEAR = 1e-4, 200, np.linspace(-4, 4, 25)
+"""Of the frequencies: start as a share of the range, count, and places about each pole, in its
+rate of decay: beside a zero the peak of one that is hardly damped is not at its own frequency."""
+
+LEAST = math.exp(-1)
+"""Of the poles in z about which a peak is looked for."""
+
+PIDS = Control(type="decentralised"), Control(type="translation and tilt")
+CROSSED = tuple(each.model_copy(update={"cross_feedback": 0.5}) for each in PIDS)
+REGULATORS = Control(type="lqg"), Control(type="lqg", gain_scheduling=True)
+INTEGRAL = (0.5, 0.25, 0.1)
+"""Shares of the integral gains that are tried: an integral excites the precession, which is the
+slower the faster a rotor turns."""
+PROPORTIONAL, DERIVATIVE, FILTER = (1.0, 0.7), (1.0, 1.5, 2.0), (1.0, 0.5, 0.25)
+"""Shares of the other gains and of the derivative filter, tried with each of these."""
+ERRORS = (0.1, 0.05, 0.02, 0.01)
+"""Errors of the polar inertia that a regulator is tried with."""
+
+
+class Candidate(NamedTuple):
+    """A structure of controllers, and its margins over the speed range."""
+
+    control: Control  #: The structure.
+    feedback: Feedback  #: What feeds it.
+    peak: float  #: Greatest of abs(S) of an axis with all others closed [1]; infinite: unstable.
+    speed: float  #: Where that is, or a speed at which it is unstable [rad/s].
+    #: Of a regulator, error of the polar inertia with which its peak is at most twice as high [1].
+    inertia_error: float = math.inf
+
+    def __str__(self) -> str:
+        worst = f"peak {self.peak:.3g}" if self.stable else "unstable"
+        return f"{name_of(self.control)} ({worst})"
+
+    @property
+    def stable(self) -> bool:
+        """Whether it holds the rotor at each speed."""
+        return math.isfinite(self.peak)
+
+
+def name_of(control: Control) -> str:
+    """Return what controllers of a kind are called."""
+    names = {None: "default", "decentralised": "decentralised PID", "lqg": "linear-quadratic"}
+    name = names.get(control.type, str(control.type))
+    if control.gain_scheduling:
+        return f"{name} with gain scheduling"
+    if control.pid:
+        name += " tuned over the speed range"
+    share = control.cross_feedback
+    return f"{name} with cross feedback {share:g}" if share else name
+
+
+class Candidates:
+    """Controllers of a machine, and its loops with them at speeds from rest to the fastest."""
+
+    def __init__(self, machine: Machine, fastest: float) -> None:
+        self.plant, self.machine = Plant(machine), machine
+        self.fastest = math.copysign(fastest, machine.speed)  # the way that the machine turns
+        point = WorkPoint.of_machine(machine)
+        speeds = np.linspace(0.0, self.fastest, SPEEDS)
+        self.at = [_AtSpeed(machine, point, float(speed)) for speed in speeds]
+        self._known: dict[tuple[Control, Feedback], Candidate] = {}
+
+    @cached_property
+    def estimator(self) -> KalmanFilter:
+        """That feeds the controllers: the linear one, with its default noise."""
+        return KalmanFilter(self.machine)
+
+    def in_turn(self, feedback: Feedback) -> list[Candidate]:
+        """Return the candidates up to the first whose peak is at most `ENOUGH`."""
+        found = []
+        for each in self._structures(feedback):
+            found.append(each)
+            if each.peak <= ENOUGH:
+                break
+        return found
+
+    def _structures(self, feedback: Feedback) -> Iterator[Candidate]:
+        """Yield all candidates, from simple to linear-quadratic."""
+        yield from (self.peaks(control, feedback) for control in PIDS)
+        yield from (self._tuned(control, feedback) for control in PIDS)
+        if feedback == "estimate":
+            yield from (self.peaks(control, feedback) for control in (*CROSSED, *self.regulators))
+
+    @property
+    def regulators(self) -> tuple[Control, ...]:
+        """Linear-quadratic control; gains are scheduled up to the machine's own speed."""
+        return REGULATORS if self.machine.speed else REGULATORS[:1]
+
+    def _tuned(self, control: Control, feedback: Feedback) -> Candidate:
+        """Return the PIDs with the greatest integral gain whose peak is at most `ENOUGH`."""
+        # Or of the lowest peak. Only those are changed that the gyroscopics act on.
+        filters = FILTER if feedback == "measurement" else FILTER[:1]
+        usual = self._usual(control)
+        whole = control.model_copy(update={"pid": usual})
+        best = Candidate(whole, feedback, math.inf, self.fastest)
+        of_axes = {
+            axis.name: b for axis, b in zip(self.machine.axes, self.plant.alone, strict=True)
+        }
+        for integral in INTEGRAL:
+            for p, d, f in itertools.product(PROPORTIONAL, DERIVATIVE, filters):
+                pids = {
+                    name: _changed(pid, of_axes.get(name), (p, integral * p, d, f))
+                    for name, pid in usual.items() if self._turns(control, name)
+                }  # fmt: skip
+                changed = control.model_copy(update={"pid": usual | pids})
+                found = self._peaks(changed, feedback, best.peak)
+                best = found if found.peak < best.peak else best
+            if best.peak <= ENOUGH:
+                break
+        return best
+
+    def _usual(self, control: Control) -> dict[str, PID]:
+        """Return the PIDs that are tuned to axes or coordinates alone."""
+        if control.type == "decentralised":
+            each = zip(self.machine.axes, map(PID.for_bearing, self.plant.alone), strict=True)
+            return {
+                axis.name: PID(**{key: getattr(pid, key) for key in GAINS}) for axis, pid in each
+            }
+        flown = controllers_of(self.plant, control, None)
+        gains = zip(flown.names, flown.pids, strict=True)
+        return {
+            name: PID.model_validate(dict(zip(IN_ORDER, pid, strict=False))) for name, pid in gains
+        }
+
+    def _turns(self, control: Control, name: str) -> bool:
+        """Whether gyroscopics act on an axis or a coordinate."""
+        if control.type != "decentralised":
+            return name.startswith("th")
+        return any(
+            axis.name == name and axis.bearing.type == "radial" for axis in self.machine.axes
+        )
+
+    def peaks(self, control: Control, feedback: Feedback) -> Candidate:
+        """Return the margins of controllers over the speeds."""
+        key = control, feedback
+        if key not in self._known:
+            self._known[key] = self._peaks(control, feedback)
+        return self._known[key]
+
+    def _peaks(self, control: Control, feedback: Feedback, least: float = math.inf) -> Candidate:
+        """Return the margins of controllers; infinite where the peak is not below the least."""
+        highest, where, error = 0.0, 0.0, math.inf
+        try:
+            estimator = self.estimator if feedback == "estimate" else None
+            flown = controllers_of(self.plant, control, estimator)
+            for at in reversed(self.at):
+                peak = at.peak(flown, feedback)
+                if peak > highest:
+                    highest, where = peak, at.machine.speed
+                if peak >= least:
+                    return Candidate(control, feedback, math.inf, where)
+            if control.type == "lqg":
+                error = self._inertia_error(flown, highest)
+        except (AmbkitError, ValueError):  # no regulator, no gain, or too many states for a filter
+            return Candidate(control, feedback, math.inf, self.fastest)
+        return Candidate(control, feedback, highest, where, error)
+
+    def _inertia_error(self, flown: Controllers, peak: float) -> float:
+        """Return with which error of the polar inertia the peak is at most twice as high [1]."""
+        last, speed = self.at[-1], self.fastest
+        for error in ERRORS:
+            # A rotor of another polar inertia turns as one of another speed.
+            others = [last.plant_at(speed * (1 + way * error)) for way in (-1, 1)]
+            if all(last.peak(flown, "estimate", other) <= 2 * peak for other in others):
+                return error
+        return 0.0
+
+
+class _AtSpeed:
+    """A machine's loops at one speed."""
+
+    def __init__(self, machine: Machine, point: WorkPoint, speed: float) -> None:
+        self.machine, self.point = machine.model_copy(update={"speed": speed}), point
+        self.system = plant(self.machine, point)
+        self.shown = shown_along_axes(machine)
+        self.added = np.asarray(np.linalg.pinv(self.shown))
+
+    @cached_property
+    def estimate(self) -> LinearSystem:
+        """The Kalman filter, which shows all of its states."""
+        estimator = KalmanFilter(self.machine)
+        states = [Signal(state.name, state.unit) for state in estimator.states]
+        return estimator_at(estimator, self.point, (np.eye(len(states)), states))
+
+    def plant_at(self, speed: float) -> LinearSystem:
+        """Return the plant with the gyroscopics of another speed."""
+        return plant(self.machine.model_copy(update={"speed": speed}), self.point)
+
+    def peak(
+        self, flown: Controllers, feedback: Feedback, system: LinearSystem | None = None
+    ) -> float:
+        """Return the peak of abs(S) of the worst axis [1]; infinite where it is unstable."""
+        system = self.system if system is None else system
+        control = controllers(flown, self.machine, measured=feedback == "measurement")
+        shown, inner = flown.of_axes @ self.shown, None
+        if feedback == "estimate":
+            E = self.estimate
+            rows = fed(flown, len(E.outputs), self.machine.speed)
+            outputs = control.inputs[: len(rows)]
+            inner = replace(E, C=rows @ E.C, D=rows @ E.D, outputs=outputs)
+        m = len(self.machine.readings)
+        K = compensator(control, inner, shown, system.outputs[:m])
+        loop = Loop(system, K, m, self.shown, self.added)
+        return _highest(loop, end_of_range(loop.T, self.machine.speed))
+
+
+def _highest(loop: Loop, top: float) -> float:
+    """Return the peak of abs(S) of the axes up to a frequency [Hz], by the closed loop's poles."""
+    closed, m = loop.closed, loop.measurements
+    poles, V = np.linalg.eig(closed.A)
+    if not (np.abs(poles) < 1).all():
+        return math.inf
+    of: Any = loop.shown
+    to: Any = loop.added
+    residues = (of @ closed.C[:m] @ V) * np.linalg.solve(V, closed.B[:, :m] @ to).T
+    through = np.diag(of @ (np.eye(m) + closed.D[:m, :m]) @ to)
+    rates = np.log(poles[(np.abs(poles) > LEAST) & (poles.imag >= 0)]) / (2 * np.pi * loop.T)
+    about = rates.imag[:, None] + np.abs(rates.real)[:, None] * NEAR
+    f = np.concatenate([np.geomspace(LOWEST * top, top, GRID), about.ravel()])
+    f = np.unique(np.clip(f, LOWEST * top, top))
+    z = np.exp(2j * np.pi * loop.T * f)
+    S = through[:, None] + residues @ (1 / (z - poles[:, None]))
+    return float(np.abs(S).max())
+
+
+def _changed(pid: PID, alone: Bearing | None, shares: tuple[float, ...]) -> PID:
+    """Return a PID with shares of kp, ki, kd and derivative filter; of an axis its weight too."""
+    keys = ("kp", "ki", "kd", "derivative_filter")
+    gains = {
+        key: two_digits(share * getattr(pid, key)) for key, share in zip(keys, shares, strict=True)
+    }
+    if alone is not None:
+        weight = weight_of(alone, gains["kp"], gains["ki"], gains["kd"])
+        gains["setpoint_weight"] = two_digits(weight)
+    return PID.model_validate(gains | {"anti_windup": pid.anti_windup})
