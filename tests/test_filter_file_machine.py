@@ -74,7 +74,7 @@ HEAD = 'kind = "extended"\nsampling_time = "0.1 ms"\nmachine.preset = "tum_mlps"
 
 @pytest.mark.parametrize(("text", "told"), [
     ('kind = "observer"\nsampling_time = "0.1 ms"\nmachine.preset = "tum_mlps"\n',
-     "1: kind: the observer is of one axis, and cannot take a whole machine"),
+     "1: kind: the observer takes one axis"),
     (HEAD.replace("0.1", "0.2"), "2: sampling_time: must be the machine's, 0.1 ms, is 0.2 ms"),
     (HEAD + 'bearing.preset = "zittau_axial"\n', "is of one [bearing] or of one [machine]"),
     (HEAD + '[noise]\ncontrol = ["1 V^2", "2 V^2"]\n',
@@ -82,11 +82,11 @@ HEAD = 'kind = "extended"\nsampling_time = "0.1 ms"\nmachine.preset = "tum_mlps"
     (HEAD + '[noise]\ncontrol = ["1 V^2", "2 V", "1 V^2", "1 V^2"]\n', "5: noise.control"),
     (HEAD + "[noise]\ndisturbance = []\n", "5: noise.disturbance: must not be empty"),
     (HEAD + 'synchronous = ["balance"]\n', 'must be "unbalance" or "runout", is "balance"'),
-    (HEAD + '[inputs.y]\nunit = "mm"\n', "inputs: are of one [bearing]"),
+    (HEAD + '[inputs.y]\nunit = "mm"\n', "inputs: are of one axis"),
     (HEAD + '[magnet]\nfile = "f.toml"\n', "[magnets.NAME] for each bearing"),
     (HEAD + '[magnets.A]\nfile = "f.toml"\n', "magnets: must be of A, B, is of A"),
     ('kind = "extended"\nsampling_time = "0.25 ms"\nbearing.preset = "zittau_axial"\n'
-     'synchronous = ["unbalance"]\n', "4: synchronous: is of a whole [machine]"),
+     'synchronous = ["unbalance"]\n', "4: synchronous: is of a rotor that turns"),
     ('kind = "extended"\nsampling_time = "0.25 ms"\nbearing.preset = "zittau_axial"\n[noise]\n'
      'control = ["1 V^2"]\n', "5: noise.control: must be one number for one axis"),
 ])  # fmt: skip
@@ -152,8 +152,8 @@ def test_assess_takes_it(arguments, folder, capsys, monkeypatch):
     (["filter", "run.csv", "--estimator", "f.toml"], 0, "mean NIS"),
     (["filter", "run.csv", "--bearing", "tum_mlps", "--estimator", "linear,f.toml"], 0, "f.toml"),
     (["export", "c", "f.toml", "--out", "c", "--controller", "flight.toml"], 0, "wrote c"),
-    (["export", "mat", "f.toml", "--out", "f.mat"], 2, "is the filter of a whole machine"),
-    (["export", "fmu", "f.toml", "--out", "f.fmu"], 2, "is the filter of a whole machine"),
+    (["export", "mat", "f.toml", "--out", "f.mat"], 2, "is a filter of several axes"),
+    (["export", "fmu", "f.toml", "--out", "f.fmu"], 2, "is a filter of several axes"),
     (["tune", "tum_mlps", "--estimator", "linear", "--evaluations", "2", "--runs", "1",
       "--out", "g.toml"], 0, "wrote g.toml"),
 ])  # fmt: skip

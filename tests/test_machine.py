@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
 
-from ambkit import ConfigError, ConstantStiffness, Machine
+from ambkit import Bearing, ConfigError, ConstantStiffness, Machine
+from ambkit.base import escaping
 from ambkit.machine import geometry, presets
+from ambkit.machine.loading import is_short, load_machine
 from ambkit.models.continuous import open_loop
 from ambkit.workflow.campbell import stiffnesses
 from ambkit.workflow.inspection import inspect
@@ -163,3 +165,18 @@ def test_a_sensor_that_sees_no_tilt_is_told() -> None:
         machine(sensor=[sensor("A", 0.2)])
     with pytest.raises(ConfigError, match="no thrust bearing"):
         machine(sensor=[sensor("A", 0.2), sensor("B", -0.3), sensor("T", 0, type="axial")])
+
+
+def test_a_machine_with_one_axis_is_written_short_and_read_either_way(tmp_path: Path) -> None:
+    axis = Bearing.preset("zittau_axial")
+    one = Machine.of_axis(axis)
+    assert one.single
+    assert one.to_toml() == axis.to_toml()
+    assert Machine(**one.model_dump(exclude_none=True)).alone("") == axis
+    for name, text in (("short", one.to_toml()), ("long", escaping.toml_text(one.model_dump(
+        exclude_none=True)))):  # fmt: skip
+        path = tmp_path / f"{name}.toml"
+        path.write_text(text, encoding="utf-8")
+        assert is_short(path) == (name == "short")
+        assert load_machine(path) == axis
+    assert load_machine("tum_mlps") == Machine.preset("tum_mlps")

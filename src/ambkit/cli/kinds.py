@@ -176,19 +176,18 @@ def _in_file(path: str, choice: Iterable[str]) -> tuple[Bearing, Chosen]:
     found = FilterFile.load(path)
     if found.kind not in choice:
         raise AmbkitError(f"{path}: {found.kind} cannot be exported so; {', '.join(choice)} can")
-    if found.bearing is None:
-        raise AmbkitError(f"{path} is the filter of a whole machine; this takes one of one axis")
-    return found.bearing.bearing, Chosen(found.kind, found.asked(), found)
+    if machine_of(path) is not None:
+        raise AmbkitError(f"{path} is a filter of several axes; this takes one of one axis")
+    return found.plant, Chosen(found.kind, found.asked(), found)
 
 
 def machine_of(path: str) -> Machine | None:
-    """Return the whole machine that a filter's file is of; None of any other file."""
+    """Return the machine of several axes that a filter's file is of; None of any other file."""
     from ambkit.estimate.filter_file import FilterFile
+    from ambkit.machine.machine import Machine
 
-    if not is_filter(path):
-        return None
-    of = FilterFile.load(path).machine
-    return None if of is None else of.machine
+    plant = FilterFile.load(path).plant if is_filter(path) else None
+    return plant if isinstance(plant, Machine) else None
 
 
 def is_filter(text: str) -> bool:

@@ -142,13 +142,14 @@ Synchronous = Annotated[
 def find_machine(text: str) -> Machine | None:
     """Return the preset of a whole machine, or that in the TOML file, that the user named."""
     from ambkit.machine import presets
+    from ambkit.machine.loading import load_machine
     from ambkit.machine.machine import Machine
     from ambkit.workflow.inspection import kind_of_toml
 
-    if text in presets.machine_names():
-        return Machine.preset(text)
-    if Path(text).suffix == ".toml" and Path(text).is_file() and kind_of_toml(text) == "machine":
-        return Machine.load(text)
+    is_file = Path(text).suffix == ".toml" and Path(text).is_file()
+    if text in presets.machine_names() or (is_file and kind_of_toml(text) == "machine"):
+        found = load_machine(text)
+        return found if isinstance(found, Machine) else None
     return None
 
 
@@ -168,13 +169,16 @@ def find_bearing(text: str) -> Bearing:
     """Return the preset, or the bearing in the TOML file, that the user named."""
     from ambkit.machine import presets
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.loading import load_machine
 
+    if text in presets.machine_names() or find_machine(text) is not None:
+        raise AmbkitError(f'"{text}" has several axes; this takes a machine with one')
     if text in presets.names():
         return Bearing.preset(text)
     if Path(text).suffix == ".toml" or os.sep in text or Path(text).exists():
-        return Bearing.load(text)
-    if text in presets.machine_names():
-        raise AmbkitError(f'"{text}" is a whole machine; this takes a bearing of one axis')
+        found = load_machine(text)
+        assert isinstance(found, Bearing)
+        return found
     near = difflib.get_close_matches(text, presets.names(), 1)
     hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(presets.names())}"
     raise AmbkitError(f'there is no preset and no file "{text}"; {hint}')

@@ -27,7 +27,7 @@
     [origin]
     "noise.disturbance" = "likelihood of log.csv, 0 to 2 s; ambkit tune 0.2.0"
 
-Of a whole machine ``[machine]`` stands in the place of ``[bearing]``, and ``[magnets.NAME]`` of a
+Of several axes ``[machine]`` stands in the place of ``[bearing]``, and ``[magnets.NAME]`` of a
 bearing's name in that of ``[magnet]``; a variance may be a list, a number for each reading or axis,
 and ``synchronous = ["unbalance"]`` says what turns with the rotor and is estimated too.
 """
@@ -49,13 +49,14 @@ from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Description, Line, Name
 from ambkit.base.errors import AmbkitError
 from ambkit.data.rig_units import Inputs
-from ambkit.estimate.filter_parts import Assumed, BearingOf, MachineOf, Reference
+from ambkit.estimate.filter_parts import Assumed, PlantOf, Reference
 from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
-from ambkit.machine.bank import Bank, alone_of
+from ambkit.estimate.view import View
+from ambkit.machine.bank import alone_of, bank_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.map_of import surface_in
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Machine, as_machine
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -76,10 +77,10 @@ class FilterFile(Document):
     """Of estimator, as ``ambkit filter --help`` lists them."""
     description: Description = ""
     """What it is for."""
-    bearing: BearingOf | None = None
-    """What it assumes of magnet, rotor and sensor, where it is of one axis."""
-    machine: MachineOf | None = None
-    """The whole machine that it assumes, where it is of one."""
+    bearing: PlantOf | None = None
+    """The machine that it assumes, in the short form of one axis."""
+    machine: PlantOf | None = None
+    """The machine that it assumes."""
     sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)]
     """Time between two steps [s]: that of bearing or machine."""
     gravity: Literal["known", "disturbance"] = "known"
@@ -97,11 +98,11 @@ class FilterFile(Document):
     options: dict[Name, float | Line | tuple[float, ...]] = Field(default_factory=dict)
     """What only this kind has, such as memory or bandwidth, with units."""
     synchronous: tuple[Literal["unbalance", "runout"], ...] = ()
-    """Of a whole machine, what turns with its rotor and is estimated too."""
+    """What turns with the rotor and is estimated too."""
     magnet: Reference | None = None
     """Expert (.json) or force map (.csv, .parquet) that it asks; without it, what its kind asks."""
     magnets: dict[Name, Reference] = Field(default_factory=dict)
-    """Of a whole machine such files for all of its bearings, by their names."""
+    """Such files for all bearings of a machine, by their names."""
     start: dict[Name, Line] = Field(default_factory=dict)
     """Standard deviations at the start that are not the usual ones, by the names of states."""
     inputs: Inputs = Field(default_factory=Inputs)
@@ -117,22 +118,22 @@ class FilterFile(Document):
         yield from _of_options(read("kind"), read("options"))
         bearing, machine = read("bearing"), read("machine")
         if bearing is None and machine is None:
-            yield "bearing", "missing: a table with preset or file; or [machine] of a whole machine"
+            yield "bearing", "missing: a table with preset or file; or [machine] of several axes"
         elif bearing is not None and machine is not None:
             yield "machine", "a filter is of one [bearing] or of one [machine], not of both"
-        of = bearing if isinstance(bearing, BearingOf) else machine
-        if not isinstance(of, BearingOf | MachineOf):
+        of = bearing if isinstance(bearing, PlantOf) else machine
+        if not isinstance(of, PlantOf):
             return
         T, own = read("sampling_time"), of.plant.sampling_time
         if abs(T - own) > 1e-9 * own:
             whose = "bearing" if of is bearing else "machine"
             shown = [units.engineering(each, "s") for each in (own, T)]
             yield "sampling_time", f"must be the {whose}'s, {shown[0]}, is {shown[1]}"
-        yield from _of_one_axis(read) if of is bearing else _of_machine(of.plant, read)
+        yield from _contradictions_of(View(as_machine(of.plant)), read)
 
     @property
     def plant(self) -> Any:
-        """The bearing or the whole machine that it assumes."""
+        """The machine that it assumes, of a single axis in its short form."""
         of = self.bearing or self.machine
         return None if of is None else of.plant
 
@@ -147,13 +148,13 @@ class FilterFile(Document):
             return {key: each for key, each in kept.items() if each not in ("", {}, (), [], None)}
 
         data: dict[str, Any] = said(handler(self))
-        if self.machine is not None:
+        if isinstance(self.plant, Machine):
             data.pop("inputs", None)  # which are of one axis
         return data
 
     @classmethod
     def load_for(cls, path: str | os.PathLike[str], bearing: Bearing | Machine) -> Self:
-        """Read a filter that is to run beside others on a bearing or a whole machine.
+        """Read a filter that is to run beside others on a machine.
 
         Parameters
         ----------
@@ -165,8 +166,8 @@ class FilterFile(Document):
         Raises
         ------
         AmbkitError
-            As `load`; or it steps at another rate than the bearing is sampled; or one of the two
-            is a whole machine and the other one axis, or has other axes or readings.
+            As `load`; or it steps at another rate than the bearing is sampled, or has other axes or
+            readings.
         """
         found, T = cls.load(path), bearing.sampling_time
         _check_alike(path, found.plant, bearing)
@@ -186,13 +187,13 @@ class FilterFile(Document):
         AmbkitError
             What the magnet's file holds is no expert and no force map.
         """
-        if self.machine is not None and self.magnets:
-            machine = self.machine.machine
+        if self.magnets:
+            machine = as_machine(self.plant)
             each = {
                 axis.bearing.name: magnet_in(self.magnets[axis.bearing.name].file, alone)
                 for axis, alone in zip(machine.axes, alone_of(machine), strict=True)
             }
-            return Bank(each[axis.bearing.name] for axis in machine.axes)
+            return bank_of([each[axis.bearing.name] for axis in machine.axes], machine)
         if self.magnet is None:
             return learned_magnet(self.kind, self.plant)
         return magnet_in(self.magnet.file, self.plant)
@@ -265,56 +266,46 @@ def _of_options(kind: Any, given: Any) -> Iterator[tuple[str, str]]:
             yield f"options.{name}", str(error)
 
 
-def _of_one_axis(read: Read) -> Iterator[tuple[str, str]]:
-    """Tell of what a filter of one axis has not."""
-    for key in ("synchronous", "magnets"):
-        if read(key):
-            yield key, "is of a whole [machine], and this filter is of one [bearing]"
+def _contradictions_of(view: View, read: Read) -> Iterator[tuple[str, str]]:
+    """Tell of what a filter of these axes has not, or not so many of."""
+    machine, kind, single = view.machine, read("kind"), view.single
+    if not single and kind in KINDS and not KINDS[kind].estimator.several_axes:
+        names = ", ".join(axis.name for axis in machine.axes)
+        yield "kind", f"the {kind} takes one axis; {machine.name} has the axes {names}"
+    if read("synchronous") and machine.rotor.type == "mass":
+        yield "synchronous", "is of a rotor that turns; a mass does not"
+    magnets, names_of = read("magnets"), [each.name for each in machine.bearing]
+    if single and magnets:
+        yield "magnets", "are of named bearings; the one axis has its [magnet]"
+    elif isinstance(magnets, dict) and magnets and sorted(magnets) != sorted(names_of):
+        yield "magnets", f"must be of {', '.join(names_of)}, is of {', '.join(magnets)}"
+    if not single and isinstance(read("magnet"), Reference):
+        yield "magnet", "is of one axis; of several write [magnets.NAME] for each bearing"
+    if not single and isinstance(inputs := read("inputs"), Inputs) and inputs != Inputs():
+        yield "inputs", "are of one axis; readings of several are in m, control signals in V"
     noise = read("noise")
-    for name in type(noise).model_fields if isinstance(noise, Assumed) else ():
-        if isinstance(getattr(noise, name), tuple):
-            yield f"noise.{name}", "must be one number for one axis, is a list"
-
-
-def _of_machine(machine: Machine, read: Read) -> Iterator[tuple[str, str]]:
-    """Tell of what a filter of a whole machine has not, or not so many of."""
-    kind = read("kind")
-    if kind in KINDS and not KINDS[kind].estimator.several_axes:
-        yield "kind", f"the {kind} is of one axis, and cannot take a whole machine"
-    if isinstance(read("magnet"), Reference):
-        yield "magnet", "is of one [bearing]; of a machine write [magnets.NAME] for each bearing"
-    if isinstance(inputs := read("inputs"), Inputs) and inputs != Inputs():
-        yield "inputs", "are of one [bearing]; readings of a machine are in m, control signals in V"
-    magnets, names = read("magnets"), [each.name for each in machine.bearing]
-    if isinstance(magnets, dict) and magnets and sorted(magnets) != sorted(names):
-        yield "magnets", f"must be of {', '.join(names)}, is of {', '.join(magnets)}"
-    noise, axes = read("noise"), len(machine.axes)
-    counts = {"measurement": len(machine.readings), "control": axes, "disturbance": axes}
-    for name, count in counts.items() if isinstance(noise, Assumed) else ():
-        given = getattr(noise, name)
-        if isinstance(given, tuple) and len(given) != count:
-            yield f"noise.{name}", f"must be one number or {count}, is {len(given)}"
+    if isinstance(noise, Assumed):
+        yield from view.count_of(FilterNoise(**noise.model_dump()))
 
 
 def _check_alike(path: str | os.PathLike[str], own: Any, given: Bearing | Machine) -> None:
-    """Refuse a filter of one axis for a machine, or the other way, or of other axes."""
+    """Refuse a filter of other axes or readings."""
 
-    def about(of: Any) -> str:
-        if not isinstance(of, Machine):
-            return f"{of.name}, a bearing of one axis"
-        axes, readings = ([each.name for each in many] for many in (of.axes, of.readings))
-        return (
-            f"{of.name}, a machine with axes {', '.join(axes)} and readings {', '.join(readings)}"
+    def about(machine: Machine) -> str:
+        if machine.single:
+            return f"{machine.name}, which has one axis"
+        axes, readings = (
+            ", ".join(each.name for each in many) for many in (machine.axes, machine.readings)
         )
+        return f"{machine.name}, a machine with axes {axes} and readings {readings}"
 
-    def lines(of: Any) -> Any:
-        if not isinstance(of, Machine):
-            return None
-        return [each.name for each in of.axes], [each.name for each in of.readings]
+    def lines(machine: Machine) -> list[list[str]]:
+        return [[each.name for each in many] for many in (machine.axes, machine.readings)]
 
-    if lines(own) != lines(given):
+    its, wanted = as_machine(own), as_machine(given)
+    if lines(its) != lines(wanted):
         raise AmbkitError(
-            f"{os.fspath(path)}: this filter is of {about(own)}; not of {about(given)}"
+            f"{os.fspath(path)}: this filter is of {about(its)}; not of {about(wanted)}"
         )
 
 

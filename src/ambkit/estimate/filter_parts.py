@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, Self
 
 from ambkit.base import files
 from ambkit.base.config import Part, Read
@@ -14,8 +14,7 @@ from ambkit.base.config.quantities import OneOrEach
 from ambkit.base.config.texts import Line, Name
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import presets
-from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine
+from ambkit.machine.loading import load_machine
 
 
 class Reference(Part):
@@ -36,10 +35,8 @@ class Reference(Part):
         yield from _changed(read("file"), read("sha256"))
 
 
-class _PlantOf(Part):
-    """What a filter assumes of its plant: a preset, or a file."""
-
-    _kind: ClassVar[Any]
+class PlantOf(Part):
+    """The machine that a filter assumes: a preset, or a file."""
 
     preset: Name | None = None
     """Its name, where it comes with ambkit."""
@@ -50,15 +47,16 @@ class _PlantOf(Part):
 
     @cached_property
     def plant(self) -> Any:
-        """The bearing or the machine itself."""
-        kind = self._kind
-        return kind.load(self.file) if self.file else kind.preset(self.preset or "")
+        """The machine itself, of a single axis in its short form."""
+        if self.file is None and self.preset not in presets.all_names():
+            presets.text(self.preset or "")  # which says what there is
+        return load_machine(self.file or self.preset or "")
 
     @classmethod
     def of(cls, name: str | os.PathLike[str]) -> Self:
         """Return what a user names: a preset, or a file as it is now."""
-        if isinstance(name, str) and name in presets_of(cls._kind):
-            return cls(preset=name)
+        if name in presets.all_names():
+            return cls(preset=str(name))
         return cls(file=os.fspath(name), sha256=files.sha256(name))
 
     @classmethod
@@ -76,34 +74,10 @@ class _PlantOf(Part):
             yield "file" if file else "preset", str(error)
 
 
-class BearingOf(_PlantOf):
-    """The bearing that a filter assumes: a preset, or a file."""
-
-    _kind = Bearing
-
-    @property
-    def bearing(self) -> Bearing:
-        """The bearing itself."""
-        found: Bearing = self.plant
-        return found
-
-
-class MachineOf(_PlantOf):
-    """The whole machine that a filter assumes: a preset, or a file."""
-
-    _kind = Machine
-
-    @property
-    def machine(self) -> Machine:
-        """The machine itself."""
-        found: Machine = self.plant
-        return found
-
-
 class Assumed(Part):
     """Variances that a filter assumes; the bearing's own where one is not given."""
 
-    # Of a whole machine one number is for all readings or axes, a list has one for each.
+    # Of several axes one number is for all readings or axes, a list has one for each.
 
     measurement: (
         Annotated[float | tuple[float, ...], OneOrEach("m^2", "225 µm^2", at_least=0)] | None
@@ -117,11 +91,6 @@ class Assumed(Part):
         Annotated[float | tuple[float, ...], OneOrEach("N^2/s", "77 N^2/s", at_least=0)] | None
     ) = None
     """Q: growth of the disturbance force's variance [N^2/s]."""
-
-
-def presets_of(kind: type[Bearing] | type[Machine]) -> tuple[str, ...]:
-    """Return the names of the presets of bearings, or of machines."""
-    return presets.names() if kind is Bearing else presets.machine_names()
 
 
 def _changed(file: Any, sha256: Any) -> Iterator[tuple[str, str]]:

@@ -12,11 +12,13 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.filter_file import FilterFile, written
-from ambkit.estimate.filter_parts import Assumed, BearingOf, MachineOf, Reference, presets_of
+from ambkit.estimate.filter_parts import Assumed, PlantOf, Reference
 from ambkit.estimate.noise import UNITS
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
+from ambkit.machine import presets
 from ambkit.machine.bank import Bank
 from ambkit.machine.bearing import Bearing
+from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
 
 if TYPE_CHECKING:
@@ -36,11 +38,7 @@ def described(
     options = {name: written(value, own[name]) for name, value in given.items()
                if name in own and value is not None}  # fmt: skip
     limits = {name: v for name, v in given.items() if name in FilterFile.model_fields}
-    of: dict[str, Any]
-    if estimator.whole is None:
-        of = {"bearing": BearingOf.of(bearing)}
-    else:
-        of = {"machine": MachineOf.of(bearing)}
+    of: dict[str, Any] = {"bearing" if estimator.view.single else "machine": PlantOf.of(bearing)}
     if isinstance(magnet, Mapping):
         of["magnets"] = {name: Reference.to(path) for name, path in magnet.items()}
     elif magnet is not None:
@@ -87,30 +85,27 @@ def save(
     magnet: str | os.PathLike[str] | None = None,
 ) -> None:
     """Write an estimator, and beside it what it needs and has no file yet."""
-    path, known = Path(path), estimator.bearing
-    machine = None if estimator.whole is None else estimator.whole.machine
+    path, known, single = Path(path), estimator.bearing, estimator.view.single
     if bearing is None:
         bearing = preset_of(known)
     if bearing is None:
-        bearing = path.with_suffix(".bearing.toml" if machine is None else ".machine.toml")
+        bearing = path.with_suffix(".bearing.toml" if single else ".machine.toml")
         known.save(bearing)
-    if magnet is not None and machine is not None:
-        raise NoFile(f"{path}: of a machine what its filter asks is written beside it")
+    if magnet is not None and not single:
+        raise NoFile(f"{path}: what a filter of several axes asks is written beside it")
     asked: str | os.PathLike[str] | Mapping[str, Path] | None = magnet
     if magnet is None and not _asks_its_own(estimator):
         asked = (
-            _written_beside(path, estimator.magnet) if machine is None
-            else _each_beside(path, machine, estimator.magnet)
+            _written_beside(path, estimator.magnet) if single
+            else _each_beside(path, estimator.machine, estimator.magnet)
         )  # fmt: skip
     described(estimator, bearing, asked).save(path)
 
 
 def preset_of(known: Bearing | Machine) -> str | None:
     """Return the name of the preset that a bearing or a machine is, if it is one."""
-    kind = type(known)
-    return (
-        known.name if known.name in presets_of(kind) and kind.preset(known.name) == known else None
-    )
+    usual = known.name in presets.all_names() and load_machine(known.name) == known
+    return known.name if usual else None
 
 
 def _asks_its_own(estimator: Estimator) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -108,17 +108,25 @@ class View:
             [b.amplifier.noise_variance for b in axes],
             [(2 * (b.rotor.mass * GRAVITY)) ** 2 for b in axes],
         )
+        for name, text in self.count_of(noise):
+            raise ValueError(f"{name} {text}")
         full = Variances(*(self._each(name, noise, usual) for name, usual in own._asdict().items()))
         check_variances(full)
         return full
 
+    def count_of(self, noise: FilterNoise) -> Iterator[tuple[str, str]]:
+        """Yield which variances of a noise are too few or too many, by their keys."""
+        axes = len(self.alone)
+        for name, count in zip(Variances._fields, (len(self.gains), axes, axes), strict=True):
+            given = getattr(noise, name)
+            if isinstance(given, tuple) and self.single:
+                yield f"noise.{name}", "must be one number for one axis, is a list"
+            elif isinstance(given, tuple) and len(given) != count:
+                yield f"noise.{name}", f"must be one number or {count}, is {len(given)}"
+
     def _each(self, name: str, noise: FilterNoise, own: Sequence[float]) -> Any:
         """Return the variances that a noise states, or the machine's own."""
         given = getattr(noise, name)
-        if isinstance(given, tuple) and (self.single or len(given) != len(own)):
-            many = "one number for one axis" if self.single else f"{len(own)} numbers"
-            got = "several" if self.single else len(given)
-            raise ValueError(f"noise.{name} must be {many}, got {got}")
         if given is None:
             given = tuple(own)
         return self.plain(given if isinstance(given, tuple) else (given,) * len(own))

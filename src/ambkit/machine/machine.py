@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Annotated, Any, Self
@@ -249,6 +250,16 @@ class Machine(Document):
         """The axes that `alone` has made, by their names: many ask for the same ones."""
         return {}
 
+    def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
+        """Return the description as TOML with units, of a single axis in its short form.
+
+        Parameters
+        ----------
+        folder : path, optional
+            Where it will lie: names of files in it are written as seen from there.
+        """
+        return self.alone("").to_toml(folder) if self.single else super().to_toml(folder)
+
     def _made_alone(self, axis: str) -> Bearing:
         names = [each.name for each in self.axes]
         if axis not in names:
@@ -270,9 +281,10 @@ class Machine(Document):
             "amplifier": one.amplifier.model_dump(exclude_none=True),
             "sensor": {key: value for key, value in sensor.items() if value is not None},
         }
-        further = {
+        about = {"description": self.description, "source": self.source} if self.single else {}
+        further = about | {
             "delay": self.delay,
-            "speed": abs(self.speed),
+            "speed": abs(self.speed) if self.speed or not self.single else None,
             "stop": None if one.stop is None else one.stop.model_dump(),
             "coil": None if one.coil is None else one.coil.model_dump(exclude_none=True),
         }

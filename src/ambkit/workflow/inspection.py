@@ -141,6 +141,7 @@ def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Descr
     from ambkit.base.config import toml_text
     from ambkit.base.units import engineering
     from ambkit.judge.adequacy import judge_adequacy, sentences
+    from ambkit.machine.machine import short_form
     from ambkit.simulation.parts import in_words
     from ambkit.workflow import machines
 
@@ -149,12 +150,12 @@ def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Descr
         return _Described(f"signals {', '.join(found.signals)}")
     if kind == "filter":
         made = found.make()  # what only the whole tells: starts, options, the magnet's file
-        judged = judge_adequacy(made, None if found.machine is not None else bearing)
+        judged = judge_adequacy(made, bearing if made.view.single else None)
         fatal = sentences([each for each in judged if each.fatal])
         others = [text for text in sentences(judged) if text not in fatal]
         problems = tuple(f"{path}: this filter must not fly: {text}" for text in fatal)
         return _Described(f"{found.kind}, for {found.plant.name}", problems, tuple(others))
-    if kind == "machine":
+    if kind == "machine" and not found.single:
         about, remarks = machines.described(found)
         lines = toml_text.parse(files.read_text(path))
         told = (
@@ -172,6 +173,7 @@ def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Descr
             f"{engineering(found.duration, 's')}, reference {found.reference.type}, "
             f"disturbance {found.disturbance.type}"
         )
+    found = short_form(found)
     mass = engineering(found.rotor.mass, "kg")
     return _Described("; ".join([f"{found.name}, {found.magnet.type}, {mass}", *in_words(found)]))
 

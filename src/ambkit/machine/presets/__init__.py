@@ -19,6 +19,11 @@ def machine_names() -> tuple[str, ...]:
     return _names(_machines())
 
 
+def all_names() -> tuple[str, ...]:
+    """Return the names of all presets, sorted."""
+    return tuple(sorted((*names(), *machine_names())))
+
+
 def text(name: str) -> str:
     """Return the TOML of a bearing's preset as it stands in its file, comments included."""
     return _text(_bearings(), name)

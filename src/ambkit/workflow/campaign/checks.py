@@ -9,6 +9,7 @@ import numpy as np
 
 from ambkit.base.config import Read
 from ambkit.base.errors import AmbkitError
+from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
 from ambkit.workflow.campaign.keys import OF_FLIGHT, OF_RUN, Key, by_places, key_in
 from ambkit.workflow.campaign.varied import Choice, Varied, Wrong
@@ -42,9 +43,9 @@ def contradictions(read: Read) -> Iterator[Problem]:
     plant = None
     try:
         if isinstance(read("machine"), str):
-            plant = machine_of(read("machine"))
+            plant = load_machine(read("machine"))
         elif isinstance(read("bearing"), str):
-            plant = bearing_of(read("bearing"))
+            plant = load_machine(read("bearing"))
     except AmbkitError as error:
         yield "machine" if isinstance(read("machine"), str) else "bearing", str(error)
     yield from _of_what(read)
@@ -102,22 +103,6 @@ def _of_what(read: Read) -> Iterator[Problem]:
         for name, usual in (("flight", Flight()), ("controls", {}), ("synchronous", ())):
             if read(name) != usual:
                 yield name, "is of a machine; a bearing has scenario and controllers"
-
-
-def machine_of(name: str) -> Any:
-    """Return a preset, or the machine in a file."""
-    from ambkit.machine import presets
-    from ambkit.machine.machine import Machine
-
-    return Machine.preset(name) if name in presets.machine_names() else Machine.load(name)
-
-
-def bearing_of(name: str) -> Any:
-    """Return a preset, or the bearing in a file."""
-    from ambkit.machine import presets
-    from ambkit.machine.bearing import Bearing
-
-    return Bearing.preset(name) if name in presets.names() else Bearing.load(name)
 
 
 def key_of(varied: Varied, plant: Any, run: Any, estimator: Any) -> Key:

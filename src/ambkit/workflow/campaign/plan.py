@@ -15,15 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import files, units
+from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.machine.bearing import FILES, Bearing, magnet_constant
+from ambkit.machine.loading import load_machine
 from ambkit.simulation.many import Planned
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.workflow.campaign import sampling
-from ambkit.workflow.campaign.checks import bearing_of, completed, key_of
+from ambkit.workflow.campaign.checks import completed, key_of
 from ambkit.workflow.campaign.keys import OF_RUN, Key, changed, nested
 from ambkit.workflow.campaign.parts import UNITS
 from ambkit.workflow.campaign.study import Study
@@ -58,8 +60,9 @@ class Plan:
     def bearing(self) -> Bearing:
         """The nominal bearing, which controller and estimator know."""
         assert self.study.bearing is not None
-        found: Bearing = bearing_of(self.study.bearing)
-        return found
+        found: Any = load_machine(self.study.bearing)
+        of_type(Bearing, bearing=found)
+        return found  # type: ignore[no-any-return]
 
     @cached_property
     def names(self) -> tuple[str, ...]:

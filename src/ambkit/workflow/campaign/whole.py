@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.bearing import FILES
-from ambkit.machine.machine import Machine
+from ambkit.machine.loading import load_machine
+from ambkit.machine.machine import Machine, as_machine
 from ambkit.simulation.controllers import TYPES, Control, Controllers, controllers_of
 from ambkit.simulation.default_control import is_default, settled_flight
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.many_machines import PlannedMachine
 from ambkit.simulation.plant import Plant
-from ambkit.workflow.campaign.checks import machine_of
 from ambkit.workflow.campaign.keys import OF_FLIGHT, changed, nested
 from ambkit.workflow.campaign.plan import Drawn, Plan
 
@@ -49,7 +49,7 @@ class WholePlan(Plan):
     def bearing(self) -> Any:
         """The nominal machine, which controllers and estimators know."""
         assert self.study.machine is not None
-        return machine_of(self.study.machine)
+        return as_machine(load_machine(self.study.machine))
 
     @property
     def _told(self) -> Flight:
