@@ -141,7 +141,6 @@ def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Descr
     from ambkit.base.config import toml_text
     from ambkit.base.units import engineering
     from ambkit.judge.adequacy import judge_adequacy, sentences
-    from ambkit.machine.machine import short_form
     from ambkit.simulation.parts import in_words
     from ambkit.workflow import machines
 
@@ -173,7 +172,7 @@ def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Descr
             f"{engineering(found.duration, 's')}, reference {found.reference.type}, "
             f"disturbance {found.disturbance.type}"
         )
-    found = short_form(found)
+    found = found.alone("") if kind == "machine" else found
     mass = engineering(found.rotor.mass, "kg")
     return _Described("; ".join([f"{found.name}, {found.magnet.type}, {mass}", *in_words(found)]))
 
