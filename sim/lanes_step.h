@@ -23,7 +23,7 @@ typedef struct lanes_parameters {
 typedef struct lanes_state {
   lanes mean[AMB_STATES];
   lanes cov[AMB_TRIANGLE];
-  lanes last_u, last_y, residual, surprise;
+  lanes last_u, last_y, residual, surprise, least_change;
   lanes force; /* of low-pass filters */
 } lanes_state;
 
@@ -112,6 +112,12 @@ AMB_INLINE lanes_mask lanes_measured(const lanes_parameters *p, lanes_state *s, 
 {
   const lanes_mask usual =
       (y <= p->reach) & (y >= -p->reach) & (y != s->last_y) & (p->fine > AMB_C(0.0));
+  const lanes change = y - s->last_y;
+  const lanes square = change * change;
+  const lanes grown = s->least_change * (AMB_C(1.0) + AMB_C(2.0) / AMB_MEMORY);
+  const lanes finest = AMB_FINEST * p->var_y;
+  const lanes smaller = lanes_choose(square < grown, square, grown);
+  s->least_change = lanes_choose(smaller > finest, smaller, finest);
   s->last_y = y;
   return usual;
 }

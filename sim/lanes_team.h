@@ -116,6 +116,7 @@ static void put(team *t, lanes_state *s, size_t i)
   s->last_y[i] = sensor->last_y;
   s->residual[i] = sensor->residual;
   s->surprise[i] = sensor->surprise;
+  s->least_change[i] = sensor->least_change;
   t->unchanged[i] = sensor->unchanged;
   t->chance[i] = sensor->chance;
   t->outliers[i] = sensor->outliers;
@@ -136,6 +137,7 @@ static void get(const team *t, const lanes_state *s, size_t i)
   sensor->last_y = s->last_y[i];
   sensor->residual = s->residual[i];
   sensor->surprise = s->surprise[i];
+  sensor->least_change = s->least_change[i];
   sensor->unchanged = t->unchanged[i];
   sensor->chance = t->chance[i];
   sensor->outliers = t->outliers[i];

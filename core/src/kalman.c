@@ -8,6 +8,9 @@
 /* Half a step, in such, from which on it says more than its rounding's variance. */
 #define NARROW AMB_C(0.5)
 
+/* Least variance of the noise, over that in the middle (amb_noise_share). */
+#define LEAST_NOISE AMB_C(0.015625)
+
 /* Share of a variance that a measurement takes at least. */
 #define LEAST AMB_C(1e-4)
 
@@ -91,6 +94,20 @@ amb_rounded amb_kalman_rounded(amb_real e, amb_real shown, amb_real noise, amb_r
   return as;
 }
 
+amb_real amb_kalman_repeats(const amb_kalman *kf, int r, amb_real least_change, amb_real S)
+{
+  const amb_real step = kf->set.step[r];
+  const amb_real var_y = kf->set.var_y[r];
+  const amb_real at_rest = AMB_C(1.0) - AMB_C(1.0) / amb_at_least(kf->set.dwell, AMB_C(1.0));
+  const amb_real square = amb_at_least(least_change, step * step);
+  if (!((square >= AMB_C(0.0)) && (square <= (AMB_VERY_COARSE * var_y)))) {
+    return at_rest;
+  }
+  const amb_real variance = amb_at_least(S, LEAST_NOISE * var_y);
+  const amb_real wide = (AMB_C(0.15915494309189535) * square) / variance; /* 1 / (2 pi) */
+  return amb_at_most(amb_root(AMB_C(1.0) - amb_exp_negative(wide)), at_rest);
+}
+
 amb_status amb_kalman_init(amb_kalman *kf, const amb_model *model, const amb_kalman_settings *s)
 {
   if (!good_settings(model, s)) {
@@ -153,7 +170,9 @@ amb_status amb_kalman_reset(const amb_kalman *kf, amb_kalman_state *state,
     state->last_u[c] = AMB_C(0.0);
   }
   for (int r = 0; r < amb_sensors(&kf->model); r++) {
-    const amb_sensor_state well = {AMB_C(0.0), AMB_C(0.0), AMB_C(0.0), AMB_C(1.0), 0U, 0U};
+    /* No measurement is so far away: the first one is no change. */
+    const amb_sensor_state well = {AMB_C(2.0) * kf->far[r], AMB_C(0.0), AMB_C(0.0), AMB_C(1.0),
+                                   kf->far[r] * kf->far[r], 0U,         0U};
     state->sensor[r] = well;
   }
   return AMB_OK;

@@ -189,11 +189,21 @@ AMB_INLINE bool amb_step_very_coarse(const amb_kalman *kf, int r)
   return (kf->set.step[r] * kf->set.step[r]) > (AMB_VERY_COARSE * kf->set.var_y[r]);
 }
 
+/* Square of the smallest change of late, after one of this square; forgets slowly [m^2]. */
+AMB_INLINE amb_real amb_step_least_change(const amb_kalman *kf, int r, amb_real before,
+                                          amb_real square)
+{
+  const amb_real grown = before * (AMB_C(1.0) + AMB_C(2.0) / AMB_MEMORY);
+  return amb_at_least(amb_at_most(square, grown), AMB_FINEST * kf->set.var_y[r]);
+}
+
 /* Counts equal measurements, and how probable they are of a sensor that shows the rotor. */
-AMB_INLINE void amb_step_watch(const amb_kalman *kf, amb_sensor_state *sensor, amb_real y,
+AMB_INLINE void amb_step_watch(const amb_kalman *kf, amb_sensor_state *sensor, int r, amb_real y,
                                amb_real chance)
 {
   if ((y < sensor->last_y) || (y > sensor->last_y)) {
+    const amb_real change = y - sensor->last_y;
+    sensor->least_change = amb_step_least_change(kf, r, sensor->least_change, change * change);
     sensor->last_y = y;
     sensor->unchanged = 0U;
     sensor->chance = AMB_C(1.0);
@@ -201,6 +211,9 @@ AMB_INLINE void amb_step_watch(const amb_kalman *kf, amb_sensor_state *sensor, a
   }
   if (sensor->unchanged < kf->set.frozen_limit) {
     sensor->unchanged++;
+  }
+  if (!AMB_WITHIN(sensor->chance, AMB_C(1.0))) { /* a bit has flipped */
+    sensor->chance = AMB_C(1.0);
   }
   if (sensor->chance > AMB_IMPROBABLE) {
     sensor->chance *= chance;
@@ -363,22 +376,19 @@ AMB_INLINE amb_rounded amb_step_rounded(const amb_kalman *kf, amb_kalman_state *
     return as;
   }
   const bool again = !((y < sensor->last_y) || (y > sensor->last_y));
-  const bool coarse = interval && amb_step_coarse(kf, r);
-  const bool very = amb_step_very_coarse(kf, r);
-  if (very) {
-    as.chance = AMB_C(1.0) - AMB_C(1.0) / amb_at_least(kf->set.dwell, AMB_C(1.0));
-  }
-  if (!very && (coarse || (again && (kf->set.step[r] > AMB_C(0.0))))) {
+  const bool coarse = interval && amb_step_coarse(kf, r) && !amb_step_very_coarse(kf, r);
+  if (coarse) {
     const amb_real shown = amb_model_shown_variance(&kf->model, r, base->cov);
     const amb_real e = y - amb_model_shown(&kf->model, r, base->mean);
     if (AMB_WITHIN(e, AMB_REAL_ROOT) && (shown > AMB_C(0.0)) && (shown <= AMB_REAL_ROOT)) {
-      const amb_rounded said = amb_kalman_rounded(e, shown, noise, kf->set.step[r]);
-      as.chance = said.chance;
-      as.moved = coarse ? said.moved : AMB_C(0.0);
-      as.noise = coarse ? said.noise : as.noise;
+      as = amb_kalman_rounded(e, shown, noise, kf->set.step[r]);
     }
+  } else if (again) {
+    const amb_real shown = amb_model_shown_variance(&kf->model, r, base->cov);
+    as.chance = amb_kalman_repeats(kf, r, sensor->least_change, shown + noise);
+  } else { /* a change */
   }
-  amb_step_watch(kf, sensor, y, as.chance);
+  amb_step_watch(kf, sensor, r, y, as.chance);
   return as;
 }
 

@@ -148,6 +148,33 @@ static void test_measurements_that_are_none(void)
   CHECK(axis_update(&kf, &s, AMB_C(1.1e-5), &r) == AMB_OK);
 }
 
+/* Of a stuck sensor; bits flip where it has repeated its measurement twice. */
+static bool is_frozen_after_a_flip(amb_real chance, amb_real least_change)
+{
+  amb_kalman kf = paper_filter();
+  amb_kalman_state s = start();
+  amb_kalman_result r;
+  kf.set.dwell = AMB_C(40.0);
+  for (int k = 0; k < 50; k++)
+    CHECK(axis_update(&kf, &s, axis_wobble(k), &r) == AMB_OK);
+  s.sensor[0].least_change = least_change;
+  CHECK(axis_update(&kf, &s, AMB_C(1.1e-6), &r) == AMB_OK);
+  CHECK(axis_update(&kf, &s, AMB_C(1.1e-6), &r) == AMB_OK);
+  s.sensor[0].chance = chance;
+  for (int k = 0; k < 30; k++)
+    (void)axis_update(&kf, &s, AMB_C(1.1e-6), &r);
+  return r.health[0] == AMB_FROZEN;
+}
+
+static void test_what_flips_of_a_sensors_health_heals(void)
+{
+  const amb_real flipped[] = {NOT_A_NUMBER, TOO_MUCH, -TOO_MUCH, AMB_C(1e30), AMB_C(-1.0)};
+  for (size_t i = 0; i < sizeof flipped / sizeof *flipped; i++) {
+    CHECK(is_frozen_after_a_flip(flipped[i], AMB_C(1e-12)));
+    CHECK(is_frozen_after_a_flip(AMB_C(1.0), flipped[i]));
+  }
+}
+
 static void test_control_signals_that_are_none(void)
 {
   const amb_kalman kf = paper_filter();
@@ -336,6 +363,7 @@ int main(void)
   test_as_printed_the_sensor_follows_the_position_alone();
   test_update_is_eq_11_to_13();
   test_measurements_that_are_none();
+  test_what_flips_of_a_sensors_health_heals();
   test_control_signals_that_are_none();
   test_stiffnesses_that_are_none();
   test_a_long_outage(&linear, paper.var_y[0]);

@@ -45,6 +45,9 @@ extern "C" {
 #define AMB_COARSE AMB_C(4.0)
 #define AMB_VERY_COARSE AMB_C(121.0)
 
+/* Least square of a change of the measurement that counts, over the variance of the noise. */
+#define AMB_FINEST AMB_C(1e-4)
+
 /* A sensor that repeats a measurement is frozen where this is the probability that it is not. */
 #define AMB_IMPROBABLE AMB_C(1e-16)
 
@@ -65,7 +68,7 @@ typedef struct amb_kalman_settings {
                                    disturbance force's variance [N^2], >= 0 */
   amb_real var_y[AMB_SENSORS];  /* variance of the measurement in the middle [m^2], > 0 */
   amb_real rise[AMB_SENSORS];   /* by which share its deviation rises a metre shown [1/m] */
-  amb_real step[AMB_SENSORS];   /* quantisation of the measurement [m], >= 0; 0: unknown */
+  amb_real step[AMB_SENSORS];   /* quantisation of the measurement [m], >= 0; 0: not stated */
   amb_real dwell; /* samples for which a rotor at rest stays within a very coarse step, >= 0 */
   amb_real gate;  /* innovations beyond this many of their standard deviations are outliers, > 0 */
   unsigned int frozen_limit;  /* least number of equal measurements in a row that can be a frozen
@@ -92,6 +95,7 @@ typedef struct amb_sensor_state {
   amb_real residual;      /* last measurement taken in, less what it left of the estimate [m] */
   amb_real surprise;      /* share of late innovations beyond twice their standard deviation [1] */
   amb_real chance;        /* probability that a moving rotor has repeated it so often [1] */
+  amb_real least_change;  /* square of the smallest change of late: the steps are no finer [m^2] */
   unsigned int unchanged; /* how many times in a row the last measurement has come again */
   unsigned int outliers;  /* how many measurements in a row were left out as outliers */
 } amb_sensor_state;
@@ -127,6 +131,13 @@ typedef struct amb_rounded {
  * Of a prediction of variance `shown` and white noise of variance `noise` [m^2], both as normal,
  * mean and variance are those of the truncated normal distribution (Simon 2006, ch. 7.5). */
 amb_rounded amb_kalman_rounded(amb_real e, amb_real shown, amb_real noise, amb_real step);
+
+/* Probability that sensor r repeats its measurement though it shows the rotor, where the innovation
+ * has variance S [m^2]. Its steps may be coarser than stated, but are no coarser than the smallest
+ * change of late, least_change [m^2]. Of a fine step it is at most that of an innovation within
+ * half a step (Polya's bound of the normal distribution); in a coarse one a rotor at rest stays
+ * long. */
+amb_real amb_kalman_repeats(const amb_kalman *kf, int r, amb_real least_change, amb_real S);
 
 /* Check the settings and compute the constants. Returns AMB_OK, or AMB_BAD_PARAMETER and leaves
  * `kf` as it was. */

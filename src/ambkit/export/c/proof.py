@@ -31,7 +31,7 @@ TEMPLATES = {
 
 OPTIONS = (
     "-eva-slevel 6 -eva-subdivide-non-linear 8"
-    " -eva-slevel-function amb_{tag}_envelope_bounds:200,rest_in_the_middle:40,see:60{of_each}"
+    " -eva-slevel-function amb_{tag}_envelope_bounds:200,rest_in_the_middle:40{others}"
     " -eva-auto-loop-unroll 128 -eva-split-return auto -eva-widening-delay 10"
 )
 """How finely Eva looks: squares are not negative, loops unrolled, and the ways through the bounds
@@ -102,10 +102,11 @@ def context(
     by_contract = f" -eva-use-spec {','.join(contracts)}" if contracts else ""
     models = estimator.core.own.get("n", 0)  # their number is data, no constant that Eva sees
     by_model = f" -eva-min-loop-unroll {models + 1}" if models else ""
-    of_each = ",hold_each:60" if models else ""  # the ways through the bounds of each model
+    others = ",hold_each:60" if models else ""  # the ways through the bounds of each model
+    others += "" if controller is None else ",see:60"
     return {
         "outputs": outputs(fields, coils),
-        "options": OPTIONS.format(tag=context["tag"], of_each=of_each) + by_model + by_contract,
+        "options": OPTIONS.format(tag=context["tag"], others=others) + by_model + by_contract,
         "recorded": recorded(
             estimator, context["precision"], control, editable=bool(context["editable"])
         ),
