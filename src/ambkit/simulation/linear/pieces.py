@@ -165,7 +165,8 @@ def _stacked(parts: Sequence[Any]) -> Any:
     changes: dict[str, Any] = {}
     for field in fields(first):
         values = [getattr(part, field.name) for part in parts]
-        if "size" in field.name or all(value == values[0] for value in values):
+        typical = "size" in field.name or field.name == "growth"  # none of which moves the plant
+        if typical or all(value == values[0] for value in values):
             continue
         if isinstance(values[0], Mapping):
             changes[field.name] = {key: np.array([v[key] for v in values]) for key in values[0]}
