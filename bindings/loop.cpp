@@ -65,14 +65,16 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   const amb_parts &with = of.parts;
   const std::optional<Faults> wrong =
       faults ? std::optional<Faults>(Faults(*faults, beside, n)) : std::nullopt;
-  const amb_loop_input input{n,
-                             r.data(),
-                             f_d.data(),
-                             noise_u.data(),
-                             noise_y.data(),
-                             scale ? scale->data() : nullptr,
-                             wrong ? &wrong->to : nullptr,
-                             fly ? fly->data() : nullptr};
+  amb_loop_input input{};
+  input.n = n;
+  input.off = n;
+  input.r = r.data();
+  input.load = f_d.data();
+  input.noise_u = noise_u.data();
+  input.noise_y = noise_y.data();
+  input.scale = scale ? scale->data() : nullptr;
+  input.faults = wrong ? &wrong->to : nullptr;
+  input.fly = fly ? fly->data() : nullptr;
   Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});
   const Sizes sizes(estimator ? estimator->kf.model : amb_model{});
   History history(estimator ? n : 0, sizes, estimator != nullptr, estimator && estimator->scales());
@@ -80,13 +82,18 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   Fresh<amb_real> first({volts ? n : 0}), second({volts && with.pair ? n : 0});
   const bool whole = control != nullptr || elsewhere;
   Fresh<unsigned char> mode({whole ? n : 0});
-  amb_loop_output out{
-      x.data,     v.data,
-      x_m.data,   iu.data,
-      force.data, y.data,
-      u.data,     history.to,
-      0,          {volts ? first.data : nullptr, volts && with.pair ? second.data : nullptr},
-      nullptr,    whole ? mode.data : nullptr};
+  amb_real *const X[] = {x.data, v.data, x_m.data};
+  amb_loop_output out{};
+  out.X = X;
+  out.columns = 3;
+  out.iu = iu.data;
+  out.force = force.data;
+  out.y = y.data;
+  out.u = u.data;
+  out.estimate = history.to;
+  out.voltage[0] = volts ? first.data : nullptr;
+  out.voltage[1] = volts && with.pair ? second.data : nullptr;
+  out.mode = whole ? mode.data : nullptr;
   LoopState fresh;
   amb_loop_state &state = went ? went->state : fresh.state;
   if (!state.sampled)
@@ -94,6 +101,8 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   {
     nb::gil_scoped_release release;
     amb_loop_run(&loop, &input, &state, estimator ? estimator->state() : nullptr, &out);
+    for (size_t k = 0; k < n; k++)
+      force.data[k] += f_0;
   }
   if (asked.failed.is_valid()) {
     PyErr_SetObject(reinterpret_cast<PyObject *>(asked.failed.type().ptr()), asked.failed.ptr());

@@ -12,6 +12,7 @@ extern "C" {
 struct LoopOf {
   amb_parts parts{};
   amb_axis axis{};
+  amb_real gain{};
   amb_axis_room room{};
   amb_loop loop{};
   LoopOf(const LoopOf &) = delete; // `loop` points into the object
@@ -34,17 +35,16 @@ struct LoopOf {
       parts = parts_of(*given);
     axis = {magnet.magnet, m,      f_0,      f_bias, K_sen,
             T_sen,         travel, substeps, &parts, coil ? coil->magnet : amb_magnet{}};
-    loop = {amb_plant_of_axis(&axis, &room),
-            {T, kp, ki, kd, T_f, T_t, weight, iu_min, iu_max},
-            T,
-            k_ui,
-            iu_min,
-            iu_max,
-            estimator ? &estimator->estimator : nullptr,
-            feedback_estimate,
-            control ? &control->control : nullptr,
-            nullptr,
-            nullptr};
+    gain = k_ui;
+    loop.plant = amb_plant_of_axis(&axis, &room);
+    loop.T = T;
+    loop.pid = {T, kp, ki, kd, T_f, T_t, weight, iu_min, iu_max};
+    loop.k_ui = &gain;
+    loop.iu_min = &loop.pid.iu_min;
+    loop.iu_max = &loop.pid.iu_max;
+    loop.estimator = estimator ? &estimator->estimator : nullptr;
+    loop.feedback_estimate = feedback_estimate;
+    loop.control = control ? &control->control : nullptr;
   }
 
   // Settled at x, with the integral of the controller at this current [A]; a whole controller takes
@@ -54,9 +54,9 @@ struct LoopOf {
   {
     const bool whole = loop.control != nullptr || loop.elsewhere != nullptr;
     const amb_real asked = whole ? hover.value_or(0) : integral;
-    const amb_real held = amb_clamp(asked, loop.iu_min, loop.iu_max);
+    const amb_real held = amb_clamp(asked, loop.pid.iu_min, loop.pid.iu_max);
     amb_plant_settle(&loop.plant, &state.plant, x, held);
-    amb_pid_reset(&state.pid, integral);
+    amb_pid_reset(&state.pid[0], integral);
     if (loop.control != nullptr && hover)
       amb_control_hover(loop.control, &state.control, &held, &integral);
     else if (loop.control != nullptr)

@@ -1,17 +1,15 @@
-// A whole machine in closed loop; only where the model is any (sim/machine.h).
+// A machine in closed loop, of any pattern (sim/loop.h).
 #include "control.h"
 #include "plant_parts.h"
 
-#if defined(AMB_MODEL_LOOPS)
-
 extern "C" {
-#include "machine.h"
+#include "loop.h"
 }
 
 namespace
 {
 
-// The arrays of a machine, by the names of the fields of amb_machine and amb_machine_loop.
+// The arrays of a machine, by the names of the fields of amb_plant and amb_loop.
 class Arrays
 {
 public:
@@ -158,9 +156,11 @@ struct Whole {
     if (loop.feedback_estimate && estimator == nullptr)
       throw std::invalid_argument("feedback from the estimate needs an estimator");
     law.set(given, loop.T, p, loop.feedback_estimate ? estimator->sizes().states : m);
-    loop.controllers = law.law;
+    loop.controllers = &law.law;
+    loop.iu_min = law.law.iu_min;
+    loop.iu_max = law.law.iu_max;
   }
-  amb_machine_loop loop{};
+  amb_loop loop{};
   size_t n, p, m;
   Arrays arrays;
 
@@ -173,6 +173,7 @@ private:
   Law law;
 };
 
+#if defined(AMB_MODEL_LOOPS)
 // An estimator, and the model that turns with the rotor.
 struct Turning {
   Estimator *estimator;
@@ -183,6 +184,7 @@ struct Turning {
     both.estimator->turn(*both.model, before, after);
   }
 };
+#endif
 
 Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples &load,
                        const Samples &base, const Vector &speed, const Samples &noise_u,
@@ -196,13 +198,17 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
       throw std::invalid_argument("the controller has another estimator than the loop");
     whole.loop.control = &control->control;
   }
+#if defined(AMB_MODEL_LOOPS)
   Turning turning{estimator, model};
   if (estimator != nullptr && model != nullptr && model->turns()) {
     whole.loop.turn = &Turning::turn;
     whole.loop.model = &turning;
   }
+#else
+  (void)model; // a single axis does not turn
+#endif
   const size_t p = whole.p, m = whole.m, n = samples_of(load, p, "load");
-  const auto q = static_cast<size_t>(whole.loop.controllers.pids);
+  const auto q = static_cast<size_t>(whole.loop.controllers->pids);
   same_length(n, samples_of(r, p, "r"), "r");
   same_length(n, samples_of(base, 3, "base"), "base");
   same_length(n + 1, speed.size(), "speed");
@@ -213,44 +219,54 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
   same_length(q, integral.size(), "integral");
   if (fly)
     same_length(n, fly->size(), "fly");
-  amb_plant_state state{};
-  std::copy_n(start.data(), whole.n, state.X);
-  state.cosine = 1;
-  for (auto &past : state.demanded)
+  amb_loop_state state{};
+  std::copy_n(start.data(), whole.n, state.plant.X);
+  state.plant.cosine = 1;
+  for (auto &past : state.plant.demanded)
     std::copy_n(demanded.data(), p, past);
-  Fresh<amb_real> X({n, whole.n}), iu({n, p}), force({n, p}), y({n, m}), u({n, p});
+  for (size_t c = 0; c < q; c++)
+    amb_pid_reset(&state.pid[c], integral.data()[c]);
+  if (control != nullptr && hovers)
+    amb_control_hover(&control->control, &state.control, demanded.data(), integral.data());
+  else if (control != nullptr)
+    amb_control_init(&control->control, &state.control, estimator->state());
+  if (control != nullptr)
+    std::copy_n(state.control.u, p, state.u);
+  Fresh<amb_real> X({whole.n, n}), iu({n, p}), force({n, p}), y({n, m}), u({n, p});
+  std::vector<amb_real *> columns;
+  for (size_t j = 0; j < whole.n; j++)
+    columns.push_back(X.data + j * n);
   const Sizes of(estimator ? estimator->kf.model : amb_model{});
   History history(estimator ? n : 0, of, estimator != nullptr, estimator && estimator->scales());
-  const amb_machine_input input{n,
-                                nb::cast<size_t>(machine["off"]),
-                                r.data(),
-                                load.data(),
-                                base.data(),
-                                speed.data(),
-                                noise_u.data(),
-                                noise_y.data(),
-                                fly ? fly->data() : nullptr,
-                                hovers ? demanded.data() : nullptr};
   Fresh<unsigned short> status({n});
   Fresh<unsigned char> mode({control != nullptr ? n : 0}), usable({control != nullptr ? n : 0});
-  amb_machine_output out{X.data,
-                         iu.data,
-                         force.data,
-                         y.data,
-                         u.data,
-                         status.data,
-                         control ? mode.data : nullptr,
-                         usable.data,
-                         history.to,
-                         0,
-                         n};
+  amb_loop_input input{};
+  input.n = n;
+  input.r = r.data();
+  input.load = load.data();
+  input.noise_u = noise_u.data();
+  input.noise_y = noise_y.data();
+  input.fly = fly ? fly->data() : nullptr;
+  input.speed = speed.data();
+  input.base = base.data();
+  input.off = nb::cast<size_t>(machine["off"]);
+  amb_loop_output out{};
+  out.X = columns.data();
+  out.columns = static_cast<int>(whole.n);
+  out.iu = iu.data;
+  out.force = force.data;
+  out.y = y.data;
+  out.u = u.data;
+  out.estimate = history.to;
+  out.status = status.data;
+  out.mode = control ? mode.data : nullptr;
+  out.usable = control ? usable.data : nullptr;
   {
     nb::gil_scoped_release release;
-    amb_machine_run(&whole.loop, &input, &state, integral.data(),
-                    estimator ? estimator->state() : nullptr, &out);
+    amb_loop_run(&whole.loop, &input, &state, estimator ? estimator->state() : nullptr, &out);
   }
   nb::dict d;
-  d["X"] = X.array;
+  d["X"] = nb::cast(X.array).attr("T"); // n x states
   d["iu"] = iu.array;
   d["force"] = force.array;
   d["y"] = y.array;
@@ -271,26 +287,17 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
 
 void bind_machine(nb::module_ &m)
 {
-  m.def(
-      "simulate_machine", &simulate_machine, nb::arg("machine"), nb::kw_only(), nb::arg("r"),
-      nb::arg("load"), nb::arg("base"), nb::arg("speed"), nb::arg("noise_u"), nb::arg("noise_y"),
-      nb::arg("start"), nb::arg("demanded"), nb::arg("integral"),
-      nb::arg("estimator").none() = nb::none(), nb::arg("model").none() = nb::none(),
-      nb::arg("control").none() = nb::none(), nb::arg("fly").none() = nb::none(),
-      nb::arg("hovers") = false,
-      nb::sig(
-          "def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, base: Any, "
-          "speed: Any, "
-          "noise_u: Any, noise_y: Any, start: Any, demanded: Any, integral: Any, estimator: "
-          "Estimator | None = None, model: Model | None = None, control: Control | None = None, "
-          "fly: Any = None, hovers: bool = False) -> dict[str, Any]"),
-      "A closed-loop run of a whole machine in one call; see sim/machine.h for shapes and units.");
+  m.def("simulate_machine", &simulate_machine, nb::arg("machine"), nb::kw_only(), nb::arg("r"),
+        nb::arg("load"), nb::arg("base"), nb::arg("speed"), nb::arg("noise_u"), nb::arg("noise_y"),
+        nb::arg("start"), nb::arg("demanded"), nb::arg("integral"),
+        nb::arg("estimator").none() = nb::none(), nb::arg("model").none() = nb::none(),
+        nb::arg("control").none() = nb::none(), nb::arg("fly").none() = nb::none(),
+        nb::arg("hovers") = false,
+        nb::sig(
+            "def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, base: Any, "
+            "speed: Any, "
+            "noise_u: Any, noise_y: Any, start: Any, demanded: Any, integral: Any, estimator: "
+            "Estimator | None = None, model: Model | None = None, control: Control | None = None, "
+            "fly: Any = None, hovers: bool = False) -> dict[str, Any]"),
+        "A closed-loop run of a whole machine in one call; see sim/loop.h for shapes and units.");
 }
-
-#else
-
-void bind_machine(nb::module_ &)
-{
-}
-
-#endif

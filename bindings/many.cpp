@@ -116,8 +116,10 @@ public:
       next += n * columns;
       return here;
     };
-    for (amb_real **each : {&to.x, &to.v, &to.x_m, &to.iu, &to.force, &to.y, &to.u})
+    for (amb_real **each : {&X[0], &X[1], &X[2], &to.iu, &to.force, &to.y, &to.u})
       *each = place(1);
+    to.X = X;
+    to.columns = 3;
     to.estimate.mean = place(of.states);
     to.estimate.innovation = place(of.sensors);
     to.estimate.variance = place(of.sensors);
@@ -131,6 +133,7 @@ public:
 
 private:
   std::vector<amb_real> signals;
+  amb_real *X[3];
   std::vector<unsigned short> flags;
 };
 

@@ -138,9 +138,9 @@ static void fill_loop(loops *l, size_t i, const amb_many_run *run)
   l->of.law.i0[i] = law->i0;
   l->m[i] = plant->mass[0];
   l->f_0[i] = plant->g[0];
-  l->k_ui[i] = loop->k_ui;
-  l->iu_min[i] = loop->iu_min;
-  l->iu_max[i] = loop->iu_max;
+  l->k_ui[i] = loop->k_ui[0];
+  l->iu_min[i] = loop->iu_min[0];
+  l->iu_max[i] = loop->iu_max[0];
   l->T[i] = pid->T;
   l->kp[i] = pid->kp;
   l->ki[i] = pid->ki;
@@ -152,11 +152,11 @@ static void fill_loop(loops *l, size_t i, const amb_many_run *run)
   l->out_max[i] = pid->iu_max;
   for (int j = 0; j < 3; j++)
     l->X[j][i] = run->state.plant.X[j];
-  l->integral[i] = run->state.pid.integral;
-  l->last_r[i] = run->state.pid.last_r;
-  l->last_x[i] = run->state.pid.last_x;
-  l->velocity[i] = run->state.pid.velocity;
-  l->started[i] = run->state.pid.started ? -1 : 0;
+  l->integral[i] = run->state.pid[0].integral;
+  l->last_r[i] = run->state.pid[0].last_r;
+  l->last_x[i] = run->state.pid[0].last_x;
+  l->velocity[i] = run->state.pid[0].velocity;
+  l->started[i] = run->state.pid[0].started ? -1 : 0;
   l->substeps = (size_t)plant->substeps;
   l->feedback_estimate = loop->feedback_estimate;
 }

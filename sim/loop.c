@@ -5,99 +5,176 @@ static bool is_whole(const amb_loop *loop)
   return loop->control != NULL || loop->elsewhere != NULL;
 }
 
-/* The whole controller, with one measurement for all of it; `told` of the control signal [V]. */
-static void control(const amb_loop *loop, amb_loop_state *s, void *estimator,
-                    const amb_loop_sample *sample, amb_real y, amb_real told)
+static size_t axes(const amb_loop *loop)
 {
-  const amb_real measured[AMB_SENSORS] = {y};
-  s->sampled = true;
-  if (loop->elsewhere != NULL) {
-    s->u = loop->elsewhere(loop->where, y, sample->r, sample->fly, &s->flown);
-    return;
-  }
-  s->control.u[0] = told;
-  (void)amb_control_step(loop->control, &s->control, estimator, measured, &sample->r, 0,
-                         sample->fly, &s->flown);
-  s->result = s->flown.estimator;
-  s->u = s->control.u[0];
+  return (size_t)loop->plant.axes;
 }
 
-/* A sample at which the controller gets the measurement `direct` [m], and the estimator y [m] and
- * that `told` [V] acted before it. The plant is left where it is. */
-static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
-                  const amb_loop_sample *sample, amb_real direct, amb_real y, amb_real told)
+/* The whole controller, with one measurement for all of it; `told` of the control signals [V]. */
+static void control(const amb_loop *loop, amb_loop_state *s, void *estimator,
+                    const amb_loop_sample *sample, const amb_real told[])
 {
-  s->y = y;
+  if (loop->elsewhere != NULL) {
+    s->u[0] = loop->elsewhere(loop->where, s->y[0], sample->r[0], sample->fly, &s->flown);
+    return;
+  }
+  const amb_real speed = sample->speed != NULL ? sample->speed[0] : 0;
+  for (size_t c = 0; c < axes(loop); c++)
+    s->control.u[c] = told[c];
+  s->status = amb_control_step(loop->control, &s->control, estimator, s->y, sample->r, speed,
+                               sample->fly, &s->flown);
+  s->result = s->flown.estimator;
+  for (size_t c = 0; c < axes(loop); c++)
+    s->u[c] = s->control.u[c];
+}
+
+/* Control currents that are demanded, where `direct` [m] is measured. */
+static void demand(const amb_loop *loop, amb_loop_state *s, const void *estimator,
+                   const amb_loop_sample *sample, const amb_real direct[], amb_real iu[])
+{
+  const amb_real *mean =
+      loop->feedback_estimate ? ((const amb_kalman_state *)estimator)->mean : NULL;
+  if (loop->controllers != NULL) {
+    const amb_real speed = sample->speed != NULL ? sample->speed[0] : 0;
+    s->status |= amb_controllers_step(loop->controllers, s->pid, sample->r,
+                                      mean != NULL ? mean : direct, speed, iu);
+  } else if (mean != NULL) {
+    const amb_model *model = &loop->estimator->kf->model;
+    (void)amb_pid_step(&loop->pid, s->pid, sample->r[0], mean[amb_first(model, AMB_POSITION)],
+                       &mean[amb_first(model, AMB_VELOCITY)], iu);
+  } else
+    (void)amb_pid_step(&loop->pid, s->pid, sample->r[0], direct[0] / loop->plant.gain[0], NULL, iu);
+}
+
+/* A sample at which the controllers get the measurements `direct` [m], and the estimator those of
+ * the state and that `told` [V] acted before it. The plant is left where it is. */
+static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
+                  const amb_loop_sample *sample, const amb_real direct[], const amb_real told[])
+{
+  const bool sampled = s->sampled;
+  amb_real iu[AMB_CONTROLS];
+  s->sampled = true;
+  s->status = AMB_OK;
   if (is_whole(loop)) {
-    control(loop, s, estimator, sample, y, told);
+    control(loop, s, estimator, sample, told);
     return;
   }
   if (loop->estimator != NULL) {
-    const amb_real measured[AMB_SENSORS] = {y}, acted[AMB_CONTROLS] = {told};
-    if (s->sampled)
-      (void)amb_estimator_step(loop->estimator, estimator, measured, acted, &s->result);
+    if (sampled)
+      (void)amb_estimator_step(loop->estimator, estimator, s->y, told, &s->result);
     else
-      (void)amb_estimator_start(loop->estimator, estimator, measured, &s->result);
+      (void)amb_estimator_start(loop->estimator, estimator, s->y, &s->result);
+    s->status = s->result.status;
   }
-  amb_real demanded;
-  if (loop->feedback_estimate) {
-    const amb_model *model = &loop->estimator->kf->model;
-    const amb_real *mean = ((const amb_kalman_state *)estimator)->mean;
-    (void)amb_pid_step(&loop->pid, &s->pid, sample->r, mean[amb_first(model, AMB_POSITION)],
-                       &mean[amb_first(model, AMB_VELOCITY)], &demanded);
-  } else
-    (void)amb_pid_step(&loop->pid, &s->pid, sample->r, direct / loop->plant.gain[0], NULL,
-                       &demanded);
-  s->u = demanded / loop->k_ui;
-  s->sampled = true;
+  demand(loop, s, estimator, sample, direct, iu);
+  for (size_t c = 0; c < axes(loop); c++)
+    s->u[c] = iu[c] / loop->k_ui[c];
 }
 
-/* What acts from this sample on, with this share of the amplifier's range and the magnet's force
- * this many times as great. */
-static void act(const amb_loop *loop, amb_loop_state *s, const amb_loop_sample *sample,
-                amb_real share, amb_acts *acts)
+/* And the plant on to the next, with this share of the amplifiers' ranges. */
+static bool act(const amb_loop *loop, amb_loop_state *s, const amb_loop_sample *sample,
+                amb_real share)
 {
-  const amb_real speed = loop->plant.sensor->speed;
-  s->demanded =
-      amb_clamp(loop->k_ui * (s->u + sample->noise_u), share * loop->iu_min, share * loop->iu_max);
-  acts->demanded = &s->demanded;
-  acts->load = &sample->f_d;
-  acts->base = NULL;
-  acts->speed = acts->next = speed;
-  acts->off = is_whole(loop) && !s->flown.on;
-  s->acting = amb_plant_acting(&loop->plant, &s->plant, 0, acts,
-                               amb_plant_from_now(&loop->plant, &s->plant, 0, s->demanded));
+  const amb_plant *plant = &loop->plant;
+  const amb_real own = plant->sensor->speed;
+  const amb_acts acts = {.demanded = s->demanded,
+                         .load = sample->load,
+                         .base = sample->base,
+                         .speed = sample->speed != NULL ? sample->speed[0] : own,
+                         .next = sample->speed != NULL ? sample->speed[1] : own,
+                         .scale = sample->scale,
+                         .off = sample->off || (is_whole(loop) && !s->flown.on)};
+  for (size_t c = 0; c < axes(loop); c++)
+    s->demanded[c] = amb_clamp(loop->k_ui[c] * (s->u[c] + sample->noise_u[c]),
+                               share * loop->iu_min[c], share * loop->iu_max[c]);
+  for (int f = 0; f < plant->axes; f++)
+    s->acting[f] = amb_plant_acting(plant, &s->plant, f, &acts,
+                                    amb_plant_from_now(plant, &s->plant, f, s->demanded[f]));
+  return amb_plant_advance(plant, &s->plant, loop->T, &acts);
 }
 
-/* The measurement that the sensor gives with this noise [m]. */
-static amb_real reading(const amb_plant *plant, amb_real x_m, amb_real noise)
+/* What the sensors show [m]. */
+static void read(const amb_plant *plant, const amb_plant_state *state, const amb_real noise[],
+                 amb_real y[])
 {
-  return amb_parts_reading(plant->sensor, x_m, noise);
+  for (int r = 0; r < plant->sensors; r++) {
+    const amb_parts *sensor = &plant->sensor[r];
+    const amb_real x_m = state->X[plant->shows[r]];
+    const bool adds = !(sensor->step > 0) && !(sensor->rise < 0) && !(sensor->rise > 0);
+    y[r] = adds ? x_m + noise[r] : amb_parts_reading(sensor, x_m, noise[r]);
+  }
 }
 
 bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
                    const amb_loop_sample *sample)
 {
-  const amb_real y = reading(&loop->plant, state->plant.X[2], sample->noise_y);
-  amb_acts acts = {.scale = 1};
-  sense(loop, state, estimator, sample, y, y, state->u);
-  act(loop, state, sample, 1, &acts);
-  return amb_plant_advance(&loop->plant, &state->plant, loop->T, &acts);
+  amb_real told[AMB_CONTROLS];
+  for (size_t c = 0; c < axes(loop); c++)
+    told[c] = state->u[c];
+  read(&loop->plant, &state->plant, sample->noise_y, state->y);
+  sense(loop, state, estimator, sample, state->y, told);
+  return act(loop, state, sample, 1);
 }
 
-/* The measurement at sample k, as far as it has come: x_m is known up to there. */
+/* The measurement of one axis at sample k, as far as it has come: x_m is known up to there. */
 static amb_real faulted(const amb_plant *plant, const amb_loop_faults *faults, const amb_real *x_m,
                         const amb_real *noise, size_t k)
 {
-  const amb_real late = faults->late[k];
+  const amb_real late = faults->late[k], rise = plant->sensor->rise;
   const size_t whole = (late < (amb_real)k) ? (size_t)late : k;
   const amb_real share = (late < (amb_real)k) ? late - (amb_real)whole : 0;
   const size_t at = k - whole;
-  const amb_real rise = plant->sensor->rise;
   amb_real y = x_m[at] + amb_noise_share(rise, x_m[at]) * noise[at];
   if (share > 0)
     y += share * (x_m[at - 1] + amb_noise_share(rise, x_m[at - 1]) * noise[at - 1] - y);
-  return faults->y_times[k] * reading(plant, y, 0) + faults->y_plus[k];
+  return faults->y_times[k] * amb_parts_reading(plant->sensor, y, 0) + faults->y_plus[k];
+}
+
+static amb_loop_sample sample_of(const amb_loop *loop, const amb_loop_input *in, size_t k)
+{
+  const size_t p = axes(loop), m = (size_t)loop->plant.sensors;
+  const amb_loop_sample sample = {.r = in->r + k * p,
+                                  .load = in->load + k * p,
+                                  .noise_u = in->noise_u + k * p,
+                                  .noise_y = in->noise_y + k * m,
+                                  .base = in->base != NULL ? in->base + 3 * k : NULL,
+                                  .speed = in->speed != NULL ? in->speed + k : NULL,
+                                  .scale = in->scale != NULL ? in->scale[k] : 1,
+                                  .off = k >= in->off,
+                                  .fly = in->fly == NULL || in->fly[k] > 0};
+  return sample;
+}
+
+/* What is written of a sample, before the plant goes on ... */
+static void note_plant(const amb_loop_state *s, size_t k, amb_loop_output *out)
+{
+  for (int j = 0; j < out->columns; j++)
+    out->X[j][k] = s->plant.X[j];
+}
+
+/* ... and after it. */
+static void note(const amb_loop *loop, const amb_loop_state *s, const void *estimator,
+                 const amb_real told[], size_t k, amb_loop_output *out)
+{
+  const size_t p = axes(loop), m = (size_t)loop->plant.sensors;
+  for (size_t c = 0; c < p; c++) {
+    out->iu[k * p + c] = s->acting[c].iu;
+    out->force[k * p + c] = s->acting[c].force;
+    out->u[k * p + c] = told[c];
+  }
+  for (size_t r = 0; r < m; r++)
+    out->y[k * m + r] = s->y[r];
+  for (int i = 0; i < 2; i++)
+    if (out->voltage[i] != NULL)
+      out->voltage[i][k] = s->acting[0].voltage[i];
+  if (out->mode != NULL)
+    out->mode[k] = (unsigned char)s->flown.mode;
+  if (out->usable != NULL)
+    out->usable[k] = s->flown.usable;
+  if (out->status != NULL)
+    out->status[k] = (unsigned short)s->status;
+  if (loop->estimator != NULL)
+    amb_estimator_note(loop->estimator, estimator, &s->result, k, &out->estimate);
 }
 
 amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop_state *state,
@@ -106,40 +183,37 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
   const amb_plant *plant = &loop->plant;
   const amb_loop_faults *faults = in->faults;
   amb_status all = AMB_OK;
+  amb_real told[AMB_CONTROLS], direct[AMB_SENSORS];
   amb_loop_state s = *state;
   out->touched = 0;
-  amb_real told = s.u;
+  out->first = in->n;
+  for (size_t c = 0; c < axes(loop); c++)
+    told[c] = s.u[c];
   for (size_t k = 0; k < in->n; k++) {
-    const bool fly = in->fly == NULL || in->fly[k] > 0;
-    const amb_loop_sample sample = {in->r[k], in->f_d[k], in->noise_u[k], in->noise_y[k], fly};
-    amb_acts acts = {.scale = in->scale != NULL ? in->scale[k] : 1};
-    out->x[k] = s.plant.X[0];
-    out->v[k] = s.plant.X[1];
-    out->x_m[k] = s.plant.X[2];
-    const amb_real direct = reading(plant, s.plant.X[2], in->noise_y[k]);
-    const amb_real y = faults != NULL ? faulted(plant, faults, out->x_m, in->noise_y, k) : direct;
-    const bool both = faults != NULL && !faults->beside;
-    sense(loop, &s, estimator, &sample, both ? y : direct, y, told);
-    told = faults != NULL ? faults->u_times[k] * s.u + faults->u_plus[k] : s.u;
-    act(loop, &s, &sample, faults != NULL ? faults->current[k] : 1, &acts);
-    out->y[k] = s.y;
-    out->u[k] = told;
-    out->iu[k] = s.acting.iu;
-    out->force[k] = s.acting.force + plant->g[0];
-    const bool touched = amb_plant_advance(plant, &s.plant, loop->T, &acts);
+    const amb_loop_sample sample = sample_of(loop, in, k);
+    note_plant(&s, k, out);
+    if ((k > 0) && (loop->turn != NULL))
+      loop->turn(loop->model, in->speed[k - 1], in->speed[k]);
+    read(plant, &s.plant, sample.noise_y, direct);
+    for (int r = 0; r < plant->sensors; r++)
+      s.y[r] = direct[r];
+    if (faults != NULL) {
+      const amb_real y = faulted(plant, faults, out->X[2], in->noise_y, k);
+      s.y[0] = y;
+      direct[0] = faults->beside ? direct[0] : y;
+    }
+    sense(loop, &s, estimator, &sample, direct, told);
+    for (size_t c = 0; c < axes(loop); c++)
+      told[c] = s.u[c];
+    if (faults != NULL)
+      told[0] = faults->u_times[k] * s.u[0] + faults->u_plus[k];
+    const bool touched = act(loop, &s, &sample, faults != NULL ? faults->current[k] : 1);
+    note(loop, &s, estimator, told, k, out);
     out->touched += touched ? 1U : 0U;
+    out->first = touched && (k < out->first) ? k : out->first;
     if (out->at_stop != NULL)
       out->at_stop[k] = touched ? 1U : 0U;
-    if (out->mode != NULL)
-      out->mode[k] = (unsigned char)s.flown.mode;
-    if (out->voltage[0] != NULL)
-      out->voltage[0][k] = s.acting.voltage[0];
-    if (out->voltage[1] != NULL)
-      out->voltage[1][k] = s.acting.voltage[1];
-    if (loop->estimator != NULL) {
-      all |= s.result.status;
-      amb_estimator_note(loop->estimator, estimator, &s.result, k, &out->estimate);
-    }
+    all |= loop->estimator != NULL ? s.result.status : (amb_status)AMB_OK;
   }
   *state = s;
   return all;

@@ -1,4 +1,4 @@
-/* A whole closed-loop run in one call: plant, amplifier, sensor, controller, estimator. */
+/* A closed-loop run in one call: plant, amplifiers, sensors, controllers, estimator. */
 #ifndef AMBKIT_SIM_LOOP_H
 #define AMBKIT_SIM_LOOP_H
 
@@ -6,48 +6,59 @@
 #include "ambkit/estimator_run.h"
 #include "plant.h"
 
-/* A whole controller that is elsewhere, such as in a processor in the loop: it is given a sample
- * and says what it demands (`iu`, `on`, `mode`); returns its control signal [V]. */
+/* The controller of an axis that is elsewhere, such as in a processor in the loop: it is given a
+ * sample and says what it demands (`iu`, `on`, `mode`); returns its control signal [V]. */
 typedef amb_real amb_elsewhere(void *where, amb_real y, amb_real r, bool fly,
                                amb_control_output *flown);
 
 typedef struct amb_loop {
   amb_plant plant;
-  amb_pid pid;
-  amb_real T;                     /* sampling time [s] */
-  amb_real k_ui;                  /* amplifier gain [A/V] */
-  amb_real iu_min, iu_max;        /* its limits [A] */
-  const amb_estimator *estimator; /* or NULL; of one sensor and one control */
-  bool feedback_estimate;     /* controller fed by the estimated position and velocity, which its
-                               * model must have; else by the measurement */
-  const amb_control *control; /* the whole controller of this estimator, in the place of the PID; or
-                               * NULL. Where it is off, the magnet does not pull, with its bias
-                               * neither. */
-  amb_elsewhere *elsewhere;   /* in its place; or NULL */
+  amb_real T;             /* sampling time [s] */
+  const amb_real *k_ui;   /* [axes]: amplifier gains [A/V] */
+  const amb_real *iu_min; /* [axes]: their limits [A] */
+  const amb_real *iu_max;
+  const amb_estimator *estimator; /* or NULL */
+  bool feedback_estimate; /* controllers are fed by the estimate: a PID by position and velocity,
+                           * which its model must have; else by the measurement */
+  amb_pid pid;            /* of one axis ... */
+  const amb_controllers *controllers; /* ... or, in its place, these; or NULL */
+  const amb_control
+      *control;             /* all of what flies, with this estimator, in the place of both; or
+                             * NULL. Where it is off, magnets have no current, not even the bias. */
+  amb_elsewhere *elsewhere; /* in its place; or NULL */
   void *where;
+  void (*turn)(void *model, amb_real before, amb_real after); /* tells the estimator's model the
+                                                                 speeds of two samples, or NULL */
+  void *model;
 } amb_loop;
 
 /* What changes in the loop from sample to sample. Start with `sampled` false. */
 typedef struct amb_loop_state {
   amb_plant_state plant;
-  amb_pid_state pid;
-  amb_kalman_result result; /* the estimator's last word, where there is one */
-  amb_real y;               /* last measurement [m] */
-  amb_real u;               /* control signal from that sample to the next [V] */
-  amb_real demanded;        /* control current that it asks for, with noise, limited [A] */
-  amb_acting acting; /* what acts just after the sample; iu is what is demanded, without parts */
+  amb_pid_state pid[AMB_CONTROLS];
+  amb_kalman_result result;        /* the estimator's last word, where there is one */
+  amb_status status;               /* flags of estimator and controllers */
+  amb_real y[AMB_SENSORS];         /* last measurements [m] */
+  amb_real u[AMB_CONTROLS];        /* control signals from that sample to the next [V] */
+  amb_real demanded[AMB_CONTROLS]; /* control currents that they ask for, with noise, limited [A] */
+  amb_acting acting[AMB_CONTROLS]; /* what acts just after the sample */
   amb_control_state control;
-  amb_control_output flown; /* the controller's last word, where it is whole */
+  amb_control_output flown; /* the last word of `control` */
   bool sampled;             /* whether there was a sample */
 } amb_loop_state;
 
 /* What comes from outside at a sample, and is held to the next. */
 typedef struct amb_loop_sample {
-  amb_real r;       /* reference [m] */
-  amb_real f_d;     /* disturbance force [N] */
-  amb_real noise_u; /* on the control signal [V] */
-  amb_real noise_y; /* on the measurement [m] */
-  bool fly;         /* what a whole controller is told */
+  const amb_real *r;       /* [axes]: references [m] */
+  const amb_real *load;    /* [axes]: disturbance forces [N] */
+  const amb_real *noise_u; /* [axes]: on the control signals [V] */
+  const amb_real *noise_y; /* [sensors]: on the measurements [m] */
+  const amb_real *base;    /* [3]: accelerations of the foundation [m/s^2]; NULL: it stands still */
+  const amb_real
+      *speed;     /* [2]: of rotation, here and at the next sample [rad/s]; NULL: an axis's */
+  amb_real scale; /* of the magnets' forces, bias and all [1] */
+  bool off;       /* magnets have no current, the bias neither */
+  bool fly;       /* what `control` is told */
 } amb_loop_sample;
 
 /* One sample, and the plant on to the next; `estimator` is the state of the loop's estimator.
@@ -55,10 +66,10 @@ typedef struct amb_loop_sample {
 bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
                    const amb_loop_sample *sample);
 
-/* What is wrong between plant, controller and estimator, n samples each, all wanted. The
- * measurement y that both get is y_times y' + y_plus, with y' the true one of `late` samples ago,
- * between two of them on the line through both; before the first sample there is the first. The
- * estimator alone is told u_times u + u_plus of the control signal u. Anything goes, NaN and
+/* What is wrong between plant, controller and estimator of one axis, n samples each, all wanted.
+ * The measurement y that both get is y_times y' + y_plus, with y' the true one of `late` samples
+ * ago, between two of them on the line through both; before the first sample there is the first.
+ * The estimator alone is told u_times u + u_plus of the control signal u. Anything goes, NaN and
  * infinity too. */
 typedef struct amb_loop_faults {
   bool beside; /* the controller gets the true measurement, the estimator alone the other */
@@ -70,32 +81,40 @@ typedef struct amb_loop_faults {
   const amb_real *current; /* share of the amplifier's range that is left [1], 0 to 1 */
 } amb_loop_faults;
 
-/* What comes from outside, n samples each. Noise is drawn by the caller (noise.h), so that a run
- * can be repeated with recorded noise. */
+/* What comes from outside, n samples each, row by row. Noise is drawn by the caller (noise.h), so
+ * that a run can be repeated with recorded noise. */
 typedef struct amb_loop_input {
   size_t n;
-  const amb_real *r;       /* reference [m] */
-  const amb_real *f_d;     /* disturbance force [N] */
-  const amb_real *noise_u; /* on the control signal [V] */
-  const amb_real *noise_y; /* on the measurement [m] */
-  const amb_real *scale;   /* of the magnet's force, bias force and all [1]; NULL: 1 throughout */
+  const amb_real *r;       /* n x axes: references [m] */
+  const amb_real *load;    /* n x axes: disturbance forces [N] */
+  const amb_real *noise_u; /* n x axes: on the control signals [V] */
+  const amb_real *noise_y; /* n x sensors: on the measurements [m] */
+  const amb_real
+      *scale; /* n: of the magnets' forces, bias forces and all [1]; NULL: 1 throughout */
   const amb_loop_faults *faults; /* NULL: none */
-  const amb_real *fly; /* whether it is to fly, 1 or 0, for a whole controller; NULL: it is */
+  const amb_real *fly;           /* n: whether it is to fly, 1 or 0, for `control`; NULL: it is */
+  const amb_real *speed;         /* n + 1: of rotation [rad/s]; NULL: an axis's */
+  const amb_real *base; /* n x 3: accelerations of the foundation [m/s^2]; NULL: it stands still */
+  size_t off; /* the magnets have no current from this sample on; n: they have throughout */
 } amb_loop_input;
 
-/* Where the run goes; n samples each, all wanted. */
+/* Where the run goes; n samples each. Of several axes or sensors row by row. */
 typedef struct amb_loop_output {
-  amb_real *x, *v, *x_m; /* truth at the sample: [m], [m/s], [m] */
-  amb_real *iu;          /* control current just after the sample, with noise, limited [A]; held to
-                          * the next but for an amplifier or a dead time that the plant may have */
-  amb_real *force;       /* magnet, weight and bias force at the sample, with that current [N] */
-  amb_real *y;           /* measurement, as the estimator gets it [m] */
-  amb_real *u;           /* control signal from this sample to the next, as it is told [V] */
+  amb_real *const *X; /* [columns]: the first states of the plant, as columns of their own */
+  int columns;
+  amb_real *iu; /* control currents just after the sample [A]; held to the next but for an amplifier
+                 * or a dead time that the plant may have */
+  amb_real *force;             /* of the magnets with them, relative to their bias forces [N] */
+  amb_real *y;                 /* measurements, as the estimator gets them [m] */
+  amb_real *u;                 /* control signals from this sample to the next, as it is told [V] */
   amb_kalman_history estimate; /* used where there is an estimator */
-  size_t touched;              /* samples in which a stop was touched */
-  amb_real *voltage[2];        /* of each coil just after the sample [V]; NULL: not wanted */
-  unsigned char *at_stop;      /* 1 where one was, else 0; NULL: not wanted */
-  unsigned char *mode;         /* of a whole controller (amb_flight_mode); NULL: not wanted */
+  size_t touched;              /* samples in which a stop was touched ... */
+  size_t first;                /* ... and the first of them; n: none */
+  amb_real *voltage[2];   /* of each coil of one axis just after the sample [V]; NULL: not wanted */
+  unsigned char *at_stop; /* 1 where one was, else 0; NULL: not wanted */
+  unsigned char *mode;    /* of `control` (amb_flight_mode) ... */
+  unsigned char *usable;  /* ... and whether what feeds it could be used; NULL: not wanted */
+  unsigned short *status; /* flags of estimator and controllers; NULL: not wanted */
 } amb_loop_output;
 
 /* Runs n samples from the state given, which is left at the end of the run, so that another run

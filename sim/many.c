@@ -12,8 +12,8 @@ unsigned int amb_many_group(const amb_many_run *run)
   const amb_plant *plant = &loop->plant;
   const amb_parts *sensor = plant->sensor;
   if (!amb_plant_is_plain_axis(plant) || (sensor->step > 0) || (sensor->rise < 0) ||
-      (sensor->rise > 0) || (loop->control != NULL) || (run->scale != NULL) ||
-      (run->faults != NULL))
+      (sensor->rise > 0) || (loop->control != NULL) || (loop->controllers != NULL) ||
+      (run->scale != NULL) || (run->faults != NULL))
     return 0U;
   if ((plant->substeps < 1) || (plant->substeps > 1000) || (loop->estimator == NULL))
     return 0U;
@@ -60,8 +60,8 @@ static void judge(amb_many_run *run, size_t n, const unsigned char *touched,
     amb_seen seen = {.k = (double)k,
                      .r = (double)run->r[k],
                      .f_d = (double)run->f_d[k],
-                     .x = (double)all->x[k],
-                     .v = (double)all->v[k],
+                     .x = (double)all->X[0][k],
+                     .v = (double)all->X[1][k],
                      .u = (double)all->u[k],
                      .iu = (double)all->iu[k],
                      .touched = touched[k] != 0};
@@ -87,8 +87,15 @@ void amb_many_alone(amb_many_run *run, size_t n, amb_real *noise_u, amb_real *no
 {
   draw(run->noise_u, run, run->std_u, AMB_NOISE_CONTROL, n, noise_u);
   draw(run->noise_y, run, run->std_y, AMB_NOISE_SENSOR, n, noise_y);
-  const amb_loop_input in = {n,       run->r,     run->f_d,    noise_u,
-                             noise_y, run->scale, run->faults, run->fly};
+  const amb_loop_input in = {.n = n,
+                             .r = run->r,
+                             .load = run->f_d,
+                             .noise_u = noise_u,
+                             .noise_y = noise_y,
+                             .scale = run->scale,
+                             .faults = run->faults,
+                             .fly = run->fly,
+                             .off = n};
   memset(run->flags, 0, sizeof run->flags);
   to->at_stop = touched;
   (void)amb_loop_run(run->loop, &in, &run->state, run->estimator, to);

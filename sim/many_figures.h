@@ -80,7 +80,7 @@ static inline void amb_figures_of(amb_many_run *run, size_t n, const amb_tally *
   to[AMB_CONTROL_RMS] = sqrt(t->control / counted);
   to[AMB_CONTROL_PEAK] = t->control_peak;
   to[AMB_EFFORT] =
-      (counted > 1.0) ? (double)run->loop->k_ui * sqrt(t->effort / (counted - 1.0)) : unknown;
+      (counted > 1.0) ? (double)run->loop->k_ui[0] * sqrt(t->effort / (counted - 1.0)) : unknown;
   to[AMB_FARTHEST] = t->farthest;
   to[AMB_CURRENT_PEAK] = t->current;
   const bool stepped = s->step_from < s->step_to;

@@ -530,7 +530,13 @@ amb_real amb_plant_from_now(const amb_plant *plant, const amb_plant_state *state
 amb_acting amb_plant_acting(const amb_plant *plant, const amb_plant_state *state, int f,
                             const amb_acts *acts, amb_real iu)
 {
-  const amb_real *X = state->X, s = within(plant, f, displacement(plant, f, X));
+  const amb_real *X = state->X;
+  if (plant->plain && plant->own && as_built(acts)) {
+    const amb_magnet *magnet = &plant->magnet[f];
+    const amb_acting held = {.iu = iu, .force = magnet->methods->force(magnet->self, iu, X[f])};
+    return held;
+  }
+  const amb_real s = within(plant, f, displacement(plant, f, X));
   const amb_parts *parts = &plant->amplifier[f];
   amb_acting acting = {.iu = current(plant, f, X, iu), .force = pull(plant, acts, f, X, iu, s)};
   if (parts->voltage > 0) {

@@ -28,7 +28,7 @@ def test_all_builds_have_the_same_names():
     assert dir(_core) == dir(_core_f32)
     assert dir(_any) == dir(_any_f32)
     assert set(dir(_any)) - set(dir(_core)) == {
-        "MOST_FORCES", "MOST_SENSORS", "MOST_STATES", "run_turning", "simulate_machine", "stand",
+        "MOST_FORCES", "MOST_SENSORS", "MOST_STATES", "run_turning", "stand",
     }  # fmt: skip
     assert set(dir(_core)) <= set(dir(_any))
 

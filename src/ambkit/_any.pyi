@@ -25,6 +25,3 @@ def stand(estimator: Estimator, model: Model, still: Any) -> None:
 
 def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, *, covariance: bool = False) -> dict[str, Any]:
     """A whole record while the speed of rotation changes (n,) [rad/s], of its own model."""
-
-def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, base: Any, speed: Any, noise_u: Any, noise_y: Any, start: Any, demanded: Any, integral: Any, estimator: Estimator | None = None, model: Model | None = None, control: Control | None = None, fly: Any = None, hovers: bool = False) -> dict[str, Any]:
-    """A closed-loop run of a whole machine in one call; see sim/machine.h for shapes and units."""

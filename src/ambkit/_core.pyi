@@ -355,6 +355,11 @@ def simulate(magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_
     A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty one at first, the next call goes on where this one ends. A whole controller starts in flight, with this current [A] (hover), or at power-on.
     """
 
+def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, base: Any, speed: Any, noise_u: Any, noise_y: Any, start: Any, demanded: Any, integral: Any, estimator: Estimator | None = None, model: Model | None = None, control: Control | None = None, fly: Any = None, hovers: bool = False) -> dict[str, Any]:
+    """
+    A closed-loop run of a whole machine in one call; see sim/loop.h for shapes and units.
+    """
+
 def instruction_sets() -> list[str]:
     """What this processor can compute lanes with, the fastest last."""
 

@@ -64,21 +64,19 @@ static amb_real mean[SAMPLES * AXIS_STATES];
 static unsigned short status[SAMPLES];
 static unsigned char touched[SAMPLES];
 
+static const amb_real gain = 1, least = AMB_C(-1.5), most = AMB_C(1.5);
+
 static amb_loop_output output(void)
 {
-  const amb_loop_output out = {
-      signals[0],
-      signals[1],
-      signals[2],
-      signals[3],
-      signals[4],
-      signals[5],
-      signals[6],
-      {mean, NULL, numbers[0], numbers[1], numbers[2], numbers[3], NULL, NULL, status, status},
-      0,
-      {NULL, NULL},
-      NULL,
-      NULL};
+  static amb_real *const X[] = {signals[0], signals[1], signals[2]};
+  const amb_loop_output out = {.X = X,
+                               .columns = 3,
+                               .iu = signals[3],
+                               .force = signals[4],
+                               .y = signals[5],
+                               .u = signals[6],
+                               .estimate = {mean, NULL, numbers[0], numbers[1], numbers[2],
+                                            numbers[3], NULL, NULL, status, status}};
   return out;
 }
 
@@ -112,9 +110,9 @@ static void fill(one *o, size_t i, size_t n, const amb_estimator_methods *method
                                  .iu_min = AMB_C(-1.5),
                                  .iu_max = AMB_C(1.5)},
                          .T = PAPER_T,
-                         .k_ui = 1,
-                         .iu_min = AMB_C(-1.5),
-                         .iu_max = AMB_C(1.5),
+                         .k_ui = &gain,
+                         .iu_min = &least,
+                         .iu_max = &most,
                          .estimator = &o->estimator,
                          .feedback_estimate = fed_by_estimate};
   o->loop = loop;
@@ -136,7 +134,7 @@ static void fill(one *o, size_t i, size_t n, const amb_estimator_methods *method
     run->spans.load_from = (n > 100) ? 120 : n;
     run->spans.band = AMB_C(5e-5);
     amb_plant_settle(&o->loop.plant, &run->state.plant, 0, AMB_C(0.5));
-    amb_pid_reset(&run->state.pid, AMB_C(0.5));
+    amb_pid_reset(&run->state.pid[0], AMB_C(0.5));
   }
 }
 

@@ -25,6 +25,7 @@ static const amb_pid pid = {
     .iu_min = AMB_C(-1.5),
     .iu_max = AMB_C(1.5),
 };
+static const amb_real gain = 1;
 static amb_real r[N], f_d[N], noise_u[N], noise_y[N];
 static amb_real x[N], v[N], x_m[N], iu[N], force[N], y[N], u[N];
 static amb_real mean[AXIS_STATES * N], cov[AXIS_ENTRIES * N], innovation[N], variance[N], k_i[N],
@@ -33,13 +34,15 @@ static unsigned short status[N];
 
 static amb_loop_output output(void)
 {
+  static amb_real *const X[] = {x, v, x_m};
   const amb_loop_output out = {
-      x,     v,
-      x_m,   iu,
-      force, y,
-      u,     {mean, cov, innovation, variance, k_i, k_s, NULL, NULL, status, status},
-      0,     {NULL, NULL},
-      NULL,  NULL};
+      .X = X,
+      .columns = 3,
+      .iu = iu,
+      .force = force,
+      .y = y,
+      .u = u,
+      .estimate = {mean, cov, innovation, variance, k_i, k_s, NULL, NULL, status, status}};
   return out;
 }
 
@@ -87,9 +90,9 @@ static amb_loop loop_of(const amb_estimator *estimator, bool fed_by_estimate)
       .plant = amb_plant_of_axis(&axis, &room),
       .pid = pid,
       .T = AMB_C(1e-4),
-      .k_ui = 1,
-      .iu_min = pid.iu_min,
-      .iu_max = pid.iu_max,
+      .k_ui = &gain,
+      .iu_min = &pid.iu_min,
+      .iu_max = &pid.iu_max,
       .estimator = estimator,
       .feedback_estimate = fed_by_estimate,
   };
@@ -101,9 +104,10 @@ static amb_status loop_run(size_t n, const amb_kalman *kf, bool fed_by_estimate,
 {
   const amb_estimator estimator = {&amb_kalman_methods, kf, &closed, NULL};
   const amb_loop loop = loop_of(kf != NULL ? &estimator : NULL, fed_by_estimate);
-  const amb_loop_input in = {n, r, f_d, noise_u, noise_y, NULL, NULL, NULL};
+  const amb_loop_input in = {
+      .n = n, .r = r, .load = f_d, .noise_u = noise_u, .noise_y = noise_y, .off = n};
   amb_loop_state state = {0};
-  amb_pid_reset(&state.pid, 0);
+  amb_pid_reset(&state.pid[0], 0);
   return amb_loop_run(&loop, &in, &state, kalman, out);
 }
 
@@ -153,17 +157,22 @@ static void test_steps(bool fed_by_estimate)
   CHECK(amb_kalman_reset(&kf, &s, at_rest, some) == AMB_OK);
   amb_kalman_state own = s;
   amb_loop_state step = {.sampled = false};
-  amb_pid_reset(&step.pid, 0);
+  amb_pid_reset(&step.pid[0], 0);
   amb_loop_output out = output();
   CHECK(loop_run(N, &kf, fed_by_estimate, &s, &out) == AMB_OK);
   const amb_estimator estimator = {&amb_kalman_methods, &kf, &closed, NULL};
   const amb_loop loop = loop_of(&estimator, fed_by_estimate);
   int different = 0;
   for (int k = 0; k < N; k++) {
-    const amb_loop_sample sample = {r[k], f_d[k], noise_u[k], noise_y[k], true};
+    const amb_loop_sample sample = {.r = &r[k],
+                                    .load = &f_d[k],
+                                    .noise_u = &noise_u[k],
+                                    .noise_y = &noise_y[k],
+                                    .scale = 1,
+                                    .fly = true};
     different += !same(step.plant.X[0], x[k]);
     CHECK(!amb_loop_step(&loop, &step, &own, &sample));
-    different += !same(step.u, u[k]) + !same(own.mean[2], mean[4 * k + 2]);
+    different += !same(step.u[0], u[k]) + !same(own.mean[2], mean[4 * k + 2]);
   }
   CHECK(different == 0 && !same(x[N - 1], x[N - 2]));
 }

@@ -1,4 +1,4 @@
-"""A whole machine in closed loop, run in one call into C (``sim/machine.h``)."""
+"""A whole machine in closed loop, run in one call into C (``sim/loop.h``)."""
 
 from __future__ import annotations
 

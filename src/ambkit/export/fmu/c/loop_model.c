@@ -21,9 +21,9 @@ static amb_loop loop_of(const amb_unit *model, const amb_estimator *estimator, a
   amb_loop loop = {
       .plant = amb_rig_plant(rig, room),
       .T = rig->T,
-      .k_ui = rig->k_ui,
-      .iu_min = rig->iu_min,
-      .iu_max = rig->iu_max,
+      .k_ui = &rig->k_ui,
+      .iu_min = &rig->iu_min,
+      .iu_max = &rig->iu_max,
       .estimator = estimator,
   };
   amb_held_by(model, control, &loop);
@@ -44,18 +44,18 @@ amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
   amb_rig_room room;
   const amb_loop loop = loop_of(model, &estimator, &control, &room);
   const amb_plant plant = loop.plant;
-  s->demanded = amb_clamp(value[VR_start_current], rig->iu_min, rig->iu_max);
+  s->demanded[0] = amb_clamp(value[VR_start_current], rig->iu_min, rig->iu_max);
   amb_plant_settle(&plant, &s->plant,
-                   amb_clamp(value[VR_start_position], -rig->travel, rig->travel), s->demanded);
+                   amb_clamp(value[VR_start_position], -rig->travel, rig->travel), s->demanded[0]);
   /* Nobody tells it the runout. */
   const amb_real x = s->plant.X[0];
-  amb_filter_start(&model->filter, &model->estimate, &s->result, x, rig->K_sen * x, s->demanded);
+  amb_filter_start(&model->filter, &model->estimate, &s->result, x, rig->K_sen * x, s->demanded[0]);
   amb_held_start(&loop, model, value);
-  s->y = amb_parts_reading(plant.sensor, s->plant.X[2], value[VR_noise_y]);
-  const amb_acts acts = amb_rig_acts(rig, &s->demanded, &x);
-  s->acting = amb_plant_acting(&plant, &s->plant, 0, &acts,
-                               amb_plant_from_now(&plant, &s->plant, 0, s->demanded));
-  s->u = s->demanded / rig->k_ui;
+  s->y[0] = amb_parts_reading(plant.sensor, s->plant.X[2], value[VR_noise_y]);
+  const amb_acts acts = amb_rig_acts(rig, s->demanded, &x);
+  s->acting[0] = amb_plant_acting(&plant, &s->plant, 0, &acts,
+                                  amb_plant_from_now(&plant, &s->plant, 0, s->demanded[0]));
+  s->u[0] = s->demanded[0] / rig->k_ui;
   model->between.share = 1;
   return AMB_OK;
 }
@@ -69,8 +69,14 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
   model->between.before = model->state.plant;
   model->between.T = model->rig.T;
   model->between.share = 1;
-  const amb_loop_sample sample = {value[VR_r], value[VR_f_d], value[VR_noise_u], value[VR_noise_y],
-                                  amb_held_wanted(value)};
+  const amb_real r = value[VR_r], f_d = value[VR_f_d];
+  const amb_real noise_u = value[VR_noise_u], noise_y = value[VR_noise_y];
+  const amb_loop_sample sample = {.r = &r,
+                                  .load = &f_d,
+                                  .noise_u = &noise_u,
+                                  .noise_y = &noise_y,
+                                  .scale = 1,
+                                  .fly = amb_held_wanted(value)};
   (void)amb_loop_step(&loop, &model->state, &model->estimate, &sample);
 }
 
@@ -89,10 +95,10 @@ void amb_unit_show(const amb_unit *model, double value[AMB_VARIABLES])
   value[VR_x] = now.X[0];
   value[VR_v] = now.X[1];
   value[VR_x_m] = now.X[2];
-  value[VR_y] = s->y;
-  value[VR_u] = s->u;
-  value[VR_iu] = s->acting.iu;
-  value[VR_f_mag] = amb_rig_acting(&model->rig, &now, s->demanded).force;
+  value[VR_y] = s->y[0];
+  value[VR_u] = s->u[0];
+  value[VR_iu] = s->acting[0].iu;
+  value[VR_f_mag] = amb_rig_acting(&model->rig, &now, s->demanded[0]).force;
   amb_estimates_show(&model->filter, &model->estimate, &s->result, value);
   amb_held_show(model, value);
 }

@@ -21,7 +21,7 @@ void amb_held_by(const amb_unit *model, amb_control *control, amb_loop *loop)
 void amb_held_start(const amb_loop *loop, amb_unit *model, const double value[])
 {
   (void)loop;
-  amb_pid_reset(&model->state.pid, value[VR_start_current]);
+  amb_pid_reset(&model->state.pid[0], value[VR_start_current]);
 }
 
 bool amb_held_wanted(const double value[])
