@@ -7,9 +7,7 @@ from typing import Any, Literal
 
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.low_pass import LowPass
 from ambkit.estimate.noise import Variances
-from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
 
 METHODS = ("innovation", "sage-husa")
 ADAPTS = ("measurement", "disturbance", "both")
@@ -85,9 +83,9 @@ class AdaptiveNoise(Estimator):
             )
         if not (math.isfinite(most) and most > 1):
             raise ValueError(f"most must be greater than 1, got {most!r}")
-        if isinstance(inner, AdaptiveNoise):
+        if inner.nominal is not inner:
             raise ValueError(f"{inner.name}: its noise is found already")
-        if isinstance(inner, ExtendedStateObserver | SteadyStateKalmanFilter | LowPass):
+        if inner.steady == "constant":
             raise ValueError(f"{inner.name}: its noise cannot be found, as it has a constant gain")
         self.inner = inner
         self.smooths = inner.smooths
@@ -108,6 +106,11 @@ class AdaptiveNoise(Estimator):
             window=round(window / T) if method == "innovation" else 1,
         )
         self.reset()
+
+    @property
+    def nominal(self) -> Estimator:
+        """The filter inside, with the noise that it starts from."""
+        return self.inner
 
     @property
     def noise(self) -> Variances:

@@ -87,6 +87,9 @@ class Estimator(Copyable):
     estimates_noise = True  # whether sensor noise with a memory is among its states
     several_axes = True  # whether it takes a whole machine
     smooths = False  # whether mean and covariance follow the model that the smoother goes back by
+    #: What its steady-state gain follows from: a Riccati equation with the stiffnesses through the
+    #: origin, or with the tangents; or the gain is constant. None: it has no steady state.
+    steady: Literal["through_origin", "tangent", "constant"] | None = None
 
     def __init__(
         self,
@@ -143,6 +146,11 @@ class Estimator(Copyable):
     def whole(self) -> View | None:
         """The machine as it sees it; None of a single axis."""
         return None if self.view.single else self.view
+
+    @property
+    def nominal(self) -> Estimator:
+        """The filter with the noise that it starts from; the inner one where noise is found."""
+        return self
 
     @cached_property
     def inputs(self) -> Inputs:

@@ -39,6 +39,7 @@ class KalmanFilter(Estimator):
     """
 
     name = "linear Kalman filter"
+    steady = "through_origin"
     smooths = True
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
@@ -84,6 +85,7 @@ class ExtendedKalmanFilter(Estimator):
     """
 
     name = "extended Kalman filter"
+    steady = "tangent"
     smooths = True
 
     def __init__(

@@ -42,6 +42,7 @@ class LowPass(Estimator):
     """
 
     name = "low-pass and derivative"
+    steady = "constant"
     estimates_noise = False
     several_axes = False
 

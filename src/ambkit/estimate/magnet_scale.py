@@ -61,6 +61,7 @@ class AugmentedKalmanFilter(Estimator):
     """
 
     name = "augmented-state extended Kalman filter"
+    steady = "tangent"
 
     def __init__(
         self,

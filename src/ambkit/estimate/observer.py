@@ -49,6 +49,7 @@ class _Observer(Estimator):
 
     gain: Array  # (n,), for the update
     several_axes = False
+    steady = "constant"
 
     def _gain(self, model: LinearModel, states: Sequence[Descriptor]) -> Array:
         """Return the gain (n,) of all states of the machine; zero for those that it has not."""

@@ -47,6 +47,7 @@ class UnscentedKalmanFilter(Estimator):
     """
 
     name = "unscented Kalman filter"
+    steady = "tangent"
 
     def __init__(
         self,

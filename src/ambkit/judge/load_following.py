@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ambkit.estimate.adaptive_noise import AdaptiveNoise
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.machine.bank import alone_of, weights_of
@@ -118,8 +117,7 @@ def least_process_noise(make: Callable[[float], Estimator], found: float) -> flo
 
 def settling(estimator: Estimator) -> Estimator:
     """Return an estimator that settles to a gain: itself, its inner one, or the nearest kind."""
-    if isinstance(estimator, AdaptiveNoise):
-        return settling(estimator.inner)
+    estimator = estimator.nominal
     if tells(estimator):
         return estimator
     return ExtendedKalmanFilter(

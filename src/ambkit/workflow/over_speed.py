@@ -16,7 +16,6 @@ from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
 from ambkit.base.threads import one_thread
-from ambkit.estimate.adaptive_noise import AdaptiveNoise
 from ambkit.judge.loop.demands import (
     SIGMAS,
     Turned,
@@ -365,9 +364,8 @@ class _Run:
 
 def told_speed(estimator: Estimator, machine: Machine) -> Estimator:
     """Return an estimator anew, for a machine that turns at another speed."""
+    estimator = estimator.nominal
     args, options = estimator._made
-    if isinstance(estimator, AdaptiveNoise):
-        return told_speed(estimator.inner, machine)
     if args:
         return type(estimator)(machine, *args[1:], **options)
     return type(estimator)(**options | {"bearing": machine})

@@ -8,12 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.adaptive_noise import AdaptiveNoise
-from ambkit.estimate.kalman import ExtendedKalmanFilter, KalmanFilter
 from ambkit.estimate.low_pass import LowPass
-from ambkit.estimate.magnet_scale import AugmentedKalmanFilter
-from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
-from ambkit.estimate.unscented import UnscentedKalmanFilter
 from ambkit.machine.magnets import core_module
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.simulation.linear.pieces import POSITION, VELOCITY, WorkPoint, of_axes
@@ -26,12 +21,7 @@ if TYPE_CHECKING:
 
 def tells(estimator: Estimator) -> bool:
     """Whether an estimator of this kind settles to a gain, with which `estimator_at` has it."""
-    inner = estimator.inner if isinstance(estimator, AdaptiveNoise) else estimator
-    return isinstance(inner, _BY_RICCATI + _OF_CONSTANT_GAIN)
-
-
-_BY_RICCATI = (KalmanFilter, ExtendedKalmanFilter, UnscentedKalmanFilter, AugmentedKalmanFilter)
-_OF_CONSTANT_GAIN = (ExtendedStateObserver, SteadyStateKalmanFilter, LowPass)
+    return estimator.nominal.steady is not None
 
 
 def estimator_at(
@@ -42,29 +32,28 @@ def estimator_at(
     # covariances of the linear and the adaptive filter grow by the stiffnesses through the origin,
     # as they do in the core. A filter that finds its noise online has the noise that it starts
     # from, one that learns its magnet the known one.
-    if isinstance(estimator, AdaptiveNoise):
-        return estimator_at(estimator.inner, point, told)
+    estimator = estimator.nominal
     if isinstance(estimator, LowPass):
         return _low_pass(estimator)
-    if not tells(estimator):
+    if estimator.steady is None:
         raise AmbkitError(f"{estimator.name}: it does not settle to a gain, and has no margins")
     tangent = tangents_known(estimator.magnet, "tangent", point)
-    origin = tangents_known(estimator.magnet, "through_origin", point) if (
-        isinstance(estimator, KalmanFilter)
-    ) else tangent  # fmt: skip
-    return _assembled(estimator, tangent, origin, told)
+    grown = tangent
+    if estimator.steady == "through_origin":
+        grown = tangents_known(estimator.magnet, "through_origin", point)
+    return _assembled(estimator, tangent, grown, told)
 
 
 def estimators_at(estimator: Estimator, points: Sequence[WorkPoint]) -> LinearSystem:
     """Return what `estimator_at` does of one axis at points, as matrices (points, ...)."""
-    inner = estimator.inner if isinstance(estimator, AdaptiveNoise) else estimator
+    inner = estimator.nominal
     magnet = inner.magnet.in_core(core_module())
     iu, x = np.array([(point.iu, point.x) for point in points], float).T.copy()
     tangent, origin = (
         (np.asarray(k_i, float)[:, None], np.asarray(k_s, float)[:, None])
         for k_i, k_s in (magnet.tangent(iu, x), magnet.through_origin(iu, x))
     )
-    return _assembled(inner, tangent, origin if isinstance(inner, KalmanFilter) else tangent, None)
+    return _assembled(inner, tangent, origin if inner.steady == "through_origin" else tangent, None)
 
 
 def _assembled(
@@ -78,8 +67,9 @@ def _assembled(
     linear = estimator.linear_model(*tangent)
     A, B, H, states = linear.A, linear.B, linear.H, model.states
     kept: Any = np.arange(len(states))
-    if isinstance(estimator, ExtendedStateObserver | SteadyStateKalmanFilter):
-        K = estimator.gain[:, None]
+    gain = getattr(estimator, "gain", None)
+    if estimator.steady == "constant" and gain is not None:
+        K = gain[:, None]
     else:
         K, kept = _settled(estimator, estimator.linear_model(*origin))
         A, B, H = A[..., kept, :][..., kept], B[..., kept, :], H[:, kept]
@@ -109,7 +99,7 @@ def _assembled(
 
 def settled_gain(estimator: Estimator, point: WorkPoint) -> tuple[Array, Array]:
     """Return the gain (n, m) that a Kalman filter settles to at a work point, see `_settled`."""
-    kind = "through_origin" if isinstance(estimator, KalmanFilter) else "tangent"
+    kind = "through_origin" if estimator.steady == "through_origin" else "tangent"
     return _settled(
         estimator, estimator.linear_model(*tangents_known(estimator.magnet, kind, point))
     )
