@@ -98,8 +98,11 @@ def test_what_cannot_be_fed_by_the_measurement_needs_a_filter():
     for control in (LQG, CROSSED):
         with pytest.raises(AmbkitError, match="fed by an estimate: give a filter"):
             ambkit.assess(TUM, None, control)
-    with pytest.raises(AmbkitError, match='its controller is a PID, and "lqg" is of whole'):
-        ambkit.assess(ambkit.Bearing.preset("zittau_axial"), "linear", LQG)
+    one = ambkit.Bearing.preset("zittau_axial")
+    regulated = [ambkit.assess(one, "linear", c).loops["linear"] for c in (LQG, PID(type="lqg"))]
+    assert regulated[0].peak == pytest.approx(regulated[1].peak, rel=1e-9)
+    with pytest.raises(AmbkitError, match="of one axis; tum_mlps has A1, A2, B1, B2"):
+        ambkit.assess(TUM, "linear", PID(feed_forward=1.0))
 
 
 def test_what_is_said_of_controllers():

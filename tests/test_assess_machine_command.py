@@ -30,14 +30,14 @@ def test_command_takes_a_machines_log(call):
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    (["ufu_rig", "--position", "1 um"], "--position is of one axis"),
-    (["ufu_rig", "--filter", "observer"], "cannot take a whole machine"),
-    (["ufu_rig", "--axis", "A1"], "--axis says which axis to --sweep"),
+    (["ufu_rig", "--position", "1 m"], "can be held up to its stops"),
+    (["ufu_rig", "--filter", "observer"], "takes one axis"),
+    (["ufu_rig", "--axis", "A1"], "--axis says how to --sweep"),
     (["ufu_rig", "--stepped-sine"], "--stepped-sine says how to --sweep"),
-    (["ufu_rig", "--over-speed", "3000 rpm", "--sweep", "1 um"], "one after the other"),
+    (["ufu_rig", "--over-speed", "3000 rpm", "--sweep", "1 um"], "linear loop, without --sweep"),
     (["ufu_rig", "--filter", "linear,ud", "--report", "v.html"], "give one --filter, not 2"),
-    (["zittau_axial", "--over-speed", "3000 rpm"], "--over-speed is of a whole machine"),
-    (["zittau_axial", "--axis", "A1"], "--axis is of a whole machine"),
+    (["zittau_axial", "--over-speed", "3000 rpm"], "does not turn: its rotor moves along one axis"),
+    (["zittau_axial", "--axis", "A1"], "--axis says how to --sweep"),
 ])  # fmt: skip
 def test_command_refuses(call, arguments, message):
     done = call("assess", *arguments)

@@ -57,7 +57,7 @@ def test_a_filter_over_speed_is_told_the_speed():
     ({"fastest": 1e5}, "half a revolution within a sample"),
     ({"count": 1}, "count must be 2"),
     ({"filter": ["linear", "extended"]}, "give one filter, not 2"),
-    ({"filter": "observer"}, "cannot take a whole machine"),
+    ({"filter": "observer"}, "takes one axis"),
     ({"load": {"Z": 3.0}}, "no axis Z"),
     ({"load": {"A1": 1e6}}, "holds the rotor"),
 ])  # fmt: skip

@@ -70,8 +70,8 @@ def test_any_bearing_that_allows_it_has_its_peak_below_two():
     allowing = [of for of in loops if of.least()[0] < 1.12]
     assert len(allowing) >= 30
     for of in allowing:
-        assert of.peak() < 2, of.bearing
-        assert of.peak(KalmanFilter(of.bearing)) < 2, of.bearing
+        assert of.peak() < 2, of.machine
+        assert of.peak(KalmanFilter(of.machine)) < 2, of.machine
 
 
 def test_what_cannot_be_held_has_gains_all_the_same():

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.assess_machine import assess_machine
 from ambkit.cli.assess_sweep import deliver_sweep
-from ambkit.cli.assess_tables import said, tables, tables_of_shares, tables_of_unstable
-from ambkit.cli.kinds import NAMES, is_filter, known, machine_of, names
+from ambkit.cli.assess_tables import tables, tables_over_speed
+from ambkit.cli.kinds import NAMES, known
+from ambkit.cli.loop_query import LoopQuery, read_query
 from ambkit.cli.options import (
     ExpertFile,
     From,
@@ -21,31 +21,23 @@ from ambkit.cli.options import (
     Synchronous,
     To,
     file_option,
-    find_bearing,
-    find_machine,
     quantity,
     read_quantities,
-    refuse_of_one_axis,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from ambkit.data.record import Record
-    from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
-    from ambkit.machine.machine import Machine
-    from ambkit.simulation.scenario import PID
     from ambkit.workflow.assessing_log import AssessedLog
+    from ambkit.workflow.over_speed import OverSpeed
 
 
 def assess(
     target: Annotated[
         str,
         typer.Argument(
-            metavar="BEARING|MACHINE|LOG",
-            help="A preset's name, or a TOML file: of a bearing, a whole machine, or a filter. Or "
-            "a record of a loop with an injected signal.",
+            metavar="MACHINE|LOG",
+            help="A preset's name, or a TOML file: of a machine or a filter. Or a record of a loop "
+            "with an injected signal.",
         ),
     ],
     estimator: Annotated[
@@ -67,9 +59,9 @@ def assess(
             "--scenario",
             "--controller",
             metavar="FILE.toml|NAME",
-            help="Whose [controller] is assessed; what it does not say, all of it without one, is "
-            "tuned for the bearing. Of a whole machine also a flight, whose [control] it is, or "
-            "decentralised, 'translation and tilt' or lqg.",
+            help="Whose [controller], or of a flight [control], is assessed; or decentralised, "
+            "'translation and tilt' or lqg. Controller settings that the file omits are tuned "
+            "automatically.",
         ),
     ] = None,
     synchronous: Synchronous = None,
@@ -81,7 +73,9 @@ def assess(
     ] = None,
     load: Annotated[
         float | None,
-        typer.Option(parser=quantity("N"), metavar="FORCE", help="Constant load there."),
+        typer.Option(
+            parser=quantity("N"), metavar="FORCE", help="Constant load there, on the first axis."
+        ),
     ] = None,
     orbit: Annotated[
         str | None,
@@ -120,7 +114,7 @@ def assess(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Of a machine, which axis is swept.",
+            help="Which axis is swept.",
             show_default="that which decides its zone",
         ),
     ] = None,
@@ -167,8 +161,8 @@ def assess(
     Sensitivity at the measurement as ISO 14839-3 looks at it, with its zones: of the linear loop as
     it is, sampled, with dead time, amplifier, sensor, controller and estimator, beside the same
     controller on the measurement; of the simulated one; or of a record in which a signal was added
-    to the measurement, with its confidence. Of a whole machine each axis with all others closed, at
-    its speed, or over speed.
+    to the measurement, with its confidence. Of several axes each with all others closed, at the
+    machine's speed, or over speed.
 
     For example:
       ambkit assess zittau_axial --estimator linear,observer --plot margins.png
@@ -176,68 +170,43 @@ def assess(
       ambkit assess tum_mlps --filter linear --report verdict.html
       ambkit assess injected.csv --bearing my.toml --plot measured.png
     """
-    from ambkit.simulation.scenario import Scenario
-
-    whole = find_machine(target)
-    if whole is None and (whole := machine_of(target)) is not None:
-        if estimator is not None:
-            raise AmbkitError(f"{target} is a filter already: leave out --estimator")
-        estimator = target
-    controller: PID | None = None
-    if whole is None and scenario is not None:
-        controller = Scenario.load(scenario).controller
     of_log = Path(target).suffix not in ("", ".toml")
     for_logs = {"--bearing": bearing, "--channels": channel_map, "--logged-before": before or None,
                 "--from": begin, "--to": end}  # fmt: skip
     for option, given in for_logs.items():
         if given is not None and not of_log:
             raise AmbkitError(f"{option} is for records, and {target} is none")
-    if of_log and amplitudes is not None:
-        raise AmbkitError("--sweep is for bearings, not for records")
-    for option, beside in (("--lqg", lqg), ("--hinf", hinf)):
-        if beside and (of_log or amplitudes is not None):
-            raise AmbkitError(f"{option} is of a bearing's linear loop, without --sweep")
-    if report is not None and (of_log or amplitudes is not None):
-        raise AmbkitError("--report is of a bearing's linear loop, without --sweep")
-    if orbit is not None and of_log:
-        raise AmbkitError("--orbit is of a model, and a record has its own")
+    linear = {"--lqg": lqg, "--hinf": hinf, "--report": report, "--over-speed": fastest}
+    for option, of_loop in linear.items():
+        if of_loop and (of_log or amplitudes is not None):
+            raise AmbkitError(f"{option} is of a machine's linear loop, without --sweep")
+    if of_log and (amplitudes is not None or orbit is not None):
+        option = "--orbit" if amplitudes is None else "--sweep"
+        raise AmbkitError(f"{option} is of a machine's model, and {target} is a record")
+    for option, swept in (("--stepped-sine", stepped), ("--axis", axis)):
+        if swept and amplitudes is None:
+            raise AmbkitError(f"{option} says how to --sweep: give its amplitudes")
     along = _along(orbit)
-    if stepped and amplitudes is None:
-        raise AmbkitError("--stepped-sine says how to --sweep: give its amplitudes")
+    if fastest is not None and not isinstance(along, bool):
+        raise AmbkitError("--over-speed makes the orbit of each speed: give --orbit own")
     of_model = (estimator, expert, scenario, x, load)
     if of_log and bearing is None and any(given is not None for given in of_model):
         raise AmbkitError("--bearing says what controller and filter of the model are of")
-    if of_log:
+    query = None
+    if not of_log or bearing is not None:
+        query = read_query(str(bearing) if of_log else target, estimator, expert, scenario,
+                       synchronous or (), x, load)  # fmt: skip
+    if query is None or of_log:
         from ambkit.cli.logs import load_log
 
         record = load_log(Path(target), channel_map, begin, end)
-        _deliver_log(record, bearing, estimator, expert, controller, before, x, load, plot, json)
-        return
-    if whole is not None:
-        assess_machine(
-            whole, estimator, scenario, synchronous or (), (lqg, hinf), amplitudes, stepped, axis,
-            fastest, along, report, plot, json, {"expert": expert, "position": x, "load": load},
-        )  # fmt: skip
-        return
-    of_machines: dict[str, Any] = {
-        "--over-speed": fastest,
-        "--axis": axis,
-        "--synchronous": synchronous,
-    }
-    for option, said_of_it in of_machines.items():
-        if said_of_it is not None:
-            raise AmbkitError(f"{option} is of a whole machine, and {target} is none")
-    plant, filters = _asked(target, estimator, expert)
-    if amplitudes is None:
-        if report is not None and len(filters) > 1:
-            raise AmbkitError(f"--report is of one loop: give one --filter, not {len(filters)}")
-        _deliver_loops(
-            plant, filters, controller, plot, report, json,
-            x=x or 0.0, load=load or 0.0, orbit=along, lqg=lqg, hinf=hinf,
-        )  # fmt: skip
+        _deliver_log(record, query, before, plot, json)
+    elif amplitudes is not None:
+        deliver_sweep(query, amplitudes, stepped, plot, json, axis=axis, orbit=along)
+    elif fastest is not None and report is None:
+        _deliver_over_speed(query, fastest, along, plot, json)
     else:
-        deliver_sweep(plant, filters, controller, amplitudes, stepped, plot, json, x=x, load=load,
-                      orbit=along)  # fmt: skip
+        _deliver_loops(query, fastest, plot, report, json, orbit=along, lqg=lqg, hinf=hinf)
 
 
 def _along(orbit: str | None) -> bool | float:
@@ -247,53 +216,69 @@ def _along(orbit: str | None) -> bool | float:
     return read_quantities(str(orbit), "m", "--orbit", count=1)[0]
 
 
+def _over_speed(query: LoopQuery, fastest: float | None, orbit: bool | float) -> OverSpeed:
+    from ambkit.cli import output
+    from ambkit.workflow.over_speed import assess_over_speed
+
+    with output.progress("looking at one speed after the other"):
+        return assess_over_speed(
+            query.machine, query.filters, query.controller, fastest=fastest, load=query.load,
+            orbit=orbit is True,
+        )  # fmt: skip
+
+
+def _deliver_over_speed(
+    query: LoopQuery, fastest: float, orbit: bool | float, plot: Path | None, json: bool
+) -> None:
+    from ambkit.cli import output
+    from ambkit.show import plots
+
+    query.check_one("--over-speed")
+    over = _over_speed(query, fastest, orbit)
+    drawn = [(plot, lambda path: plots.save_figure(over.figure(), path))]
+    output.deliver(over.to_dict(), tables_over_speed(over), drawn, as_json=json)
+
+
 def _deliver_loops(
-    plant: Bearing, filters: Mapping[str, Estimator], controller: PID | None, plot: Path | None,
-    report: Path | None, json: bool, **options: Any,
+    query: LoopQuery, fastest: float | None, plot: Path | None, report: Path | None, json: bool,
+    **options: Any,
 ) -> None:  # fmt: skip
     from ambkit.cli import output
     from ambkit.show import plots
     from ambkit.workflow.assessing import assess as assessed
     from ambkit.workflow.verdict import write_verdict
 
-    found = assessed(plant, filters, controller, **options)
+    over = None
+    if report is not None:
+        query.check_one("--report")
+        if query.machine.rotor.type != "mass":
+            over = _over_speed(query, fastest, options["orbit"])
+    found = assessed(
+        query.machine, query.filters, query.controller, x=query.x, load=query.load, **options
+    )
     output.deliver(
         found.to_dict(),
-        [*tables(found), *tables_of_unstable(found), *tables_of_shares(found), *said(found)],
+        tables(found),
         [
             (plot, lambda path: plots.save_figure(found.figure(), path)),
-            (report, lambda path: write_verdict(found, path)),
+            (report, lambda path: write_verdict(found, path, over=over)),
         ],
         as_json=json,
     )
 
 
 def _deliver_log(
-    record: Record, bearing: str | None, estimator: str | None, expert: Path | None,
-    controller: PID | None, before: bool, x: float | None, load: float | None, plot: Path | None,
-    json: bool,
-) -> None:  # fmt: skip
+    record: Record, query: LoopQuery | None, before: bool, plot: Path | None, json: bool
+) -> None:
     from ambkit.cli import output
     from ambkit.show import plots
     from ambkit.workflow.assessing_log import BASIS, assess_log
 
-    plant: Bearing | Machine | None = None
-    filters: Any = {}
-    if bearing is not None:
-        plant = find_machine(bearing)
-        if plant is None and (plant := machine_of(bearing)) is not None:
-            if estimator is not None:
-                raise AmbkitError(f"{bearing} is a filter already: leave out --estimator")
-            estimator = bearing
-        if plant is None:
-            plant, filters = _asked(bearing, estimator, expert)
-        else:
-            refuse_of_one_axis(plant, {"expert": expert, "position": x, "load": load})
-            filters = [] if estimator == "none" else names(estimator or "linear")
-    found = assess_log(
-        record, plant, filters, controller, logged="before" if before else "after",
-        x=x or 0.0, load=load or 0.0,
-    )  # fmt: skip
+    model: dict[str, Any] = {}
+    if query is not None:
+        model = {"bearing": query.machine, "filter": query.filters, "controller": query.controller,
+                 "x": query.x, "load": query.load}  # fmt: skip
+    found = assess_log(record, logged="before" if before else "after", **model)
     output.deliver(
         found.to_dict(),
         [*_of_log(found), BASIS],
@@ -328,27 +313,3 @@ def _of_log(found: AssessedLog) -> list[Any]:
                  "within the 95 % intervals"]  # fmt: skip
         shown.append(table(f"Models of {found.name}", heads, met))
     return shown
-
-
-def _asked(
-    target: str, estimator: str | None, expert: Path | None
-) -> tuple[Bearing, dict[str, Estimator]]:
-    """Return the plant, and who is in the loop: where a filter's file is the target, both."""
-    from ambkit.cli import output
-    from ambkit.cli.kinds import factories
-    from ambkit.estimate.filter_file import FilterFile
-    from ambkit.simulation.linear.settled import tells
-
-    if is_filter(target):
-        if estimator is not None:
-            raise AmbkitError(f"{target} is a filter already: leave out --estimator")
-        plant, estimator = FilterFile.load(target).plant, target
-    else:
-        plant, estimator = find_bearing(target), estimator or "linear"
-    built = factories([] if estimator == "none" else names(estimator), plant, expert)
-    filters = {name: make() for name, make in built.items()}
-    if "all" in names(estimator):
-        for name in [name for name, each in filters.items() if not tells(each)]:
-            output.note(f"{name} is left out: it does not settle to a gain")
-            del filters[name]
-    return plant, filters

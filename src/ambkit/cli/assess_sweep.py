@@ -1,33 +1,24 @@
-"""``ambkit assess --sweep``: a bearing's or a machine's loop, simulated."""
+"""``ambkit assess --sweep``: a machine's loop, simulated."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from ambkit.base.errors import AmbkitError
 from ambkit.cli.options import read_quantities
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
     from pathlib import Path
 
-    from ambkit.machine.bearing import Bearing
-    from ambkit.machine.machine import Machine
-    from ambkit.simulation.controllers import Control
-    from ambkit.simulation.scenario import PID
+    from ambkit.cli.loop_query import LoopQuery
 
 
 def deliver_sweep(
-    plant: Bearing | Machine,
-    filters: Collection[Any],
-    controller: PID | Control | None,
+    query: LoopQuery,
     amplitudes: str,
     stepped: bool,
     plot: Path | None,
     json: bool,
     *,
-    x: float | None = None,
-    load: Any = None,
     axis: str | None = None,
     orbit: bool | float = False,
 ) -> None:
@@ -38,12 +29,11 @@ def deliver_sweep(
     from ambkit.workflow.sweeping import sweep
 
     sizes = read_quantities(amplitudes, "m", "--sweep")
-    if len(filters) > 1:
-        raise AmbkitError(f"--sweep is of one loop: give one --filter, not {len(filters)}")
+    query.check_one("--sweep")
     with output.progress("sweeping"):
         found = sweep(
-            plant, filters, controller, amplitudes=sizes, axis=axis,
-            kind="stepped-sine" if stepped else "multisine", x=x or 0.0, load=load or 0.0,
+            query.machine, query.filters, query.controller, amplitudes=sizes, axis=axis,
+            kind="stepped-sine" if stepped else "multisine", x=query.x, load=query.load,
             orbit=orbit,
         )  # fmt: skip
     rows = [

@@ -19,31 +19,45 @@ BESIDE = 5
 
 
 def tables(found: Assessment) -> list[Any]:
-    """Return tables with a row for each figure, a column for each loop."""
-    from ambkit.cli.output import table, value
-
-    at = f"at {value(found.point.x, 'm')} and {value(found.point.iu, 'A')}"
-    title = f"{found.bearing.name} {at}, controller fed by"
-    rows = [*_rows(found.top), *CHECKS]
-    names = list(found.loops)
+    """Return all tables of loops, and the sentences below."""
     return [
-        table(title, ["", *some], _filled(rows, [found.loops[name] for name in some]))
+        *_of_loops(found),
+        *_of_each_axis(found),
+        *tables_of_critical(found.separations),
+        *_of_grades(found),
+        *tables_of_unstable(found),
+        *tables_of_shares(found),
+        *said(found),
+    ]
+
+
+def _of_loops(found: Assessment) -> list[Any]:
+    """Return tables with a row for each figure, a column for each loop."""
+    from ambkit.base import units
+    from ambkit.cli.output import table
+    from ambkit.workflow.verdict import held_at
+
+    if len(found.of.axes) == 1:
+        rows, at = _rows(found.top), held_at(found)
+    else:
+        rows, at = _of_several(found.top), units.rpm(found.machine.speed, 6)
+    names = list(found.loops)
+    title = f"{found.machine.name} at {at}, controllers fed by"
+    return [
+        table(title, ["", *some], _filled([*rows, *CHECKS], [found.loops[name] for name in some]))
         for some in (names[k : k + BESIDE] for k in range(0, len(names), BESIDE))
     ]
 
 
-def tables_of_machine(found: Assessment) -> list[Any]:
-    """Return tables of a machine: its loops, the axes of the last one, and unbalance."""
-    from ambkit.base import units
-    from ambkit.cli.output import table, value
+def _of_several(top: float) -> list[tuple[str, Callable[[Any], str]]]:
+    """Return heads and what is said of a loop of several axes."""
+    from ambkit.cli.output import value
 
-    machine, names = found.bearing, list(found.loops)
-    rpm = units.rpm(machine.speed, 6)
-    of_loops: list[tuple[str, Any]] = [
+    return [
         ("zone, the worse of stability and displacement", lambda e: e.verdict),
         ("zone of ISO 14839-3", lambda e: e.zone),
         ("  worst axis", lambda e: "–" if e.worst is None else e.worst.name),
-        (f"  peak of |S| to {value(found.top, 'Hz')}", lambda e: _number(e.peak)),
+        (f"  peak of |S| to {value(top, 'Hz')}", lambda e: _number(e.peak)),
         ("  at", lambda e: value(e.peak_frequency, "Hz")),
         ("largest singular value of S", lambda e: _number(e.largest[0])),
         ("  at", lambda e: value(e.largest[1], "Hz")),
@@ -51,32 +65,38 @@ def tables_of_machine(found: Assessment) -> list[Any]:
         ("position by noise, rms, at most", lambda e: value(e.position_noise, "m", 3)),
         ("zone of ISO 14839-2", _asked(lambda d: d.zone)),
         ("  greatest displacement, of the clearance", _asked(_displacement)),
-        *CHECKS,
     ]
-    shown = [
-        table(f"{machine.name} at {rpm}, controllers fed by", ["", *some],
-              _filled(of_loops, [found.loops[name] for name in some]))
-        for some in (names[k : k + BESIDE] for k in range(0, len(names), BESIDE))
+
+
+def _of_each_axis(found: Assessment) -> list[Any]:
+    """Return the table of the axes of the last loop; none where there is one, or it is unstable."""
+    from ambkit.cli.output import table
+
+    last = list(found.loops)[-1]
+    if len(found.of.axes) == 1 or not found.loops[last].stable:
+        return []
+    groups = found.alike(last)
+    each = [found.loops[last].axes[same[0]] for same in groups]
+    heads = ["", *(" and ".join(same) for same in groups)]
+    title = f"Each axis with all other loops closed, controllers fed by {last}"
+    return [table(title, heads, _filled(_rows(found.top), each))]
+
+
+def _of_grades(found: Assessment) -> list[Any]:
+    """Return what unbalance of each grade would do; none of a rotor that does not turn."""
+    from ambkit.base import units
+    from ambkit.cli.output import table, value
+
+    heads = ["grade", "unbalance", "force", "orbit", "of the clearance", "current"]
+    rpm = units.rpm(found.machine.speed, 6)
+    rows = [
+        [f"G {1e3 * each.grade:g}", f"{1e6 * each.unbalance:.4g} g mm",
+         value(each.force, "N", 3), value(each.displacement, "m", 3),
+         f"{100 * each.clearance_share:.2g} %", value(each.current, "A", 3)]
+        for each in found.grades()
     ]  # fmt: skip
-    last = names[-1]
-    if found.loops[last].stable:
-        groups = found.alike(last)
-        each = [found.loops[last].axes[same[0]] for same in groups]
-        heads = ["", *(" and ".join(same) for same in groups)]
-        title = f"Each axis with all other loops closed, controllers fed by {last}"
-        shown.append(table(title, heads, _filled(_rows(found.top), each)))
-    shown += tables_of_critical(found.separations)
-    grades = found.grades()
-    if grades:
-        heads = ["grade", "unbalance", "force", "orbit", "of the clearance", "current"]
-        title = f"Unbalance of grades of ISO 21940-11 at {rpm}, angles as bad as can be"
-        shown.append(table(title, heads, [
-            [f"G {1e3 * each.grade:g}", f"{1e6 * each.unbalance:.4g} g mm",
-             value(each.force, "N", 3), value(each.displacement, "m", 3),
-             f"{100 * each.clearance_share:.2g} %", value(each.current, "A", 3)]
-            for each in grades
-        ]))  # fmt: skip
-    return shown
+    title = f"Unbalance of grades of ISO 21940-11 at {rpm}, angles as bad as can be"
+    return [table(title, heads, rows)] if rows else []
 
 
 def tables_of_unstable(found: Assessment) -> list[Any]:
@@ -274,6 +294,8 @@ def said(found: Assessment) -> list[str]:
     wrong = [name for name, each in found.loops.items() if not each.integral.holds]
     if wrong:
         said.append(f"the check does not hold, as in an unstable loop: {', '.join(wrong)}")
-    fed_by = [None] * ("measurement" in found.loops) + list(found.estimators.values())[:1]
+    fed_by: list[Any] = [None] * ("measurement" in found.loops) + list(found.estimators.values())[
+        :1
+    ]
     said += [each for each in dict.fromkeys(map(found.of.choice, fed_by)) if each]
     return [*said, *found.plain(), BASIS]

@@ -146,8 +146,8 @@ def tune(
       ambkit export c filter.toml --out out/
     """
     from ambkit.cli import output
-    from ambkit.cli.assess_machine import control_of
     from ambkit.cli.kinds import read_expert
+    from ambkit.cli.loop_query import control_of
     from ambkit.cli.options import arguments_of_the_user
     from ambkit.show import plots
     from ambkit.simulation.scenario import Scenario

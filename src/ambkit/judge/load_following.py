@@ -12,7 +12,7 @@ import numpy as np
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.machine.bank import alone_of, weights_of
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import magnet_of, own_time
 from ambkit.simulation.linear.pieces import WorkPoint
 from ambkit.simulation.linear.settled import settled_gain, tangents_known, tells
@@ -20,6 +20,7 @@ from ambkit.simulation.linear.settled import settled_gain, tangents_known, tells
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
     from ambkit.models.model import Array
 
 STEP = 0.5
@@ -129,4 +130,4 @@ def settling(estimator: Estimator) -> Estimator:
 @lru_cache(maxsize=64)
 def work_point(of: Any) -> WorkPoint:
     """Return the point at which a bearing or a machine holds its rotor in the middle."""
-    return WorkPoint.of_machine(of) if isinstance(of, Machine) else WorkPoint.hovering(of)
+    return WorkPoint.of_machine(as_machine(of))

@@ -217,6 +217,11 @@ class Machine(Document):
         return machine
 
     @property
+    def turns(self) -> bool:
+        """Whether its rotor turns about the shaft; a mass has a speed only for runout."""
+        return self.speed != 0 and self.rotor.type != "mass"
+
+    @property
     def single(self) -> bool:
         """Whether it has one axis and one reading, without names: its signals are y and u."""
         return (

@@ -274,8 +274,7 @@ def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controller
 
 def _fed(plant: Plant, found: Controllers, estimator: Estimator) -> dict[str, Array]:
     """Return what each PID looks at of the estimator's states (q, n)."""
-    assert estimator.whole is not None
-    position, velocity = estimator.whole.along_axes(estimator.states)
+    position, velocity = estimator.view.along_axes(estimator.states)
     return {"position": found.of_axes @ position, "velocity": found.of_axes @ velocity}
 
 

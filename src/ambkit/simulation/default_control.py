@@ -99,7 +99,7 @@ def default_control(
     # linear Kalman filter with its default noise in the loop: the first whose peak is at most
     # `ENOUGH`, or the simplest within a factor `AS_GOOD` of the lowest.
     fastest = max(abs(machine.speed), fastest)
-    if not fastest:
+    if not fastest or machine.rotor.type == "mass":
         fed_by = feedback or "measurement"
         return DefaultControl(machine.name, 0.0, Candidate(PIDS[0], fed_by, math.nan, 0.0))
     return _chosen(machine.model_copy(update={"unbalance": ()}), feedback, fastest)

@@ -41,8 +41,7 @@ def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
     # The currents are ``iu = -K x + F r`` [A]. Least is the mean of the squared deflections in
     # tenths of the travel and of the currents in a share of their limits (Bryson and Ho 1975). The
     # estimated loads are cancelled at rest, and references held.
-    assert estimator.whole is not None
-    along = estimator.whole.along_axes(estimator.states)[0]
+    along = estimator.view.along_axes(estimator.states)[0]
     return regulator_of(plant.alone, estimator, along)
 
 

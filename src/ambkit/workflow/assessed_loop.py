@@ -193,7 +193,7 @@ def assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:
     noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
     currents = np.array([b.amplifier.gain for b in of.alone]) * noise[p:]
     turned = of.turned(loop)
-    asked = demands(loop, of.bearing, of.point, currents, noise[:p], turned)
+    asked = demands(loop, of.machine, of.point, currents, noise[:p], turned)
     axes = {}
     for k, axis in enumerate(of.axes):
         seen = S[:, k, k]

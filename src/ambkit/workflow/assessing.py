@@ -53,9 +53,9 @@ def assess(
     that goes out. Beside it stands the same controller on the measurement. Limits of current and
     voltage, rounding of the sensor and sensor noise with a memory are not in it.
 
-    Of a whole machine each axis is looked at with all others closed, at its summing point, where
-    its controller takes its position; the worst axis decides, and the largest singular value stands
-    beside. It is at the machine's speed; `ambkit.assess_over_speed` looks at others.
+    Each axis is looked at with all others closed, at its summing point, where its controller takes
+    its position; of several the worst axis decides, and the largest singular value stands beside.
+    It is at the machine's speed; `ambkit.assess_over_speed` looks at others.
 
     Parameters
     ----------
@@ -65,13 +65,12 @@ def assess(
         In the loop: an estimator, the name of a kind, or a file of ``ambkit tune``; several are
         assessed one beside the other. None: the measurement alone.
     controller : PID or Control, optional
-        What is not said of it is tuned to the bearing, or to each axis alone. Whether it is fed by
-        measurement or estimate is left to the loop. Or how a machine is controlled, as in a flight:
-        what only an estimate can feed has no loop with the measurement.
+        Settings that it omits are tuned to each axis. Whether it is fed by measurement or estimate
+        is left to the loop. What only an estimate can feed has no loop with the measurement.
     x : float or str, optional
-        Displacement at which the rotor of a bearing is held [m].
-    load : float or str, optional
-        Constant disturbance force there [N]; of a machine a mapping, by the names of the axes.
+        Displacement along the axes at which the rotor is held [m].
+    load : float, str or mapping, optional
+        Constant disturbance force there [N], on the first axis; or by the names of the axes.
     lqg : bool, optional
         Whether the loop of the linear-quadratic-Gaussian controller that needs least control stands
         beside, as ``"LQG"``.
@@ -103,8 +102,6 @@ def assess(
     """
     of_type(Bearing, Machine, bearing=bearing)
     of = LoopOf(bearing, controller, in_si("x", x, "m"), given_load(bearing, load))
-    if of.machine is not None and in_si("x", x, "m"):
-        raise AmbkitError(f"{bearing.name} is a whole machine: x is of one axis")
     estimators = given_estimators(filter, bearing)
     amplitude = None if isinstance(orbit, bool) else in_si("orbit", orbit, "m")
 

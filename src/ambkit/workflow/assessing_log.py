@@ -59,7 +59,8 @@ class AssessedLog(Shown):
         """Of the bearing, or of the machine and its axis; empty where none is given."""
         if self.model is None:
             return ""
-        axis = "" if self.model.of.machine is None else f" {self.model.of.axes[self.axis]}"
+        axes = self.model.of.axes
+        axis = f" {axes[self.axis]}" if len(axes) > 1 else ""
         return f"{self.model.bearing.name}{axis}"
 
     @property
@@ -172,7 +173,7 @@ def assess_log(
     """
     of_type(Record, record=record)
     axis = 0
-    if isinstance(bearing, Machine):
+    if isinstance(bearing, Machine) and not bearing.single:
         axis, record = of_one_axis(record, bearing)
     found = measured_sensitivity(record, logged)
     speed = None if bearing is None else bearing.speed

@@ -1,4 +1,4 @@
-"""Loops of one bearing or machine, assessed beside each other: figures and pictures."""
+"""Loops of a machine, assessed beside each other: figures and pictures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.showing import Shown
+from ambkit.data.signals import by_name
 from ambkit.judge.loop.loop_of import ZONES, LoopOf, ideal_pieces
+from ambkit.machine.machine import Machine, short_form
 from ambkit.simulation.linear.pieces import WorkPoint
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessed_loop import AssessedLoop
@@ -27,7 +29,7 @@ BASIS = (
 
 @dataclass(frozen=True, eq=False)
 class Assessment(Shown):
-    """Loops of one bearing or machine and its controllers, assessed."""
+    """Loops of a machine and its controllers, assessed."""
 
     _card_by = "workflow.cards:assessment"
 
@@ -40,24 +42,32 @@ class Assessment(Shown):
 
     @property
     def bearing(self) -> Any:
-        """The plant, a `Bearing` or a `Machine`."""
-        return self.of.bearing
+        """The plant, of a single axis in its short form."""
+        return short_form(self.of.machine)
+
+    @property
+    def machine(self) -> Machine:
+        """The plant."""
+        return self.of.machine
 
     @property
     def controllers(self) -> dict[str, PID]:
-        """Gains, with what was not said tuned: by axis, or coordinate of a machine's rotor."""
+        """Gains, with settings that were omitted tuned: by axis, or coordinate of the rotor."""
         # As they are fed in the last of the loops.
         return self.of.pids(self.estimators.get(list(self.loops)[-1]))
 
     @property
     def controller(self) -> PID:
-        """Those of a bearing, or of a machine's first axis or coordinate."""
+        """Those of the first axis or coordinate."""
         return next(iter(self.controllers.values()))
 
     @property
     def point(self) -> WorkPoint:
-        """Where it is linearised: control current [A] and displacement [m]."""
-        return self.of.point
+        """Control current [A] and displacement [m] where it is linearised; of several (p,)."""
+        point = self.of.point
+        if len(self.of.axes) > 1:
+            return point
+        return point._replace(iu=float(point.iu[0]), x=float(point.x[0]))
 
     @property
     def top(self) -> float:
@@ -78,30 +88,24 @@ class Assessment(Shown):
         found: dict[str, Any] = {
             "basis": BASIS,
             "range": self.top,
-            "half_the_sampling_rate": 0.5 / self.bearing.sampling_time,
+            "half_the_sampling_rate": 0.5 / self.machine.sampling_time,
             "least_peak": self.least[0],
             "least_complementary_peak": self.least[1],
             "loops": {name: each.to_dict() for name, each in self.loops.items()},
             "plain_control": self.plain(),
         }
-        if self.of.machine is None:
-            return found | {
-                "bearing": self.bearing.name,
-                "controller": self.of.pids()["x"].model_dump(mode="json"),
-                "control_current": self.point.iu,
-                "displacement": self.point.x,
-            }
-        held = zip(self.of.axes, self.point.iu, strict=True)
+        names = [axis.name for axis in self.machine.axes]
+        pids = {name: pid.model_dump(mode="json") for name, pid in self.controllers.items()}
         return found | {
-            "machine": self.bearing.name,
-            "speed": self.bearing.speed,
+            "machine": self.machine.name,
+            "speed": self.machine.speed,
             "control": self.of.control_for(self.estimators.get(list(self.loops)[-1])).model_dump(
                 mode="json"
             ),
-            "controllers": {
-                name: pid.model_dump(mode="json") for name, pid in self.controllers.items()
-            },
-            "control_current": {name: float(iu) for name, iu in held},
+            "controllers": pids,
+            "controller": next(iter(pids.values()), None),
+            "control_current": by_name(names, self.of.point.iu.tolist()),
+            "displacement": by_name(names, self.of.point.x.tolist()),
             "balance_grades": [each._asdict() for each in self.grades()],
             "critical_speeds": [each.to_dict() for each in self.separations],
         }
@@ -109,8 +113,8 @@ class Assessment(Shown):
     @cached_property
     def separations(self) -> list[Separation]:
         """How far the machine's speed is from each critical speed; none where it does not turn."""
-        machine = self.of.machine
-        if machine is None or not machine.speed:
+        machine = self.machine
+        if not machine.turns:
             return []
         own = [self.controllers.get(name) for name in self.of.axes]
         known = [each for each in own if each is not None]
@@ -124,8 +128,8 @@ class Assessment(Shown):
     def grades(self, filter: str | None = None) -> list[Grade]:
         """Return what unbalance of each balance quality grade would do at the machine's speed."""
         loop = list(self.loops.values())[-1] if filter is None else self.loops[filter]
-        machine = self.of.machine
-        if machine is None or not machine.speed or not loop.stable:
+        machine = self.machine
+        if not machine.turns or not loop.stable:
             return []
         return of_grades(loop.loop, machine, loop.of.point)
 
@@ -138,15 +142,15 @@ class Assessment(Shown):
         estimator = self.estimators.get(name)
         found = {"as it is": self.loops[name].peak if self.loops[name].stable else math.inf}
         there = self.loops[name].of
-        for piece, plant in ideal_pieces(self.bearing).items():
+        for piece, plant in ideal_pieces(self.machine).items():
             found[piece] = there.with_plant(plant, estimator).peak(estimator)
-        if estimator is not None and not there.control_for(estimator).needs_estimate:
+        if estimator is not None and not there.needs_estimate:
             found["filter"] = there.peak()
         return found
 
     def figure(self, filter: str | None = None) -> Figure:
         """Return Bode of S with the zones, Nyquist, compliance and noise as a picture."""
-        # Of one axis with all loops that are stable; of a machine with all axes of one loop,
+        # Of one axis with all loops that are stable; of several with all axes of one loop,
         # singular values, and the determinant of the return difference. Of a loop that is unstable
         # Nyquist, loop gain and poles of just this loop.
         from ambkit.show.plots.assessment import Curves, assessment_figure, unstable_figure
@@ -160,7 +164,7 @@ class Assessment(Shown):
         title = f"{self.bearing.name}: sensitivity with the filter in the loop"
         stable = {each: one.loop for each, one in self.loops.items() if one.stable}
         whole, feeding = None, None
-        if self.of.machine is None:
+        if len(self.of.axes) == 1:
             curves = [Curves(each, loop) for each, loop in stable.items()]
         else:
             whole, feeding = stable[name], self.estimators.get(name)
@@ -192,18 +196,18 @@ class Assessment(Shown):
         return found
 
     def capacity_figure(self, filter: str | None = None) -> Figure:
-        """Return the load that each loop, or each axis of a machine, bears over the frequency."""
+        """Return the load that each loop, or each of several axes, bears over the frequency."""
         from ambkit.show.plots.capacity import capacity_figure
 
         demands: dict[str, tuple[float, float]] = {}
-        if self.of.machine is None:
+        if len(self.of.axes) == 1:
             each = {name: loop.demands for name, loop in self.loops.items()}
         else:
             name = list(self.loops)[-1] if filter is None else filter
             axes = self.loops[name].axes
             each = {" and ".join(same): axes[same[0]].demands for same in self.alike(name)}
-            forces = dict(zip(self.of.axes, unbalance_forces(self.of.machine), strict=True))
-            f = abs(self.of.machine.speed) / (2 * math.pi)
+            forces = dict(zip(self.of.axes, unbalance_forces(self.machine), strict=True))
+            f = abs(self.machine.speed) / (2 * math.pi)
             demands = {
                 " and ".join(same): (f, float(forces[same[0]]))
                 for same in self.alike(name) if forces[same[0]] > 0

@@ -8,21 +8,18 @@ from typing import TYPE_CHECKING, Any
 from ambkit.base.asked import in_si, names_in, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Machine, as_machine
 from ambkit.workflow.estimators import factories
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
 
 
-def given_load(bearing: Bearing | Machine, load: Any) -> Any:
-    """Return a constant load in SI: a number [N], or of a machine a mapping by its axes."""
-    if isinstance(load, Mapping) != isinstance(bearing, Machine) and load not in (0.0, None):
-        kind = "a mapping by axes" if isinstance(bearing, Machine) else "a number"
-        raise AmbkitError(f"load: of {bearing.name} it must be {kind}, is {load!r}")
-    if isinstance(load, Mapping):
-        return {name: in_si(f"load of {name}", each, "N") for name, each in load.items()}
-    return None if isinstance(bearing, Machine) else in_si("load", load, "N")
+def given_load(bearing: Bearing | Machine, load: Any) -> dict[str, float]:
+    """Return constant loads by the names of axes [N]; a number is of the first axis."""
+    if load is None or isinstance(load, Mapping):
+        return {name: in_si(f"load of {name}", each, "N") for name, each in (load or {}).items()}
+    return {as_machine(bearing).axes[0].name: in_si("load", load, "N")}
 
 
 def given_estimators(given: Any, bearing: Bearing | Machine) -> dict[str, Estimator]:

@@ -151,7 +151,7 @@ class _Experiment:
                 f"{self.bearing.name} has no axis {chosen}; there are {', '.join(axes)}"
             )
         self.at = axes.index(chosen)
-        self.axis = chosen if found.of.machine is not None else ""
+        self.axis = chosen if len(found.of.axes) > 1 else ""
         self.name = f"{self.bearing.name} {self.axis}".strip()
         self.all_limits = [_limits(b, held, limits[0], limits[1]) for b in found.of.alone]
         self.limits = self.all_limits[self.at]
@@ -183,12 +183,13 @@ class _Experiment:
         """Return one period in a band [Hz]."""
         loop, of, k = self.loop.loop, self.loop.of, self.at
         orders = (self.bearing.speed or 0.0) / (2 * math.pi) * np.arange(1, 21)
-        sensors = self.bearing.sensor if of.machine is not None else (self.bearing.sensor,)
+        sensors = of.machine.sensor
         hum = [line.frequency for each in sensors for line in each.hum]
         peak = self.loop.axes[list(self.loop.axes)[k]].peak_frequency
         m, p = loop.measurements, len(of.alone)
-        seen = np.eye(m)[k] if of.added is None else of.shown[k]
-        shaken = np.eye(m)[k] if of.added is None else of.added[:, k]
+        seen, shaken = of.shown[k], of.added[:, k]
+        if not self.axis:  # the one reading, as it is
+            seen = shaken = np.ones(1)
 
         def demanded(f: Array) -> Array:
             return np.asarray(np.abs(loop.noise_to_control(f)[:, k] @ shaken))

@@ -16,7 +16,6 @@ from ambkit.simulation.linear.pieces import Orbit, WorkPoint
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.judge.loop.loop_of import LoopOf
-    from ambkit.machine.machine import Machine
     from ambkit.models.linear import Complex
     from ambkit.simulation.linear.closed import Loop
 
@@ -32,14 +31,14 @@ def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = 
     # Harmonic balance of the first order (Nayfeh and Mook 1979): what the magnets pull at the speed
     # of rotation beyond their mean stiffnesses goes back into the loop, and their mean pull carries
     # what it did at rest. Runout is not in the orbit.
-    bearing = of.bearing
+    bearing, single = of.machine, len(of.alone) == 1
     if not bearing.speed:
         raise AmbkitError(f"{bearing.name} does not turn: it has no orbit")
     if amplitude is not None and not amplitude > 0:
         raise AmbkitError(f"an orbit must be greater than 0 m, is {amplitude:g} m")
-    if of.machine is None and amplitude is None:
+    if single and amplitude is None:
         raise AmbkitError(f"{bearing.name} has no unbalance for an orbit: give its amplitude")
-    if of.machine is not None and not of.machine.unbalance:
+    if not single and not of.machine.unbalance:
         raise AmbkitError(f"{bearing.name} has no unbalance for an orbit")
     rest, there, scale, last = of.point, of, 1.0, None
     for _ in range(TURNS):
@@ -47,7 +46,7 @@ def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = 
         if not loop.is_stable:
             return there
         found = (
-            _forced(there, loop, amplitude or 0.0) if there.machine is None
+            _forced(there, loop, amplitude or 0.0) if single
             else _unbalanced(there, loop, scale)
         )  # fmt: skip
         _within(bearing, there, found)
@@ -57,26 +56,26 @@ def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = 
         if last is not None and np.abs(now - last).max() <= SAME * np.abs(now).max():
             break
         last = now
-        if amplitude is not None and of.machine is not None:
+        if amplitude is not None and not single:
             scale *= amplitude / far
     else:
         raise AmbkitError(f"{bearing.name}: its orbit does not settle, magnets pull it ever on")
-    if there.machine is not None and amplitude is not None:
+    if not single and amplitude is not None:
         return there.with_unbalance(scale)
     return there
 
 
 def _flowing(of: LoopOf, demanded: Complex) -> Any:
     """Return the currents that flow by those that are demanded: late, held, and behind."""
-    T, f = of.bearing.sampling_time, of.bearing.speed / (2 * math.pi)
-    late = np.exp(-2j * np.pi * f * ((of.bearing.delay or 0.0) + T / 2)) * np.sinc(f * T)
+    T, f = of.machine.sampling_time, of.machine.speed / (2 * math.pi)
+    late = np.exp(-2j * np.pi * f * ((of.machine.delay or 0.0) + T / 2)) * np.sinc(f * T)
     lags = [1 + 1j * f / b.amplifier.bandwidth if b.amplifier.bandwidth else 1 for b in of.alone]
     return late * demanded / np.array(lags)
 
 
 def _forced(of: LoopOf, loop: Loop, amplitude: float) -> Orbit:
     """Return the orbit of one axis that a load at the speed makes."""
-    f = np.array([of.bearing.speed / (2 * math.pi)])
+    f = np.array([of.machine.speed / (2 * math.pi)])
     demanded = of.alone[0].amplifier.gain * loop.control_by_load(f)[0, :, 0]
     x = np.array([amplitude + 0j])
     demanded = demanded / loop.compliance(f)[0, :, 0] * x
@@ -85,7 +84,7 @@ def _forced(of: LoopOf, loop: Loop, amplitude: float) -> Orbit:
 
 def _unbalanced(of: LoopOf, loop: Loop, scale: float) -> Orbit:
     """Return the orbit of a machine's unbalance, with what its magnets pull beyond their means."""
-    machine: Machine = of.bearing
+    machine = of.machine
     f = np.array([machine.speed / (2 * math.pi)])
     gains = np.array([b.amplifier.gain for b in of.alone])
     turned = of_unbalance(loop, machine, of.point)
@@ -120,7 +119,7 @@ def _carried(of: LoopOf, rest: WorkPoint, swing: Orbit) -> Any:
         wanted = float(law.force(float(iu0), float(x0)))
         k_i = float(np.mean(law.tangent(iu, x)[0]))
         found.append(float(np.mean(iu)) - (float(np.mean(law.force(iu, x))) - wanted) / k_i)
-    return np.array(found) if of.machine is not None else found[0]
+    return np.array(found)
 
 
 def _within(bearing: Any, of: LoopOf, found: Orbit) -> None:

@@ -219,6 +219,8 @@ def assess_over_speed(
         than 2, or see `ambkit.assess`.
     """
     of_type(Machine, machine=machine)
+    if machine.rotor.type == "mass":
+        raise AmbkitError(f"{machine.name} does not turn: its rotor moves along one axis")
     fastest = in_si("fastest", fastest, "rad/s")
     fastest = (2 * abs(machine.speed) or UNKNOWN) if fastest is None else fastest
     limit = math.pi / machine.sampling_time
@@ -322,7 +324,7 @@ class _Run:
         self, of: LoopOf, loop: Loop, turned: list[Turned]
     ) -> tuple[Array, Array, Array | None, Array | None]:
         """Return of each axis displacement [m], current [A], voltage [1] and temperature [K]."""
-        p, pairs, point = loop.axes, pairs_of(of.bearing), self.point
+        p, pairs, point = loop.axes, pairs_of(of.machine), self.point
         noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
         gains = np.array([b.amplifier.gain for b in of.alone])
         far = orbit(point.x, pairs) + SIGMAS * noise[:p]
@@ -348,7 +350,7 @@ class _Run:
         """Return the greatest voltage of an axis's coils, of its limit [1]."""
         b, limit = of.alone[axis], of.alone[axis].amplifier.voltage_limit
         iu, x = float(self.point.iu[axis]), float(self.point.x[axis])
-        f = np.array([of.bearing.speed / (2 * math.pi)])
+        f = np.array([of.machine.speed / (2 * math.pi)])
         taken = [
             voltage(b, iu, x, f, np.array([each.i[axis]]), np.array([each.x[axis]]))
             for each in turned or [Turned(0 * self.point.x + 0j, 0 * self.point.x + 0j)]

@@ -225,12 +225,12 @@ def sweep(
         if not (math.isfinite(each) and each > 0):
             raise AmbkitError(f"an amplitude must be greater than 0 m, is {each:g} m")
     held = given_load(bearing, load)
-    if isinstance(bearing, Machine):
-        rig: _Rig = _MachineRig(found, filter, loop, at, held or {})
+    if not found.machine.single:
+        rig: _Rig = _MachineRig(found, filter, loop, at, held)
     else:
-        rig = _BearingRig(found, filter, loop, in_si("x", x, "m"), held)
+        rig = _BearingRig(found, filter, loop, in_si("x", x, "m"), sum(held.values()))
     run = {"multisine": rig.multisine, "stepped-sine": rig.stepped}[kind]
-    return Sweep(bearing, at, kind, loop, tuple(run(each) for each in given), found.top)
+    return Sweep(found.bearing, at, kind, loop, tuple(run(each) for each in given), found.top)
 
 
 class _Rig:
@@ -392,9 +392,9 @@ class _MachineRig(_Rig):
         there = Injection.model_construct(axis=of.axes[self.axis], position=waveform)
         flight = self.flight.model_copy(update={"duration": float(t[-1]), "injection": (there,)})
         run = simulate_machine(
-            of.bearing, flight, estimator=self.inner, pids=of.fed_by(self.filter)
+            of.machine, flight, estimator=self.inner, pids=of.fed_by(self.filter)
         )
-        y = np.column_stack([run.record[signal("y", r.name)] for r in of.bearing.readings])
+        y = np.column_stack([run.record[signal("y", r.name)] for r in of.machine.readings])
         limited = run.samples_at_the_stop > 0 or _refused(run.estimate, last)
         for name, b in zip(of.axes, of.alone, strict=True):
             u = b.amplifier.gain * run.record[signal("u", name)][last]

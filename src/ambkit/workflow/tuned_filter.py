@@ -335,7 +335,7 @@ def tune(
         of_tried,
         magnet,
         max_sensitivity,
-        controller if loop.machine is not None else loop.fed_by(None)[0],
+        loop.fed_by(None)[0] if loop.machine.single and controller is None else controller,
         tuple(warnings),
     )
 

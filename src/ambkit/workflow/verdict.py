@@ -197,9 +197,8 @@ def _of_run_up(over: OverSpeed) -> list[Line]:
 
 def _of_balance(found: Assessment, filter: str) -> list[Line]:
     """Return the grade of a machine's unbalance, and what grades would do."""
-    machine = found.of.machine
     lines = []
-    own = None if machine is None else grade_of(machine)
+    own = grade_of(found.machine)
     if own is not None:
         lines.append(
             Line("balance quality grade of the unbalance (ISO 21940-11)", f"G {1e3 * own:.3g}")
@@ -223,19 +222,23 @@ def rpm(speed: float) -> str:
     return units.rpm(speed)
 
 
+def held_at(found: Assessment) -> str:
+    """Return displacement and control current of each axis at the work point, as text."""
+    each = [
+        f"{engineering(float(x), 'm')} by {engineering(float(iu), 'A', 3)}"
+        for x, iu in zip(found.of.point.x, found.of.point.iu, strict=True)
+    ]
+    if len(each) == 1:
+        return each[0]
+    return ", ".join(f"{name} {held}" for name, held in zip(found.of.axes, each, strict=True))
+
+
 def facts(found: Assessment, filter: str) -> dict[str, str]:
     """Return what a verdict holds for, by name."""
-    b = found.bearing
-    told = {"machine" if found.of.machine else "bearing": b.name, "controller fed by": filter}
-    if found.of.machine is None:
-        told |= {"held at": f"{engineering(found.point.x, 'm')} by "
-                            f"{engineering(found.point.iu, 'A', 3)}"}  # fmt: skip
-    else:
-        held = zip(found.of.axes, found.point.iu, strict=True)
-        told |= {
-            "speed": rpm(b.speed),
-            "held by": ", ".join(f"{name} {engineering(float(iu), 'A', 3)}" for name, iu in held),
-        }
+    b = found.machine
+    told = {"machine": b.name, "controller fed by": filter, "held at": held_at(found)}
+    if b.speed:
+        told["speed"] = rpm(b.speed)
     orbit = found.loops[filter].of.point.orbit
     if orbit is not None:
         far = zip(found.of.axes, orbit.x, strict=True)
@@ -243,10 +246,9 @@ def facts(found: Assessment, filter: str) -> dict[str, str]:
             f"{engineering(float(abs(x)), 'm', 3)} ({name})" for name, x in far
         )
     gains: dict[str, list[str]] = {}
-    if found.of.machine is not None:
-        told |= _control(found.of.control_for(found.estimators.get(filter)))
-        plain = found.of.plain(found.estimators.get(filter))
-        told |= {} if plain is None else {"plain control": plain}
+    told |= _control(found.of.control_for(found.estimators.get(filter)))
+    plain = found.of.plain(found.estimators.get(filter))
+    told |= {} if plain is None else {"plain control": plain}
     for name, c in found.of.pids(found.estimators.get(filter)).items():
         if c.type == "lqg":
             told["control"] = c.type
@@ -258,9 +260,7 @@ def facts(found: Assessment, filter: str) -> dict[str, str]:
         gains.setdefault(f"{said}, derivative filter {engineering(c.derivative_filter, 's', 3)}",
                          []).append(name)  # fmt: skip
     for said, axes in gains.items():
-        told["kp, ki, kd" if found.of.machine is None else f"kp, ki, kd of {', '.join(axes)}"] = (
-            said
-        )
+        told[f"kp, ki, kd of {', '.join(axes)}"] = said
     return told | {
         "sampling time, dead time": f"{engineering(b.sampling_time, 's')}, "
         f"{engineering(b.delay or 0.0, 's')}",

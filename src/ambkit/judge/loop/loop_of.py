@@ -1,4 +1,4 @@
-"""A bearing or a machine with its controllers, and the linear loop that a filter makes of them."""
+"""A machine with its controllers, and the linear loop that a filter makes of them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.judge.loop.margins import grid, highest
 from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Machine, as_machine
 from ambkit.machine.placed import Unbalance
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
@@ -36,7 +36,6 @@ from ambkit.simulation.default_control import (
 )
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.control import compensator, controllers, fed
-from ambkit.simulation.linear.control import controller as controller_of
 from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.linear.settled import estimator_at, tells
 from ambkit.simulation.plant import Plant
@@ -66,9 +65,9 @@ def zone_of(peak: float) -> str:
     return next((name for name, limit in ZONES if peak < limit), "D")
 
 
-def ideal_pieces(bearing: Bearing | Machine) -> dict[str, Any]:
-    """Return a bearing or a machine with one piece of its loop ideal, by the piece's name."""
-    found: dict[str, Any] = {}
+def ideal_pieces(machine: Machine) -> dict[str, Machine]:
+    """Return a machine with one piece of its loop ideal, by the piece's name."""
+    found: dict[str, Machine] = {}
 
     def fast(amplifier: Any) -> Any:
         return amplifier.model_copy(update={"bandwidth": None, "voltage_limit": None})
@@ -76,26 +75,19 @@ def ideal_pieces(bearing: Bearing | Machine) -> dict[str, Any]:
     def prompt(sensor: Any) -> Any:
         return sensor.model_copy(update={"lag": PROMPT})
 
-    if isinstance(bearing, Machine):
-        placed = bearing.bearing
-        if any(each.amplifier.bandwidth for each in placed):
-            ideal = [at.model_copy(update={"amplifier": fast(at.amplifier)}) for at in placed]
-            found["amplifier"] = bearing.model_copy(update={"bearing": tuple(ideal)})
-        if any(each.lag for each in bearing.sensor):
-            sensors = tuple(prompt(each) for each in bearing.sensor)
-            found["sensor"] = bearing.model_copy(update={"sensor": sensors})
-    else:
-        if bearing.amplifier.bandwidth:
-            found["amplifier"] = bearing.model_copy(update={"amplifier": fast(bearing.amplifier)})
-        if bearing.sensor.lag:
-            found["sensor"] = bearing.model_copy(update={"sensor": prompt(bearing.sensor)})
-    if bearing.delay:
-        found["delay"] = bearing.model_copy(update={"delay": None})
+    if any(each.amplifier.bandwidth for each in machine.bearing):
+        ideal = [at.model_copy(update={"amplifier": fast(at.amplifier)}) for at in machine.bearing]
+        found["amplifier"] = machine.model_copy(update={"bearing": tuple(ideal)})
+    if any(each.lag for each in machine.sensor):
+        sensors = tuple(prompt(each) for each in machine.sensor)
+        found["sensor"] = machine.model_copy(update={"sensor": sensors})
+    if machine.delay:
+        found["delay"] = machine.model_copy(update={"delay": None})
     return found
 
 
 class LoopOf:
-    """The loop of a bearing or a machine at a work point, with one filter or another."""
+    """The loop of a machine at a work point, with one filter or another."""
 
     def __init__(
         self,
@@ -107,39 +99,29 @@ class LoopOf:
         point: WorkPoint | None = None,
         flown: Controllers | None = None,
     ) -> None:
-        self.bearing: Any = bearing
-        self.machine = bearing if isinstance(bearing, Machine) else None
-        self.alone = alone_of(bearing)
+        self.machine = as_machine(bearing)
+        self.alone = alone_of(self.machine)
+        if controller is None and self.machine.single:
+            controller = PID()  # until one search tunes the gains of all machines
         self.control = controller if isinstance(controller, Control) else Control()
         if controller is not None and not isinstance(controller, Control):
             self.control = Control(type="decentralised")
-        if isinstance(controller, Control) and self.machine is None:
-            raise AmbkitError(
-                f"{bearing.name} is a bearing of one axis: its controller is a PID, and "
-                f'"{controller.type}" is of whole machines'
-            )
         self._given = None if isinstance(controller, Control) else controller
         self._flown = flown
-        self.axes: tuple[str, ...] = ("x",)
-        self.added: Array | None = None
-        if isinstance(bearing, Machine):
-            self.point = point or WorkPoint.of_machine(bearing, load)
-            whole = View(bearing)
-            self.shown = whole.H @ whole.shown
-            self.added = np.asarray(np.linalg.pinv(self.shown), float)
-            self.axes = tuple(axis.name for axis in bearing.axes)
-        else:
-            self.point = point or WorkPoint.hovering(bearing, x, load or 0.0)
-            self.shown = np.array([[1 / bearing.sensor.gain]])
-        self.plant = plant(bearing, self.point)
-        self.top = end_of_range(bearing.sampling_time, bearing.speed)
+        self.axes = tuple(axis.name or "x" for axis in self.machine.axes)
+        self.point = point or WorkPoint.of_machine(self.machine, load, x)
+        view = View(self.machine)
+        self.shown = view.H @ view.shown
+        self.added = np.asarray(np.linalg.pinv(self.shown), float)
+        self.plant = plant(self.machine, self.point)
+        self.top = end_of_range(self.machine.sampling_time, self.machine.speed)
 
     def turned(self, loop: Loop) -> list[Turned]:
         """Return what turns with the rotor in a stable loop: runout, and unbalance or the orbit."""
-        found = of_runout(loop, self.bearing)
+        found = of_runout(loop, self.machine)
         if self.point.orbit is not None:
             found.append(Turned(self.point.orbit.x, self.point.orbit.demanded))
-        elif self.machine is not None and self.machine.speed and self.machine.unbalance:
+        elif self.machine.speed and self.machine.unbalance:
             found.append(of_unbalance(loop, self.machine, self.point))
         return found
 
@@ -156,49 +138,55 @@ class LoopOf:
     @property
     def needs_estimate(self) -> bool:
         """Whether the controllers cannot be fed by the measurement."""
-        if self.machine is None:
-            return needs_states(self.fed_by(None)[0])
-        return self.control.needs_estimate
+        return self.control.needs_estimate or any(map(needs_states, self._stated()))
+
+    def _stated(self) -> list[PID]:
+        """Return the PIDs that were given, of each axis; none where a `Control` was."""
+        given = self._given
+        if given is None:
+            return []
+        return list(given) if isinstance(given, Sequence) else [given] * len(self.alone)
 
     def control_for(self, estimator: Any) -> Control:
         """Return how the machine is controlled, the default for what feeds it where not given."""
-        if self.machine is None:
-            return self.control
         return settled(self.machine, self.control, "estimate" if estimator else "measurement")
 
     def choice(self, estimator: Any) -> str | None:
         """Return what default controllers were chosen for what feeds them, in a sentence."""
-        machine = self.machine
-        if machine is None or not machine.speed or self._flown or not is_default(self.control):
+        if not self.machine.turns or self._flown or not is_default(self.control):
             return None
-        return default_control(machine, "estimate" if estimator else "measurement").summary
+        return default_control(self.machine, "estimate" if estimator else "measurement").summary
 
     def fed_by(self, estimator: Any) -> list[PID]:
         """Return the PIDs of the axes as an estimator feeds them or, None, the measurement."""
         feedback: Literal["measurement", "estimate"] = "estimate" if estimator else "measurement"
-        given = self._given
-        if given is None and self.machine is not None:
+        if self._given is None:
             found = pids_of(self.machine, self.control_for(estimator), feedback)
         else:
-            each = given if isinstance(given, Sequence) else [given or PID()] * len(self.alone)
-            found = [pid.completed(b) for pid, b in zip(each, self.alone, strict=True)]
+            found = [p.completed(b) for p, b in zip(self._stated(), self.alone, strict=True)]
         return [one.model_copy(update={"feedback": feedback}) for one in found]
 
     def flown_by(self, estimator: Estimator | None, fastest: float | None = None) -> Controllers:
         """Return the controllers as they fly, fed by an estimator or the measurement."""
         if self._flown is not None:
             return self._flown
-        if self.machine is None:
+        if any(map(needs_states, self._stated())):
+            if len(self.alone) > 1:
+                names = ", ".join(self.axes)
+                raise AmbkitError(
+                    f"feed_forward and an lqg controller are of one axis; {self.machine.name} has "
+                    f'{names}: give [control] type = "lqg"'
+                )
             if estimator is None:
-                raise AmbkitError(f"{self.bearing.name}: its controller is fed by an estimate")
-            return Controller(self.bearing, estimator, self.fed_by(estimator)[0]).law
+                raise AmbkitError(f"{self.machine.name}: its controller is fed by an estimate")
+            return Controller(self.alone[0], estimator, self.fed_by(estimator)[0]).law
         control = self.control_for(estimator)
         pids = self.fed_by(estimator) if control.type == "decentralised" else None
         return controllers_of(Plant(self.machine), control, estimator, pids, fastest)
 
     def plain(self, estimator: Estimator | None) -> str | None:
         """Return a sentence where unbalance control is plain control at the machine's speed."""
-        if self.machine is None or self.control.unbalance == "fought":
+        if self.control.unbalance == "fought":
             return None
         turn = self.flown_by(estimator).let_turn
         if turn is None:
@@ -209,64 +197,58 @@ class LoopOf:
     def pids(self, estimator: Estimator | None = None) -> dict[str, PID]:
         """Return the PIDs by what each is of: an axis, or a coordinate of the rotor."""
         # None of a regulator.
-        if self.machine is None:
+        if self._given is not None:
             return dict(zip(self.axes, self.fed_by(estimator), strict=True))
         if self.control_for(estimator).type == "lqg":
             return {}
         found = self.flown_by(estimator)
         return {
-            name: PID(kp=kp, ki=ki, kd=kd, derivative_filter=T_f, anti_windup=aw, setpoint_weight=b)
+            name or "x": PID(
+                kp=kp, ki=ki, kd=kd, derivative_filter=T_f, anti_windup=aw, setpoint_weight=b
+            )
             for name, (kp, ki, kd, T_f, aw, b, *_) in zip(found.names, found.pids, strict=True)
         }
 
-    def with_plant(self, plant: Bearing | Machine, estimator: Estimator | None) -> LoopOf:
+    def with_plant(self, plant: Machine, estimator: Estimator | None) -> LoopOf:
         """Return the same controllers, as an estimator feeds them, with another plant."""
-        if self.machine is None:
-            return LoopOf(plant, self.fed_by(estimator), point=self.point)
         control = self.control_for(estimator)
         return LoopOf(plant, control, point=self.point, flown=self.flown_by(estimator))
 
     def at(self, point: WorkPoint) -> LoopOf:
         """Return the same loop at another work point."""
         moved = copy(self)
-        moved.point, moved.plant = point, plant(self.bearing, point)
+        moved.point, moved.plant = point, plant(self.machine, point)
         return moved
 
     def with_unbalance(self, scale: float) -> LoopOf:
         """Return the same loop of a machine whose unbalance is larger by a factor."""
-        assert self.machine is not None
         planes = tuple(
             Unbalance(place=place, amount=scale * amount, angle=angle)
             for place, amount, angle in self.machine.unbalances()
         )
         moved = copy(self)
-        moved.bearing = moved.machine = self.machine.model_copy(update={"unbalance": planes})
+        moved.machine = self.machine.model_copy(update={"unbalance": planes})
         return moved
 
     def loop(self, estimator: Estimator | None = None) -> Loop:
         """Return the loop whose controllers are fed by an estimator, or by the measurement."""
         m = len(self.shown[0])
-        pid = None if self.machine is not None else self.fed_by(estimator)[0]
-        if pid is not None and not needs_states(pid):
-            inner = None if estimator is None else estimator_at(estimator, self.point)
-            control, shown = controller_of(pid, self.bearing), self.shown
-        else:
-            inner, control, shown = self._by_states(estimator)
+        inner, control, shown = self._by_states(estimator)
         K = compensator(control, inner, shown, self.plant.outputs[:m])
-        return Loop(self.plant, K, m, *self._summing())
+        return Loop(self.plant, K, m, self.shown, self.added)
 
     def _by_states(
         self, estimator: Estimator | None
     ) -> tuple[LinearSystem | None, LinearSystem, Array]:
         """Return estimator, controllers, and what these look at by the readings (q, m)."""
         flown = self.flown_by(estimator)
-        control = controllers(flown, self.bearing, measured=estimator is None)
+        control = controllers(flown, self.machine, measured=estimator is None)
         shown = flown.of_axes @ self.shown
         if estimator is None:
             return None, control, shown
-        if self.machine is not None and flown.let_turn is not None:
+        if flown.let_turn is not None:
             flown = replace(flown, let_turn=flown.let_turn.for_unbalance_of(self.machine))
-        rows = fed(flown, len(estimator.states), self.bearing.speed or 0.0)
+        rows = fed(flown, len(estimator.states), self.machine.speed)
         return (
             estimator_at(estimator, self.point, (rows, control.inputs[: len(rows)])),
             control,
@@ -278,14 +260,9 @@ class LoopOf:
         # None where the loop would be unstable then, and of a regulator, which has none.
         if self.needs_estimate or self.control_for(estimator).type == "lqg":
             return None
-        if self.machine is None:
-            pids = [pid.model_copy(update={"ki": 0.0}) for pid in self.pids().values()]
-            loop = LoopOf(self.bearing, pids, point=self.point).loop()
-        else:
-            flown = self.flown_by(estimator)
-            without = [[kp, 0.0, *rest] for kp, _ki, *rest in flown.pids]
-            flown = replace(flown, pids=without)
-            loop = LoopOf(self.machine, self.control, point=self.point, flown=flown).loop(estimator)
+        flown = self.flown_by(estimator)
+        flown = replace(flown, pids=[[kp, 0.0, *rest] for kp, _ki, *rest in flown.pids])
+        loop = LoopOf(self.machine, self.control, point=self.point, flown=flown).loop(estimator)
         if not loop.is_stable:
             return None
         return float(np.abs(np.diagonal(loop.compliance([0.0])[0])).max())
@@ -294,39 +271,30 @@ class LoopOf:
         """Return the loop of the linear-quadratic-Gaussian controller that needs least control."""
         # It has state and loads from a Kalman filter of this very plant, told of the noise of
         # sensors and amplifiers and the usual growth of the loads.
-        told = KalmanFilter(self.bearing).variances
+        told = KalmanFilter(self.machine).variances
         sensors, amplifiers = self.noise()
-        noise = Noise(sensors, amplifiers, told.disturbance)
+        noise = Noise(sensors, amplifiers, tuple(np.atleast_1d(told.disturbance)))
         K = LQG(self.plant, noise).compensator()
-        return Loop(self.plant, K, len(sensors), *self._summing())
+        return Loop(self.plant, K, len(sensors), self.shown, self.added)
 
     def hinf(self) -> Loop:
         """Return the loop of H-infinity controllers, of each axis one for the axis alone."""
         each = []
         for b in self.alone:
-            of = self if self.machine is None else LoopOf(b)
-            found = hinf(of.plant.select(["y"], ["u"]))
+            of = self if len(self.alone) == 1 else LoopOf(b)
+            found = hinf(of.plant.select([of.plant.outputs[0].name], [of.plant.inputs[0].name]))
             gain = b.sensor.gain  # it is fed by the position
             each.append(replace(found, B=gain * found.B, D=gain * found.D))
-        names = [] if self.machine is None else list(self.axes)
-        K = beside_each_other(each, self.shown, names)
+        K = beside_each_other(each, self.shown, [axis.name for axis in self.machine.axes])
         K = replace(K, inputs=(*self.plant.outputs[: len(self.shown[0])], *K.inputs[-len(each) :]))
-        return Loop(self.plant, K, len(self.shown[0]), *self._summing())
+        return Loop(self.plant, K, len(self.shown[0]), self.shown, self.added)
 
     def noise(self) -> tuple[list[float], list[float]]:
         """Return the variances of the measurements [m^2] and of the control signals [V^2]."""
-        if self.machine is None:
-            sensors = [self.bearing.sensor]
-        else:
-            sensors = [r.sensor for r in self.machine.readings]
         return (
-            [each.noise_variance for each in sensors],
+            [r.sensor.noise_variance for r in self.machine.readings],
             [b.amplifier.noise_variance for b in self.alone],
         )
-
-    def _summing(self) -> tuple[Array | None, Array | None]:
-        """Return how axes are seen and shaken by the measurements; of one axis as they are."""
-        return (None, None) if self.added is None else (self.shown, self.added)
 
     def peak(self, estimator: Estimator | None = None) -> float:
         """Return the peak of abs(S) within the standard's range [1]."""
@@ -352,5 +320,5 @@ class LoopOf:
         if not (math.isfinite(ceiling) and ceiling > least):
             raise OutOfReachError(
                 f"max_sensitivity must be above {least:.4g}, below which no linear controller "
-                f"brings the peak of |S| of {self.bearing.name}; is {ceiling:g}"
+                f"brings the peak of |S| of {self.machine.name}; is {ceiling:g}"
             )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
+from ambkit.data.signals import signal as named
 from ambkit.estimate.view import View
 from ambkit.machine.bank import alone_of
 from ambkit.machine.hovering import hover_current
@@ -81,26 +82,35 @@ class WorkPoint(NamedTuple):
         return cls(iu, x)
 
     @classmethod
-    def of_machine(cls, machine: Machine, load: Mapping[str, float] | None = None) -> WorkPoint:
-        """Return the point at which the magnets carry the rotor in the middle, and loads."""
+    def of_machine(
+        cls, machine: Machine, load: Mapping[str, float] | None = None, x: float = 0.0
+    ) -> WorkPoint:
+        """Return the point at which the magnets carry the rotor at x of its axes, and loads."""
         names, given = [axis.name for axis in machine.axes], dict(load or {})
         for name in given:
             if name not in names:
                 raise AmbkitError(f"load: there is no axis {name}; there are {', '.join(names)}")
         pushed = np.array([given.get(name, 0.0) for name in names])
-        q, currents = Plant(machine).hovering(np.zeros(len(names)), pushed)
+        travel = min(placed.travel_limit for placed in machine.bearing)
+        if not abs(x) <= travel:
+            raise AmbkitError(
+                f"the rotor can be held up to its stops at {travel:g} m, not at {x:g} m"
+            )
+        q, currents = Plant(machine).hovering(np.full(len(names), x), pushed)
         for name, b, iu in zip(names, alone_of(machine), currents, strict=True):
             if not b.current_min < iu < b.current_max:
+                of = f" of axis {name}" if name else ""
                 raise AmbkitError(
-                    f"no control current from {b.current_min:g} to {b.current_max:g} A of axis "
-                    f"{name} holds the rotor of {machine.name} with its weight and load"
+                    f"no control current from {b.current_min:g} to {b.current_max:g} A{of} holds "
+                    f"the rotor of {machine.name} at x = {x:g} m with a load of "
+                    f"{given.get(name, 0.0):g} N"
                 )
         return cls(currents, View(machine).H @ q)
 
 
 def of_axes(signal: Signal, axes: Sequence[str]) -> tuple[Signal, ...]:
     """Return a signal once for each axis, with its name at the end; without axes itself alone."""
-    return tuple(Signal(f"{signal.name}_{axis}", signal.unit) for axis in axes) or (signal,)
+    return tuple(Signal(named(signal.name, axis), signal.unit) for axis in axes) or (signal,)
 
 
 def plant(of: Bearing | Machine, point: WorkPoint, *, continuous: bool = False) -> LinearSystem:
