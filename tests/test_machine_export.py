@@ -68,7 +68,8 @@ def fuses(compiler: str) -> bool:
     ("name", "flight", "precision", "compiler"),
     quick(
         product(
-            ("tum_mlps", "ufu_flexible", "compressor"), FLOWN, ("float", "double"),
+            ("tum_mlps", "ufu_flexible", "compressor", "tum_mlps_flexible"), FLOWN,
+            ("float", "double"),
             ("gcc", "clang"),
         ),
         [("tum_mlps", "lift-off", "float", "clang"), ("ufu_flexible", "estimate", "double", "gcc")],

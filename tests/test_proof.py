@@ -116,6 +116,14 @@ def test_script_and_harness_parse(what: str, tmp_path: Path) -> None:
         assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.parametrize("what", ["lqg", "editable"])
+def test_a_script_that_was_not_run_is_called_no_proof(what: str, tmp_path: Path) -> None:
+    folder = export_proved(what, tmp_path / "c").folder
+    text = (folder / "proof" / "README.md").read_text(encoding="utf-8")
+    assert text.startswith("# Script for an analysis of f, which nothing is proved of yet\n")
+    assert "# Proof" not in text
+
+
 @pytest.mark.parametrize("what", ["machine", "machine and its controllers", "calibrated"])
 def test_of_what_is_not_proved_nothing_is_said(what: str, tmp_path: Path) -> None:
     made = export_proved(what, tmp_path / "c")

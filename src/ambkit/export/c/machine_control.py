@@ -108,6 +108,7 @@ def context(
         "control_crc": constants.crc(),
         "in_flight": {
             "steps": len(tested.y),
+            "amplified": int(tested.amplified.sum()),
             "saturated": tested.saturated,
             "y": listed(also_infinite(tested.y)),
             "r": listed(also_infinite(tested.r)),

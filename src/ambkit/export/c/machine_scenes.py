@@ -12,7 +12,7 @@ from ambkit.data.signals import signal
 from ambkit.estimate.engine import NODE
 from ambkit.estimate.estimate import Status
 from ambkit.export.c.control_scenes import QUICK
-from ambkit.export.c.vectors import within
+from ambkit.export.c.vectors import within, without_digits
 from ambkit.simulation.control import settling_of
 from ambkit.simulation.control_machine import MachineController
 from ambkit.simulation.flight import Disturbance, Flight, Reference
@@ -99,6 +99,8 @@ def vectors(
         spoilt = (scene.readings != 0).any(axis=1)
         spoilt |= (mode == Mode.TRIPPED) & ((run.status & Status.OUTLIER) != 0)
         amplified = np.maximum.accumulate(spoilt | _spread(estimator, controllers, scene, run))
+        # Where float has no digits left before that, all that it says is rounding.
+        amplified |= bool((without_digits(estimator, y, u) & ~amplified).any())
         each = (y, r, u, record["speed"], mode, scene.fly > 0, run.status, usable,
                 run.estimate.mean, amplified)  # fmt: skip
         parts.append(tuple(values[:n] for values in each))
@@ -187,7 +189,7 @@ def _taken_over(
         given = (np.ascontiguousarray(each, number) for each in (y, wanted, fly))
         told = core.run(*given, float(speed[0]), taken_with)
         over.append((y, wanted, told["u"], speed, told["mode"], fly > 0, told["status"],
-                     told["usable"] > 0, told["mean"], np.zeros(TAKEN, bool)))  # fmt: skip
+                     told["usable"] > 0, told["mean"], np.full(TAKEN, flown[-1][0])))  # fmt: skip
     return over, taken_with
 
 

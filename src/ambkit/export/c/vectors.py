@@ -43,7 +43,8 @@ def make(estimator: Estimator, magnets: list[Magnet], *, settling: int, bound: f
         n = within(estimator, told["mean"], bound)
         told = {name: values[:n].reshape(n, -1) for name, values in told.items()}
         parts.append((scene.name, y[:n], u[:n], told))
-        amplified.append(np.arange(n) >= (n if scene.amplifies is None else scene.amplifies))
+        after = np.arange(n) >= (n if scene.amplifies is None else scene.amplifies)
+        amplified.append(after | without_digits(estimator, *si)[:n])
     columns = [_columns(estimator, told) for *_, told in parts]
     health = [told.get("health", told["status"]) for *_, told in parts]
     status = [told["status"].ravel() for *_, told in parts]
@@ -62,6 +63,23 @@ def make(estimator: Estimator, magnets: list[Magnet], *, settling: int, bound: f
         amplified=np.concatenate(amplified),
         runs=tuple(name for name, *_ in parts),
     )
+
+
+def without_digits(estimator: Estimator, y: Array, u: Array) -> NDArray[np.bool_]:
+    """Return from where on (n,) float, in a machine's filter, is off by what double would say."""
+    # A mean by more than a standard deviation, or a variance by more than ten of itself: then what
+    # another rounding says is another number. AdaptiveNoise has no precision of its own.
+    args, options = estimator._made
+    if estimator.whole is None or "precision" not in options or estimator.precision == "float64":
+        return np.zeros(len(y), bool)
+    sharp = type(estimator)(*args, **(options | {"precision": "float64"}))
+    one, other = (scenes.run(each, y, u) for each in (estimator, sharp))
+    entries = diagonal(len(estimator.states))
+    variance, true = (each["covariance"][:, entries].astype(float) for each in (one, other))
+    std = np.sqrt(np.maximum(true, np.finfo(np.float32).tiny))
+    off = np.abs(one["mean"] - other["mean"]) > std
+    off |= np.abs(variance - true) > 10 * np.abs(true)
+    return np.asarray(np.maximum.accumulate(off.any(axis=1)))
 
 
 def diagonal(n: int) -> list[int]:
