@@ -72,7 +72,8 @@ def continuous(machine: Any) -> Continuous:
 
 def _plan(machine: Any, speed: float) -> Plan:
     plan = Plan(machine.sampling_time)
-    at = machine.model_copy(update={"speed": speed})
+    # A mass does not turn; its runout needs the speed that it has.
+    at = machine if machine.rotor.type == "mass" else machine.model_copy(update={"speed": speed})
     for part in machine_parts(at, noise=False, delay=False):
         if not isinstance(part, Disturbance):
             plan.add(part)
