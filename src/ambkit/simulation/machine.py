@@ -159,10 +159,10 @@ def simulate_machine(
     if estimator is None and (flight.feedback == "estimate" or flight.sequence is not None):
         estimator = KalmanFilter(machine)
     precision = "float64" if estimator is None else estimator.precision
-    core = core_module(precision, any_model=True)
+    core = core_module(precision, any_model=True) if estimator is None else estimator.engine.core
     loads = _added("disturbance", loads, disturbance)
     q, currents = plant.hovering(wanted[0], loads[0])
-    known = None if estimator is None else estimator.at_rest(q, current=currents)
+    known = None if estimator is None else np.ravel(estimator.at_rest(q, current=currents))
     held = currents, wanted[0], known
     wanted = _added("references", wanted, references)
     if flight.start == "rest":
@@ -196,7 +196,7 @@ def simulate_machine(
 
     if estimator is not None:
         follows = estimator.turning(speed, n + 1)
-        estimator.reset(estimator.at_rest(q, current=currents))
+        estimator.reset(np.ravel(estimator.at_rest(q, current=currents)))
         if flight.sequence is not None:
             whole = MachineController(
                 plant, estimator, controllers, flight.sequence, feeding is not None
