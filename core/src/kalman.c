@@ -100,10 +100,12 @@ amb_real amb_kalman_repeats(const amb_kalman *kf, int r, amb_real least_change, 
   const amb_real var_y = kf->set.var_y[r];
   const amb_real at_rest = AMB_C(1.0) - AMB_C(1.0) / amb_at_least(kf->set.dwell, AMB_C(1.0));
   const amb_real square = amb_at_least(least_change, step * step);
-  if (!((square >= AMB_C(0.0)) && (square <= (AMB_VERY_COARSE * var_y)))) {
+  const amb_real variance = amb_at_least(S, LEAST_NOISE * var_y);
+  const bool fine = (square >= AMB_C(0.0)) && (square <= (AMB_VERY_COARSE * var_y)) &&
+                    ((square / AMB_COARSE) <= variance);
+  if (!fine) {
     return at_rest;
   }
-  const amb_real variance = amb_at_least(S, LEAST_NOISE * var_y);
   const amb_real wide = (AMB_C(0.15915494309189535) * square) / variance; /* 1 / (2 pi) */
   return amb_at_most(amb_root(AMB_C(1.0) - amb_exp_negative(wide)), at_rest);
 }

@@ -384,7 +384,9 @@ AMB_INLINE amb_rounded amb_step_rounded(const amb_kalman *kf, amb_kalman_state *
       as = amb_kalman_rounded(e, shown, noise, kf->set.step[r]);
     }
   } else if (again) {
-    const amb_real shown = amb_model_shown_variance(&kf->model, r, base->cov);
+    /* What an observer says of its variance is no bound of what a rotor at rest does. */
+    const amb_real shown =
+        interval ? amb_model_shown_variance(&kf->model, r, base->cov) : AMB_C(0.0);
     as.chance = amb_kalman_repeats(kf, r, sensor->least_change, shown + noise);
   } else { /* a change */
   }
