@@ -106,6 +106,8 @@ class Found(NamedTuple):
     crashed: int
     flagged: int
     touched: int
+    longest: int
+    """Samples for which an estimate was fed back wrong, at most."""
     lines: tuple[str, ...]
     """Of those that did harm; the first one tells of the healthy flight."""
 
@@ -143,15 +145,19 @@ def compiled(made: CExport, program: str, *flags: str) -> Path:
 
 def campaign(
     made: CExport, program: str, settling: int, *, before: int = 2000, after: int = 3000,
-    every: int = 1, first: int = 0,
+    every: int = 1, first: int = 0, many: int = 1,
 ) -> Found:  # fmt: skip
-    """Fly with each bit flipped, or with one of so `every` from the `first` on."""
+    """Fly with each bit flipped, or with one of so `every` from the `first` on.
+
+    With more than it, up to so `many` at once, drawn at random.
+    """
     out = compiled(made, program)
-    words = [str(n) for n in (before, after, settling, every, first)]
+    words = [str(n) for n in (before, after, settling, every, first, many)]
     text = subprocess.run([out, *words], capture_output=True, text=True, check=True).stdout
     lines = text.splitlines()
     numbers = [int(n) for n in re.findall(r"\d+", lines[-1])]
-    return Found(*numbers, tuple(lines[:-1]))  # type: ignore[arg-type]
+    total, stuck, wrong, crashed, flagged, touched, longest = numbers
+    return Found(total, stuck, wrong, crashed, flagged, touched, longest, tuple(lines[:-1]))
 
 
 def settling_in(made: CExport) -> int:

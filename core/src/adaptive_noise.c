@@ -5,6 +5,9 @@
  */
 #define TELLING (AMB_ROOT_EPSILON * AMB_ROOT_EPSILON)
 
+/* Square of the standard deviations beyond which an innovation is none of the noise [1]. */
+#define BEYOND AMB_C(25.0)
+
 static const amb_adaptive_noise *own(const amb_estimator *self)
 {
   return (const amb_adaptive_noise *)self->own;
@@ -107,13 +110,15 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   return status;
 }
 
-/* One step of `noise` towards what makes `square`, seen, the `variance` that was expected. */
+/* One step of `noise` towards what makes `square`, seen, the `variance` that was expected. What is
+ * beyond five standard deviations counts as these: a wrong estimate is no noise. */
 static amb_status follow(amb_real share, amb_real square, amb_real variance, amb_real nominal,
                          amb_real most, amb_real *noise)
 {
   const amb_real low = nominal / most;
   const amb_real high = nominal * most;
-  const amb_real next = *noise * (AMB_C(1.0) + share * (square / variance - AMB_C(1.0)));
+  const amb_real ratio = amb_at_most(square / variance, BEYOND);
+  const amb_real next = *noise * (AMB_C(1.0) + share * (ratio - AMB_C(1.0)));
   *noise = amb_clamp(next, low, high);
   return ((next < low) || (next > high)) ? AMB_NOISE_LIMIT : AMB_OK;
 }
@@ -184,7 +189,7 @@ static bool is_amiss(const amb_estimator *self, const amb_adaptive_noise_state *
   bool amiss = false;
   for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
     const amb_real e = result->innovation[r];
-    amiss = amiss || ((e * e) > (AMB_C(25.0) * result->variance[r])) ||
+    amiss = amiss || ((e * e) > (BEYOND * result->variance[r])) ||
             (s->kf.set.var_y[r] > (AMB_C(4.0) * self->kf->set.var_y[r]));
   }
   return amiss;
@@ -243,22 +248,26 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   amb_adaptive_noise_state *s = (amb_adaptive_noise_state *)state;
   const amb_kalman_state *base = &s->inner.base;
   const amb_estimator inner = inner_with(self, &s->kf);
-  amb_real before[AMB_STATES];
-  amb_real variances[AMB_STATES];
-  amb_real with_y[AMB_STATES];
-  for (int i = 0; i < amb_states(model); i++) {
-    before[i] = base->mean[i];
-  }
+  amb_real before[AMB_STATES] = {0};
+  amb_real variances[AMB_STATES] = {0};
+  amb_real with_y[AMB_STATES] = {0};
   for (int r = 0; r < amb_sensors(model); r++) { /* as it is, were no bit in memory to flip */
     const amb_real low = self->kf->set.var_y[r] / own(self)->most;
     s->kf.set.var_y[r] = amb_at_least(s->kf.set.var_y[r], low);
   }
-  amb_model_variances(model, base->cov, variances);
-  amb_model_shown_with(model, 0, base->cov, with_y);
+  if (own(self)->disturbance) {
+    for (int i = 0; i < amb_states(model); i++) {
+      before[i] = base->mean[i];
+    }
+    amb_model_variances(model, base->cov, variances);
+    amb_model_shown_with(model, 0, base->cov, with_y);
+  }
   amb_status status = inner.methods->update(&inner, &s->inner, y, result);
   if (learns(self, s, status, result)) {
-    const amb_real S = variance_of(s, 0, result->variance[0]);
-    add_corrections(model, before, variances, with_y, S, s);
+    if (own(self)->disturbance) {
+      const amb_real S = variance_of(s, 0, result->variance[0]);
+      add_corrections(model, before, variances, with_y, S, s);
+    }
     status |= adapt(self, s, result);
   }
   result->status = status;

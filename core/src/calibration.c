@@ -153,7 +153,8 @@ const amb_control *amb_calibration_update(const amb_calibration_base *base,
                                           amb_calibration *calibration)
 {
   const bool agree = calibration->flying == calibration->copy[0];
-  const uint32_t flying = agree ? calibration->flying : calibration->copy[1];
+  const uint32_t kept = agree ? calibration->flying : calibration->copy[1];
+  const uint32_t flying = (kept <= 2U) ? kept : 0U; /* more than one bit has flipped */
   const uint32_t idle = (flying == 1U) ? 2U : 1U;
   amb_calibration_kept *next = &calibration->kept[idle - 1U];
   fly(calibration, flying);
@@ -182,7 +183,7 @@ const amb_control *amb_calibration_update(const amb_calibration_base *base,
 
 const amb_control *amb_calibration_flown(const amb_calibration_base *base, amb_works_by *works_by)
 {
-  const amb_control *control = amb_working_by(works_by);
+  const amb_control *control = amb_working_by(works_by, base->control);
   if (control != base->control) {
     const void *start = control; /* of what was kept */
     const amb_calibration_kept *kept = (const amb_calibration_kept *)start;

@@ -8,10 +8,15 @@ void amb_work_by(amb_works_by *works_by, const amb_control *control)
   works_by->copy[1] = control;
 }
 
-const amb_control *amb_working_by(amb_works_by *works_by)
+const amb_control *amb_working_by(amb_works_by *works_by, const amb_control *otherwise)
 {
-  const amb_control *control =
-      (works_by->control == works_by->copy[0]) ? works_by->control : works_by->copy[1];
+  const amb_control *control = otherwise;
+  if ((works_by->control == works_by->copy[0]) || (works_by->control == works_by->copy[1])) {
+    control = works_by->control;
+  } else if (works_by->copy[0] == works_by->copy[1]) {
+    control = works_by->copy[0];
+  } else { /* no two are equal */
+  }
   amb_work_by(works_by, control);
   return control;
 }

@@ -78,8 +78,14 @@ static amb_status take_in(const amb_kalman *kf, const void *constants, void *of,
       }
     }
   }
-  if (((status & AMB_UNUSED) != 0U) && amb_envelope_clamp(kf, s->mean)) {
+  if (((status & AMB_UNUSED) != 0U) && !amb_envelope_within(kf, AMB_ASTRAY, s->mean)) {
+    for (int i = 0; i < amb_states(&kf->model); i++) { /* no rotor's; nor is its load's limit */
+      s->mean[i] = AMB_C(0.0);
+    }
+    status |= AMB_HELD | AMB_RESTARTED;
+  } else if (((status & AMB_UNUSED) != 0U) && amb_envelope_clamp(kf, s->mean)) {
     status |= AMB_HELD;
+  } else { /* within the envelope, or led by the measurement */
   }
   return status;
 }

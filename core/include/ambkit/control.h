@@ -49,8 +49,9 @@ typedef struct amb_works_by {
 /* Let it work by this, between two steps: a slower task may, which the sampling interrupts. */
 void amb_work_by(amb_works_by *works_by, const amb_control *control);
 
-/* What it works by, the one of three of which two are equal; all are then that one. */
-const amb_control *amb_working_by(amb_works_by *works_by);
+/* What it works by, the one of three of which two are equal, or `otherwise` where no two are; all
+ * are then that one. */
+const amb_control *amb_working_by(amb_works_by *works_by, const amb_control *otherwise);
 
 typedef struct amb_control_state {
   amb_pid_state pid[AMB_CONTROLS];
