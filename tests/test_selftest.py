@@ -172,8 +172,8 @@ MACHINE_FAULTS = {
     ),
     "starts far beyond a stop": (
         "f.c",
-        "(AMB_C(16.0) * kf->set.var_y[r])",
-        "(AMB_C(25.0) * kf->set.var_y[r])",
+        "(AMB_C(16.0) * var_y)",
+        "(AMB_C(25.0) * var_y)",
     ),
     "HELD never told": ("core/src/envelope.c", "sound ? AMB_HELD", "sound ? AMB_OK"),
     "a demand whose product is none": (

@@ -313,7 +313,7 @@ class View:
 
     def first(self, y: Array) -> Array:
         """Return the first readings (m,) of a record (N, m) that are all within the travel."""
-        limit = self.limits
+        limit = self.limits.astype(y.dtype)  # as an exported filter compares
         if len(y) and bool((np.abs(y[0]) <= limit).all()):
             return np.asarray(y[0])
         good = np.flatnonzero((np.abs(y) <= limit).all(axis=1))
