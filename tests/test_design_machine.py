@@ -74,7 +74,7 @@ def run(arguments, capsys):
     (["design", "--bearing", "tum_mlps", "--free", "mass", "--out", "e"], 2, "--free says"),
     (["design", "--bearing", "zittau_axial", "--out", "e"], 2, "give at least one"),
     (["design", "--bearing", "tum_mlps", "--estimator", "observer", "--out", "e"], 2,
-     "cannot take a whole machine"),
+     "takes one axis"),
 ])  # fmt: skip
 def test_commands(arguments, code, said, designed, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(designed.folder.parent)

@@ -179,7 +179,7 @@ def test_currents_stay_within_limits_whatever_is_given(name: str, tmp_path: Path
 
 
 def test_what_has_no_controllers_says_so(tmp_path: Path) -> None:
-    with pytest.raises(AmbkitError, match="of a whole machine"):
+    with pytest.raises(AmbkitError, match="give its scenario"):
         export_c(BEARING, None, tmp_path / "c", flight=Flight())
     flight = Flight(feedback="estimate", control=Control(unbalance="still"))
     with pytest.raises(AmbkitError, match="synchronous"):

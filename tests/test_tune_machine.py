@@ -33,7 +33,7 @@ def test_variances_of_axes_keep_their_ratios():
     assert contender.build(**contender.defaults).variances.disturbance == pytest.approx(
         own.disturbance
     )
-    with pytest.raises(ValueError, match=r"noise.control must be 4 numbers, got 2"):
+    with pytest.raises(ValueError, match=r"noise.control must be one number or 4, is 2"):
         KalmanFilter(TUM, noise=FilterNoise(control=[1e-6, 1e-6]))
     with pytest.raises(ValueError, match="must be one number for one axis"):
         KalmanFilter(ambkit.Bearing.preset("zittau_axial"), noise=FilterNoise(control=[1e-6]))

@@ -74,9 +74,9 @@ def unbalance_response(
     plant = Plant(machine)
     at_rest, spin = held(machine)
     ahead, across = plant.unbalance()
-    moved = 2 * len(machine.positions)
+    q = len(machine.positions)
     push = np.zeros(len(at_rest), complex)
-    push[:moved] = (ahead - 1j * across)[:moved]
+    push[q : 2 * q] = ahead - 1j * across  # velocities stand after the positions
     speed = np.linspace(fastest / count, fastest, count)
     one = np.eye(len(at_rest))
     found = [np.linalg.solve(1j * w * one - at_rest - w * spin, w**2 * push) for w in speed]

@@ -94,6 +94,8 @@ def export_c(
     elif force_bound is not None:
         raise AmbkitError("force_bound is for an expert in tabulated form")
     estimator = made(kind, bearing, magnet, filter_file, options)
+    if flight is not None and estimator.whole is None:
+        raise AmbkitError(f"{estimator.machine.name} has one axis: give its scenario, not a flight")
     wrong = require_adequate(estimator, flown_on, scenario or flight, force=force)
     _check_nodes(estimator)
     spent = cost.of(estimator) if precision == "float" and not editable else None

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.errors import AmbkitError
 from ambkit.export.c import data
 from ambkit.export.c.control_scenes import QUICK
 from ambkit.export.c.crc import Constants
@@ -41,9 +40,7 @@ def context(
     estimator: Estimator, flight: Flight, name: str, precision: CPrecision, bound: float
 ) -> dict[str, Any]:
     """Return what the templates of the controllers say."""
-    if estimator.whole is None:
-        raise AmbkitError("controllers are exported of a whole machine; this is one axis")
-    machine = estimator.whole.machine
+    machine = estimator.machine
     flight = settled_flight(machine, flight)
     fed = estimator if flight.feedback == "estimate" else None
     plant = Plant(machine)
