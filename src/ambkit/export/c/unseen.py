@@ -58,6 +58,10 @@ NOT_RUN = (
         lambda has: not has.rising,
     ),
     NotRun("at_rest.c", "amb_rest_where_shown", "", _ONE, lambda _: True),
+    NotRun(
+        "control.c", "amb_working_by", "else if (works_by->copy[0]", "for bits that flip in memory",
+        lambda _: True,
+    ),
     *(
         NotRun("envelope.c", function, "", _ONE, lambda _: True)
         for function in (
@@ -311,6 +315,12 @@ MACHINE = (
     Unseen("kalman.c", "i < n; i++", _GIVEN, "amb_kalman_reset"),
     Unseen("kalman.c", "!amb_is_finite(mean[i]) ||", _GIVEN, "amb_kalman_reset"),
     Unseen("kalman.c", "near && (std != NULL)", "a start is near, and has deviations"),
+    Unseen("kalman.c", "kf->far[r] * kf->far[r]", "the first change is smaller"),
+    Unseen("kalman.c", "{AMB_C(2.0) * kf->far[r]", "no measurement is so far away"),
+    Unseen(
+        "exponential.h", "/* ln 2 in two parts */",
+        "what a repeat's probability is made of, which is held to a limit",
+    ),
     Unseen("loops.c", "value[AMB_STATES + AMB_FORCES", _ROOM),
     Unseen("loops.c", "row[AMB_STATES + AMB_FORCES", _ROOM),
     Unseen("loops.c", "if (n >= BLOCK)", "the sums are the same, row by row and in blocks"),
