@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from importlib import import_module
 
+from ambkit.base import late_binding
+
 TYPE_CHECKING = False  # as type checkers know it, without importing typing before a command starts
 if TYPE_CHECKING:
     from ambkit.base.errors import AmbkitError as AmbkitError
@@ -163,6 +165,61 @@ _HOME = {
     "workflow.tuned_filter": ["tune"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+# Functions of upper rooms behind methods of lower ones: by module, and what calls each, a name or
+# the class that a notebook shows by it.
+_BEHIND = {
+    "estimate.filter_saving": {
+        "load": "load_estimator",
+        "save": "save_estimator",
+    },
+    "show.notebook.card": {
+        "image": "image",
+    },
+    "show.notebook.drawing": {
+        "plot": "plot",
+    },
+    "show.plots.machine": {
+        "machine_figure": "machine_figure",
+    },
+    "show.notebook.things": {
+        "record": "data.record.Record",
+        "estimate": "estimate.estimate.Estimate",
+        "expert": "fuzzy.expert.Expert",
+        "bearing": "machine.bearing.Bearing",
+    },
+    "show.notebook.results": {
+        "maximum_likelihood": "identification.maximum_likelihood.result.MaximumLikelihood",
+        "identification": "identification.online.magnet_constant.Identification",
+        "side_by_side": "identification.online.side_by_side.SideBySide",
+        "bench": "judge.comparison.bench.Bench",
+        "benches": "judge.comparison.bench.Benches",
+        "scores": "judge.comparison.seeds.Scores",
+        "study": "judge.comparison.study.Study",
+    },
+    "workflow.cards": {
+        "assessed_log": "workflow.assessing_log.AssessedLog",
+        "assessment": "workflow.assessment.Assessment",
+        "loop_scores": "workflow.comparing.LoopScores",
+        "design": "workflow.designing.Design",
+        "machine_design": "workflow.designing_machine.MachineDesign",
+        "filtering": "workflow.filtering.Filtering",
+        "identified": "workflow.identifying.Identified",
+        "lifted_off": "workflow.identifying.LiftedOff",
+        "injection": "workflow.injection.Injection",
+        "over_speed": "workflow.over_speed.OverSpeed",
+        "swept": "workflow.sweeping.Sweep",
+        "trade_off": "workflow.trading_off.TradeOff",
+        "tuned": "workflow.tuned_filter.Tuned",
+    },
+    "workflow.campaign.card": {
+        "card": "workflow.campaign.result.Campaign",
+    },
+    "workflow.campaign.robust_card": {
+        "card": "workflow.campaign.robust.Robust",
+    },
+}
+late_binding.bind(_BEHIND)
 
 __all__ = ["__version__", *sorted(_MODULE_OF)]
 

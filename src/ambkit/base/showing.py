@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any, ClassVar
+from typing import Any
+
+from ambkit.base import late_binding
 
 
 class Shown:
@@ -11,13 +12,9 @@ class Shown:
 
     __slots__ = ()
 
-    _card_by: ClassVar[str]
-    """Module and function that make its :class:`~ambkit.show.notebook.Card`: pictures are made
-    above the rooms of the objects, which do not import them."""
-
     def _card(self) -> Any:
-        module, _, function = self._card_by.partition(":")
-        return getattr(import_module(f"ambkit.{module}"), function)(self)
+        names = (f"{of.__module__}.{of.__name__}"[len("ambkit.") :] for of in type(self).__mro__)
+        return late_binding.call(next(filter(late_binding.is_bound, names)), self)
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
@@ -62,10 +59,9 @@ class Drawn:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
-        html: str = import_module("ambkit.show.notebook.card").image(self.figure())
+        html: str = late_binding.call("image", self.figure())
         return html
 
     def plot(self, *, ax: Any = None, panel: int | str = 0, static: bool = False) -> Any:
         """Draw it, as `Shown.plot` does."""
-        drawing = import_module("ambkit.show.notebook.drawing")
-        return drawing.plot(self.figure(), ax=ax, panel=panel, static=static)
+        return late_binding.call("plot", self.figure(), ax=ax, panel=panel, static=static)

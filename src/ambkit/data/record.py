@@ -54,8 +54,6 @@ class Record(Shown):
         signal without unit, or in one that is not SI.
     """
 
-    _card_by = "show.notebook.things:record"
-
     t: Array
     signals: Mapping[str, Array]
     units: Mapping[str, str] = field(default_factory=dict)

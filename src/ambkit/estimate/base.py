@@ -6,13 +6,13 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.base import late_binding
 from ambkit.base.arrays import real
 from ambkit.base.asked import of_type
 from ambkit.base.copying import Copyable
@@ -181,8 +181,7 @@ class Estimator(Copyable):
         AmbkitError
             The file cannot be read, or what it says cannot be built.
         """
-        files = import_module("ambkit.estimate.filter_file")  # which imports this module
-        made: Estimator = files.FilterFile.load(path).make(precision=precision)
+        made: Estimator = late_binding.call("load_estimator", path, precision)
         return made
 
     def save(
@@ -208,7 +207,7 @@ class Estimator(Copyable):
         AmbkitError
             A file cannot be written; or it knows its magnet by what has no file.
         """
-        import_module("ambkit.estimate.filter_saving").save(self, path, bearing, magnet)
+        late_binding.call("save_estimator", self, path, bearing, magnet)
 
     @property
     def states(self) -> tuple[Descriptor, ...]:

@@ -90,8 +90,6 @@ class Estimate(Shown):
         Names of the axes and the readings of a whole machine; empty of one axis.
     """
 
-    _card_by = "show.notebook.things:estimate"
-
     t: Array
     mean: Array
     innovation: Array

@@ -23,7 +23,7 @@ from ambkit.machine.machine import Machine
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.magnets import MagnetModel
+    from ambkit.machine.magnets import MagnetModel, Precision
 
 
 def described(
@@ -76,6 +76,11 @@ def origin_of(values: Iterable[str], said: str) -> dict[str, str]:
 
 class NoFile(AmbkitError):
     """What a filter knows of its magnet cannot be written."""
+
+
+def load(path: str | os.PathLike[str], precision: Precision) -> Estimator:
+    """Return the estimator in a file."""
+    return FilterFile.load(path).make(precision=precision)
 
 
 def save(

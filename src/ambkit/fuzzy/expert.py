@@ -11,7 +11,7 @@ import os
 import sys
 from collections.abc import Iterable, Iterator
 from types import ModuleType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -84,8 +84,6 @@ class Expert(Shown, Part):
     share their centres and have each their own widths and weights. Outside its box the network
     answers as at the nearest point of the box.
     """
-
-    _card_by: ClassVar[str] = "show.notebook.things:expert"
 
     format: Literal["ambkit expert"] = "ambkit expert"
     """What the file is."""

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from types import SimpleNamespace
-from typing import Annotated, Any, ClassVar, Literal, Self, cast
+from typing import Annotated, Any, Literal, Self, cast
 
 from pydantic import (
     ConfigDict,
@@ -271,8 +271,6 @@ class Bearing(Shown, Document):
     >>> bearing.replace(magnet__air_gap="2.2 mm").magnet.air_gap
     0.0022
     """
-
-    _card_by: ClassVar[str] = "show.notebook.things:bearing"
 
     name: Annotated[Name, Field(min_length=1)]
     """Short name."""

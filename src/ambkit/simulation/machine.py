@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base import late_binding
 from ambkit.base.asked import of_type
 from ambkit.base.copying import own_version
 from ambkit.base.errors import AmbkitError
@@ -56,8 +56,7 @@ class MachineRun(Drawn):
 
     def figure(self) -> Any:
         """Return orbits, displacements and currents."""
-        # Pictures are made above the rooms of what they show.
-        return import_module("ambkit.show.plots.machine").machine_figure(self)
+        return late_binding.call("machine_figure", self)
 
     @property
     def fed(self) -> slice:

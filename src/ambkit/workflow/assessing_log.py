@@ -37,8 +37,6 @@ BASIS = (
 class AssessedLog(Shown):
     """A measured sensitivity, and what is said of it."""
 
-    _card_by = "workflow.cards:assessed_log"
-
     measured: MeasuredSensitivity  #: What the record tells.
     top: float  #: End of the range that the zones are taken from [Hz].
     peak: float  #: Greatest magnitude of S within it [1], and where [Hz].

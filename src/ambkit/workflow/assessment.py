@@ -31,8 +31,6 @@ BASIS = (
 class Assessment(Shown):
     """Loops of a machine and its controllers, assessed."""
 
-    _card_by = "workflow.cards:assessment"
-
     of: LoopOf  #: Plant, controllers and work point.
     estimators: dict[str, Estimator]  #: Those in the loops.
     #: Peaks of S and T, by their largest singular values, that no controller can be below with this

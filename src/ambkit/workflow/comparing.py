@@ -134,8 +134,6 @@ def happenings(
 class LoopScores(Shown):
     """Estimators, each in its own loop, over the same seeds."""
 
-    _card_by = "workflow.cards:loop_scores"
-
     bearing: Bearing  #: The plant, and what the estimators know.
     happenings: Mapping[str, Happening]  #: What happened, by name.
     #: (mapping of str to Score) By the same names, and by estimator.

@@ -57,8 +57,6 @@ KINDS_TRIED = ("linear", "extended", "adaptive")
 class Design(Shown):
     """A filter to fly, and why."""
 
-    _card_by = "workflow.cards:design"
-
     folder: Path  #: Where all of it lies.
     candidates: tuple[Candidate, ...]  #: Who was tried.
     chosen: Candidate  #: Who is to fly.

@@ -61,8 +61,6 @@ FILES = {
 class MachineDesign(Shown):
     """Controllers and a filter for a whole machine, and what their loop comes to."""
 
-    _card_by = "workflow.cards:machine_design"
-
     folder: Path  #: Where all of it lies.
     machine: Machine  #: The machine.
     control: Control  #: The controllers, with all their gains.

@@ -97,8 +97,6 @@ class Filtered:
 class Filtering(Shown):
     """Estimators along a record."""
 
-    _card_by = "workflow.cards:filtering"
-
     machine: Machine  #: What they assume.
     record: Record  #: What they filtered: of lift-off and landing what lies between.
     stretch: Stretch | None  #: What they were tuned on.

@@ -74,8 +74,6 @@ def _noise_as_data(noise: Noise | str) -> dict[str, Any]:
 class Identified(Shown):
     """A bearing from records of the loop, with its uncertainty, and how it did on others."""
 
-    _card_by = "workflow.cards:identified"
-
     given: Bearing  #: What was known before, without what `rest` says.
     records: Sequence[Record]  #: What it was identified from.
     likelihood: MaximumLikelihood  #: What was found.
@@ -303,8 +301,6 @@ def identify(
 @dataclass(frozen=True, eq=False)
 class LiftedOff(Shown):
     """A bearing from the points at which its rotor lifts off."""
-
-    _card_by = "workflow.cards:lifted_off"
 
     #: With the constant that was found, and the air gap and bias current of the working point; as
     #: it was given without one.

@@ -28,8 +28,6 @@ PERIODS = 10
 class Injection(Shown):
     """An experiment for the sensitivity, and what it would tell."""
 
-    _card_by = "workflow.cards:injection"
-
     name: str  #: Of the bearing, or of the machine and its axis.
     axis: str  #: Of a machine, at whose summing point the signal is added; else empty.
     excitation: Excitation  #: One period, of amplitude 1.

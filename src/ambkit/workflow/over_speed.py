@@ -56,8 +56,6 @@ UNKNOWN = 1000.0
 class OverSpeed(Shown):
     """A machine's loop at several speeds of rotation."""
 
-    _card_by = "workflow.cards:over_speed"
-
     machine: Machine  #: The machine.
     fed_by: str  #: What its controllers are fed by.
     axes: tuple[str, ...]  #: Names of its p axes.

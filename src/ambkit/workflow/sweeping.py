@@ -89,8 +89,6 @@ class Swept:
 class Sweep(Shown):
     """A loop swept at several amplitudes, beside its linear model."""
 
-    _card_by = "workflow.cards:swept"
-
     bearing: Bearing | Machine  #: The plant.
     axis: int  #: Which was swept.
     kind: Kind  #: What was added to the measurement.

@@ -48,8 +48,6 @@ class Traded:
 class TradeOff(Shown):
     """Filters of one kind, from much margin of the loop to little."""
 
-    _card_by = "workflow.cards:trade_off"
-
     bearing: Bearing | Machine  #: What is filtered.
     kind: str  #: Of the filters.
     points: tuple[Traded, ...]  #: By their ceilings.

@@ -59,8 +59,6 @@ AT_THE_END = 0.02
 class Tuned(Shown):
     """A filter, what it was tuned by, and what that gained."""
 
-    _card_by = "workflow.cards:tuned"
-
     #: The filter to take: tuned, or as it was where that fits the unseen data better.
     estimator: Estimator
     kind: str  #: Of the filter.

@@ -37,8 +37,6 @@ CONFIDENCE = 1.959964
 class MaximumLikelihood(Shown):
     """What records say about a bearing, p parameters found."""
 
-    _card_by = "show.notebook.results:maximum_likelihood"
-
     start: LoopModel  #: Where the search began, as the user gave it, and what it found.
     model: LoopModel
     parameters: list[Parameter]  #: What was found.

@@ -23,8 +23,6 @@ from ambkit.machine.bearing import Bearing
 class Identification(Shown):
     """What a record says about a bearing."""
 
-    _card_by = "show.notebook.results:identification"
-
     bearing: Bearing  #: The one that was given, with the identified magnet constant.
     #: Mean and standard deviation of k over the last quarter of the record [N m^2/A^2]; of
     #: ``augmented`` the k at its end.

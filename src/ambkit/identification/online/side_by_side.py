@@ -46,8 +46,6 @@ Sensor noise that is correlated over a sample (a low-pass at a sixth of the samp
 class SideBySide(Shown):
     """What each learned along one record, from one start."""
 
-    _card_by = "show.notebook.results:side_by_side"
-
     bearing: Bearing  #: The one that was given.
     start: float  #: Magnet constant that all began with [N m^2/A^2].
     truth: float | None  #: The simulated bearing's [N m^2/A^2]; None for a measured record.

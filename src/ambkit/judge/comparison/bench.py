@@ -86,8 +86,6 @@ class Standing:
 class Bench(Shown):
     """The whole comparison in one case."""
 
-    _card_by = "show.notebook.results:bench"
-
     bearing: Bearing  #: What the estimators assume.
     case: Case  #: What happened.
     runs: int  #: Runs, and those left out since the rotor met a stop while the records were made.
@@ -135,8 +133,6 @@ class Bench(Shown):
 
 class Benches(Shown, dict[str, Bench]):
     """The comparison in several cases, by their names."""
-
-    _card_by = "show.notebook.results:benches"
 
 
 def _pooled(errors: Array) -> float:

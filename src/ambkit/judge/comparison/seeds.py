@@ -57,8 +57,6 @@ class Score:
 class Scores(Shown, dict[str, Score]):
     """How each of several estimators did, by name."""
 
-    _card_by = "show.notebook.results:scores"
-
 
 def rmse(estimate: Estimate, record: Record, signal: str) -> float:
     """Root mean square error of an estimated signal against the truth in the record."""

@@ -47,8 +47,6 @@ SWEEP_RUNS = 4
 class Study(Shown):
     """A whole comparison."""
 
-    _card_by = "show.notebook.results:study"
-
     bench: Bench  #: The case that was asked for.
     field: Mapping[str, Contender]  #: Who took part.
     first: Trial  #: Its first run.

@@ -30,8 +30,6 @@ class Campaign(Shown, Machines):
         Those that count.
     """
 
-    _card_by = "workflow.campaign.card:card"
-
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Campaign:
         """Return the campaign in a folder, finished or not.

@@ -73,8 +73,6 @@ class Tried(NamedTuple):
 class Robust(Shown):
     """A search over controllers and filters, each flown with all machines of a study."""
 
-    _card_by = "workflow.campaign.robust_card:card"
-
     plan: Plan  #: The study.
     kind: str  #: Of the filter.
     #: Which quantile over the machines was made small; what that of the peak stays below.

@@ -1,0 +1,126 @@
+"""Imports go down only and in no circle, those by a string included (README.md, the house)."""
+
+from __future__ import annotations
+
+import ast
+import re
+import tomllib
+from importlib import import_module
+from pathlib import Path
+
+import grimp
+import pytest
+
+from ambkit.base import late_binding
+from ambkit.base.showing import Shown
+
+ROOT = Path(__file__).parents[1]
+
+SOURCE = ROOT / "src" / "ambkit"
+NAME = re.compile(r"\.?[a-z_]\w*(?:\.\w+)*(?::\w+)?")
+FLOORS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+FLOORS = next(contract["layers"] for contract in FLOORS if contract["type"] == "layers")
+
+
+def named(text: str, modules: set[str]) -> set[str]:
+    """Return the module that a source names by each of its strings, as far as there is one."""
+    tree = ast.parse(text)
+    parts = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr)
+             for part in node.values}  # fmt: skip
+    prefixes = {"ambkit."} | {
+        str(node.values[0].value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.JoinedStr) and isinstance(node.values[0], ast.Constant)
+    }
+    prefixes = {each for each in prefixes if re.fullmatch(r"ambkit\.(\w+\.)*", each)}
+    dynamic = "import_module" in text or "__import__" in text
+    strings = {
+        node.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts
+    }
+    found = set()
+    for string in filter(NAME.fullmatch, strings):
+        words = string.replace(":", ".").split(".")
+        starts = [""] if words[0] == "ambkit" else prefixes if dynamic or ":" in string else set()
+        for start in starts:
+            for end in range(len(words), 0, -1):
+                module = start + ".".join(words[:end])
+                if module in modules and module.count(".") > 1:
+                    found.add(module)
+                    break
+    return found
+
+
+@pytest.fixture(scope="module")
+def graph() -> grimp.ImportGraph:
+    """Return who imports whom; the package's own root, above all floors, left out."""
+    made = grimp.build_graph("ambkit", cache_dir=None)
+    modules = {each for each in made.modules if not made.is_module_squashed(each)}
+    for path in sorted(SOURCE.rglob("*.py")):
+        parts = ("ambkit", *path.relative_to(SOURCE).with_suffix("").parts)
+        importer = ".".join(parts).removesuffix(".__init__")
+        for module in named(path.read_text(), modules) - {importer}:
+            made.add_import(importer=importer, imported=module)
+    for module in made.find_modules_directly_imported_by("ambkit"):
+        made.remove_import(importer="ambkit", imported=module)
+    return made
+
+
+def floor_of(module: str) -> int:
+    """Return how far from the top the floor of a module is."""
+    room = module.split(".")[1]
+    return next(k for k, floor in enumerate(FLOORS) if room in floor.split(" | "))
+
+
+def test_no_import_goes_up(graph: grimp.ImportGraph) -> None:
+    """Strings and `import_module` included."""
+    inner = [each for each in graph.modules if each not in ("ambkit", "ambkit.__main__")]
+    upward = [
+        f"{importer} -> {imported}"
+        for importer in inner
+        for imported in graph.find_modules_directly_imported_by(importer)
+        if imported.count(".") and importer.split(".")[1] != imported.split(".")[1]
+        if not imported.split(".")[1].startswith("_") and floor_of(imported) <= floor_of(importer)
+    ]
+    assert "\n".join(sorted(upward)) == ""
+
+
+def test_no_import_circle(graph: grimp.ImportGraph) -> None:
+    """Neither between the rooms within a room, nor between single modules."""
+    circles = {
+        each: found for each in graph.modules if (found := graph.nominate_cycle_breakers(each))
+    }
+    assert not circles
+    left = set(graph.modules)
+    while leaves := {m for m in left if not graph.find_modules_directly_imported_by(m) & left}:
+        left -= leaves
+    assert not sorted(left)
+
+
+def test_what_is_bound_late_is_there() -> None:
+    """Each class that a notebook shows has its card, and each name its function."""
+    places = dict(late_binding._places)
+    for path in SOURCE.rglob("*.py"):
+        module = ".".join(path.relative_to(SOURCE).with_suffix("").parts)
+        for name in re.findall(r"^class (\w+)\(.*\bShown\b", path.read_text(), re.MULTILINE):
+            assert f"{module}.{name}" in places
+    for name, place in places.items():
+        module, _, function = place.partition(":")
+        assert callable(getattr(import_module(f"ambkit.{module}"), function))
+        module, _, of = name.rpartition(".")
+        assert not module or issubclass(getattr(import_module(f"ambkit.{module}"), of), Shown)
+
+
+@pytest.mark.parametrize(
+    ("source", "module"),
+    [
+        ('x = import_module("ambkit.show.notebook.card")', "ambkit.show.notebook.card"),
+        ('a = "show.notebook.card:image"', "ambkit.show.notebook.card"),
+        ('import_module(f"ambkit.estimate.{m}"); a = "kalman.KalmanFilter"',
+         "ambkit.estimate.kalman"),
+    ],
+)  # fmt: skip
+def test_strings_are_seen(graph: grimp.ImportGraph, source: str, module: str) -> None:
+    """The check finds what hid from it."""
+    assert named(source, set(graph.modules)) == {module}
