@@ -31,6 +31,8 @@ PRECISIONS: tuple[CPrecision, ...] = ("float", "double")
 CONTROLLERS = {
     "PID of the estimate": PID(),
     "PID of the reading": PID(feedback="measurement"),
+    "PID and feed-forward of the estimate": PID(feed_forward=0.5),
+    "LQG": PID(type="lqg"),
 }
 """Controllers that are proved, with the linear filter."""
 

@@ -69,11 +69,9 @@ def fuses(compiler: str) -> bool:
     quick(
         [
             *product(
-                ("tum_mlps", "ufu_flexible", "compressor"), FLOWN, ("float", "double"),
-                ("gcc", "clang"),
+                ("tum_mlps", "ufu_flexible", "compressor", "tum_mlps_flexible"), FLOWN,
+                ("float", "double"), ("gcc", "clang"),
             ),
-            # In double a false alarm is left of it.
-            *product(("tum_mlps_flexible",), ("lift-off",), ("float",), ("gcc", "clang")),
         ],
         [("tum_mlps", "lift-off", "float", "clang"), ("ufu_flexible", "estimate", "double", "gcc")],
     ),

@@ -86,15 +86,12 @@ def export_proved(what: str, out: Path) -> CExport:
     return export(what if what in KINDS else "linear", out, prefix="f", **of)
 
 
-QUICKLY = ["linear", "editable", "lqg", *prover.CONTROLLERS]
-WITH_PROOF = [*KINDS, "editable", "lqg", *prover.CONTROLLERS]
-LAWS = prover.CONTROLLERS | {"lqg": PID(type="lqg"), "calibrated": PID()}
+WITH_PROOF = [*KINDS, "editable", *prover.CONTROLLERS]
+LAWS = prover.CONTROLLERS | {"calibrated": PID()}
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
-@pytest.mark.parametrize(
-    "what", quick(WITH_PROOF, ["linear", "editable", "lqg", *prover.CONTROLLERS])
-)
+@pytest.mark.parametrize("what", quick(WITH_PROOF, ["linear", "editable", *prover.CONTROLLERS]))
 def test_script_and_harness_parse(what: str, tmp_path: Path) -> None:
     """As a shell has the one, and a compiler the other, with what Frama-C has built in."""
     folder = export_proved(what, tmp_path / "c").folder
@@ -116,7 +113,7 @@ def test_script_and_harness_parse(what: str, tmp_path: Path) -> None:
         assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("what", ["lqg", "editable"])
+@pytest.mark.parametrize("what", ["editable"])
 def test_a_script_that_was_not_run_is_called_no_proof(what: str, tmp_path: Path) -> None:
     folder = export_proved(what, tmp_path / "c").folder
     text = (folder / "proof" / "README.md").read_text(encoding="utf-8")
@@ -128,7 +125,15 @@ def test_a_script_that_was_not_run_is_called_no_proof(what: str, tmp_path: Path)
 def test_of_what_is_not_proved_nothing_is_said(what: str, tmp_path: Path) -> None:
     made = export_proved(what, tmp_path / "c")
     assert not [file for file in made.files if file.startswith("proof/")]
-    assert "proof" not in (made.folder / "README.md").read_text(encoding="utf-8")
+    readme = (made.folder / "README.md").read_text(encoding="utf-8")
+    assert "proof" not in readme
+    assert "- It is not proved that no input leads to undefined" in readme
+
+
+def test_the_readme_of_a_controller_says_that_it_is_proved(tmp_path: Path) -> None:
+    readme = (export_proved("LQG", tmp_path / "c").folder / "README.md").read_text(encoding="utf-8")
+    assert "- Proved with the numbers of ambkit's own rig: no input" in readme
+    assert "not proved" not in readme
 
 
 @pytest.mark.study
@@ -136,7 +141,7 @@ def test_of_what_is_not_proved_nothing_is_said(what: str, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("kind", "precision", "law"),
     [("linear", "double", None), ("unscented", "float", None),
-     ("linear", "float", "PID of the reading")],
+     ("linear", "float", "PID of the reading"), ("linear", "float", "LQG")],
 )  # fmt: skip
 def test_what_is_recorded_comes_out(
     kind: str, precision: CPrecision, law: str | None, tmp_path: Path

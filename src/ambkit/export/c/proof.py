@@ -56,6 +56,7 @@ class Proof:
 def stored_as(estimator: Estimator, precision: CPrecision, control: PID | None = None) -> str:
     """Return what the proof of a kind is stored under, or that of a controller with it."""
     law = "" if control is None else f"{control.type} of the {control.feedback}, "
+    law += "feed-forward, " if control is not None and control.feed_forward else ""
     return f"{law}{cost.made_of(estimator)}, {precision}"
 
 
