@@ -19,6 +19,7 @@ from scipy.stats import binomtest, norm
 import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.simulation import many
 from ambkit.simulation.linear.pieces import WorkPoint, plant, plants
 from ambkit.simulation.linear.settled import estimator_at, estimators_at
 from ambkit.workflow.campaign import running, store
@@ -344,6 +345,15 @@ def test_margins_of_a_campaign_solve_no_equation_for_each_machine(
     rows = compute(a, 0, 64).runs.to_pydict()
     assert np.isfinite(rows["peak_S"]).all()
     assert len(solved) < 20
+
+
+def test_signals_are_sampled_once_where_amplifiers_vary(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[int] = []
+    old = many.Sampled.of
+    monkeypatch.setattr(many.Sampled, "of", lambda *told: (made.append(1), old(*told))[1])
+    gain = Uniform(what="amplifier.gain", tolerance="3 %")
+    compute(varied("sobol", gain, runs=16, scenario={"duration": 0.002}), 0, 16)
+    assert len(made) == 1
 
 
 def test_an_unstable_loop_has_an_infinite_peak() -> None:

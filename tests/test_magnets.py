@@ -12,7 +12,14 @@ from magnet_at import differences, force, tangent, through_origin
 from oracles import least_squares_stiffness, magnet_force
 
 from ambkit import Bearing
-from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, core_module, equally_far
+from ambkit.machine import presets
+from ambkit.machine.magnets import (
+    ClosedLaw,
+    ConstantStiffness,
+    core_module,
+    equally_far,
+    magnet_of,
+)
 
 TWO_SIDED = Bearing.preset("zittau_axial")
 ONE_SIDED = Bearing.preset("inteco_ml")
@@ -226,3 +233,15 @@ def test_both_builds_live_side_by_side() -> None:
     assert ConstantStiffness(1, 2).in_core(single).force(np.ones(1), np.ones(1)).dtype == np.float32
     with pytest.raises(ValueError, match="'float64' or 'float32', got 'float16'"):
         core_module("float16")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", presets.names())
+def test_a_current_carries_what_needs_no_more(name: str) -> None:
+    bearing = Bearing.preset(name)
+    law = magnet_of(bearing)
+    for pull in (-bearing.weight, 3.0, -0.01):
+        needed = law.current_for(pull)
+        for size in (0.999 * abs(needed), 1.001 * abs(needed)):
+            one_sided = bearing.magnet.type == "one-sided"
+            low = -min(size, bearing.magnet.bias_current) if one_sided else -size
+            assert law.carries(pull, low, size) == (size >= abs(needed))

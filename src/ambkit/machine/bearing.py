@@ -355,7 +355,7 @@ class Bearing(Shown, Document):
             yield "rotor.gravity", text
 
         current = read("amplifier.current_limit")
-        hover = abs(_hover_current(read))
+        hover = abs(_hover_current(read, current))
         if hover > current:
             limit = f"at least {engineering(hover, 'A')}, which carries the rotor at x = 0"
             if math.isinf(hover):
@@ -378,7 +378,8 @@ def along_x(gravity: Any) -> float:
     return 0.0 if abs(share) < 1e-12 else share  # across
 
 
-def _hover_current(read: Read) -> float:
+def _hover_current(read: Read, enough: float = 0.0) -> float:
+    """Return the current that carries the rotor at x = 0; 0 where ``enough`` [A] carries it."""
     weight = along_x(read("rotor.gravity")) * read("rotor.mass") * GRAVITY
     magnet = SimpleNamespace(**{key: read(f"magnet.{key}") for key in Magnet.model_fields})
     wrong = any(isinstance(value, float) and math.isnan(value) for value in vars(magnet).values())
@@ -392,7 +393,10 @@ def _hover_current(read: Read) -> float:
         if not 0 < bearing.rotor.travel_limit < magnet.air_gap or not limit > 0:
             return math.nan
     try:
-        return magnet_of(cast("Bearing", bearing)).current_for(-weight)
+        law = magnet_of(cast("Bearing", bearing))
+        if enough > 0 and law.carries(-weight, *_current_limits(enough, magnet)):
+            return 0.0
+        return law.current_for(-weight)
     except AmbkitError:  # which is told of the force map
         return math.nan
 

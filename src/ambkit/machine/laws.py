@@ -99,6 +99,21 @@ class Law:
             return 0.0
         return -float(_evaluate(self, "force", -m.bias_current, 0.0)[0])
 
+    def carries(self, force: float, low: float, high: float) -> bool:
+        """Whether the magnet pulls at least so much at x = 0 at one of two control currents.
+
+        Parameters
+        ----------
+        force : float
+            Whole force of the magnet [N].
+        low, high : float
+            Least and greatest control current [A].
+        """
+        wanted, middle = force - self.bias_force, np.zeros(1)
+        at = np.array([low if wanted < 0 else high])
+        pulled = float(self.in_core(core_module()).force(at, middle)[0])
+        return pulled <= wanted if wanted < 0 else pulled >= wanted
+
     def current_for(self, force: float) -> float:
         """Return the control current iu [A] with which the magnet pulls so much at x = 0.
 

@@ -117,7 +117,7 @@ class Machine(Document):
             Whether what it holds is copied as well.
         """
         copy = super().model_copy(update=update, deep=deep)
-        for made in ("shaft", "made_alone"):  # of another rotor, perhaps
+        for made in ("shaft", "axes", "made_alone"):  # of another rotor, perhaps
             copy.__dict__.pop(made, None)
         return copy
 
@@ -126,7 +126,7 @@ class Machine(Document):
         """Its bending modes; None of a rigid rotor."""
         return self.shaft.bending
 
-    @property
+    @cached_property
     def axes(self) -> tuple[Axis, ...]:
         """The axes of its bearings."""
         return geometry.axes_of(self.bearing, self.shaft)

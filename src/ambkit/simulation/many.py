@@ -279,7 +279,7 @@ class _Engine:
         self.threads, self.instructions = threads, instructions
         # By the identity of what a run is made of, which is kept, so that no other takes its place.
         self._plans: dict[tuple[int, ...], tuple[Planned, ModuleType, Any]] = {}
-        self._signals: dict[tuple[int, float], tuple[Scenario, Sampled]] = {}
+        self._signals: dict[tuple[Any, ...], tuple[Scenario, Sampled]] = {}
         self._last: tuple[Any, tuple[Array, Array], Windows] | None = None
 
     def ready(self, runs: Sequence[Planned]) -> Ready:
@@ -322,8 +322,10 @@ class _Engine:
         return found[1:]
 
     def _sampled(self, planned: Planned) -> Sampled:
-        """Return the signals of a scenario, which many bearings share."""
-        key = id(planned.scenario), planned.bearing.sampling_time
+        """Return the signals of a scenario, which many bearings and controllers share."""
+        of = planned.scenario
+        signals = id(of.reference), id(of.disturbance), id(of.injection)
+        key = *signals, of.duration, planned.bearing.sampling_time
         if key not in self._signals:
             if len(self._signals) > MOST_PLANS:
                 self._signals.clear()
