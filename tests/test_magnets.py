@@ -241,6 +241,8 @@ def test_a_current_carries_what_needs_no_more(name: str) -> None:
     law = magnet_of(bearing)
     for pull in (-bearing.weight, 3.0, -0.01):
         needed = law.current_for(pull)
+        if not np.isfinite(needed):  # a one-sided magnet does not push
+            continue
         for size in (0.999 * abs(needed), 1.001 * abs(needed)):
             one_sided = bearing.magnet.type == "one-sided"
             low = -min(size, bearing.magnet.bias_current) if one_sided else -size
