@@ -17,17 +17,13 @@ from ambkit.cli.options import (
     Plot,
     To,
     file_option,
-    find_bearing,
-    find_machine,
-    refuse_of_one_axis,
+    find_plant,
 )
 from ambkit.cli.tune_robust import tune_robust
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.data.rig_units import Inputs
-    from ambkit.simulation.controllers import Control
-    from ambkit.simulation.scenario import PID
     from ambkit.workflow.trading_off import TradeOff
     from ambkit.workflow.tuned_filter import Tuned
 
@@ -115,8 +111,7 @@ def tune(
         Path | None,
         typer.Option(
             metavar="FILE.toml",
-            help="Whose [controller] the loop has; what it does not say is tuned for the bearing. "
-            "Of a whole machine a flight, whose [control] it is.",
+            help="Whose controllers the loop has; what it does not say is tuned for the machine.",
         ),
     ] = None,
     begin: From = None,
@@ -146,11 +141,11 @@ def tune(
       ambkit export c filter.toml --out out/
     """
     from ambkit.cli import output
-    from ambkit.cli.kinds import read_expert
+    from ambkit.cli.kinds import experts
     from ambkit.cli.loop_query import control_of
     from ambkit.cli.options import arguments_of_the_user
+    from ambkit.machine.machine import as_machine
     from ambkit.show import plots
-    from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.trading_off import trade_off
     from ambkit.workflow.tuned_filter import tune as tuned
 
@@ -185,21 +180,13 @@ def tune(
         if simulated and given is not None:
             raise AmbkitError(f"{option} is for records, and there is none")
     name = target[0] if bearing is None else bearing
-    whole = find_machine(name)
-    known: Any = find_bearing(name) if whole is None else whole
-    if whole is not None:
-        refuse_of_one_axis(whole, {"expert": expert})
-    magnet = None if expert is None else read_expert(expert, known)
+    known = find_plant(name)
+    magnet = None if expert is None else experts(expert, known)
     records = [] if simulated else [_load(Path(p), channel_map, known, begin, end) for p in target]
     others = [_load(path, channel_map, known, None, None) for path in validate or ()]
     inputs = None if channel_map is None else _inputs(channel_map)
     span = "" if begin is None and end is None else f", {_shown(begin)} to {_shown(end)}"
-    pid: PID | Control | None = None
-    if scenario is not None:
-        pid = (
-            Scenario.load(scenario).controller if whole is None
-            else control_of(whole, str(scenario))[0]
-        )  # fmt: skip
+    pid = control_of(as_machine(known), None if scenario is None else str(scenario))[0]
     if ceilings is not None:
         alone = {"--max-sensitivity": max_sensitivity, "--out": out, "--free": free,
                  "--validate": validate or None}  # fmt: skip
@@ -260,15 +247,13 @@ def _traded(found: TradeOff) -> Any:
 
 
 def _load(
-    path: Path, channel_map: Path | None, bearing: Any, begin: float | None, end: float | None
+    path: Path, channel_map: Path | None, machine: Any, begin: float | None, end: float | None
 ) -> Record:
     from ambkit.cli.belonging import say_what_is_odd
     from ambkit.cli.logs import load_log
-    from ambkit.machine.machine import Machine
 
     record = load_log(path, channel_map, begin, end)
-    if not isinstance(bearing, Machine):
-        say_what_is_odd(path, record, bearing)
+    say_what_is_odd(path, record, machine)
     return record
 
 

@@ -17,7 +17,6 @@ from ambkit.machine.machine import Machine
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.tuned_filter import BUDGET, RUNS, Tuned, tune
-from ambkit.workflow.tuning_machine import MachineByTruth
 from ambkit.workflow.tuning_tasks import ByTruth
 
 if TYPE_CHECKING:
@@ -130,10 +129,7 @@ def trade_off(
     of_type(Bearing, Machine, bearing=bearing)
     if not ceilings:
         raise AmbkitError("ceilings must be one value or more")
-    judge = (
-        MachineByTruth(bearing, runs, seed) if isinstance(bearing, Machine)
-        else ByTruth(bearing, runs, seed)
-    )  # fmt: skip
+    judge = ByTruth(bearing, runs, seed)
     points, refused = list[Traded](), None
     for ceiling in sorted(ceilings):
         try:

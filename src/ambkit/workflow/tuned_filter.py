@@ -29,8 +29,6 @@ from ambkit.simulation.controllers import Control
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.linear.settled import tells
 from ambkit.simulation.scenario import PID, Scenario
-from ambkit.workflow.given import of_machine
-from ambkit.workflow.tuning_machine import MachineByLikelihood, MachineByTruth, check_records
 from ambkit.workflow.tuning_tasks import JUDGED, By, ByLikelihood, ByTruth
 
 if TYPE_CHECKING:
@@ -97,7 +95,7 @@ class Tuned(Shown):
 
     @cached_property
     def _loop(self) -> LoopOf:
-        return LoopOf(plant_of(self.estimator), self.controller)
+        return LoopOf(self.estimator.machine, self.controller)
 
     @cached_property
     def peak(self) -> float:
@@ -118,8 +116,8 @@ class Tuned(Shown):
 
     def _peak_with(self, values: Mapping[str, float]) -> float:
         """Return the peak with other values of what was free."""
-        bearing = plant_of(self.estimator)
-        built = contender_of_kind(self.kind, bearing, self.magnet, whole=True).build(**values)
+        machine = self.estimator.machine
+        built = contender_of_kind(self.kind, machine, self.magnet, whole=True).build(**values)
         return self._loop.peak(built) if tells(built) else math.nan
 
     @cached_property
@@ -142,7 +140,7 @@ class Tuned(Shown):
         """Return the picture of all that was tried."""
         from ambkit.show.plots.tuning import tuning_figure
 
-        title = f"Tuning of the {self.estimator.name} for {markdown(self.estimator.bearing.name)}"
+        title = f"Tuning of the {self.estimator.name} for {markdown(self.estimator.machine.name)}"
         return tuning_figure(
             title, self.free, self.trace, self.values, JUDGED[self.by], self.outcome,
             self.peaks, self.max_sensitivity,
@@ -152,7 +150,7 @@ class Tuned(Shown):
         """Return the figures as plain data, in SI."""
         peaks = [self.known_peaks] if self.known_peaks else []
         return {
-            "bearing": self.estimator.bearing.name,
+            "bearing": self.estimator.machine.name,
             "kind": self.kind,
             "by": self.by,
             "kept": self.kept,
@@ -169,11 +167,6 @@ class Tuned(Shown):
             "warnings": list(self.warnings),
             "adequacy": [each.to_dict() for each in self.adequacy],
         }  # fmt: skip
-
-
-def plant_of(estimator: Estimator) -> Bearing | Machine:
-    """Return what an estimator filters."""
-    return estimator.bearing if estimator.whole is None else estimator.whole.machine
 
 
 @one_thread()
@@ -251,16 +244,17 @@ def tune(
     """
     of_type(Bearing, Machine, bearing=bearing)
     kind_called(kind)
-    if isinstance(bearing, Machine):
-        of_machine(kind, bearing)  # which not every kind is
     given = all_of_type(Record, records=records)
     validate = all_of_type(Record, validate=validate)
     magnet = learned_magnet(kind, bearing) if magnet is None else magnet
     contender = contender_of_kind(kind, bearing, magnet, whole=True)
-    task = _task(bearing, given, validate, runs, seed)
+    task = ByLikelihood(bearing, given, validate) if given else ByTruth(bearing, runs, seed)
 
     def build(values: Mapping[str, float]) -> Estimator:
-        made: Estimator = contender.build(**values)
+        try:
+            made: Estimator = contender.build(**values)
+        except ValueError as error:  # not every kind is of several axes
+            raise AmbkitError(str(error)) from error
         return made
 
     task.check(build({}), kind)
@@ -336,19 +330,6 @@ def tune(
         loop.fed_by(None)[0] if loop.machine.single and controller is None else controller,
         tuple(warnings),
     )
-
-
-def _task(
-    bearing: Bearing | Machine, records: Sequence[Record], validate: Sequence[Record], runs: int,
-    seed: int,
-) -> ByLikelihood | ByTruth:  # fmt: skip
-    """Return what a filter is tuned by."""
-    if isinstance(bearing, Machine):
-        check_records(bearing, [*records, *validate])
-        if records:
-            return MachineByLikelihood(bearing, records, validate)
-        return MachineByTruth(bearing, runs, seed)
-    return ByLikelihood(bearing, records, validate) if records else ByTruth(bearing, runs, seed)
 
 
 def _chosen(contender: Contender, names: tuple[str, ...]) -> tuple[Range, ...]:

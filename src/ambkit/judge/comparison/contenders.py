@@ -112,13 +112,11 @@ def contender_of_kind(
         noise: dict[str, Any] = {
             key.removeprefix("noise."): v for key, v in values.items() if "noise." in key
         }
-        if isinstance(bearing, Machine) and noise:
-            own = KalmanFilter(bearing).variances._asdict()
-            means = {each.name.removeprefix("noise."): each.default for each in ranges}
-            noise = {
-                key: tuple(value / means[key] * each for each in own[key])
-                for key, value in noise.items()
-            }
+        own = KalmanFilter(bearing).variances._asdict() if noise else {}
+        for key, each in own.items():  # of several axes all are scaled alike
+            if key in noise and isinstance(each, tuple):
+                scale = noise[key] / means[key]
+                noise[key] = tuple(scale * variance for variance in each)
         rest = {key: value for key, value in values.items() if "noise." not in key}
         return kind.make(bearing, magnet, noise=FilterNoise(**noise), **rest)
 
@@ -126,6 +124,7 @@ def contender_of_kind(
     if not whole and {"noise.control", "noise.disturbance"} <= free.keys():
         free.pop("noise.measurement", None)
     ranges = tuple(_range(t, bearing) for t in free.values())
+    means = {each.name.removeprefix("noise."): each.default for each in ranges}
     return Contender(name, kind.label, build, ranges)
 
 
