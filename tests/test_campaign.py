@@ -24,9 +24,10 @@ from ambkit.simulation.linear.pieces import WorkPoint, plant, plants
 from ambkit.simulation.linear.settled import estimator_at, estimators_at
 from ambkit.workflow.campaign import running, store
 from ambkit.workflow.campaign.compute import compute
-from ambkit.workflow.campaign.margins import peaks as peaks_of_axes
+from ambkit.workflow.campaign.keys import changed, nested
+from ambkit.workflow.campaign.margins import peaks
 from ambkit.workflow.campaign.parts import UNITS
-from ambkit.workflow.campaign.plan import Plan, with_values
+from ambkit.workflow.campaign.plan import Plan
 from ambkit.workflow.campaign.result import Campaign
 from ambkit.workflow.campaign.salib import problem_of, vary_from
 from ambkit.workflow.campaign.statistics import clopper_pearson, looks
@@ -254,11 +255,11 @@ def test_salibs_problems_go_in_and_out() -> None:
 def test_machines_are_as_the_bearing_would_be_made() -> None:
     b = ambkit.Bearing.preset("zittau_axial")
     values = {"magnet.magnet_constant": 7e-6, "rotor.mass": 0.55, "magnet.air_gap": 2.1e-3}
-    assert with_values(b, values) == b.replace(
+    assert changed(b, nested(values)) == b.replace(
         **{key.replace(".", "__"): value for key, value in values.items()}
     )
     coil = ambkit.Bearing.load(ROOT / "examples/spindle.toml")
-    wide = with_values(coil, {"magnet.pole_area": 6e-4})
+    wide = changed(coil, nested({"magnet.pole_area": 6e-4}))
     assert wide == coil.replace(magnet__pole_area=6e-4)
     assert wide.magnet.magnet_constant == pytest.approx(1.2 * coil.magnet.magnet_constant)
 
@@ -283,10 +284,8 @@ def test_the_controller_goes_by_the_nominal_gain_of_the_amplifier() -> None:
     one, more = a.machines(a.points(0, 2), a.noise(0, 2), 0)
     pid = one.planned.scenario.controller
     assert more.planned.scenario.controller.kp == pytest.approx(1.2 * pid.kp)
-    loops = [(d.planned.bearing, d.planned.scenario.controller, d.planned.estimator)
-             for d in (one, more)]  # fmt: skip
-    peaks = peaks_of_axes(loops)
-    assert peaks[0] != pytest.approx(peaks[1], rel=1e-3)
+    of_one, of_more = peaks([one.planned, more.planned])
+    assert of_one != pytest.approx(of_more, rel=1e-3)
 
 
 @pytest.mark.parametrize("feedback", ["estimate", "measurement"])
@@ -299,10 +298,11 @@ def test_peaks_of_many_loops_are_those_of_each(preset: str, kind: str, feedback:
     fed = made if feedback == "estimate" else None
     rng = np.random.default_rng(0)
     plants = [
-        with_values(b, {"rotor.mass": b.rotor.mass * m, "magnet.air_gap": b.magnet.air_gap * g})
+        changed(b, nested({"rotor.mass": b.rotor.mass * m, "magnet.air_gap": b.magnet.air_gap * g}))
         for m, g in rng.uniform(0.9, 1.1, (3, 2))
     ]
-    found = peaks_of_axes([(p, pid, fed) for p in plants])
+    scenario = ambkit.Scenario(controller=pid)
+    found = peaks([many.Planned(p, scenario, fed) for p in plants])
     expected = [LoopOf(p, pid).peak(fed) for p in plants]
     np.testing.assert_allclose(found, expected, rtol=2e-6)
 
@@ -313,8 +313,8 @@ def test_estimators_and_plants_of_many_are_those_of_each(kind: str) -> None:
     made = Plan(Study(name="a", bearing="zittau_axial", estimator=kind, runs=1)).estimators[kind]
     assert made is not None
     many = [
-        with_values(b, {"rotor.mass": m * b.rotor.mass, "sensor.lag": g * b.sensor.lag,
-                        "amplifier.gain": g, "magnet.air_gap": m * b.magnet.air_gap})
+        changed(b, nested({"rotor.mass": m * b.rotor.mass, "sensor.lag": g * b.sensor.lag,
+                        "amplifier.gain": g, "magnet.air_gap": m * b.magnet.air_gap}))
         for m, g in np.random.default_rng(1).uniform(0.9, 1.1, (5, 2))
     ]  # fmt: skip
     points = [WorkPoint.hovering(each) for each in many]
@@ -359,7 +359,7 @@ def test_signals_are_sampled_once_where_amplifiers_vary(monkeypatch: pytest.Monk
 def test_an_unstable_loop_has_an_infinite_peak() -> None:
     b = ambkit.Bearing.preset("zittau_axial")
     weak = ambkit.PID.for_bearing(b).model_copy(update={"kp": 10.0, "feedback": "measurement"})
-    assert peaks_of_axes([(b, weak, None)]) == np.inf
+    assert peaks([many.Planned(b, ambkit.Scenario(controller=weak))]) == np.inf
 
 
 # --- shares

@@ -20,12 +20,14 @@ from ambkit.simulation.sequence import LiftOff
 from ambkit.simulation.waveforms import Constant, Ramp
 from ambkit.workflow.campaign.compute import compute
 from ambkit.workflow.campaign.keys import changed, key_in, nested
-from ambkit.workflow.campaign.machine_margins import peak_of
+from ambkit.workflow.campaign.margins import peak_of
+from ambkit.workflow.campaign.plan import Plan
 from ambkit.workflow.campaign.result import Campaign
 from ambkit.workflow.campaign.running import campaign
 from ambkit.workflow.campaign.study import Study
-from ambkit.workflow.campaign.whole import plan_of
 from ambkit.workflow.given import of_machine
+
+ROOT = Path(__file__).parent.parent
 
 STUDY = """
 name = "a spindle"
@@ -127,7 +129,7 @@ def test_a_filter_that_followed_a_run_up_is_as_one_that_did_not(kind: str) -> No
 
 
 def test_rows_are_the_same_by_any_threads_and_in_any_pieces(found: Campaign) -> None:
-    plan = plan_of(Study.from_toml(STUDY))
+    plan = Plan(Study.from_toml(STUDY))
     for first, stop in ((3, 6), (0, 3)):
         alone = compute(plan, first, stop, threads=1).runs
         for name in ("x_rms", "f_d_rms", "orbit_peak", "peak_S", "passed", "rotor.mass"):
@@ -164,7 +166,7 @@ def test_what_is_shown_of_a_machine_is_that_of_a_bearing(found: Campaign, tmp_pa
 
 
 def test_controllers_and_filters_know_the_nominal_machine_alone() -> None:
-    plan = plan_of(Study.from_toml(STUDY))
+    plan = Plan(Study.from_toml(STUDY))
     drawn = list(plan.machines(plan.points(0, 6), plan.noise(0, 6), 0))
     assert len({id(each.planned.controllers) for each in drawn}) == 2  # of each filter
     nominal = ambkit.Machine.preset("tum_mlps")
@@ -185,7 +187,7 @@ def test_an_amplifier_of_another_gain_changes_the_loops_gain() -> None:
     )
     gain = ambkit.Machine.preset("tum_mlps").bearing[0].amplifier.gain
     text = text.replace("ONE", f"{gain}").replace("MORE", f"{1.2 * gain}")
-    plan = plan_of(Study.from_toml(text))
+    plan = Plan(Study.from_toml(text))
     points = np.array([[0.0], [1.0]])
     one, more = (each.planned for each in plan.machines(points, plan.noise(0, 2), 0))
     np.testing.assert_allclose(
@@ -198,7 +200,7 @@ def test_an_amplifier_of_another_gain_changes_the_loops_gain() -> None:
 @pytest.mark.parametrize("control", ["decentralised", "translation and tilt"])
 def test_peaks_are_those_that_assess_finds(feedback: str, control: str) -> None:
     text = f'name = "a"\nmachine = "tum_mlps"\nruns = 1\n[flight]\nfeedback = "{feedback}"\n'
-    plan = plan_of(Study.from_toml(f'{text}control = {{ type = "{control}" }}\n'))
+    plan = Plan(Study.from_toml(f'{text}control = {{ type = "{control}" }}\n'))
     (drawn,) = plan.machines(plan.points(0, 1), plan.noise(0, 1), 0)
     machine = ambkit.Machine.preset("tum_mlps")
     fed = of_machine("linear", machine) if feedback == "estimate" else None
@@ -240,6 +242,38 @@ def test_parts_of_a_machine_are_named_or_counted() -> None:
         key_in(machine, "bearing.C.place")
 
 
+def test_a_coil_and_its_constant_stay_one_in_a_machine() -> None:
+    coil = ambkit.Bearing.load(ROOT / "examples/spindle.toml").magnet
+    machine = ambkit.Machine.preset("tum_mlps")
+    first = machine.bearing[0].model_copy(update={"magnet": coil})
+    machine = machine.model_copy(update={"bearing": (first, *machine.bearing[1:])})
+    wide = changed(machine, nested({"bearing.A.magnet.pole_area": 1.2 * coil.pole_area}))
+    found = wide.bearing[0].magnet.magnet_constant
+    assert found == pytest.approx(1.2 * coil.magnet_constant)
+
+
+def test_a_gain_of_a_flight_varies() -> None:
+    text = STUDY.partition("[record]")[0].replace(
+        "[flight]",
+        '[flight]\nfeedback = "estimate"\n'
+        'control = { type = "translation and tilt", cross_feedback = 0.5 }',
+    )
+    vary = '[[vary]]\nwhat = "flight.control.cross_feedback"\ntype = "choice"\nvalues = [0.5, 0.0]'
+    plan = Plan(Study.from_toml(text + vary))
+    points = np.array([[0.0], [1.0]])
+    one, less = (each.planned for each in plan.machines(points, plan.noise(0, 2), 0))
+    assert peak_of(one) != pytest.approx(peak_of(less), rel=1e-6)
+
+
+@pytest.mark.parametrize("key", ["bearing", "machine"])
+@pytest.mark.parametrize("name", ["zittau_axial", "tum_mlps"])
+def test_either_key_names_any_machine(key: str, name: str) -> None:
+    plan = Plan(Study.from_toml(f'name = "a"\n{key} = "{name}"\nruns = 1\n'))
+    plan.check()
+    assert plan.nominal.name == name
+    assert Study.from_toml(plan.described.to_toml()) == plan.described
+
+
 def test_quantities_are_called_by_what_they_are_of() -> None:
     names = ["rotor.mass", "bearing.A.magnet.air_gap", "bearing.B.magnet.air_gap",
              "unbalance.0.amount", "flight.disturbance.0.force.amplitude"]  # fmt: skip
@@ -260,7 +294,7 @@ def test_a_machine_that_cannot_be_is_told() -> None:
         high = "1 m"
         """
     )
-    plan = plan_of(Study.from_toml(text.replace('traces = ["s_A1", "f_d_A1_estimate"]', "")))
+    plan = Plan(Study.from_toml(text.replace('traces = ["s_A1", "f_d_A1_estimate"]', "")))
     rows = compute(plan, 0, 6).runs.to_pydict()
     assert "impossible" in rows["fails"][int(np.argmax(rows["bearing.A.travel_limit"]))]
 
@@ -268,9 +302,9 @@ def test_a_machine_that_cannot_be_is_told() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('machine = "tum_mlps"', "", "bearing: missing"),
+        ('machine = "tum_mlps"', "", "machine: missing"),
         ("runs = 6", 'bearing = "zittau_axial"\nruns = 6', "either a bearing or a machine"),
-        ("[flight]", '[scenario]\nduration = "1 s"\n[flight]', "to a machine is its flight"),
+        ("[flight]", '[scenario]\nduration = "1 s"\n[flight]', "scenario: is of one axis"),
         ("rotor.mass", "bearing.A.magnet.type", "cannot vary: it"),
         ("bearing.B.place", "bearing.0.magnet.air_gap", "varies already, in vary.2."),
         ("rotor.mass", "sampling_time", "cannot vary: it is the controller's"),
@@ -278,7 +312,7 @@ def test_a_machine_that_cannot_be_is_told() -> None:
         ('"s_A1"', '"s_C1"', "there is no signal s_C1; known: s_A1, s_A2"),
         ("orbit_share = 0.5", 'overshoot = "5 %"', "there is no figure overshoot"),
         ('"linear", "extended"', '"linear", "nobody"', "there is no estimator"),
-        ('"tum_mlps"', '"zittau_axial"', "machine: "),
+        ('"tum_mlps"', '"zittau_axial"', "flight: is of several axes; a machine with one axis"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said(old: str, new: str, said: str) -> None:
@@ -287,12 +321,12 @@ def test_what_is_wrong_is_said(old: str, new: str, said: str) -> None:
 
 
 def test_what_does_not_go_together_is_said_before_any_run() -> None:
-    plan = plan_of(Study.from_toml(STUDY.replace('axis = "A1"', 'axis = "C1"')))
+    plan = Plan(Study.from_toml(STUDY.replace('axis = "A1"', 'axis = "C1"')))
     with pytest.raises(AmbkitError, match="no axis C1"):
         plan.check()
     lqg = STUDY.replace("[flight]", '[flight]\ncontrol = { type = "lqg" }')
     with pytest.raises(AmbkitError, match='feedback must be "estimate"'):
-        plan_of(Study.from_toml(lqg)).check()
+        Plan(Study.from_toml(lqg)).check()
 
 
 @pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::UserWarning")
@@ -315,7 +349,7 @@ def test_a_machines_filter_is_tuned_over_its_tolerances(tmp_path: Path) -> None:
     assert not (tmp_path / "f.scenario.toml").exists()
     again = ambkit.tune_robust(study, evaluations=1)  # untuned, beside the tuned one
     tuned = study.model_copy(update={"estimator": str(tmp_path / "f.toml")})
-    rows = compute(plan_of(tuned), 0, 3).runs.column("f_d_rms").to_numpy()
+    rows = compute(Plan(tuned), 0, 3).runs.column("f_d_rms").to_numpy()
     assert max(rows) == pytest.approx(found.tried[found.taken].error)
     assert again.tried[0].error == found.tried[0].error
     with pytest.raises(AmbkitError, match=r"controller\.kp is of a bearing"):

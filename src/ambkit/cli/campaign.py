@@ -240,11 +240,11 @@ def campaign_problem(study: StudyName) -> None:
       ambkit campaign problem tolerances.toml > problem.json
     """
     from ambkit.cli import output
+    from ambkit.workflow.campaign.plan import Plan
     from ambkit.workflow.campaign.salib import problem_of
     from ambkit.workflow.campaign.study import load
-    from ambkit.workflow.campaign.whole import plan_of
 
-    output.deliver(problem_of(plan_of(load(study))), [], as_json=True)
+    output.deliver(problem_of(Plan(load(study))), [], as_json=True)
 
 
 def _deliver(found: Campaign, report: Path | None, plot: Path | None, json: bool) -> None:

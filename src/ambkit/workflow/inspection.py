@@ -179,12 +179,12 @@ def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Descr
 
 def _of_study(study: Any) -> str:
     """Say of how many machines a study is, and what varies."""
-    from ambkit.workflow.campaign.whole import plan_of
+    from ambkit.workflow.campaign.plan import Plan
 
-    plan = plan_of(study)
+    plan = Plan(study)
     plan.check()
     varies = ", ".join(plan.names) or "nothing"
-    return f"{plan.runs} machines of {plan.bearing.name}, {study.sampling}; what varies: {varies}"
+    return f"{plan.runs} machines of {plan.nominal.name}, {study.sampling}; what varies: {varies}"
 
 
 def _describe_expert(path: Path) -> _Described:

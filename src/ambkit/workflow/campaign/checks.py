@@ -19,37 +19,36 @@ Problem = tuple[str, str]
 MOST_DIMENSIONS = 1000
 """Quantities that vary."""
 
-CHOSEN = ("tuned", "textbook")
-"""Controllers that every bearing has."""
-
-CONTROLS = ("decentralised", "translation and tilt", "lqg")
-"""Ways to control that every machine has."""
+CONTROLLERS = ("tuned", "textbook"), ("decentralised", "translation and tilt", "lqg")
+"""Controllers that every machine of one axis has, and every one of several."""
 
 NOT_VARIED = {
     "sampling_time": "is the controller's, and no tolerance",
     "name": "is a name",
     "description": "is a text",
     "source": "is a text",
-    "scenario.seed": "is the study's seed",
-    "scenario.run": "is the run's own number",
-    "scenario.duration": "is one for all runs",
-    "magnet.type": "is what the controller is made for",
+    "type": "says what the machine is, and is no tolerance",
+    "file": "says what the machine is, and is no tolerance",
 }
-"""What cannot vary, and why."""
+"""Keys of a machine that cannot vary, and why."""
+
+NOT_VARIED_OF_RUN = {
+    "seed": "is the study's seed",
+    "run": "is the run's own number",
+    "duration": "is one for all runs",
+}
+"""Keys of a run that cannot vary, and why."""
 
 
 def contradictions(read: Read) -> Iterator[Problem]:
     """Yield (key, what is wrong) of a study."""
-    plant = None
+    plant, key = None, "machine" if isinstance(read("machine"), str) else "bearing"
     try:
-        if isinstance(read("machine"), str):
-            plant = load_machine(read("machine"))
-        elif isinstance(read("bearing"), str):
-            plant = load_machine(read("bearing"))
+        if isinstance(read(key), str):
+            plant = load_machine(read(key))
     except AmbkitError as error:
-        yield "machine" if isinstance(read("machine"), str) else "bearing", str(error)
-    yield from _of_what(read)
-    whole = isinstance(read("machine"), str)
+        yield key, str(error)
+    yield from _of_what(read, plant)
     if isinstance(read("estimator"), str):
         yield from _estimator("estimator", read("estimator"))
     yield from _how_many(read)
@@ -57,13 +56,14 @@ def contradictions(read: Read) -> Iterator[Problem]:
     vary = read("vary")
     if plant is None or not isinstance(vary, tuple):
         return
-    run = read("scenario" if read("machine") is None else "flight")
+    begins = run_of(plant)
+    run = read(begins[:-1])
     seen = dict[str, int]()
     for at, each in enumerate(vary):
         here = f"vary.{at}"
         try:
-            key = key_of(each, plant, run, read("estimator"))
-            each.marginal(key)
+            key_there = key_of(each, plant, run, read("estimator"))
+            each.marginal(key_there)
         except Wrong as error:
             yield f"{here}.{error.key}", str(error)
             continue
@@ -71,38 +71,42 @@ def contradictions(read: Read) -> Iterator[Problem]:
             yield f"{here}.what", str(error)
             continue
         quantity = each.what
-        if whole and quantity not in ("estimator", "controller"):
-            of_run = quantity.startswith(OF_FLIGHT)
-            quantity = by_places(run if of_run else plant, quantity.removeprefix(OF_FLIGHT))
+        if quantity not in ("estimator", "controller"):
+            of_run = quantity.startswith(begins)
+            quantity = by_places(run if of_run else plant, quantity.removeprefix(begins))
         if quantity in seen:
             yield f"{here}.what", f"{each.what} varies already, in vary[{seen[quantity]}]"
         seen.setdefault(quantity, at)
         yield from _grid(here, each, read("sampling"))
-        if read("machine") is None:
-            yield from _sensor_gain(here, each, read("scenario"))
-        yield from _choices(here, each, key, plant, run, read)
+        yield from _sensor_gain(here, each, run)
+        yield from _choices(here, each, key_there, plant, run, read)
     yield from _correlated(read, [each.what for each in vary])
 
 
-def _of_what(read: Read) -> Iterator[Problem]:
-    """Check that what is said goes with a bearing, or with a machine."""
+def _of_what(read: Read, plant: Any) -> Iterator[Problem]:
+    """Check that what is said goes with the machine."""
     from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
 
-    bearing, machine = read("bearing"), read("machine")
-    if bearing is None and machine is None:
-        yield "bearing", "missing: a preset or a file; or a machine, whose rotor has several axes"
-    if isinstance(bearing, str) and isinstance(machine, str):
+    if read("bearing") is None and read("machine") is None:
+        yield "machine", "missing: a preset or a file"
+    if isinstance(read("bearing"), str) and isinstance(read("machine"), str):
         yield "machine", "give either a bearing or a machine"
-    if isinstance(machine, str):
-        if read("scenario") != Scenario():
-            yield "scenario", "is of a bearing: what happens to a machine is its flight"
-        if read("controllers"):
-            yield "controllers", "are of a bearing; ways to control a machine are controls"
-    elif isinstance(bearing, str):
-        for name, usual in (("flight", Flight()), ("controls", {}), ("synchronous", ())):
-            if read(name) != usual:
-                yield name, "is of a machine; a bearing has scenario and controllers"
+    if plant is None:
+        return
+    of_one: dict[str, Any] = {"scenario": Scenario(), "controllers": {}}
+    of_several: dict[str, Any] = {"flight": Flight(), "controls": {}, "synchronous": ()}
+    one = not isinstance(plant, Machine)
+    right, wrong = (of_one, of_several) if one else (of_several, of_one)
+    for name, usual in wrong.items():
+        if read(name) != usual:
+            said, has = ("several axes", "one axis") if one else ("one axis", "several axes")
+            yield name, f"is of {said}; a machine with {has} takes {', '.join(right)}"
+
+
+def run_of(plant: Any) -> str:
+    """Return how keys of a machine's run begin."""
+    return OF_FLIGHT if isinstance(plant, Machine) else OF_RUN
 
 
 def key_of(varied: Varied, plant: Any, run: Any, estimator: Any) -> Key:
@@ -112,35 +116,24 @@ def key_of(varied: Varied, plant: Any, run: Any, estimator: Any) -> Key:
         if not isinstance(varied, Choice):
             raise AmbkitError(f'{what} is no number: let it vary by type = "choice"')
         return Key(estimator if what == "estimator" else "tuned", "")
-    if isinstance(plant, Machine):
-        return _of_machine(what, plant, run)
-    if what in NOT_VARIED:
-        raise AmbkitError(f"{what} cannot vary: it {NOT_VARIED[what]}")
-    if what.startswith(OF_RUN):
-        return key_in(completed(run, plant), what.removeprefix(OF_RUN))
-    return key_in(plant, what)
-
-
-def _of_machine(what: str, machine: Machine, flight: Any) -> Key:
-    """Return what stands at a key of a whole machine or of its flight."""
-    *tables, name = what.split(".")
-    if what.startswith(OF_FLIGHT):
-        if name in ("seed", "run", "duration") and len(tables) == 1:
-            raise AmbkitError(f"{what} cannot vary: it {NOT_VARIED[f'{OF_RUN}{name}']}")
-        return key_in(flight, what.removeprefix(OF_FLIGHT))
-    if name in ("name", "description", "source", "type", "file") or what == "sampling_time":
-        why = NOT_VARIED.get(name, "says what the machine is, and is no tolerance")
+    begins = run_of(plant)
+    name = what.removeprefix(begins)
+    of_run = name != what
+    why = NOT_VARIED_OF_RUN.get(name) if of_run else NOT_VARIED.get(name.rpartition(".")[2])
+    if why:
         raise AmbkitError(f"{what} cannot vary: it {why}")
-    return key_in(machine, what)
+    return key_in(completed(run, plant) if of_run else plant, name)
 
 
-def completed(scenario: Any, bearing: Any) -> Any:
-    """Return a scenario whose controller has all its gains, tuned to the nominal bearing."""
+def completed(run: Any, plant: Any) -> Any:
+    """Return a scenario whose controller has all its gains, tuned to the nominal machine."""
     from ambkit.simulation.scenario import Scenario
 
-    if not isinstance(scenario, Scenario):
+    if isinstance(plant, Machine):
+        return run
+    if not isinstance(run, Scenario):
         return Scenario()
-    return scenario.model_copy(update={"controller": scenario.controller.completed(bearing)})
+    return run.model_copy(update={"controller": run.controller.completed(plant)})
 
 
 def _estimator(key: str, name: str) -> Iterator[Problem]:
@@ -191,9 +184,8 @@ def _recorded(read: Read, plant: Any) -> Iterator[Problem]:
     from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.campaign.parts import Passes, Recorded, limit_of, traces_of
 
-    record, passes, whole = read("record"), read("passes"), read("machine") is not None
-    scenario = read("flight" if whole else "scenario")
-    there = traces_of(plant)
+    record, passes, here = read("record"), read("passes"), run_of(plant)[:-1]
+    scenario, there = read(here), traces_of(plant)
     if isinstance(record, Recorded):
         for at, name in enumerate(record.traces):
             if name not in there and not name.endswith("_estimate") and plant is not None:
@@ -204,7 +196,7 @@ def _recorded(read: Read, plant: Any) -> Iterator[Problem]:
     if isinstance(passes, Passes):
         for name, given in passes.at_most.items():
             try:
-                limit_of(name, given, whole=whole)
+                limit_of(name, given, plant)
             except ValueError as error:
                 yield f"passes.at_most.{name}", str(error)
         if isinstance(record, Recorded) and not record.margins:
@@ -213,7 +205,6 @@ def _recorded(read: Read, plant: Any) -> Iterator[Problem]:
             if "peak_S" in passes.at_most:
                 yield "passes.at_most.peak_S", "needs record.margins = true"
     if isinstance(scenario, Scenario | Flight):
-        here = "flight" if whole else "scenario"
         for name in ("seed", "run"):
             if name in scenario.model_fields_set and getattr(scenario, name):
                 yield f"{here}.{name}", "the study has its own: leave it out"
@@ -250,8 +241,8 @@ def _choices(
     """Check words to choose from, each where it would stand."""
     if not isinstance(varied, Choice) or key.unit:
         return
-    whole = isinstance(plant, Machine)
-    controllers = read("controls" if whole else "controllers")
+    several, begins = isinstance(plant, Machine), run_of(plant)
+    controllers = read("controls" if several else "controllers")
     for at, value in enumerate(varied.values):
         there = f"{here}.values.{at}"
         if not isinstance(value, str):
@@ -259,12 +250,10 @@ def _choices(
         elif varied.what == "estimator":
             yield from _estimator(there, value)
         elif varied.what == "controller":
-            usual = CONTROLS if whole else CHOSEN
-            known = [*usual, *(controllers if isinstance(controllers, dict) else ())]
+            known = [*CONTROLLERS[several], *(controllers if isinstance(controllers, dict) else ())]
             if value not in known:
                 yield there, f'there is no controller "{value}"; known: {", ".join(known)}'
         else:
-            begins = OF_FLIGHT if whole else OF_RUN
             of = run if varied.what.startswith(begins) else plant
             try:
                 of.replace(**{varied.what.removeprefix(begins): value})

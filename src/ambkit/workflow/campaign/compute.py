@@ -17,8 +17,7 @@ from ambkit.base.threads import one_thread
 from ambkit.judge.loop.loop_of import zone_of
 from ambkit.simulation.many import FLAGS, Many, simulate_many
 from ambkit.simulation.many_machines import simulate_machines
-from ambkit.workflow.campaign.machine_margins import peaks_of_machines
-from ambkit.workflow.campaign.margins import peaks as peaks_of_axes
+from ambkit.workflow.campaign.margins import peaks as peaks_of
 from ambkit.workflow.campaign.parts import ZONES, figures_of, limit_of
 from ambkit.workflow.campaign.plan import Drawn, Plan
 from ambkit.workflow.campaign.varied import OneOf
@@ -26,6 +25,7 @@ from ambkit.workflow.campaign.varied import OneOf
 if TYPE_CHECKING:
     import pyarrow as pa
 
+    from ambkit.simulation.machine import MachineRun
     from ambkit.simulation.run import Run
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ class Flown(NamedTuple):
 
     columns: dict[str, Any]
     """Figures, counts, margins and verdict, by name."""
-    traces: dict[int, Run]
+    traces: Mapping[int, Run | MachineRun]
     """By the numbers of the runs."""
     wrong: list[str]
     """Why a machine cannot be; empty where it can."""
@@ -115,7 +115,7 @@ def fly(
             if not each.wrong:
                 yield each.planned
 
-    simulated: Any = simulate_many if plan.study.machine is None else simulate_machines
+    simulated: Any = simulate_machines if plan.several else simulate_many
     many = simulated(
         possible(), settling=record.settling, band=record.band, threads=threads, done=done
     )
@@ -124,11 +124,7 @@ def fly(
     if record.margins:
         peaks = np.full(len(drawn), np.inf)
         with one_thread():
-            if plan.study.machine is None:
-                peaks[can] = peaks_of_axes([_loop(drawn[at]) for at in can])
-            else:
-                whole: list[Any] = [drawn[at].planned for at in can]
-                peaks[can] = peaks_of_machines(whole, threads)
+            peaks[can] = peaks_of([drawn[at].planned for at in can], threads)
         columns["peak_S"] = peaks
         columns["zone"] = ["" if np.isnan(each) else zone_of(float(each)) for each in peaks]
     fails = _fails(plan, columns, drawn)
@@ -139,13 +135,6 @@ def fly(
         for run in traced if not drawn[run - first].wrong
     }  # fmt: skip
     return Flown(columns, traces, [each.wrong for each in drawn])
-
-
-def _loop(drawn: Drawn) -> tuple[Any, Any, Any]:
-    planned = drawn.planned
-    controller = planned.scenario.controller
-    fed = planned.estimator if controller.feedback == "estimate" else None
-    return planned.bearing, controller, fed
 
 
 def _spread(many: Many, can: Sequence[int], n: int) -> dict[str, Any]:
@@ -172,7 +161,7 @@ def _fails(plan: Plan, columns: Mapping[str, Any], drawn: Sequence[Drawn]) -> li
     if not passes.contact:
         against["contact"] = ~(np.asarray(columns["touched"]) == 0)
     for name, given in passes.at_most.items():  # what does not apply is not below its limit
-        against[name] = ~(np.asarray(columns[name]) <= limit_of(name, given))
+        against[name] = ~(np.asarray(columns[name]) <= limit_of(name, given, plan.nominal))
     named = np.array(list(against))
     return [",".join(named[row]) for row in np.column_stack(list(against.values()))]
 
@@ -185,7 +174,7 @@ def schema(plan: Plan) -> pa.Schema:
     for name, of, key in zip(plan.names, plan.marginals, plan.keys, strict=True):
         words = isinstance(of, OneOf) and not key.unit
         fields.append((name, pa.string() if words else pa.float64(), key.unit))
-    figures = figures_of(whole=plan.study.machine is not None)
+    figures = figures_of(plan.nominal)
     fields += [(name, pa.float64(), figure.unit) for name, figure in figures.items()]
     fields += [(f"samples_{name}", pa.int64(), "1") for name in FLAGS]
     if plan.study.record.margins:
@@ -203,7 +192,7 @@ def table(plan: Plan, columns: Mapping[str, Any]) -> pa.Table:
     return pa.Table.from_arrays(arrays, schema=wanted)
 
 
-def traces_table(plan: Plan, runs: Mapping[int, Run]) -> pa.Table:
+def traces_table(plan: Plan, runs: Mapping[int, Run | MachineRun]) -> pa.Table:
     """Return chosen signals of runs as one table, a row for each sample."""
     import pyarrow as pa
 
@@ -223,7 +212,7 @@ def traces_table(plan: Plan, runs: Mapping[int, Run]) -> pa.Table:
     return pa.table(whole)
 
 
-def signal(run: Run, name: str) -> Array:
+def signal(run: Run | MachineRun, name: str) -> Array:
     """Return a signal of a run by its name in a study."""
     state = name.removesuffix("_estimate")
     if state == name:

@@ -1,4 +1,4 @@
-"""Numbers of a bearing and of a run by their dotted keys, such as ``magnet.air_gap``."""
+"""Numbers of a machine and of a run by their dotted keys, such as ``magnet.air_gap``."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ from pydantic import BaseModel
 from ambkit.base.config.problems import quantity_of
 from ambkit.base.config.quantities import Quantity, SignalIn
 from ambkit.base.errors import AmbkitError
+from ambkit.machine.bearing import Magnet, magnet_constant
 
-OF_RUN = "scenario."
-"""How keys of the scenario begin; all others are the bearing's."""
-
-OF_FLIGHT = "flight."
-"""How keys of a whole machine's flight begin; all others are the machine's."""
+OF_RUN, OF_FLIGHT = "scenario.", "flight."
+"""How keys of the run begin, of one axis and of several; all others are the machine's."""
 
 
 class Key(NamedTuple):
@@ -112,4 +110,20 @@ def changed(model: Any, tree: Mapping[str, Any]) -> Any:
                 each = other(each, name)
             found.append(each)
         return tuple(found)
+    if isinstance(model, Magnet):
+        return _magnet(model, dict(tree))
     return model.model_copy(update={name: other(getattr(model, name), name) for name in tree})
+
+
+def _magnet(magnet: Magnet, values: dict[str, Any]) -> Magnet:
+    """Return a magnet with other values: its coil and its constant stay one."""
+    # The constant follows turns and area, and where the constant is what varies, the coil is left
+    # out.
+    if "magnet_constant" in values:
+        new = magnet.with_constant(values.pop("magnet_constant"))
+        values |= {key.removeprefix("magnet__"): value for key, value in new.items()}
+    made = magnet.model_copy(update=values)
+    if made.turns is None or made.pole_area is None:
+        return made
+    k = magnet_constant(made.turns, made.pole_area, made.pole_angle or 0.0)
+    return made.model_copy(update={"magnet_constant": k})

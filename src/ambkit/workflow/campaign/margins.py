@@ -1,15 +1,15 @@
 """The peak of the sensitivity of many loops: what `LoopOf.peak` says of one, for thousands.
 
-Of one axis the sensitivity is the ratio of two polynomials whose roots are known:
-``S(z) = det(zI - A_open)/det(zI - A_closed)``, with the poles of plant and compensator over those
-of the closed loop. So the peak costs three sets of eigenvalues, and no linear system at any
-frequency.
+Seen along an axis with all other loops closed, the sensitivity is the ratio of two polynomials
+whose roots are known: ``S(z) = d det(zI - A_open)/det(zI - A_closed)``, where A_open has
+the loop of that axis open. So the peak costs eigenvalues, and no linear system at any frequency.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.estimate.batch import processors
 from ambkit.estimate.low_pass import LowPass
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
@@ -25,12 +26,12 @@ from ambkit.simulation.control import needs_states
 from ambkit.simulation.linear.control import compensator, controller
 from ambkit.simulation.linear.pieces import WorkPoint, alike, plants
 from ambkit.simulation.linear.settled import estimator_at, estimators_at, tells
+from ambkit.simulation.many import Planned
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
     from ambkit.models.linear import LinearSystem
-    from ambkit.simulation.scenario import PID
+    from ambkit.simulation.many_machines import PlannedMachine
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -45,75 +46,101 @@ AT_ONCE = 128
 """Loops side by side."""
 
 
-Loops = Sequence[tuple["Bearing", "PID", "Estimator | None"]]
+Planneds = Sequence["Planned | PlannedMachine"]
 
 
-def peaks(loops: Loops) -> Array:
-    """Return the peak of abs(S) of each loop within the standard's range (n,) [1]."""
-    # Infinite where the loop is unstable or nothing holds the rotor; NaN where the estimator
-    # settles to no gain.
-    found = np.full(len(loops), np.nan)
+def peaks(runs: Planneds, threads: int | None = None) -> Array:
+    """Return the peak of abs(S) of each run's loop within the standard's range (n,) [1]."""
+    # Of the worst axis, at the machine's own speed. Infinite where the loop is unstable or nothing
+    # holds the rotor; NaN where the estimator settles to no gain. Loops of one axis with a PID are
+    # looked at many at once.
+    found = np.full(len(runs), np.nan)
     points: dict[int, WorkPoint] = {}
     groups: dict[Any, list[int]] = {}
-    for at, (bearing, pid, estimator) in enumerate(loops):
+    alone: list[int] = []
+    for at, run in enumerate(runs):
+        if not isinstance(run, Planned) or needs_states(run.scenario.controller):
+            alone.append(at)
+            continue
         try:
-            points[at] = WorkPoint.hovering(bearing)
+            points[at] = WorkPoint.hovering(run.bearing)
         except AmbkitError:  # nothing holds the rotor
             found[at] = math.inf
             continue
-        needs, fed = needs_states(pid), _fed(pid, estimator)
-        if (needs or fed) and (estimator is None or not tells(estimator)):
-            continue
-        key = (*alike(bearing), bearing.speed, pid.ki > 0, id(estimator) if fed else None)
-        groups.setdefault((*key, at if needs else None), []).append(at)
+        fed = _fed(run)
+        if fed is None or tells(fed):
+            pid, bearing = run.scenario.controller, run.bearing
+            key = (*alike(bearing), bearing.speed, pid.ki > 0, id(fed))
+            groups.setdefault(key, []).append(at)
     for group in groups.values():
         for start in range(0, len(group), AT_ONCE):
             places = group[start : start + AT_ONCE]
-            found[places] = _highest([loops[at] for at in places], [points[at] for at in places])
+            together: list[Any] = [runs[at] for at in places]
+            found[places] = _highest(together, [points[at] for at in places])
+    with ThreadPoolExecutor(threads or processors()) as pool:
+        found[alone] = list(pool.map(peak_of, [runs[at] for at in alone]))
     return found
 
 
-def _highest(loops: Loops, points: Sequence[WorkPoint]) -> Array:
-    """Return the peaks of loops alike (n,)."""
-    bearing, pid, _ = loops[0]
+def peak_of(run: Planned | PlannedMachine) -> float:
+    """Return the peak of one, see `peaks`."""
+    fed = _fed(run)
+    if fed is not None and not tells(fed):
+        return math.nan
     try:
-        opened, closed = _by_states(*loops[0]) if needs_states(pid) else _poles(loops, points)
+        if isinstance(run, Planned):
+            of = LoopOf(run.bearing, run.scenario.controller)
+        else:
+            of = LoopOf(run.machine, run.flight.control, flown=run.controllers)
+        loop = of.loop(fed)
+    except AmbkitError:  # nothing holds the rotor
+        return math.inf
+    closed, m = loop.closed, loop.measurements
+    to: Any = np.eye(m) if loop.added is None else loop.added
+    seen: Any = np.eye(m) if loop.shown is None else loop.shown
+    B, C = closed.B[:, :m] @ to, seen @ closed.C[:m]
+    through = np.diag(seen @ (np.eye(m) + closed.D[:m, :m]) @ to)
+    poles = np.linalg.eigvals(closed.A).astype(complex)
+    if not (np.abs(poles) < 1).all():
+        return math.inf
+    # Opened at one axis: its position is fed back with the opposite sign.
+    opened = np.linalg.eigvals(closed.A - B.T[:, :, None] * C[:, None, :] / through[:, None, None])
+    poles = np.broadcast_to(poles, opened.shape)
+    return float((through * highest(opened.astype(complex), poles, loop.T, of.top)).max())
+
+
+def _highest(runs: Sequence[Planned], points: Sequence[WorkPoint]) -> Array:
+    """Return the peaks of loops alike (n,)."""
+    try:
+        opened, closed = _poles(runs, points)
     except AmbkitError:  # an estimator of one of them has no gain
-        if len(loops) == 1:
+        if len(runs) == 1:
             return np.array([math.inf])
         return np.concatenate([
-            _highest([loop], [at]) for loop, at in zip(loops, points, strict=True)
+            _highest([run], [at]) for run, at in zip(runs, points, strict=True)
         ])  # fmt: skip
-    stable, found = (np.abs(closed) < 1).all(axis=1), np.full(len(loops), np.inf)
+    stable, found = (np.abs(closed) < 1).all(axis=1), np.full(len(runs), np.inf)
     if stable.any():
+        bearing = runs[0].bearing
         T = bearing.sampling_time
-        top = end_of_range(T, bearing.speed)
-        found[stable] = highest(opened[stable], closed[stable], T, top)
+        found[stable] = highest(opened[stable], closed[stable], T, end_of_range(T, bearing.speed))
     return found
 
 
-def _fed(pid: PID, estimator: Estimator | None) -> bool:
-    """Whether an estimator feeds the controller."""
-    return pid.feedback == "estimate" and estimator is not None
+def _fed(run: Planned | PlannedMachine) -> Estimator | None:
+    """Return the estimator that feeds the controllers."""
+    by = run.scenario.controller if isinstance(run, Planned) else run.flight
+    return run.estimator if by.feedback == "estimate" else None
 
 
-def _by_states(bearing: Bearing, pid: PID, estimator: Estimator | None) -> tuple[Complex, Complex]:
-    """Return the poles of one loop whose controller takes an estimator's states (1, ...)."""
-    assert estimator is not None
-    loop = LoopOf(bearing, pid).loop(estimator)
-    opened = np.concatenate([loop.plant.poles(), loop.compensator.poles()])
-    return opened[None], loop.closed.poles()[None]
-
-
-def _poles(loops: Loops, points: Sequence[WorkPoint]) -> tuple[Complex, Complex]:
+def _poles(runs: Sequence[Planned], points: Sequence[WorkPoint]) -> tuple[Complex, Complex]:
     """Return the poles of plant and compensator, and of the closed loop, each (n, ...)."""
-    bearings, pids, (estimator, *_) = zip(*loops, strict=True)
-    P = plants(bearings, points)
-    fed = _fed(pids[0], estimator)
-    inner = _estimators(estimator, points) if fed and estimator is not None else None
+    bearings = [run.bearing for run in runs]
+    P, fed = plants(bearings, points), _fed(runs[0])
+    inner = None if fed is None else _estimators(fed, points)
     made: dict[tuple[int, float, float], LinearSystem] = {}
     each = []
-    for bearing, pid in zip(bearings, pids, strict=True):
+    for bearing, pid in zip(bearings, (run.scenario.controller for run in runs), strict=True):
         key = id(pid), bearing.amplifier.gain, bearing.sampling_time
         if key not in made:
             measured = pid if fed or pid.feedback == "measurement" else (

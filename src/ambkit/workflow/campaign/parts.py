@@ -25,16 +25,16 @@ TRACES = ("r", "y", "u", "x", "v", "f_d", "x_m", "iu", "f_mag")
 UNITS = {
     name: figure.unit for name, figure in (OF_MACHINES | FIGURES).items()
 } | {"peak_S": "1"}  # fmt: skip
-"""Of the figures of a run, of bearings and of machines."""
+"""Of the figures of a run."""
 
 
-def figures_of(*, whole: bool) -> dict[str, Figure]:
-    """Return the figures of a run of a machine, or of a bearing."""
-    return OF_MACHINES if whole else FIGURES
+def figures_of(plant: Any) -> dict[str, Figure]:
+    """Return the figures of a run of a machine."""
+    return OF_MACHINES if isinstance(plant, Machine) else FIGURES
 
 
 def traces_of(plant: Any) -> tuple[str, ...]:
-    """Return the signals that a run of a bearing, or of a machine, has."""
+    """Return the signals that a run of a machine has."""
     if not isinstance(plant, Machine):
         return TRACES
     axes = [axis.name for axis in plant.axes]
@@ -87,9 +87,9 @@ class Stop(Part):
     """But so many runs at least."""
 
 
-def limit_of(name: str, given: float | str, *, whole: bool | None = None) -> float:
+def limit_of(name: str, given: float | str, plant: Any) -> float:
     """Return a limit of a figure in SI."""
-    known = UNITS if whole is None else [*figures_of(whole=whole), "peak_S"]
+    known = UNITS if plant is None else [*figures_of(plant), "peak_S"]
     if name not in known:
         raise ValueError(f"there is no figure {name}; there are {', '.join(known)}")
     unit = UNITS[name]

@@ -50,7 +50,7 @@ def cumulative(campaign: Machines) -> Figure:
     """Show the figures' cumulative curves, apart by the first choice."""
     figures = [quantity(campaign, name) for name in campaign.figures]
     limits = {
-        LABELS[name]: limit_of(name, given)
+        LABELS[name]: limit_of(name, given, campaign.plan.nominal)
         for name, given in campaign.plan.study.passes.at_most.items()
     }
     zone = campaign.plan.study.passes.zone

@@ -9,32 +9,31 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import PurePath
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import files, units
-from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.registry import FILTER_SUFFIX
-from ambkit.machine.bearing import FILES, Bearing, magnet_constant
+from ambkit.machine.bearing import FILES
 from ambkit.machine.loading import load_machine
+from ambkit.machine.machine import Machine
 from ambkit.simulation.many import Planned
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.many_machines import PlannedMachine
+from ambkit.simulation.scenario import PID
 from ambkit.workflow.campaign import sampling
-from ambkit.workflow.campaign.checks import completed, key_of
-from ambkit.workflow.campaign.keys import OF_RUN, Key, changed, nested
+from ambkit.workflow.campaign.checks import key_of
+from ambkit.workflow.campaign.happening import happening
+from ambkit.workflow.campaign.keys import Key, changed, nested
 from ambkit.workflow.campaign.parts import UNITS
 from ambkit.workflow.campaign.study import Study
 from ambkit.workflow.campaign.varied import Marginal, OneOf
 
 Array = NDArray[np.float64]
-
-
-_GAINS = ("kp", "ki", "kd", "feed_forward")
 
 
 class Drawn(NamedTuple):
@@ -44,7 +43,7 @@ class Drawn(NamedTuple):
     """Its number."""
     values: Mapping[str, Any]
     """What varies, by key: in SI, of a choice what was chosen."""
-    planned: Planned
+    planned: Planned | PlannedMachine
     """Plant, run, estimator."""
     wrong: str
     """Why there can be no such machine; empty where there can."""
@@ -52,17 +51,24 @@ class Drawn(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A study with its bearing, its distributions and what is made once for all runs."""
+    """A study with its machine, its distributions and what is made once for all runs."""
 
     study: Study  #: Checked.
 
     @cached_property
-    def bearing(self) -> Bearing:
-        """The nominal bearing, which controller and estimator know."""
-        assert self.study.bearing is not None
-        found: Any = load_machine(self.study.bearing)
-        of_type(Bearing, bearing=found)
-        return found  # type: ignore[no-any-return]
+    def nominal(self) -> Any:
+        """The machine that controllers and estimator know; of one axis its short form."""
+        return load_machine(self.study.nominal)
+
+    @cached_property
+    def _run(self) -> Any:
+        """What happens, and who controls it."""
+        return happening(self.nominal, self.study)
+
+    @property
+    def several(self) -> bool:
+        """Whether the machine has several axes."""
+        return isinstance(self.nominal, Machine)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -73,12 +79,12 @@ class Plan:
     def keys(self) -> tuple[Key, ...]:
         """What stands there: units, nominal values, limits."""
         study = self.study
-        return tuple(key_of(each, self.bearing, self._told, study.estimator) for each in study.vary)
+        return tuple(key_of(each, self.nominal, self._told, study.estimator) for each in study.vary)
 
     @property
     def _told(self) -> Any:
         """What the study says of a run."""
-        return self.study.scenario
+        return self.study.flight if self.several else self.study.scenario
 
     @cached_property
     def marginals(self) -> tuple[Marginal, ...]:
@@ -123,15 +129,10 @@ class Plan:
         return matrix
 
     @cached_property
-    def scenario(self) -> Scenario:
-        """The run, with the study's seed and a controller that is tuned to the nominal bearing."""
-        whole: Scenario = completed(self.study.scenario, self.bearing)
-        alone = "feedback" not in self.study.scenario.controller.model_fields_set
-        update: dict[str, Any] = {"seed": self.study.seed}
-        if alone and self.study.estimator == "none":
-            fed = whole.controller.model_copy(update={"feedback": "measurement"})
-            update["controller"] = fed
-        return whole.model_copy(update=update)
+    def scenario(self) -> Any:
+        """The run, with the study's seed and controllers that are made for the nominal machine."""
+        unfed = "none" in self._estimator_names
+        return self._run.settled(unfed=unfed, chosen=bool(self._choices("controller")))
 
     @cached_property
     def fingerprint(self) -> str:
@@ -150,10 +151,14 @@ class Plan:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def _described_nominal(self) -> tuple[dict[str, Any], list[Any]]:
-        """Return the nominal bearing without the files that it names, and these."""
-        magnet = self.bearing.magnet
-        described = self.bearing.model_dump(mode="json", exclude={"magnet": {*FILES}})
-        return described, [magnet.force_map, magnet.force_channels]
+        """Return the nominal machine without the files that it names, and these."""
+        of = self.nominal
+        files_of = {"magnet": {*FILES}}
+        without: Any = files_of | {"bearing": {"__all__": files_of}, "rotor": {"file"}}
+        magnets = [each.magnet for each in of.bearing] if self.several else [of.magnet]
+        named = [getattr(magnet, name) for magnet in magnets for name in FILES]
+        described = of.model_dump(mode="json", exclude=without)
+        return described, [*named, getattr(of.rotor, "file", None)]
 
     @cached_property
     def described(self) -> Study:
@@ -211,27 +216,14 @@ class Plan:
         estimator = self.estimators[str(values.get("estimator", self.study.estimator))]
         own = {
             name: value for name, value in values.items()
-            if name not in ("estimator", "controller") and not name.startswith(OF_RUN)
+            if name not in ("estimator", "controller") and not name.startswith(self._run.begins)
         }  # fmt: skip
         wrong = "" if allowed else self.beyond(values)
-        plant = self.bearing
+        plant = self.nominal
         if own and not wrong:
-            plant = with_values(self.bearing, own)
-            wrong = next(iter(plant.contradictions(self.bearing)), "")
-            scenario = self._as_controlled(scenario, plant)
-        return Drawn(run, values, Planned(plant, scenario, estimator, number=noise), wrong)
-
-    def _as_controlled(self, scenario: Scenario, plant: Bearing) -> Scenario:
-        """Return a run whose controller goes by the nominal gains of amplifier and sensor."""
-        # The simulated one divides by the plant's. What it lacks is a factor on its gains.
-        pid, nominal = scenario.controller, self.bearing
-        ratio = plant.amplifier.gain / nominal.amplifier.gain
-        if pid.feedback == "measurement":
-            ratio *= plant.sensor.gain / nominal.sensor.gain
-        if ratio == 1:
-            return scenario
-        changes = {name: ratio * getattr(pid, name) for name in _GAINS}
-        return scenario.model_copy(update={"controller": pid.model_copy(update=changes)})
+            plant = changed(plant, nested(own))
+            wrong = next(iter(plant.contradictions(self.nominal)), "")
+        return Drawn(run, values, self._run.planned(plant, scenario, estimator, noise), wrong)
 
     def beyond(self, values: Mapping[str, Any]) -> str:
         """Say which value is out of its range."""
@@ -242,9 +234,10 @@ class Plan:
 
     @cached_property
     def _of_run(self) -> tuple[str, ...]:
-        return tuple(n for n in self.names if n == "controller" or n.startswith(OF_RUN))
+        begins = self._run.begins
+        return tuple(n for n in self.names if n == "controller" or n.startswith(begins))
 
-    def _scenario(self, values: Mapping[str, Any]) -> Scenario:
+    def _scenario(self, values: Mapping[str, Any]) -> Any:
         """Return the run; where nothing of it varies always the same object."""
         told = tuple((name, values[name]) for name in self._of_run)
         return self._scenarios(told) if told else self.scenario
@@ -252,67 +245,67 @@ class Plan:
     @cached_property
     def _scenarios(self) -> Any:
         @lru_cache(maxsize=256)
-        def made(told: tuple[tuple[str, Any], ...]) -> Scenario:
-            values = dict(told)
-            scenario = self.scenario
+        def made(told: tuple[tuple[str, Any], ...]) -> Any:
+            values, run = dict(told), self.scenario
             chosen = values.pop("controller", None)
             if chosen is not None:
-                controller = self.controllers[str(chosen)]
-                scenario = scenario.model_copy(update={"controller": controller})
-            of_run = {name.removeprefix(OF_RUN): value for name, value in values.items()}
-            return changed(scenario, nested(of_run))  # type: ignore[no-any-return]
+                run = run.model_copy(update={self._run.controller: self.controllers[str(chosen)]})
+            of_run = {name.removeprefix(self._run.begins): each for name, each in values.items()}
+            return changed(run, nested(of_run))
 
         return made
 
     @cached_property
-    def controllers(self) -> dict[str, PID]:
-        """The controllers to choose from, tuned to the nominal bearing."""
-        fed = {"feedback": self.scenario.controller.feedback}
-        found = {
-            "tuned": self.scenario.controller,
-            "textbook": PID.textbook(self.bearing).model_copy(update=fed),
-        }
-        for name, pid in self.study.controllers.items():
-            whole = pid.completed(self.bearing)
-            said = "feedback" in pid.model_fields_set
-            found[name] = whole if said else whole.model_copy(update=fed)
+    def controllers(self) -> dict[str, Any]:
+        """The controllers to choose from, made for the nominal machine."""
+        found: dict[str, Any] = self._run.controllers(self.scenario)
         return found
+
+    @property
+    def _estimator_names(self) -> list[str]:
+        return [str(name) for name in self._choices("estimator") or (self.study.estimator,)]
 
     @cached_property
     def estimators(self) -> dict[str, Estimator | None]:
-        """The estimators by name, each knowing the nominal bearing; None for ``"none"``."""
+        """The estimators by name, each knowing the nominal machine; None for ``"none"``."""
         from ambkit.workflow.estimators import factories
 
-        chosen = self._choices("estimator") or (self.study.estimator,)
-        built = factories([str(name) for name in chosen if name != "none"], self.bearing)
+        names = self._estimator_names
+        kinds = [name for name in names if name != "none"]
+        built = factories(kinds, self.nominal, synchronous=self.study.synchronous)
         made: dict[str, Estimator | None] = {name: make() for name, make in built.items()}
-        return made | ({"none": None} if "none" in chosen else {})
+        return made | ({"none": None} if "none" in names else {})
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process cannot find again by itself: no file has to be there."""
-        return {name: getattr(self, name) for name in ("study", "bearing", "estimators")}
+        return {name: getattr(self, name) for name in ("study", "nominal", "estimators")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
 
     def with_design(self, estimator: Estimator, controller: PID | None) -> Plan:
-        """Return the plan with another filter and another controller for all machines."""
-        scenario = self.scenario.model_copy(update={"controller": controller})
-        return self._remade(scenario=scenario, estimators={self.study.estimator: estimator})
-
-    def _remade(self, **made: Any) -> Self:
-        """Return the plan of the same machines, with other things made for them."""
+        """Return the plan with another filter, and another controller if one is given."""
+        made: dict[str, Any] = {"estimators": {self.study.estimator: estimator}}
+        if controller is not None:
+            made["scenario"] = self.scenario.model_copy(update={"controller": controller})
         other = type(self)(self.study)
-        vars(other).update(bearing=self.bearing, marginals=self.marginals, keys=self.keys, **made)
+        vars(other).update(nominal=self.nominal, marginals=self.marginals, keys=self.keys, **made)
         return other
 
     def check(self) -> None:
         """Make all that is made once, so that what cannot be is said before any run."""
-        if "none" in self.estimators and self.scenario.controller.feedback == "estimate":
+        if wrong := self._run.wrong(self.scenario):
+            raise AmbkitError(f"{self.study.name}: {'; '.join(wrong)}")
+        if "none" in self.estimators and self._run.fed_by(self.scenario) == "estimate":
             raise AmbkitError(
                 f"{self.study.name}: the controller is fed by the estimate, so the estimator "
-                'cannot be none; say scenario.controller.feedback = "measurement"'
+                'cannot be none; say feedback = "measurement"'
             )
+        chosen = self._choices("controller")
+        for estimator in self.estimators.values():
+            for values in [{"controller": name} for name in chosen] or [{}]:
+                run = self._scenarios(tuple(values.items())) if values else self.scenario
+                self._run.planned(self.nominal, run, estimator, 0)
         self.points(0, 1)
 
     @property
@@ -329,20 +322,3 @@ def _without_folders(told: Any) -> Any:
         return [_without_folders(each) for each in told]
     is_file = isinstance(told, str) and told.endswith(FILTER_SUFFIX)
     return PurePath(told).name if is_file else told
-
-
-def with_values(bearing: Bearing, values: Mapping[str, Any]) -> Bearing:
-    """Return a bearing with other values, unchecked."""
-    # A magnet's coil and its constant stay one: the constant follows turns and area, and where the
-    # constant is what varies, the coil is left out.
-    tree = nested(values)
-    magnet = dict(tree.get("magnet", {}))
-    if "magnet_constant" in magnet:
-        told = bearing.magnet.with_constant(magnet.pop("magnet_constant"))
-        tree["magnet"] = magnet | {key.removeprefix("magnet__"): v for key, v in told.items()}
-    plant: Bearing = changed(bearing, tree)
-    coil = plant.magnet
-    if coil.turns is not None and coil.pole_area is not None and magnet:
-        k = magnet_constant(coil.turns, coil.pole_area, coil.pole_angle or 0.0)
-        plant = plant.model_copy(update={"magnet": coil.model_copy(update={"magnet_constant": k})})
-    return plant

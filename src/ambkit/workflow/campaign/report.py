@@ -49,10 +49,9 @@ def report_of(campaign: Machines) -> Report:
     if plan.names:
         chapters.append(_drives(campaign))
     chapters.append(_worst(campaign))
-    what = "bearing" if study.machine is None else "machine"
     return Report(
         title=f"{markdown(study.name)}: {good.of:,} machines",
-        subtitle=f"{what} {markdown(plan.bearing.name)}",
+        subtitle=f"machine {markdown(plan.nominal.name)}",
         lead=f"**{share(good)}** of the machines are good. {markdown(study.description)}",
         version=version("ambkit"),
         chapters=chapters,

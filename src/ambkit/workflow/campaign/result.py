@@ -98,7 +98,7 @@ class Campaign(Shown, Machines):
         """Return the figures as plain data, in SI."""
         return {
             "study": self.plan.study.name,
-            "bearing" if self.plan.study.machine is None else "machine": self.plan.bearing.name,
+            "bearing" if self.plan.study.machine is None else "machine": self.plan.nominal.name,
             "folder": str(self.folder),
             "runs": len(self),
             "yield": _plain(self.good),

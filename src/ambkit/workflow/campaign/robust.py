@@ -25,7 +25,6 @@ from ambkit.simulation.scenario import PID, Scenario
 from ambkit.workflow.campaign.compute import fly
 from ambkit.workflow.campaign.plan import Plan
 from ambkit.workflow.campaign.study import Study, load
-from ambkit.workflow.campaign.whole import plan_of
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -135,7 +134,7 @@ class Robust(Shown):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the filter, and beside it a bearing's controller as NAME.scenario.toml."""
         study = self.plan.study
-        self.estimator.save(path, bearing=study.bearing or study.machine)
+        self.estimator.save(path, bearing=study.nominal)
         if self.controller is not None:
             Scenario(controller=self.controller).save(self.beside(path))
 
@@ -195,7 +194,7 @@ def tune_robust(
         import optuna
     except ImportError:
         raise ExtraMissing("tune --robust", "optuna", "campaign") from None
-    plan = plan_of(load(study))
+    plan = Plan(load(study))
     plan.check()
     task = _Task(plan, quantile, max_sensitivity, threads)
     ranges = task.chosen(free)
@@ -302,7 +301,7 @@ class _Task:
         if any(name.startswith(("scenario.controller.", "flight.control.")) for name in plan.names):
             raise AmbkitError(f"{study.name}: gains vary, and are what is to be tuned")
         self.plan, self.kind, self.quantile, self.ceiling = plan, study.estimator, quantile, ceiling
-        self.threads, self.whole = threads, study.machine is not None
+        self.threads, self.several = threads, plan.several
         if study.synchronous:
             raise AmbkitError(f"{study.name}: synchronous does not go with the search for a filter")
         self.points, self.noise = plan.points(0, plan.runs), plan.noise(0, plan.runs)
@@ -311,16 +310,16 @@ class _Task:
     def chosen(self, free: Sequence[str] | None) -> tuple[Range, ...]:
         """Return what may change, and how far."""
         known = {}
-        for name, unit in {} if self.whole else GAINS.items():
+        for name, unit in {} if self.several else GAINS.items():
             gain = getattr(self.plan.scenario.controller, name.partition(".")[2])
             if gain > 0:
                 known[name] = Range(name, unit, gain, gain / FACTOR, gain * FACTOR)
-        contender = contender_of_kind(self.kind, self.plan.bearing, self._magnets(5))
+        contender = contender_of_kind(self.kind, self.plan.nominal, self._magnets(5))
         known |= {each.name: each for each in contender.tunable}
-        if self.kind == "adaptive" and not self.whole:
+        if self.kind == "adaptive" and not self.several:
             known[RULES] = Range(RULES, "1", 5.0, float(SIZES[0]), float(SIZES[-1]))
         for name in free or ():
-            if self.whole and name in GAINS:
+            if self.several and name in GAINS:
                 raise AmbkitError(
                     f"free: {name} is of a bearing; a machine's controllers are those that its "
                     "flight says, made for the nominal machine: the search is for the filter"
@@ -331,11 +330,11 @@ class _Task:
 
     def _magnet(self, rules: int) -> Any:
         """Return what the filter asks of its magnet: an expert of so many rules, or its kind's."""
-        if self.kind != "adaptive" or self.whole:
-            return learned_magnet(self.kind, self.plan.bearing)
+        if self.kind != "adaptive" or self.several:
+            return learned_magnet(self.kind, self.plan.nominal)
         from ambkit.workflow.expert import train
 
-        return train(self.plan.bearing, rules=(rules, rules))
+        return train(self.plan.nominal, rules=(rules, rules))
 
     def design(self, values: Mapping[str, float]) -> tuple[Estimator, PID | None]:
         """Return filter and controller with values; no controller of a machine."""
@@ -343,8 +342,8 @@ class _Task:
         of_filter = {
             name: value for name, value in values.items() if name not in GAINS and name != RULES
         }
-        estimator = contender_of_kind(self.kind, self.plan.bearing, magnet).build(**of_filter)
-        if self.whole:
+        estimator = contender_of_kind(self.kind, self.plan.nominal, magnet).build(**of_filter)
+        if self.several:
             return estimator, None
         gains = {name.partition(".")[2]: values[name] for name in values if name in GAINS}
         return estimator, self.plan.scenario.controller.model_copy(update=gains)

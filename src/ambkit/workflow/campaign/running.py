@@ -18,7 +18,6 @@ from ambkit.workflow.campaign.result import Campaign
 from ambkit.workflow.campaign.statistics import Share
 from ambkit.workflow.campaign.store import Folder
 from ambkit.workflow.campaign.study import Study, load
-from ambkit.workflow.campaign.whole import plan_of
 
 Told = Callable[..., None]
 
@@ -75,7 +74,7 @@ def campaign(
         if isinstance(study, Study):
             raise AmbkitError("folder: say where the rows of a study from Python are to be kept")
         folder = Path(study).with_suffix("").name
-    plan = plan_of(load(study))
+    plan = Plan(load(study))
     plan.check()
     if cluster is None and workers is not None:
         raise AmbkitError("workers are of a cluster; without one there are threads")
@@ -97,7 +96,7 @@ def campaign(
 
 def begun_in(study: Study, folder: str | os.PathLike[str]) -> tuple[int, int]:
     """Return how many runs of a study a folder has already, and of how many."""
-    plan = plan_of(study)
+    plan = Plan(study)
     there = Folder(folder, plan).done()
     return sum(stop - first for first, stop in map(plan.span, there)), plan.runs
 

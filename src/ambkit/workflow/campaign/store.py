@@ -30,7 +30,6 @@ from ambkit.base.escaping import json_text
 from ambkit.workflow.campaign.compute import Rows, schema, versions
 from ambkit.workflow.campaign.plan import Plan
 from ambkit.workflow.campaign.study import Study
-from ambkit.workflow.campaign.whole import plan_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -52,7 +51,7 @@ class Folder:
         path = Path(path)
         if not (path / ABOUT).is_file():
             raise AmbkitError(f"{path}: there is no campaign in it: it has no {ABOUT}")
-        found = cls(path, plan_of(Study.load(path / STUDY)))
+        found = cls(path, Plan(Study.load(path / STUDY)))
         found._check(found._about())
         return found
 

@@ -56,30 +56,18 @@ MOST_RUNS = 10**9
 def _preset_or_file(value: Any, info: ValidationInfo) -> Any:
     from ambkit.machine import presets
 
-    return value if value in presets.names() else from_folder(value, info)
+    known = (*presets.names(), *presets.machine_names())
+    return value if value in known else from_folder(value, info)
 
 
 def _written(value: str, info: SerializationInfo) -> str:
     from ambkit.machine import presets
 
-    return value if value in presets.names() else to_folder(value, info)
+    known = (*presets.names(), *presets.machine_names())
+    return value if value in known else to_folder(value, info)
 
 
-def _machine_or_file(value: Any, info: ValidationInfo) -> Any:
-    from ambkit.machine import presets
-
-    return value if value in presets.machine_names() else from_folder(value, info)
-
-
-def _machine_written(value: str, info: SerializationInfo) -> str:
-    from ambkit.machine import presets
-
-    return value if value in presets.machine_names() else to_folder(value, info)
-
-
-MachineName = Annotated[str, BeforeValidator(_machine_or_file), PlainSerializer(_machine_written)]
-
-BearingName = Annotated[str, BeforeValidator(_preset_or_file), PlainSerializer(_written)]
+MachineName = Annotated[str, BeforeValidator(_preset_or_file), PlainSerializer(_written)]
 
 
 def _kind_or_file(value: Any, info: ValidationInfo) -> Any:
@@ -108,10 +96,10 @@ class Study(Document):
     """Short name."""
     description: Description = ""
     """What it is to find out."""
-    bearing: BearingName | None = None
-    """The nominal bearing: a preset, or a file. Controller and estimator know it and no other."""
+    bearing: MachineName | None = None
+    """The nominal machine: a preset, or a file. Controllers and estimator know it and no other."""
     machine: MachineName | None = None
-    """Or the nominal machine, whose rotor has several axes: a preset, or a file."""
+    """The same, as studies of several axes call it."""
     estimator: EstimatorName = "linear"
     """In the loop, or beside it where the controller is fed by the measurement: a kind, a filter's
     file, or none."""
@@ -130,13 +118,13 @@ class Study(Document):
     part: Annotated[int, Field(ge=1, le=100_000, strict=True)] = 1000
     """Runs that are computed and written together."""
     scenario: Scenario = Scenario()
-    """What happens in a run of a bearing."""
+    """What happens in a run of a machine with one axis."""
     flight: Flight = Flight()
-    """What happens in a run of a machine."""
+    """What happens in a run of a machine with several axes."""
     controllers: dict[Name, PID] = Field(default_factory=dict)
-    """Controllers to choose from, by names; what is not said of one is tuned to the bearing."""
+    """Controllers of one axis to choose from, by names; what is not said of one is tuned."""
     controls: dict[Name, Control] = Field(default_factory=dict)
-    """Ways to control a machine to choose from, by names."""
+    """Ways to control several axes to choose from, by names."""
     vary: tuple[Vary, ...] = ()
     """What varies from run to run."""
     correlation: tuple[Correlated, ...] = ()
@@ -147,6 +135,12 @@ class Study(Document):
     """Which machines are good."""
     stop: Stop | None = None
     """When fewer runs are enough."""
+
+    @property
+    def nominal(self) -> str:
+        """What names the nominal machine."""
+        assert self.machine is not None or self.bearing is not None
+        return self.machine or self.bearing or ""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:

@@ -1,0 +1,152 @@
+"""What happens in a run of a study and who controls it: of one axis a scenario, else a flight."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.machine.machine import Machine
+from ambkit.simulation.controllers import TYPES, Control, Controllers, controllers_of
+from ambkit.simulation.default_control import is_default, settled_flight
+from ambkit.simulation.flight import Flight
+from ambkit.simulation.holding_margins import shown_along_axes
+from ambkit.simulation.many import Planned
+from ambkit.simulation.many_machines import PlannedMachine
+from ambkit.simulation.plant import Plant
+from ambkit.simulation.scenario import PID, Scenario
+from ambkit.workflow.campaign.checks import completed
+from ambkit.workflow.campaign.keys import OF_FLIGHT, OF_RUN
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.bearing import Bearing
+    from ambkit.workflow.campaign.study import Study
+
+_GAINS = ("kp", "ki", "kd", "feed_forward")
+
+_IN_AMPERES = ("fed_back", "fed_back_by_speed", "fed_back_by_square")
+"""Feedback that is of currents, as against positions."""
+
+
+class OfOne:
+    """Scenarios of a machine with one axis, whose controller is a PID."""
+
+    begins, controller = OF_RUN, "controller"
+
+    def __init__(self, nominal: Bearing, study: Study) -> None:
+        self.nominal, self.study = nominal, study
+
+    def settled(self, *, unfed: bool, chosen: bool) -> Scenario:
+        """Return the run with controllers tuned to the nominal machine."""
+        run: Scenario = completed(self.study.scenario, self.nominal)
+        update: dict[str, Any] = {"seed": self.study.seed}
+        if unfed and "feedback" not in self.study.scenario.controller.model_fields_set:
+            fed = run.controller.model_copy(update={"feedback": "measurement"})
+            update["controller"] = fed
+        return run.model_copy(update=update)
+
+    def fed_by(self, run: Scenario) -> str:
+        """Return what feeds the controllers."""
+        return run.controller.feedback
+
+    def controllers(self, run: Scenario) -> dict[str, PID]:
+        """Return the controllers to choose from."""
+        fed = {"feedback": run.controller.feedback}
+        textbook = PID.textbook(self.nominal).model_copy(update=fed)
+        found = {"tuned": run.controller, "textbook": textbook}
+        for name, pid in self.study.controllers.items():
+            whole = pid.completed(self.nominal)
+            said = "feedback" in pid.model_fields_set
+            found[name] = whole if said else whole.model_copy(update=fed)
+        return found
+
+    def planned(
+        self, plant: Bearing, run: Scenario, estimator: Estimator | None, noise: int
+    ) -> Planned:
+        """Return a run whose controller goes by the nominal gains of amplifier and sensor."""
+        # The simulated one divides by the plant's. What it lacks is a factor on its gains.
+        pid = run.controller
+        ratio = plant.amplifier.gain / self.nominal.amplifier.gain
+        if pid.feedback == "measurement":
+            ratio *= plant.sensor.gain / self.nominal.sensor.gain
+        if ratio != 1:
+            changes = {name: ratio * getattr(pid, name) for name in _GAINS}
+            run = run.model_copy(update={"controller": pid.model_copy(update=changes)})
+        return Planned(plant, run, estimator, number=noise)
+
+    def wrong(self, run: Scenario) -> list[str]:
+        """Return what a run names that is not there: nothing."""
+        return []
+
+
+class OfSeveral:
+    """Flights of a machine with several axes."""
+
+    begins, controller = OF_FLIGHT, "control"
+
+    def __init__(self, nominal: Machine, study: Study) -> None:
+        self.nominal, self.study = nominal, study
+
+    def settled(self, *, unfed: bool, chosen: bool) -> Flight:
+        """Return the run with controllers made for the nominal machine."""
+        run = self.study.flight.model_copy(update={"seed": self.study.seed})
+        if unfed and run.feedback is None:
+            run = run.model_copy(update={"feedback": "measurement"})
+        if chosen and is_default(run.control):
+            run = run.model_copy(update={"control": Control(type="decentralised")})
+        return settled_flight(self.nominal, run)
+
+    def fed_by(self, run: Flight) -> str | None:
+        """Return what feeds the controllers."""
+        return run.feedback
+
+    def controllers(self, run: Flight) -> dict[str, Control]:
+        """Return the ways to control that there are to choose from."""
+        usual = (*(Control.model_validate({"type": name}) for name in TYPES), run.control)
+        return {str(each.type): each for each in usual} | self.study.controls
+
+    def planned(
+        self, plant: Machine, run: Flight, estimator: Estimator | None, noise: int
+    ) -> PlannedMachine:
+        """Return a run with the nominal machine's controllers at amplifiers of other gains."""
+        run = run.model_copy(update={"run": noise})
+        made = self._made(run, estimator)
+        ratio = np.array([
+            own.bearing.amplifier.gain / nominal.bearing.amplifier.gain
+            for own, nominal in zip(plant.axes, self.nominal.axes, strict=True)
+        ])  # fmt: skip
+        if (ratio != 1).any():
+            fed = {
+                name: ratio[:, None] * each if name in _IN_AMPERES else each
+                for name, each in made.feedback.items()
+            }
+            made = replace(made, spread=ratio[:, None] * made.spread, feedback=fed)
+        return PlannedMachine(plant, run, estimator, made)
+
+    @cached_property
+    def _known(self) -> dict[Any, Controllers]:
+        return {}
+
+    def _made(self, run: Flight, estimator: Estimator | None) -> Controllers:
+        key = id(estimator), run.feedback, run.control.model_dump_json()
+        if key not in self._known:
+            fed = estimator if run.feedback == "estimate" else None
+            found = controllers_of(Plant(self.nominal), run.control, fed)
+            if fed is None:  # by the readings, as the nominal sensors show the axes
+                shown = found.of_axes @ shown_along_axes(self.nominal)
+                found = replace(found, feedback=found.feedback | {"position": shown})
+            self._known[key] = found
+        return self._known[key]
+
+    def wrong(self, run: Flight) -> list[str]:
+        """Return what a run names that is not there: axes."""
+        axes = tuple(axis.name for axis in self.nominal.axes)
+        return [f"flight.{each}" for each in run.unknown_axes(axes)]
+
+
+def happening(nominal: Bearing | Machine, study: Study) -> Any:
+    """Return what happens in the runs of a study."""
+    return (OfSeveral if isinstance(nominal, Machine) else OfOne)(nominal, study)  # type: ignore[arg-type]
