@@ -11,13 +11,15 @@ import typer
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.options import (
     CONSTANT,
+    AxisName,
     From,
     Json,
     MapFile,
     Plot,
     To,
     file_option,
-    find_bearing,
+    find_plant,
+    isolated,
     quantity,
 )
 
@@ -88,6 +90,7 @@ def identify(
             show_default="that of the records, --channels",
         ),
     ] = None,
+    axis: AxisName = None,
     validate: Annotated[
         list[Path] | None,
         typer.Option(metavar="RECORD", help="Judge the result on this record; again for more."),
@@ -219,8 +222,8 @@ def identify(
         )  # fmt: skip
         from ambkit.cli.identify_coil import by_coil
 
-        by_coil(record or [], channel_map, begin, end, find_bearing(bearing), working_point, out,
-                plot, json)  # fmt: skip
+        by_coil(record or [], channel_map, begin, end, isolated(find_plant(bearing), axis),
+                working_point, out, plot, json)  # fmt: skip
         return
     if bool(record) == (lift_off is not None):
         raise AmbkitError("give either a RECORD or --lift-off POINTS.csv")
@@ -257,7 +260,8 @@ def identify(
         if given is not None:
             what = "--lift-off" if of_the_loop else "a RECORD of the loop"
             raise AmbkitError(f"{option} is for {what}")
-    known = find_bearing(bearing)
+    plant = find_plant(bearing)
+    known = isolated(plant, axis)
     if not of_the_loop:
         points = [lift_off] if lift_off is not None else record or []
         by_lift_off(points, lifting_off, channel_map, known, gap_range, working_point, out, plot,
@@ -265,14 +269,26 @@ def identify(
         return
     assert record
     if method is Method.likelihood:
-        search = by_corpus if len(record) >= LEAST and not together else by_likelihood
-        search(
-            Options(record, validate or [], rest, rest_map or channel_map, channel_map, begin, end,
-                  free, load_std, out, filter_file, force_map, _nodes(force_map_nodes), report,
-                  plot, json),
-            known,
+        options = Options(
+            axis, record, validate or [], rest, rest_map or channel_map, channel_map, begin, end,
+            free, load_std, out, filter_file, force_map, _nodes(force_map_nodes), report, plot,
+            json,
         )  # fmt: skip
+        if len(record) < LEAST or together:
+            by_likelihood(options, plant)
+        elif known is plant:
+            by_corpus(options, known)
+        else:
+            raise AmbkitError(
+                f"logs of a machine with several axes are identified from --together, {len(record)}"
+                " are given"
+            )
         return
+    if known is not plant:
+        raise AmbkitError(
+            f"--method {method} learns of a machine with one axis: {plant.name} has several, whose "
+            "forces it would take for the disturbance force of this one"
+        )
     if len(record) > 1:
         raise AmbkitError(f"--method {method} learns along one record, {len(record)} are given")
     log = load_log(record[0], channel_map, begin, end)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ambkit.data.rig_units import Inputs
     from ambkit.identification.forces.map import ForceMap
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
     from ambkit.workflow.identifying import Identified
 
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 class Options:
     """What the user asked for."""
 
+    axis: str | None
     records: Sequence[Path]
     validate: Sequence[Path]
     rest: Path | None
@@ -53,7 +55,7 @@ def refuse_parts(options: Options) -> None:
             raise AmbkitError(f"{option} is for one or two RECORDs, or --together")
 
 
-def by_likelihood(options: Options, known: Bearing) -> None:
+def by_likelihood(options: Options, known: Bearing | Machine) -> None:
     """Identify, validate, and deliver."""
     import os
 
@@ -73,11 +75,12 @@ def by_likelihood(options: Options, known: Bearing) -> None:
         identify,
         noise_at_rest,
         parameters_to_find,
+        records_of,
         starting_model,
     )
 
     rest = {} if options.rest is None else noise_at_rest(load(options.rest, options.rest_map))
-    start = starting_model(known, rest=rest, load_std=options.load_std)
+    start = starting_model(known, options.axis, rest=rest, load_std=options.load_std)
     given = None if options.free is None else options.free.replace(" ", "").split(",")
     free = parameters_to_find(start, given)
     # Not Path.resolve, which raises where links go in a loop; reading the record says so.
@@ -93,11 +96,13 @@ def by_likelihood(options: Options, known: Bearing) -> None:
         for paths in (options.records, options.validate)
     )
     for path, record in zip([*options.records, *options.validate], records + others, strict=True):
-        say_what_is_odd(path, record, start.bearing)
+        say_what_is_odd(path, record, known)
+    records, others = (records_of(start, each) for each in (records, others))
     with arguments_of_the_user(), output.progress("identifying") as done:
         found = identify(
             known,
             records,
+            options.axis,
             others=others,
             names=[path.name for path in options.validate or options.records],
             rest=rest,
@@ -121,7 +126,8 @@ def by_likelihood(options: Options, known: Bearing) -> None:
         shown,
         [
             (options.out, lambda path: files.write_text(path,
-                                                          annotated_toml(likelihood, path.parent))),
+                                                          annotated_toml(likelihood, path.parent,
+                                                                         found.machine))),
             (options.filter, lambda path: made.save(path, bearing=options.out)),
             (options.force_map, lambda path: None if forces is None else forces.save(path)),
             (options.report, lambda path: write_identification(path, likelihood, checks,

@@ -129,6 +129,12 @@ ExpertFile = Annotated[
 ]
 
 
+AxisName = Annotated[
+    str | None,
+    typer.Option("--axis", metavar="NAME", help="Which axis, of a machine with several: A1."),
+]
+
+
 Synchronous = Annotated[
     list[str] | None,
     typer.Option(
@@ -156,6 +162,14 @@ def find_machine(text: str) -> Machine | None:
 def find_plant(text: str) -> Bearing | Machine:
     """Return the machine that the user named: a preset, or one in a TOML file."""
     return find_machine(text) or find_bearing(text)
+
+
+def isolated(machine: Bearing | Machine, axis: str | None) -> Bearing:
+    """Return an axis of a machine alone; its name may be left out where there is only one."""
+    from ambkit.machine import axes
+    from ambkit.machine.machine import as_machine
+
+    return axes.isolated(as_machine(machine), axis)
 
 
 def refuse_of_one_axis(machine: Machine, options: Mapping[str, Any]) -> None:

@@ -10,12 +10,14 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.options import (
+    AxisName,
     BearingName,
     Json,
     Plot,
     arguments_of_the_user,
     file_option,
-    find_bearing,
+    find_plant,
+    isolated,
     quantity,
 )
 
@@ -136,6 +138,7 @@ def train(
             "--save-filter",
         ),
     ] = None,
+    axis: AxisName = None,
     plot: Plot = None,
     json: Json = False,
 ) -> None:
@@ -188,7 +191,7 @@ def train(
     taken = "best" if take is None else take.value
     if take is None and out is not None:  # points and bearings are asked for by no one by chance
         taken = {".json": "best", ".toml": "law"}.get(out.suffix.lower(), "surface")
-    model = find_bearing(bearing)
+    model = isolated(find_plant(bearing), axis)
     options = how_to_train(method.value, weights, normalised=not plain, scaling=scaling.value)
     measured = None
     with output.progress("training") as done:

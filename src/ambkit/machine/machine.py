@@ -230,6 +230,21 @@ class Machine(Document):
             and not self.bearing[0].name
         )
 
+    def __getitem__(self, axis: str) -> Machine:
+        """Return an axis as a machine of one, with the mass that is effective there; see `alone`.
+
+        Parameters
+        ----------
+        axis : str
+            Its name, such as ``"A1"``.
+
+        Raises
+        ------
+        AmbkitError
+            There is no such axis.
+        """
+        return Machine.of_axis(self.alone(axis))
+
     def alone(self, axis: str) -> Bearing:
         """Return an axis as a bearing alone, with the mass that is effective there.
 

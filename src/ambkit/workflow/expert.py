@@ -14,9 +14,11 @@ from ambkit.estimate.filter_saving import made_by
 from ambkit.estimate.kalman import AdaptiveKalmanFilter
 from ambkit.fuzzy.left_out import LAW, NETWORK, REFITTED, SURFACE, choose_model
 from ambkit.fuzzy.training import train as train_network
+from ambkit.machine.axes import isolated
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.file import load_force_points
 from ambkit.machine.forces.points import ForcePoints
+from ambkit.machine.machine import Machine, as_machine
 from ambkit.machine.stiffness import StiffnessMap
 from ambkit.workflow.training import RULES, how_to_train, measured_force, stiffness_of_law
 
@@ -28,9 +30,10 @@ if TYPE_CHECKING:
 
 @shown_in_notebooks("training the expert", by="note")
 def train(
-    source: Bearing | StiffnessMap,
+    source: Bearing | Machine | StiffnessMap,
     rules: Shape | None = RULES,
     *,
+    axis: str | None = None,
     reach: Given | None = None,
     force_map: ForcePoints | str | os.PathLike[str] | None = None,
     channels: str | os.PathLike[str] | None = None,
@@ -46,12 +49,14 @@ def train(
 
     Parameters
     ----------
-    source : Bearing or StiffnessMap
+    source : Bearing, Machine or StiffnessMap
         Whose law is learned, over all currents; or the nodes to learn, one
         for each rule.
     rules : tuple of 2 int, optional
         Along current and displacement; None: as many as the points of `force_map` carry. Of a
         stiffness map as many as it has nodes.
+    axis : str, optional
+        Name of the axis whose magnet is learned, of a machine with several.
     reach : float or str, optional
         How far out the law is learned, either way [m]; by default half of the travel. A force map
         reaches as far as it has points.
@@ -95,7 +100,7 @@ def train(
     >>> len(train(Bearing.preset("zittau_axial"), rules=(3, 3)).rules)
     9
     """
-    of_type(Bearing, StiffnessMap, source=source)
+    of_type(Bearing, Machine, StiffnessMap, source=source)
     how = how_to_train(method, weights, normalised=normalised, scaling=scaling) | details
     if force_map is None:
         for name, asked in (("channels", channels), ("law_error", law_error)):
@@ -109,6 +114,7 @@ def train(
         if force_map is not None:
             raise AmbkitError("a force_map corrects a bearing's law, and source is no bearing")
         return train_network(source, **how)
+    source = isolated(as_machine(source), axis)
     if force_map is None:
         far = in_si("reach", reach, "m")
         return train_network(stiffness_of_law(source, rules or RULES, far), **how)

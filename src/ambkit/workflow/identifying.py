@@ -19,6 +19,7 @@ from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off
 from ambkit.identification.forces.map import ForceMap, force_map
+from ambkit.identification.maximum_likelihood.axis_model import AxisModel, axis_record
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import OFFSETS, named, usual
@@ -26,7 +27,9 @@ from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.validation import Validation, validate
 from ambkit.identification.noise import Noise, measurement_noise
 from ambkit.judge.load_following import REQUIRED, STEP, least_process_noise
+from ambkit.machine.axes import axis_named, isolated, with_axis
 from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine, as_machine, short_form
 from ambkit.machine.stiffness import work_points
 
 if TYPE_CHECKING:
@@ -74,7 +77,7 @@ def _noise_as_data(noise: Noise | str) -> dict[str, Any]:
 class Identified(Shown):
     """A bearing from records of the loop, with its uncertainty, and how it did on others."""
 
-    given: Bearing  #: What was known before, without what `rest` says.
+    given: Bearing  #: What was known before of the axis, without what `rest` says.
     records: Sequence[Record]  #: What it was identified from.
     likelihood: MaximumLikelihood  #: What was found.
     #: How it did on each of the other records; without others, on `records`.
@@ -87,8 +90,16 @@ class Identified(Shown):
 
     @property
     def bearing(self) -> Bearing:
-        """The bearing that was found."""
+        """The axis that was found, as a bearing alone."""
         return self.likelihood.bearing
+
+    @property
+    def machine(self) -> Machine:
+        """The machine with the axis that was found."""
+        model = self.likelihood.model
+        if isinstance(model, AxisModel):
+            return with_axis(model.machine, model.axis, self.bearing)
+        return as_machine(self.bearing)
 
     @property
     def of_the_zeros(self) -> list[str]:
@@ -157,8 +168,11 @@ def identified_filter(
 ) -> Estimator:
     """Return the extended filter of what was found: its noise, its delay, the log's offsets."""
     model, of_log = found.likelihood.model, inputs or Inputs()
-    made, raised = _following_a_load(found.bearing, model.load_growth)
+    made, raised = _following_a_load(short_form(found.machine), model.load_growth)
     free = {p.name for p in found.likelihood.parameters}
+    if not found.machine.single:
+        made.origin = raised
+        return made
     made.inputs = of_log
     if found.likelihood.offsets_count:
         volts = model.current_offset / found.bearing.amplifier.gain
@@ -176,7 +190,7 @@ def identified_filter(
 
 
 def _following_a_load(
-    bearing: Bearing, intensity: float
+    bearing: Bearing | Machine, intensity: float
 ) -> tuple[ExtendedKalmanFilter, dict[str, str]]:
     """Return a filter that follows the stated load, and where its process noise is from."""
     # A record whose load rests says that any small process noise is as likely: a filter with such a
@@ -199,14 +213,31 @@ def corpus_filter(corpus: Corpus) -> Estimator:
 
 
 def starting_model(
-    bearing: Bearing, *, rest: AtRest | None = None, load_std: Given | None = None
+    machine: Bearing | Machine,
+    axis: str | None = None,
+    *,
+    rest: AtRest | None = None,
+    load_std: Given | None = None,
 ) -> LoopModel:
     """Return the model that identification starts from."""
     load_std = in_si("load_std", load_std, "N")
+    machine = as_machine(machine)
+    axis = axis_named(machine, axis)
+    bearing = machine.alone(axis)
     seen = (rest or {}).get("y")
     if isinstance(seen, Noise):
         bearing = bearing.replace(sensor__noise_variance=seen.variance)
-    return LoopModel(bearing, load_std=math.nan if load_std is None else load_std)
+    load_std = math.nan if load_std is None else load_std
+    if machine.single:
+        return LoopModel(bearing, load_std=load_std)
+    return AxisModel(bearing, load_std=load_std, machine=machine, axis=axis)
+
+
+def records_of(start: LoopModel, records: Sequence[Record]) -> list[Record]:
+    """Return records in which y and u are those of the axis that a model is of."""
+    if not isinstance(start, AxisModel):
+        return list(records)
+    return [axis_record(record, start) for record in records]
 
 
 def parameters_to_find(start: LoopModel, free: Iterable[str] | None = None) -> tuple[str, ...]:
@@ -218,8 +249,9 @@ def parameters_to_find(start: LoopModel, free: Iterable[str] | None = None) -> t
 
 @shown_in_notebooks("identifying", by="note")
 def identify(
-    bearing: Bearing,
+    machine: Bearing | Machine,
     records: Record | Sequence[Record],
+    axis: str | None = None,
     *,
     others: Sequence[Record] = (),
     names: Sequence[str] | None = None,
@@ -230,14 +262,19 @@ def identify(
     nodes: tuple[int, int] | None = None,
     note: Callable[[str], None] = lambda _text: None,
 ) -> Identified:
-    """Identify a bearing from records of the loop, and validate what was found.
+    """Identify an axis of a machine from records of the loop, and validate what was found.
+
+    Of a machine with several axes the records have all readings and control signals, and the other
+    axes are as described: what they do is no disturbance force of this one.
 
     Parameters
     ----------
-    bearing : Bearing
+    machine : Bearing or Machine
         What is known already.
     records : Record or sequence of Record
         Runs in closed loop.
+    axis : str, optional
+        Name of the axis; it may be left out where there is only one.
     others : sequence of Record
         Judge the result on these; without them it is judged on what it was identified from.
     names : sequence of str, optional
@@ -263,24 +300,28 @@ def identify(
     Raises
     ------
     AmbkitError
-        There is no such parameter, a record is both identified from and validated on, or the
-        search cannot begin.
+        There is no such axis or parameter, a record is both identified from and validated on, or
+        the search cannot begin.
     ValueError
         `load_std` or `nodes` is out of its range, or a record's rate is not the bearing's.
     TypeError
-        `bearing` is no bearing, or one of `records` no record.
+        `machine` is no machine, or one of `records` no record.
     """
-    of_type(Bearing, bearing=bearing)
-    records = all_of_type(Record, records=records)
-    start = starting_model(bearing, rest=rest, load_std=load_std)
+    of_type(Bearing, Machine, machine=machine)
+    records, others = (all_of_type(Record, records=each) for each in (records, others))
+    start = starting_model(machine, axis, rest=rest, load_std=load_std)
+    machine = as_machine(machine)
     looked_for = parameters_to_find(start, free)
     if any(record is seen for record in others for seen in records):
         raise AmbkitError(
             "a record is to be identified from and validated on: a model is judged on a record "
             "that it has not seen"
         )
+    if map_forces and not machine.single:
+        raise AmbkitError(f"forces are mapped of one axis, {machine.name} has several")
+    records, others = (records_of(start, each) for each in (records, others))
     try:
-        found = maximum_likelihood(records, start, looked_for, lines=True, note=note)
+        found = maximum_likelihood(records, start, looked_for, lines=machine.single, note=note)
     except ConfigError as error:
         raise AmbkitError(
             f"what is likely under these records is no bearing that could be ({error}): does the "
@@ -295,7 +336,9 @@ def identify(
     forces = None
     if map_forces:
         forces = force_map(found.model, records, nodes=nodes, settling=found.settling, note=note)
-    return Identified(bearing, records, found, checks, bool(others), rest or {}, forces)
+    return Identified(
+        isolated(machine, axis), records, found, checks, bool(others), rest or {}, forces
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -83,7 +83,8 @@ def maximum_likelihood(
     given = start if isinstance(start, LoopModel) else LoopModel(start)
     parameters, alike = searchable(named(free), given)
     if not parameters:
-        raise AmbkitError("no parameter is free")
+        reasons = "".join(f"; {name}: {why}" for name, why in alike.items())
+        raise AmbkitError(f"no parameter is free{reasons}")
     if settling is None:
         settling = settling_time(given.bearing)
     _check_records(several, given, settling)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,9 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class LoopModel:
     """A bearing together with what its log adds to it."""
+
+    #: Parameters that no record of it tells, and why.
+    described: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     bearing: Bearing  #: Magnet, rotor, amplifier and sensor.
     #: Time from a logged control signal to the force, to the logged position [s]; NaN: the
@@ -98,12 +102,25 @@ class LoopModel:
             b, amplifier=noise, sensor={"quantisation": None},
             sampling_time=b.sampling_time / self.substeps,
         )  # fmt: skip
+        return self._filter(finer, self.magnet or magnet_of(b))
+
+    def _filter(self, finer: Bearing, magnet: MagnetModel) -> Estimator:
         return ExtendedKalmanFilter(
             finer,
-            self.magnet or magnet_of(b),
+            magnet,
             noise=FilterNoise(disturbance=self.load_growth),
             outlier_limit=0,  # left out, what a wrong model cannot explain would speak for it
         )
+
+    @property
+    def signals(self) -> tuple[str, str]:
+        """Names of its measurement and its control signal in a log."""
+        return "y", "u"
+
+    @property
+    def reading(self) -> int:
+        """The number of its measurement among those of the filter."""
+        return 0
 
     @property
     def with_mean_force(self) -> Bearing:
@@ -163,7 +180,7 @@ class LoopModel:
         # returns (n - ahead,)
         out, u, kalman = self._run(record)
         steps = ahead * self.substeps
-        fine = kalman.core.forecast(np.ascontiguousarray(out["mean"]), u, steps)[:, 0]
+        fine = kalman.core.forecast(np.ascontiguousarray(out["mean"]), u, steps)[:, self.reading]
         n = len(record) - ahead
         missed = self.misplaced(record["u"])[ahead:]
         return np.asarray(fine[:: self.substeps][:n]) + self.position_offset + missed

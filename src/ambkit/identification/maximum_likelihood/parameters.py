@@ -160,7 +160,7 @@ def searchable(
     # part the two is how much load is expected, and that is a guess: a search would make a mass of
     # it, with an error that looks honest. Nor is the air gap of a force map, which was measured
     # with the gap that there is: only the law beneath it would move.
-    held = {}
+    held = {p.name: model.described[p.name] for p in parameters if p.name in model.described}
     if {"magnet_constant", "mass"} <= {p.name for p in parameters}:
         held["mass"] = f"magnet_constant and mass {ALIKE}, a loop tells their ratio"
     if model.bearing.magnet.force_map is not None and "air_gap" in {p.name for p in parameters}:

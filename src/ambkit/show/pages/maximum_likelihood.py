@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
     from ambkit.identification.maximum_likelihood.validation import Validation
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
 
 
 def write_identification(
@@ -64,23 +65,32 @@ def identification_report(
     )
 
 
-def annotated_toml(found: MaximumLikelihood, folder: str | os.PathLike[str] | None = None) -> str:
+def annotated_toml(
+    found: MaximumLikelihood,
+    folder: str | os.PathLike[str] | None = None,
+    machine: Machine | None = None,
+) -> str:
     """Return the bearing as TOML, each value that was found with its standard error beside it."""
     # What is of the log and not of the bearing (offsets, load, a delay that cannot be told from
     # none) stands above in comments, with the lines of a channel map that take it out. Files that
     # it names are seen from `folder`, where it will lie.
+    several = None if machine is None or machine.single else machine
     in_bearing = {"current_lag": ("amplifier", "bandwidth")}
     if found.delay_counts:
         in_bearing["delay"] = ("", "delay")
     places = {in_bearing.get(p.name, tuple(p.place.split("__"))): p for p in found.parameters}
     lines = [f"# Identified by maximum likelihood from {found.samples} measurements."]
     for p in found.parameters:
-        if "__" not in p.place and p.name not in in_bearing:
-            lines.append(f"# Of the log: {p.name} = {_with_error(found, p.name)}.")
+        of_log = "__" not in p.place and p.name not in in_bearing
+        if of_log or several:
+            of = "log" if of_log else f"axis {found.bearing.name}"
+            lines.append(f"# Of the {of}: {p.name} = {_with_error(found, p.name)}.")
     lines += [f"# Not found: {name}: {why}." for name, why in found.held.items()]
     carried = carried_over(found.model, delay=not found.delay_counts, offsets=found.offsets_count)
     lines += [f"# {line}".rstrip() for line in carried]
     table = ""
+    if several:
+        return "\n".join(lines) + "\n" + several.to_toml(folder)
     for line in found.bearing.to_toml(folder).splitlines():
         if line.startswith("["):
             table = line.strip("[]")
@@ -110,7 +120,7 @@ def carried_over(model: LoopModel, *, delay: bool = True, offsets: bool = True) 
         # Of u and not of y: what is held is averaged over the sample, y would be interpolated.
         of_u.append(f'delay = "{engineering(-model.delay, "s", 6)}"  # it acts later than logged')
     lines = []
-    for name, those in (("y", of_y), ("u", of_u)):
+    for name, those in zip(model.signals, (of_y, of_u), strict=True):
         if those:
             lines += [f"[signals.{name}]", *those]
     if lines:

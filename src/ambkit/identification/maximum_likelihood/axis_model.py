@@ -1,0 +1,104 @@
+"""An axis of a machine with several, as a record of the machine tells of it.
+
+The filter is that of the machine and takes all readings and all control signals: what the other
+axes do is no disturbance force of this one. What counts is how likely the axis's own reading is,
+given all that was measured before it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import RecordError
+from ambkit.data.record import Record
+from ambkit.data.signals import signal
+from ambkit.estimate.kalman import ExtendedKalmanFilter
+from ambkit.estimate.noise import FilterNoise
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.machine.axes import reading_along, with_axis
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
+    from ambkit.machine.magnets import MagnetModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisModel(LoopModel):
+    """An axis, whose bearing may change, among others, which are as described."""
+
+    described = MappingProxyType({"mass": "all axes move one rotor, whose mass is described"})
+
+    machine: Machine
+    axis: str
+
+    @property
+    def signals(self) -> tuple[str, str]:
+        """Names of its measurement and its control signal in a log."""
+        reading = self.machine.readings[self.reading]
+        return signal("y", reading.name), signal("u", self.axis)
+
+    @property
+    def reading(self) -> int:
+        """The number of its measurement among those of the machine."""
+        return reading_along(self.machine, self.axis)
+
+    def _filter(self, finer: Bearing, _magnet: MagnetModel) -> Estimator:
+        machine = with_axis(self.machine, self.axis, finer)
+        return ExtendedKalmanFilter(
+            machine,
+            noise=FilterNoise(disturbance=self.load_growth),
+            outlier_limit=0,
+            synchronous=("unbalance",) if machine.turns else (),
+        )
+
+    def _run(
+        self, record: Record, kalman: Estimator | None = None
+    ) -> tuple[dict[str, Any], Array, Estimator]:
+        kalman, own = kalman or self.kalman(), self.reading
+        u = np.column_stack([self._of_axis(axis.name, record) for axis in self.machine.axes])
+        y = np.full((len(u), len(self.machine.readings)), np.nan)
+        for k, reading in enumerate(self.machine.readings):
+            y[:: self.substeps, k] = record[signal("y", reading.name)]
+        y[:: self.substeps, own] = record["y"] - self.position_offset - self.misplaced(record["u"])
+        std = dict(zip((s.name for s in kalman.states), kalman.default_std(), strict=True))
+        if np.isfinite(self.load_std):
+            std |= {name: self.load_std for name in std if name.startswith("f_d")}
+        kalman.reset(kalman.at_first(y[:: self.substeps]), list(std.values()))
+        out = kalman.core.run(y, u)
+        one = {name: out[name][:, own] for name in ("innovation", "variance")}
+        return out | one | {"status": out["health"][:, own]}, u, kalman
+
+    def _of_axis(self, axis: str, record: Record) -> Array:
+        """Return what acts at the filter's steps of an axis's control signal [V]."""
+        if axis == self.axis:
+            return self._acting(record["u"])
+        other = LoopModel(
+            self.machine.alone(axis), delay=self.delay, substeps=self.substeps, line=self.line
+        )
+        return other._acting(record[signal("u", axis)])
+
+
+def axis_record(record: Record, model: AxisModel) -> Record:
+    """Return a record of a machine with the reading and the control of an axis as y and u."""
+    machine, (y, u) = model.machine, model.signals
+    controls = [signal("u", axis.name) for axis in machine.axes]
+    needed = [*(signal("y", reading.name) for reading in machine.readings), *controls]
+    if lacking := [name for name in needed if name not in record]:
+        raise RecordError(
+            f"the record has no {', '.join(lacking)}; an axis of {machine.name} is identified from "
+            f"all of its readings and control signals"
+        )
+    if not all(np.isfinite(record[name]).all() for name in controls):
+        raise RecordError("the record lacks samples of a control signal: cut it where it has all")
+    signals = {name: record[name] for name in record} | {"y": record[y], "u": record[u]}
+    units = dict(record.units) | {"y": record.units[y], "u": record.units[u]}
+    return replace(record, signals=signals, units=units)

@@ -1,0 +1,73 @@
+"""An axis of a machine among others: its name, the reading that shows it, and a change of it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from ambkit.base.errors import AmbkitError
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.geometry import Line
+    from ambkit.machine.machine import Machine
+
+ALIGNED = math.cos(math.radians(1))
+"""Cosine of the angle between an axis and a reading that still shows it."""
+
+
+def axis_named(machine: Machine, axis: str | None) -> str:
+    """Return the name of an axis; it may be left out where there is only one."""
+    names = [each.name for each in machine.axes]
+    if axis is None and len(names) == 1:
+        return names[0]
+    if axis not in names:
+        wanted = "name one of them" if axis is None else f"there is no axis {axis}"
+        raise AmbkitError(f"{machine.name} has the axes {', '.join(names)}: {wanted}")
+    return axis
+
+
+def isolated(machine: Machine, axis: str | None) -> Bearing:
+    """Return an axis alone; its name may be left out where there is only one."""
+    return machine.alone(axis_named(machine, axis))
+
+
+def reading_along(machine: Machine, axis: str) -> int:
+    """Return the number of the reading that shows an axis, at its place or next to it."""
+    if machine.single:
+        return 0
+    line = next(each.line for each in machine.axes if each.name == axis)
+    lines = [reading.line for reading in machine.readings]
+    aligned = [k for k, other in enumerate(lines) if _aligned(line, other)]
+    if not aligned:
+        raise AmbkitError(f"{machine.name}: no sensor looks along the axis {axis}")
+    return min(aligned, key=lambda k: abs(lines[k].place - line.place))
+
+
+def _aligned(one: Line, other: Line) -> bool:
+    if one.axial or other.axial:
+        return one.axial and other.axial
+    return one.cosine * other.cosine + one.sine * other.sine > ALIGNED
+
+
+def with_axis(machine: Machine, axis: str, found: Bearing) -> Machine:
+    """Return a copy with magnet, amplifier, sensor and times of an axis, not checked."""
+    own = next(each.bearing for each in machine.axes if each.name == axis)
+    seen = machine.readings[reading_along(machine, axis)].sensor
+    changes = {
+        "magnet": found.magnet, "amplifier": found.amplifier, "coil": found.coil,
+        "travel_limit": found.rotor.travel_limit,
+    }  # fmt: skip
+    return machine.model_copy(
+        update={
+            "sampling_time": found.sampling_time,
+            "delay": found.delay,
+            "bearing": tuple(
+                each.model_copy(update=changes) if each is own else each for each in machine.bearing
+            ),
+            "sensor": tuple(
+                each.model_copy(update=dict(found.sensor)) if each is seen else each
+                for each in machine.sensor
+            ),
+        }
+    )

@@ -1,0 +1,105 @@
+"""Identification of an axis among others: with all readings and controls, others do not bias it."""
+
+import numpy as np
+import pytest
+
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.cli.main import main
+from ambkit.data.record import Record
+from ambkit.fuzzy.expert import Expert
+from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
+from ambkit.machine.axes import with_axis
+from ambkit.machine.machine import Machine
+from ambkit.simulation.flight import Flight
+from ambkit.simulation.machine import simulate_machine
+from ambkit.workflow.expert import train
+from ambkit.workflow.identifying import identified_filter, identify
+
+MACHINE = Machine.preset("tum_mlps")  # rotates; each bearing has a sensor to either side
+AXIS = "A1"
+SAMPLES = 2000
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    """A run in which the reference of one axis is shaken."""
+    T = MACHINE.sampling_time
+    t = T * np.arange(SAMPLES + 1)
+    references = np.zeros((t.size, len(MACHINE.axes)))
+    tones = (11.0, 37.0, 83.0, 141.0)
+    references[:, 0] = sum(2.5e-5 * np.sin(2 * np.pi * f * t + f) for f in tones)
+    run = simulate_machine(MACHINE, Flight(duration=SAMPLES * T, seed=3), references=references)
+    return run.record.select(*(s for s in run.record if s.startswith(("y_", "u_"))))
+
+
+def test_the_other_axes_bias_nothing(record: Record) -> None:
+    true = MACHINE.alone(AXIS)
+    wrong = true.replace(**true.magnet.with_constant(0.8 * true.magnet.magnet_constant))
+    described = with_axis(MACHINE, AXIS, wrong)
+    found = identify(described, record, AXIS, free=["magnet_constant"])
+    k, error = (
+        found.likelihood["magnet_constant"],
+        found.likelihood.standard_error("magnet_constant"),
+    )
+    assert error < 0.04 * k
+    assert abs(k - true.magnet.magnet_constant) < 3 * error
+    assert found.bearing.name == AXIS
+    assert [axis.name for axis in found.machine.axes] == [axis.name for axis in MACHINE.axes]
+    assert found.machine.alone(AXIS).magnet.magnet_constant == pytest.approx(k, rel=1e-12)
+    assert identified_filter(found).machine.alone(AXIS).magnet.magnet_constant == pytest.approx(k)
+
+    # Alone, it takes what the others do for something of its own.
+    y, u = record["y_La1"], record["u_A1"]
+    alone = maximum_likelihood(Record(record.t, {"y": y, "u": u}), wrong, ["magnet_constant"])
+    off = alone["magnet_constant"] - true.magnet.magnet_constant
+    assert abs(off) > 5 * alone.standard_error("magnet_constant")
+
+
+def test_the_mass_of_an_axis_is_not_looked_for(record: Record) -> None:
+    with pytest.raises(AmbkitError, match="no parameter is free; mass: all axes move one rotor"):
+        identify(MACHINE, record, AXIS, free=["mass"])
+
+
+def test_what_cannot_be_is_said(record: Record) -> None:
+    with pytest.raises(AmbkitError, match="has the axes A1, A2, B1, B2: name one of them"):
+        identify(MACHINE, record)
+    with pytest.raises(AmbkitError, match="there is no axis C"):
+        identify(MACHINE, record, "C")
+    with pytest.raises(RecordError, match="the record has no u_B2"):
+        identify(MACHINE, record.select(*(s for s in record if s != "u_B2")), AXIS)
+
+
+def run(line: list[str]) -> int:
+    with pytest.raises(SystemExit) as end:
+        main(line)
+    return int(end.value.code or 0)
+
+
+def test_the_command(record: Record, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    record.save("log.csv")
+    MACHINE.save("machine.toml")
+    line = ["identify", "log.csv", "--bearing", "machine.toml", "--free", "magnet_constant"]
+    assert run([*line[:4], "--method", "online", "--axis", "A1"]) == 2
+    assert "learns of a machine with one axis" in capsys.readouterr().err
+    assert run([*line, "--axis", "A1", "--out", "found.toml"]) == 0
+    assert "# Of the axis A1: magnet_constant = " in (tmp_path / "found.toml").read_text()
+    found = Machine.load("found.toml").alone("A1").magnet.magnet_constant
+    assert found == pytest.approx(MACHINE.alone("A1").magnet.magnet_constant, rel=0.05)
+
+
+def test_an_axis_is_a_machine_of_its_own() -> None:
+    one = MACHINE["A2"]
+    assert one.single
+    assert one.alone("") is MACHINE.alone("A2")
+
+
+def test_an_expert_is_of_an_axis(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["train", "tum_mlps", "--axis", "B1", "--rules", "3x3", "--out", "one.json"]) == 0
+    assert run(["train", "tum_mlps"]) == 2
+    assert Expert.load("one.json").source.startswith("B1")
+    with pytest.raises(AmbkitError, match="name one of them"):
+        train(MACHINE, rules=(3, 3))
+    same = train(MACHINE, rules=(3, 3), axis="B1")
+    assert same.rules == Expert.load("one.json").rules
