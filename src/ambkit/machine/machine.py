@@ -231,18 +231,7 @@ class Machine(Document):
         )
 
     def __getitem__(self, axis: str) -> Machine:
-        """Return an axis as a machine of one, with the mass that is effective there; see `alone`.
-
-        Parameters
-        ----------
-        axis : str
-            Its name, such as ``"A1"``.
-
-        Raises
-        ------
-        AmbkitError
-            There is no such axis.
-        """
+        """Return an axis as a machine of one axis, see `alone`."""
         return Machine.of_axis(self.alone(axis))
 
     def alone(self, axis: str) -> Bearing:
