@@ -44,11 +44,13 @@ def rms(error):
 @pytest.mark.parametrize("feedback", ["measurement", "estimate"])
 @pytest.mark.parametrize("ratio", [0.1, 1, 5, 10, 20, 50, 100])
 def test_coarse_steps_are_no_frozen_sensor_and_no_worse_than_raw(ratio, feedback):
-    record, estimate, _ = flown(ratio, feedback)
-    assert not (estimate.status & ambkit.Status.FROZEN).any()
-    # Beyond 20 std, fed back, a filter of a load that wanders 1e4 times too far is a little worse.
-    most = 1.25 if feedback == "estimate" and ratio > 20 else 1.1
-    assert rms(estimate["x"] - record["x"]) <= most * rms(record["y"] - record["x"])
+    runs = [flown(ratio, feedback, seed=seed)[:2] for seed in range(4)]
+    assert not any((estimate.status & ambkit.Status.FROZEN).any() for _, estimate in runs)
+    # Beyond 50 std, fed back, a filter of a load that wanders 1e4 times too far is no better.
+    most = 0.9 if feedback == "measurement" else 0.97 if ratio <= 50 else 1.04
+    ours = np.array([estimate["x"] - record["x"] for record, estimate in runs])
+    raw = np.array([record["y"] - record["x"] for record, _ in runs])
+    assert rms(ours.T) <= most * rms(raw.T)
 
 
 @pytest.mark.parametrize("feedback", ["measurement", "estimate"])

@@ -14,6 +14,9 @@
 /* Share of a variance that a measurement takes at least. */
 #define LEAST AMB_C(1e-4)
 
+/* Variance of a repeated very coarse measurement, over that of its rounding for so many samples. */
+#define REPEATED AMB_C(5.0)
+
 static bool not_negative(amb_real a)
 {
   return amb_is_finite(a) && (a >= AMB_C(0.0));
@@ -91,6 +94,24 @@ amb_rounded amb_kalman_rounded(amb_real e, amb_real shown, amb_real noise, amb_r
       amb_clamp(shift * shift - (near * d_near - far * d_far) / as.chance, LEAST, AMB_C(1.0));
   as.moved = ((e < AMB_C(0.0)) ? -s : s) * (shift / less) - e;
   as.noise = noise + S * ((AMB_C(1.0) - less) / less);
+  return as;
+}
+
+amb_rounded amb_kalman_edge(const amb_kalman *kf, int r, amb_real e, amb_real change,
+                            amb_real noise)
+{
+  const amb_real step = kf->set.step[r];
+  const amb_real size = amb_magnitude(change);
+  amb_rounded as = {AMB_C(0.0), noise + (step * step) / AMB_C(12.0), AMB_C(0.0)};
+  if ((AMB_C(0.5) * step < size) && (size < AMB_C(1.5) * step)) {
+    const amb_real to = (change < AMB_C(0.0)) ? AMB_C(-1.0) : AMB_C(1.0);
+    const amb_real beyond = amb_clamp(AMB_C(0.5) * step - to * e, AMB_C(0.0), step);
+    as.moved = to * (AMB_C(0.5) * (beyond - step));
+    as.noise = noise + (beyond * beyond) / AMB_C(12.0);
+  } else if ((size <= AMB_C(0.5) * step) && (amb_magnitude(e) <= AMB_C(0.5) * step)) {
+    as.noise = noise + REPEATED * kf->rounding[r];
+  } else { /* nothing but the step itself */
+  }
   return as;
 }
 

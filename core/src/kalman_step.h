@@ -376,19 +376,21 @@ AMB_INLINE amb_rounded amb_step_rounded(const amb_kalman *kf, amb_kalman_state *
     return as;
   }
   const bool again = !((y < sensor->last_y) || (y > sensor->last_y));
-  const bool coarse = interval && amb_step_coarse(kf, r) && !amb_step_very_coarse(kf, r);
+  const bool very = amb_step_very_coarse(kf, r);
+  const bool coarse = interval && amb_step_coarse(kf, r);
   if (coarse) {
     const amb_real shown = amb_model_shown_variance(&kf->model, r, base->cov);
     const amb_real e = y - amb_model_shown(&kf->model, r, base->mean);
     if (AMB_WITHIN(e, AMB_REAL_ROOT) && (shown > AMB_C(0.0)) && (shown <= AMB_REAL_ROOT)) {
-      as = amb_kalman_rounded(e, shown, noise, kf->set.step[r]);
+      as = very ? amb_kalman_edge(kf, r, e, y - sensor->last_y, noise)
+                : amb_kalman_rounded(e, shown, noise, kf->set.step[r]);
     }
-  } else if (again) {
+  }
+  if (again && (very || !coarse)) {
     /* What an observer says of its variance is no bound of what a rotor at rest does. */
     const amb_real shown =
         interval ? amb_model_shown_variance(&kf->model, r, base->cov) : AMB_C(0.0);
     as.chance = amb_kalman_repeats(kf, r, sensor->least_change, shown + noise);
-  } else { /* a change */
   }
   amb_step_watch(kf, sensor, r, y, as.chance);
   return as;

@@ -40,8 +40,8 @@ extern "C" {
 
 /* Square of a step over the variance of the noise. Up to the first the rounding is white, of
  * variance step^2 / 12 (Widrow & Kollar 2008). Up to the second a measurement says that the rotor
- * is within its step. Beyond, a rotor at rest is rounded alike for long: the same variance for each
- * of so many samples. */
+ * is within its step. Beyond, a rotor at rest is rounded alike for long: a measurement says
+ * something where it changes, and where the prediction has left its step. */
 #define AMB_COARSE AMB_C(4.0)
 #define AMB_VERY_COARSE AMB_C(121.0)
 
@@ -131,6 +131,13 @@ typedef struct amb_rounded {
  * Of a prediction of variance `shown` and white noise of variance `noise` [m^2], both as normal,
  * mean and variance are those of the truncated normal distribution (Simon 2006, ch. 7.5). */
 amb_rounded amb_kalman_rounded(amb_real e, amb_real shown, amb_real noise, amb_real step);
+
+/* A very coarse measurement of innovation e [m], by `change` [m] after the last one. A change by
+ * one step says that the rotor has just crossed the edge between the two: it is between this edge
+ * and the prediction. A repeated measurement hardly says anything of a prediction within its step.
+ */
+amb_rounded amb_kalman_edge(const amb_kalman *kf, int r, amb_real e, amb_real change,
+                            amb_real noise);
 
 /* Probability that sensor r repeats its measurement though it shows the rotor, where the innovation
  * has variance S [m^2]. Its steps may be coarser than stated, but are no coarser than the smallest
