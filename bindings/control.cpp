@@ -77,7 +77,6 @@ void Law::set(const nb::dict &given, amb_real T, size_t p, size_t seen)
   law.reference = kept.or_none(given, "reference", q * p);
   law.position = kept.numbers(given, "position", q * seen);
   law.velocity = kept.or_none(given, "velocity", q * seen);
-  law.turning = kept.or_none(given, "turning", q * seen);
   law.spread = kept.numbers(given, "spread", p * q);
   law.gain[0] = kept.or_none(given, "fed_back", p * seen);
   law.gain[1] = kept.or_none(given, "fed_back_by_speed", p * seen);

@@ -103,7 +103,7 @@ FAULTS = {
         ("sum += power *", "sum -= power *"), ("power *= speed", "power += speed"),
         ("+= c->spread[", "-= c->spread["),
         ("c->iu_min[f], c->iu_max[f]", "c->iu_min[0], 2 * c->iu_max[f]"),
-        ("v += speed *", "v -= speed *"),
+        ("others[i] -= left", "others[i] += left"), ("iu[f] += left", "iu[f] -= left"),
     ],
     "core/src/controller.c": [
         ("pid->weight *", "AMB_C(1.0) *"), ("* error +", "* error -"), ("- pid->kd", "+ pid->kd"),

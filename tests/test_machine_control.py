@@ -11,7 +11,6 @@ from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.controllers import Control, controllers_of
 from ambkit.simulation.flight import Disturbance, Flight, Reference
-from ambkit.simulation.let_turn import let_turn
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.regulator import regulator
@@ -128,32 +127,6 @@ def test_through_the_bending_mode_it_is_fought_and_let_turn_beyond():
     late = slice(-2000, None)
     shaken, less = (np.std(run.record["f_mag_A1"][late]) for run in runs.values())
     assert less < 0.6 * shaken  # what is left is noise
-
-
-def test_a_free_rigid_rotor_is_that_of_the_polynomials():
-    machine = Machine.preset("tum_mlps").replace(speed="12000 rpm")
-    plant, filter = Plant(machine), KalmanFilter(machine, synchronous=["unbalance"])
-    told = controllers_of(plant, Control(unbalance="force-free"), filter).feedback
-    control = controllers_of(plant, Control(), filter)
-    turn, plain = let_turn(plant, filter, control, "force-free", 50.0), control.feedback
-    for speed in (700.0, 900.0, machine.speed):
-        assert turn.share_at(speed) == 1.0
-        motion, current = turn.at(speed)
-        q, at = len(motion) // 2, slice(turn.start, turn.start + motion.shape[1])
-        left = -plain["position"][:, :q] @ motion[:q]
-        size = np.abs(left).max()
-        assert told["position"][:, at] == pytest.approx(left, rel=0, abs=1e-9 * size)
-        quick = -plain["velocity"][:, q : 2 * q] @ motion[q:]
-        assert speed * told["turning"][:, at] == pytest.approx(
-            quick, rel=0, abs=1e-9 * np.abs(quick).max()
-        )
-        # Ahead by half of a sample, for the hold.
-        pairs = current[:, ::2] - 1j * current[:, 1::2]
-        own = told["fed_back"][:, at]
-        ahead = np.exp(0.5j * speed * machine.sampling_time)
-        expected = (own[:, ::2] - 1j * own[:, 1::2]) * ahead
-        near = 2e-3 * np.abs(expected).max()
-        assert pairs == pytest.approx(expected, rel=0, abs=near)
 
 
 def test_poles_of_the_loop_do_not_move_by_what_is_left_to_turn():

@@ -155,6 +155,23 @@ def test_near_a_free_critical_speed_the_rotor_is_held(larger):
     assert touched(machine, machine.replace(unbalance=planes), flight) == 0
 
 
+def test_a_rigid_rotor_that_is_held_still_touches_nothing():
+    """Run up to 20,700 rpm with 3.5 times the preset's unbalance; plain control does as well."""
+    described = Machine.preset("ufu_rig").replace(
+        speed="20700 rpm", unbalance=[{"place": 0.026, "amount": 6.7e-5}]
+    )
+    real = described.replace(unbalance=[{"place": 0.026, "amount": 7e-5, "angle": 3.9}])
+    slope = 45900 * RPM
+    low = described.speed - 0.24 * slope
+    flight = Flight(
+        duration=0.3, feedback="estimate", seed=26,
+        control=Control(type="decentralised", unbalance="still"),
+        speed=Sum(parts=(Constant(value=low), Ramp(slope=slope, end=0.24))),
+    )  # fmt: skip
+    plain = flight.replace(control=Control(type="decentralised"))
+    assert [touched(described, real, each) for each in (plain, flight)] == [0, 0]
+
+
 @pytest.mark.long
 def test_assess_judges_the_orbit_together_with_the_peak():
     """Of an unbalance 18 times as large, near the critical speed of the free rotor."""

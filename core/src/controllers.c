@@ -148,9 +148,6 @@ amb_status amb_controllers_step(const amb_controllers *c, amb_pid_state pid[], c
     if (c->velocity != NULL) {
       v = dot(n, &c->velocity[j * n], x);
     }
-    if (c->turning != NULL) {
-      v += speed * dot(n, &c->turning[j * n], x);
-    }
     const amb_real *known = (c->velocity != NULL) ? &v : NULL;
     status |= amb_pid_step(&c->pid[j], &pid[j], wanted, at, known, &e);
     for (int f = 0; f < c->axes; f++) {

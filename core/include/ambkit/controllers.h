@@ -1,7 +1,7 @@
 /* The controllers of a whole machine: PIDs of combinations of positions, whose currents are spread
  * over its axes, and feedback of an estimator's states beside them.
  *
- *   e_j  = PID j of reference_j r, position_j x, and (velocity_j + speed turning_j) x
+ *   e_j  = PID j of reference_j r, position_j x, and velocity_j x
  *   iu_f = sum over j of spread_fj e_j + (gain_0f + speed gain_1f + speed^2 gain_2f) x
  *
  * where x is an estimator's mean without the motion that is left to the rotor, if any is, and iu_f
@@ -9,8 +9,7 @@
  *
  * One PID an axis is decentralised control; PIDs of translation and tilt decouple them; rows of
  * tilt velocities in gain_1 are cross feedback against gyroscopics; gain_0 alone is the feedback of
- * a linear-quadratic regulator; rows of the unbalance in gain_2 hold the rotor's centre still or,
- * with what position leaves out, let it turn about its axis of inertia.
+ * a linear-quadratic regulator, and all three that of one whose gains follow the speed.
  */
 #ifndef AMBKIT_CONTROLLERS_H
 #define AMBKIT_CONTROLLERS_H
@@ -57,7 +56,6 @@ typedef struct amb_controllers {
   const amb_real *reference; /* q x p, of the axes' references; NULL: one for each PID */
   const amb_real *position;  /* q x n [m] or [rad] */
   const amb_real *velocity;  /* q x n, or NULL: each PID's filtered derivative */
-  const amb_real *turning;   /* q x n, or NULL: for each rad/s what the velocity has in addition */
   const amb_real *spread;    /* p x q */
   const amb_real *gain[3];   /* p x n each, or NULL: [A], [A s], [A s^2] for each unit of a state */
   const amb_real *iu_min;    /* [p]: limits of the currents [A] */

@@ -100,7 +100,6 @@ class Controller:
             (
                 "reference",
                 "velocity",
-                "turning",
                 "fed_back",
                 "fed_back_by_speed",
                 "fed_back_by_square",

@@ -56,8 +56,8 @@ class Control(Part):
     about its axis of inertia, without a synchronous force of the bearings; or keep its geometric
     axis still. The last two need an estimator with the unbalance among its states."""
     unbalance_from: Annotated[float, Quantity("rad/s", "2000 rpm", above=0)] | None = None
-    """Speed below which it is fought all the same [rad/s]; without, of a rotor that bends 100 rad/s
-    or half the machine's own."""
+    """Speed below which it is fought all the same [rad/s]; without, 100 rad/s or half the machine's
+    own."""
     pid: dict[Name, PID] = Field(default_factory=dict)
     """PIDs by what each is of: an axis, or with "translation and tilt" a coordinate of the rotor
     such as x or th_y. What is not said of one is tuned to it."""
@@ -116,7 +116,7 @@ class Controllers:
     unseen: Array  #: (q,) What each integral is ahead at a reference of 1 [A/m], see `PID.unseen`.
     #: Matrices (q, n) and (p, n) of the estimator's states, by the names in ``amb_controllers``.
     feedback: dict[str, Array] = field(default_factory=dict)
-    #: The synchronous motion that they leave to a rotor that bends.
+    #: The synchronous motion that they leave to the rotor.
     let_turn: LetTurn | None = None
 
     def integrals(self, currents: Array, place: Array, states: Array | None) -> Array:
@@ -154,17 +154,14 @@ def controllers_of(
     if control.cross_feedback:
         torques = _against_gyroscopics(plant, estimator)
         feedback["fed_back_by_speed"] = control.cross_feedback * torques
-    if control.unbalance != "fought" and (
-        plant.machine.bending is not None or control.unbalance_from is not None
-    ):
-        found = replace(found, feedback=feedback)
-        turn = let_turn(plant, estimator, found, control.unbalance, control.unbalance_from, fastest)
-        return replace(found, let_turn=turn)
-    if control.unbalance == "still":
-        feedback["fed_back_by_square"] = -_synchronous(plant, estimator)[1]
-    elif control.unbalance == "force-free":
-        _leave_out(plant, estimator, feedback)
-    return replace(found, feedback=feedback)
+    found = replace(found, feedback=feedback)
+    if control.unbalance == "fought":
+        return found
+    check_unbalance(estimator)
+    if not (plant.machine.speed or fastest):
+        return found
+    turn = let_turn(plant, estimator, found, control.unbalance, control.unbalance_from, fastest)
+    return replace(found, let_turn=turn)
 
 
 def pids_of(
@@ -185,7 +182,7 @@ def pids_of(
 def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) -> dict[str, Any]:
     """Return the fields of ``amb_controllers``, for the core."""
     told = dict.fromkeys(
-        ("velocity", "turning", "fed_back", "fed_back_by_speed", "fed_back_by_square"), None
+        ("velocity", "fed_back", "fed_back_by_speed", "fed_back_by_square"), None
     ) | {name: values.ravel().tolist() for name, values in controllers.feedback.items()}
     if told.get("position") is None:
         shown = shown_along_axes(plant.machine)
@@ -308,53 +305,3 @@ def _gyroscopic(plant: Plant) -> Array:
     q, n = len(machine.rigid_positions), len(machine.positions)
     spin = plant.model.spin[n : n + q, n : n + q]
     return np.asarray(-machine.masses[:q, None] * spin)
-
-
-def _synchronous(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
-    """The synchronous motion of a free rotor (q, n), and the currents (p, n) that balance."""
-    # For each kg m of the estimated unbalance, at any speed: forces and accelerations both go with
-    # its square. The rotor is M q'' + W G q' = W^2 S u, and u turns by u' = W J u, which for q = X
-    # u leaves S = -M X + G X J.
-    states, machine = _places(estimator, "unbalance"), plant.machine
-    check_unbalance(estimator)
-    from ambkit.models.parts.synchronous import unbalance_planes
-
-    forms = [
-        geometry.Line.across(z, turn)
-        for z in unbalance_planes(machine)
-        for turn in (0.0, math.pi / 2)
-    ]
-    S, G = geometry.matrix(forms, machine.positions).T, _gyroscopic(plant)
-    J = np.kron(np.eye(len(states) // 2), [[0.0, -1.0], [1.0, 0.0]])
-    one = np.eye(len(states))
-    whole = np.kron(-np.diag(machine.masses), one) + np.kron(G, J.T)
-    X = np.linalg.solve(whole, S.ravel()).reshape(S.shape)
-    n = len(estimator.states)
-    moved, balancing = np.zeros((len(S), n)), np.zeros((len(plant.alone), n))
-    moved[:, states], balancing[:, states] = X, _currents(plant) @ S
-    return moved, balancing
-
-
-def _leave_out(plant: Plant, estimator: Estimator, feedback: dict[str, Array]) -> None:
-    """Take the free rotor's synchronous motion out of what the controllers see, in place."""
-    # What the magnets pull by that motion itself is balanced by a current.
-    moved, _ = _synchronous(plant, estimator)
-    k = [ConstantStiffness.of(alone) for alone in plant.alone]
-    pull = np.array([each.k_s / each.k_i for each in k])
-    turn = np.zeros((len(estimator.states), len(estimator.states)))
-    for x, y in _pairs(_places(estimator, "unbalance")):
-        turn[x, y], turn[y, x] = -1.0, 1.0
-    gain = feedback.get("fed_back", np.zeros((len(plant.alone), len(estimator.states))))
-    by_speed = feedback.get("fed_back_by_speed", np.zeros_like(gain))
-    # What is fed back of positions and velocities is not fed back of these.
-    at, moving = _places(estimator, "position"), _places(estimator, "velocity")
-    feedback["fed_back"] = gain - gain[:, at] @ moved - pull[:, None] * (plant.H @ moved)
-    feedback["fed_back_by_speed"] = by_speed - gain[:, moving] @ moved @ turn
-    feedback["fed_back_by_square"] = -by_speed[:, moving] @ moved @ turn
-    seen, quick = feedback["position"], feedback["velocity"]
-    feedback["position"] = seen - seen[:, at] @ moved
-    feedback["turning"] = -quick[:, moving] @ moved @ turn
-
-
-def _pairs(places: Sequence[int]) -> list[tuple[int, int]]:
-    return list(zip(places[::2], places[1::2], strict=True))

@@ -1,10 +1,10 @@
 """The synchronous motion that controllers leave to the rotor, at each speed.
 
-A rotor that bends turns about its axis of inertia only where nothing holds it, and how far its
-shaft is bent then depends on the speed. What goes round with it is Re(Z U exp(j W t)) for an
-unbalance U, with the whole dynamics at that speed: masses, gyroscopics, damping that stands still
-and that turns, stiffness. As the unbalance is estimated and not moved by any current, controllers
-that are told of it leave the poles of the loop where they are, at any speed.
+What goes round with the rotor is Re(Z U exp(j W t)) for an unbalance U, with its dynamics at that
+speed: masses, gyroscopics, bending with its damping. No current moves the estimated unbalance.
+Controllers that take this motion out of what they see therefore leave the poles of the loop where
+they are, at any speed. Near a critical speed of the rotor without their reaction, and where the
+unbalance takes much of a travel or of a current, they fade into plain control.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-NODES = 129
-"""Speeds at which the motion is computed."""
+NODES, RIGID = 129, 33
+"""Numbers of speeds at which the motion is computed, of a rotor that bends and of a rigid one."""
 LEAST, MOST = 1.5, 3.0
 """Orbit without the controllers' reaction, over that under plain control: up to the first all of
 the motion is left to the rotor, from the second on none of it."""
@@ -178,7 +178,7 @@ def let_turn(
             f"unbalance_from: {first:.6g} rad/s is not below the greatest speed, {top:.6g} rad/s"
         )
     way = -1.0 if machine.speed < 0 else 1.0
-    speeds = way * np.linspace(first, top, NODES)
+    speeds = way * np.linspace(first, top, RIGID if machine.bending is None else NODES)
     states = [k for k, state in enumerate(estimator.states) if state.role == "unbalance"]
     sizes = _sizes(plant, [estimator.states[k].size for k in states[::2]])
     rotor = _Rotor(plant, estimator)

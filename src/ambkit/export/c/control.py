@@ -28,7 +28,7 @@ TEMPLATES = {
 """What stands in the place of a filter's files."""
 
 _PID = ("kp", "ki", "kd", "T_f", "T_t", "weight", "iu_min", "iu_max")
-_LAW = ("position", "velocity", "turning", "spread", "iu_min", "iu_max")
+_LAW = ("position", "velocity", "spread", "iu_min", "iu_max")
 _GAINS = ("fed_back", "fed_back_by_speed", "fed_back_by_square")
 _CONTROL = ("start", "start_by", "place", "down", "hold", "hold_by")
 _COUNTS = ("waiting", "lost", "overloaded", "rise", "descent")

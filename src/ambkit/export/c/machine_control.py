@@ -154,7 +154,7 @@ _PID = ("T", "kp", "ki", "kd", "T_f", "T_t", "weight", "iu_min", "iu_max")
 def _matrices(fields: dict[str, Any]) -> tuple[dict[str, Array], dict[str, str]]:
     """Return the matrices that there are, and what the struct says of each."""
     names = {
-        "position": "position", "velocity": "velocity", "turning": "turning", "spread": "spread",
+        "position": "position", "velocity": "velocity", "spread": "spread",
         "reference": "reference", "fed_back": "gain_0", "fed_back_by_speed": "gain_1",
         "fed_back_by_square": "gain_2",
     }  # fmt: skip

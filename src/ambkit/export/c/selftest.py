@@ -113,5 +113,5 @@ def machine_has(estimator: Estimator, context: dict[str, Any]) -> unseen.Has:
     return plain._replace(
         controlled=True, alone=alone, fed=context["fed"], gains=gains,
         let_turn=context["let_turn"] is not None,
-        turning=context["matrices"]["turning"] != "NULL", tracking=context["tracking"],
+        tracking=context["tracking"],
     )  # fmt: skip

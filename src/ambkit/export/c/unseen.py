@@ -29,7 +29,6 @@ class Has(NamedTuple):
     fed: bool = False  # controllers see the estimate
     gains: bool = False  # states are fed back besides the PIDs
     let_turn: bool = False
-    turning: bool = False  # velocities of what the PIDs see have a part of the speed
     alone: bool = False  # each axis has a PID of its own, and nothing else acts on it
     tracking: bool = False  # integrals follow what is left of a demand
     rounded: bool = False  # the readings of a sensor come in steps
@@ -136,10 +135,6 @@ NOT_RUN = (
     NotRun(
         "controller.c", "amb_pid_step", "pid->T * pid->ki * error)",
         "integrals follow what is left of a demand", lambda has: has.tracking,
-    ),
-    NotRun(
-        "controllers.c", "amb_controllers_step", "speed * dot(",
-        "what the PIDs see does not turn", lambda has: not has.turning,
     ),
     NotRun(
         "controllers.c", "amb_controllers_step", "&c->velocity[",
@@ -257,7 +252,7 @@ CONTROL = (
     Unseen("", "j * n", "one PID"),
     Unseen("", "j * c->axes", "one PID"),
     Unseen("", "axis * c->states", "one axis"),
-    Unseen("", "turning", "a machine's"),
+    Unseen("", "turning", "a machine's that is let turn"),
     Unseen("", "c->spread[(f * c->pids) + j]", "one axis"),
     Unseen("", "power *= speed", "a machine's"),
     Unseen("", "turn->", "a machine's that is let turn"),

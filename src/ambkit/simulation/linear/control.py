@@ -139,12 +139,10 @@ def controllers(found: _Flown, of: Bearing | Machine, *, measured: bool) -> Line
 def fed(found: _Flown, states: int, speed: float) -> Array:
     """Return what controllers take of an estimator's states (2 q + p, n), see `controllers`."""
     feedback = found.feedback
-    turning = feedback.get("turning")
-    velocity = feedback["velocity"] + (0.0 if turning is None else speed * turning)
     gain = np.zeros((len(found.spread), states))
     for power, name in enumerate(("fed_back", "fed_back_by_speed", "fed_back_by_square")):
         gain += speed**power * feedback.get(name, 0.0)
-    rows = np.vstack([feedback["position"], velocity, gain])
+    rows = np.vstack([feedback["position"], feedback["velocity"], gain])
     if found.let_turn is not None:
         motion, current = found.let_turn.at(speed)
         at = slice(found.let_turn.start, found.let_turn.start + motion.shape[1])
