@@ -124,6 +124,17 @@ struct Whole {
     for (size_t f = 0; f < p; f++)
       if ((amplifiers[f].corner > 0 || at.second[f] >= 0) && at.current[f] < 0)
         throw std::invalid_argument("an amplifier that lags has no current");
+    const auto behind = nb::cast<nb::list>(arrays["behind"]);
+    same_length(p, behind.size(), "behind");
+    for (size_t f = 0; f < p; f++) {
+      const auto where = nb::cast<std::vector<int>>(behind[f]);
+      same_length(static_cast<size_t>(amplifiers[f].behind), where.size(), "behind");
+      for (size_t k = 0; k < where.size(); k++) {
+        if (where[k] < 0 || where[k] >= at.states)
+          throw std::invalid_argument("behind: there is no such state");
+        amplifiers[f].behind_at[k] = where[k];
+      }
+    }
     at.amplifier = amplifiers.data();
     for (const auto each : nb::cast<nb::list>(arrays["sensor_parts"]))
       sensors.push_back(parts_of(nb::cast<nb::dict>(each)));

@@ -20,10 +20,10 @@ inline amb_parts parts_of(const nb::dict &given)
       nb::del(rest[name]);
     }
   };
-  const auto take_orders = [&](const char *name, amb_real *to) {
+  const auto take_each = [&](const char *name, int count, amb_real *to) {
     if (rest.contains(name)) {
       const Vector values = nb::cast<Vector>(rest[name]);
-      same_length(static_cast<size_t>(parts.orders), values.size(), name);
+      same_length(static_cast<size_t>(count), values.size(), name);
       std::copy_n(values.data(), values.size(), to);
       nb::del(rest[name]);
     }
@@ -35,6 +35,8 @@ inline amb_parts parts_of(const nb::dict &given)
   take("s0", parts.s0);
   take("i0", parts.i0);
   take("pair", parts.pair);
+  take("behind", parts.behind);
+  take("behind_d", parts.behind_d);
   take("delay", parts.delay);
   take("delay_rest", parts.delay_rest);
   take("quadratic", parts.quadratic);
@@ -51,8 +53,15 @@ inline amb_parts parts_of(const nb::dict &given)
   if (parts.delay < 0 || parts.delay > AMB_DELAY_MOST)
     throw std::invalid_argument("delay must be 0 to " + std::to_string(AMB_DELAY_MOST) +
                                 " samples");
-  take_orders("runout_cosine", parts.runout_cosine);
-  take_orders("runout_sine", parts.runout_sine);
+  if (parts.behind < 0 || parts.behind > AMB_BEHIND_MOST)
+    throw std::invalid_argument("a plant has 0 to " + std::to_string(AMB_BEHIND_MOST) +
+                                " states between a magnet and the rotor");
+  take_each("runout_cosine", parts.orders, parts.runout_cosine);
+  take_each("runout_sine", parts.orders, parts.runout_sine);
+  take_each("behind_A", parts.behind * parts.behind, parts.behind_A);
+  take_each("behind_b", parts.behind, parts.behind_b);
+  take_each("behind_c", parts.behind, parts.behind_c);
+  take_each("behind_rest", parts.behind, parts.behind_rest);
   for (const auto &[name, value] : rest)
     throw std::invalid_argument(std::string("a plant has no part ") + nb::str(name).c_str());
   return parts;

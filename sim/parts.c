@@ -20,6 +20,26 @@ amb_real amb_parts_rate(const amb_parts *parts, amb_real scale, amb_real i, amb_
   return rate - over * (parts->s0 - x) / (2 * (scale * parts->k));
 }
 
+amb_real amb_parts_behind(const amb_parts *parts, const amb_real X[], amb_real force)
+{
+  if (parts->behind == 0)
+    return force;
+  amb_real sum = parts->behind_d * force;
+  for (int k = 0; k < parts->behind; k++)
+    sum += parts->behind_c[k] * X[parts->behind_at[k]];
+  return sum;
+}
+
+void amb_parts_follow(const amb_parts *parts, const amb_real X[], amb_real force, amb_real d[])
+{
+  for (int k = 0; k < parts->behind; k++) {
+    amb_real sum = parts->behind_b[k] * force;
+    for (int j = 0; j < parts->behind; j++)
+      sum += parts->behind_A[k * parts->behind + j] * X[parts->behind_at[j]];
+    d[parts->behind_at[k]] = sum;
+  }
+}
+
 void amb_parts_turn(amb_real angle, amb_real *cosine, amb_real *sine)
 {
   const amb_real a = angle / 8, q = a * a;

@@ -7,6 +7,7 @@
 
 #define AMB_DELAY_MOST 16 /* samples */
 #define AMB_RUNOUT_MOST 5 /* orders */
+#define AMB_BEHIND_MOST 3 /* states */
 
 typedef struct amb_parts {
   /* Amplifier: within its voltage the current follows the demanded one by di/dt = corner (i* - i),
@@ -20,6 +21,16 @@ typedef struct amb_parts {
   amb_real s0; /* nominal air gap [m] */
   amb_real i0; /* bias current [A] */
   bool pair;   /* two coils, of i0 + iu and i0 - iu; else one */
+
+  /* Linear states e between a magnet's force F and the rotor: e' = A e + b F, and c e + d F acts.
+   */
+  int behind;                                           /* how many; 0: F acts at once */
+  int behind_at[AMB_BEHIND_MOST];                       /* where they are among the plant's */
+  amb_real behind_A[AMB_BEHIND_MOST * AMB_BEHIND_MOST]; /* row by row of `behind` [1/s] */
+  amb_real behind_b[AMB_BEHIND_MOST];
+  amb_real behind_c[AMB_BEHIND_MOST];
+  amb_real behind_d;
+  amb_real behind_rest[AMB_BEHIND_MOST]; /* e at rest, for 1 N */
 
   /* Dead time from a sample to the change of the demanded current. */
   int delay;           /* whole samples, 0 to AMB_DELAY_MOST */
@@ -52,6 +63,12 @@ amb_real amb_parts_rate(const amb_parts *parts, amb_real scale, amb_real i, amb_
 /* And its voltage [V] at this rate. */
 amb_real amb_parts_voltage(const amb_parts *parts, amb_real scale, amb_real i, amb_real rate,
                            amb_real x, amb_real v);
+
+/* What acts on the rotor of a magnet's force [N], with the states X of the plant ... */
+amb_real amb_parts_behind(const amb_parts *parts, const amb_real X[], amb_real force);
+
+/* ... and the rates of those between. */
+void amb_parts_follow(const amb_parts *parts, const amb_real X[], amb_real force, amb_real d[]);
 
 /* Cosine and sine of an angle, |angle| < pi, by the series of an eighth of it. */
 void amb_parts_turn(amb_real angle, amb_real *cosine, amb_real *sine);

@@ -197,8 +197,12 @@ AMB_INLINE void amb_stage(const amb_pattern *p, const amb_going *of, const amb_r
       F[f] = plant->magnet[f].methods->force(plant->magnet[f].self, iu, at);
     else
       F[f] = pull(plant, of->acts, f, X, iu, at);
-    if (!p->plain)
+    if (!p->plain) {
+      const amb_real force = F[f];
       flow(of, f, X, at, d);
+      amb_parts_follow(&plant->amplifier[f], X, force, d);
+      F[f] = amb_parts_behind(&plant->amplifier[f], X, force);
+    }
   }
   if (!p->plain) {
     if (add_contact(plant, s, X, F))
@@ -265,7 +269,7 @@ static bool step(const amb_pattern *p, amb_going *of, amb_real X[], amb_real t, 
   of->turned[0] = turned(of, t);
   of->turned[1] = turned(of, t + of->half);
   of->turned[2] = turned(of, t + h);
-  if (p->own)
+  if (p->states == axis_with_parts.states && p->own)
     amb_substep(&axis_with_parts, of, X);
   else
     amb_substep(p, of, X);
@@ -493,7 +497,7 @@ bool amb_plant_advance(const amb_plant *plant, amb_plant_state *state, amb_real 
   if (is_axis(plant) && plant->plain)
     return as_built(acts) && knows_the_law(plant) ? advance(&closed_axis, plant, state, T, acts)
                                                   : advance(&plain_axis, plant, state, T, acts);
-  if (is_axis(plant))
+  if (is_axis(plant) && (plant->states == axis_with_parts.states))
     return advance(&axis_with_parts, plant, state, T, acts);
   const amb_pattern any = pattern_of(plant);
   return advance(&any, plant, state, T, acts);
@@ -538,7 +542,8 @@ amb_acting amb_plant_acting(const amb_plant *plant, const amb_plant_state *state
   }
   const amb_real s = within(plant, f, displacement(plant, f, X));
   const amb_parts *parts = &plant->amplifier[f];
-  amb_acting acting = {.iu = current(plant, f, X, iu), .force = pull(plant, acts, f, X, iu, s)};
+  const amb_real force = pull(plant, acts, f, X, iu, s);
+  amb_acting acting = {.iu = current(plant, f, X, iu), .force = amb_parts_behind(parts, X, force)};
   if (parts->voltage > 0) {
     const amb_real v = velocity(plant, f, X), scale = acts->scale;
     const amb_real i = X[plant->current[f]];
@@ -562,6 +567,8 @@ amb_plant amb_plant_of_axis(const amb_axis *axis, amb_axis_room *room)
   room->parts = axis->parts != NULL ? *axis->parts : nothing;
   const amb_parts *parts = &room->parts;
   const bool soft = parts->stiffness > 0, lags = parts->corner > 0;
+  for (int k = 0; k < parts->behind; k++)
+    room->parts.behind_at[k] = axis_with_parts.states + k;
   const amb_ring ring = {0, -1, axis->travel, parts};
   room->ring = ring;
   room->farthest = soft ? parts->farthest : axis->travel;
@@ -570,7 +577,7 @@ amb_plant amb_plant_of_axis(const amb_axis *axis, amb_axis_room *room)
   const amb_plant plant = {.positions = 1,
                            .axes = 1,
                            .sensors = 1,
-                           .states = 5,
+                           .states = axis_with_parts.states + parts->behind,
                            .own = true,
                            .mass = &axis->m,
                            .g = &axis->f_0,
@@ -590,7 +597,7 @@ amb_plant amb_plant_of_axis(const amb_axis *axis, amb_axis_room *room)
                            .delay = parts->delay,
                            .delay_rest = parts->delay_rest,
                            .substeps = axis->substeps,
-                           .plain = shown_as_it_is && !soft && !lags};
+                           .plain = shown_as_it_is && !soft && !lags && (parts->behind == 0)};
   return plant;
 }
 
@@ -599,6 +606,10 @@ void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, amb_real x
   const amb_plant_state settled = {.X = {x, 0, 0, iu, iu}, .cosine = 1};
   *state = settled;
   state->X[2] = amb_parts_shown(plant->sensor, plant->gain[0], x, 1, 0);
+  const amb_parts *parts = plant->amplifier;
+  for (int k = 0; k < parts->behind; k++)
+    state->X[parts->behind_at[k]] =
+        parts->behind_rest[k] * plant->magnet[0].methods->force(plant->magnet[0].self, iu, x);
   for (int n = 0; n < AMB_DELAY_MOST + 2; n++)
     state->demanded[n][0] = iu;
 }

@@ -4,7 +4,8 @@
  *   q'' = g + B F(i, H q) + (A + speed spin) (q, q') + unbalance
  *   m'  = (shown(C q) - m) / lag,  i' = rate(i, demanded)
  *
- * X: positions q, velocities, then readings m and, where amplifiers lag, currents.
+ * X: positions q, velocities, then readings m and, where amplifiers lag, currents; last what is
+ * between a magnet's force and the rotor (parts.h).
  */
 #ifndef AMBKIT_SIM_PLANT_H
 #define AMBKIT_SIM_PLANT_H
@@ -13,7 +14,7 @@
 #include "ambkit/model.h"
 #include "parts.h"
 
-#define AMB_PLANT_STATES (AMB_STATES + AMB_FORCES)
+#define AMB_PLANT_STATES (AMB_STATES + AMB_FORCES + AMB_BEHIND_MOST)
 #define AMB_PLANT_AXES AMB_FORCES
 
 /* Rows of entries: those of row i are start[i] to start[i + 1]. */
@@ -62,8 +63,8 @@ typedef struct amb_plant {
   int delay; /* as in parts.h, of all axes */
   amb_real delay_rest;
   int substeps; /* Runge-Kutta steps in a sample, >= 1 */
-  bool plain;   /* no currents of their own, nothing that depends on velocities or on the angle, and
-                 * no soft stop */
+  bool plain; /* no currents of their own, nothing between magnet and rotor, nothing that depends on
+               * velocities or on the angle, and no soft stop */
 } amb_plant;
 
 typedef struct amb_plant_state {

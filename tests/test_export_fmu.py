@@ -278,6 +278,9 @@ LATE: dict[str, Any] = {"delay": "0.03 ms"}
     [
         BEARING.replace(name="both", **PARTS, **LATE),
         BEARING.replace(name="late", delay="0.12 ms"),
+        BEARING.replace(
+            name="eddy", magnet__eddy_current_lag="0.2 ms", amplifier__bandwidth="1 kHz"
+        ),
         ONE_SIDED.replace(name="one", amplifier__bandwidth="1 kHz", delay="0.3 ms"),
     ],
     ids=lambda b: b.name,
@@ -300,7 +303,12 @@ def test_a_plant_with_parts_in_fmpy_equals_the_library(bearing: Bearing, tmp_pat
     assert (record.meta["stop_touched"] > 0) == (bearing.stop is not None)
 
 
-@pytest.mark.parametrize("changes", [PARTS | LATE, {"delay": "0.12 ms"}], ids=["all", "late"])
+EDDY = {"magnet__eddy_current_lag": "0.2 ms"}
+
+
+@pytest.mark.parametrize(
+    "changes", [PARTS | LATE, {"delay": "0.12 ms"}, EDDY], ids=["all", "late", "eddy"]
+)
 def test_a_closed_loop_with_parts_in_fmpy_equals_the_library(
     changes: dict[str, Any], tmp_path: Path
 ) -> None:

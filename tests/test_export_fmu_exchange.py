@@ -42,6 +42,11 @@ CASES = {
     "iron": (IRON, 3),
     "one-sided": (Bearing.preset("inteco_ml"), 3),
     "amplifier": (BEARING.replace(**PARTS), 4),
+    "eddy currents": (BEARING.replace(magnet__eddy_current_lag="0.2 ms"), 4),
+    "voltage and eddy currents": (
+        BEARING.replace(**PARTS, **VOLTS, magnet__eddy_current_lag="0.2 ms"),
+        6,
+    ),
     "voltage": (BEARING.replace(**PARTS, **VOLTS), 5),
 }
 

@@ -9,11 +9,13 @@ from ambkit.machine.machine import Machine
 from ambkit.simulation.flight import Disturbance, Flight, Reference
 from ambkit.simulation.machine import simulate_machine
 
+CASES = AXES | {"eddy currents": AXES["paper"].replace(magnet__eddy_current_lag="0.3 ms")}
 
-@pytest.mark.parametrize("name", AXES)
+
+@pytest.mark.parametrize("name", CASES)
 def test_a_machine_with_one_axis_flies_as_the_axis(name: str) -> None:
     """With the noise of its own streams, which are those of the axis."""
-    axis, machine = AXES[name], Machine.of_axis(AXES[name])
+    axis, machine = CASES[name], Machine.of_axis(CASES[name])
     scenario = _scenario(axis, "estimate", False)
     flight = Flight(
         duration=scenario.duration, feedback="estimate",

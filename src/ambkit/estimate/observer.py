@@ -135,7 +135,7 @@ class ExtendedStateObserver(_Observer):
     def _gain(self, model: LinearModel, states: Sequence[Descriptor]) -> Array:
         pole = math.exp(-self.bandwidth * self.bearing.sampling_time)
         led = [i for i, state in enumerate(states) if state.role in LED]
-        A, H = model.A[np.ix_(led, led)], model.H[:, led]
+        A, H = _of_the_led(model.A, led), model.H[:, led]
         gain = np.zeros(len(states))
         gain[led] = placed(model._replace(A=A, H=H), pole)
         return gain
@@ -179,6 +179,16 @@ def _whole(engine: Engine) -> Model:
         for part in machine_parts(engine.machine)
     ]
     return compose(parts, engine.machine.sampling_time, name="axial")
+
+
+def _of_the_led(A: Array, led: list[int]) -> Array:
+    """Return the transition of some states, with the others where these would hold them."""
+    others = [k for k in range(len(A)) if k not in led]
+    fast = np.eye(len(others)) - A[np.ix_(others, others)]
+    if not A[np.ix_(others, led)].any():  # they follow from the controls alone
+        return A[np.ix_(led, led)]
+    held = np.linalg.lstsq(fast, A[np.ix_(others, led)])[0]
+    return np.asarray(A[np.ix_(led, led)] + A[np.ix_(led, others)] @ held)
 
 
 def unstable_pole(bearing: Bearing | Machine) -> float:

@@ -99,6 +99,8 @@ class Magnet(Part):
     """Nominal air gap s0 [m], at x = 0."""
     bias_current: Annotated[float, Quantity("A", "1.5 A", above=0)]
     """Bias current i0 [A]."""
+    eddy_current_lag: Annotated[float, Quantity("s", "50 µs", above=0)] | None = None
+    """Time constant with which eddy currents in the iron let the force lag [s]; none without."""
 
     @model_validator(mode="before")
     @classmethod

@@ -28,6 +28,8 @@ class Continuous(NamedTuple):
     """What A gains by 1 rad/s of rotation (n, n)."""
     b: Array
     """By 1 N at each axis (n, p)."""
+    push: Array
+    """By 1 N that pushes the rotor where each axis's magnet pulls, with nothing between (n, p)."""
     B_u: Array
     """By 1 A demanded of each amplifier (n, p)."""
     h: Array
@@ -46,6 +48,58 @@ class Continuous(NamedTuple):
         return {state.name: k for k, state in enumerate(self.states)}
 
 
+OWN_TEXT = ("position", "velocity", "bending", "bending velocity", "sensor", "current")
+"""Roles of the states whose equations the plant has itself (sim/plant.c), with their limits."""
+
+
+class Behind(NamedTuple):
+    """Linear states e between a magnet's force F and the rotor: ``e' = A e + b F``."""
+
+    # What acts is ``c e + d F``.
+
+    states: tuple[str, ...]
+    """Their k names."""
+    A: Array
+    """(k, k) [1/s]."""
+    b: Array
+    """(k,)."""
+    c: Array
+    """(k,)."""
+    d: float
+    """What acts at once [1]."""
+
+    @property
+    def rest(self) -> Array:
+        """What they are at rest, for 1 N (k,)."""
+        return np.asarray(-np.linalg.solve(self.A, self.b))
+
+
+def behind_magnets(of: Continuous) -> list[Behind]:
+    """Return what the model has between the force of each axis's magnet and the rotor."""
+    others = [k for k, state in enumerate(of.states) if state.role not in OWN_TEXT]
+    found = []
+    for axis, push in enumerate(of.push.T):
+        states = [k for k in others if _reached(of.A, of.b[:, axis], others)[k]]
+        at = int(np.argmax(np.abs(push)))
+        c, d = of.A[at, states] / push[at], float(of.b[at, axis] / push[at])
+        found.append(
+            Behind(
+                tuple(of.states[k].name for k in states), of.A[np.ix_(states, states)],
+                of.b[states, axis], c, d,
+            )
+        )  # fmt: skip
+    return found
+
+
+def _reached(A: Array, b: Array, others: list[int]) -> NDArray[np.bool_]:
+    """Return which of some states a force moves, directly or by each other (n,)."""
+    among = np.isin(np.arange(len(A)), others)
+    reached = among & (b != 0)
+    for _ in others:
+        reached |= among & ((A[:, reached] != 0).any(axis=1))
+    return np.asarray(reached)
+
+
 def continuous(machine: Any) -> Continuous:
     """Return the continuous model of a machine, at any speed."""
     plans = [_plan(machine, speed) for speed in (0.0, 1.0)]
@@ -57,6 +111,11 @@ def continuous(machine: Any) -> Continuous:
     for k, force in enumerate(plan.forces):
         for position, value in plan.places[force.name].items():
             h[k, place[position]] = value
+    push = np.zeros((n, p))
+    for k, force in enumerate(plan.forces):
+        for position, share in plan.places[force.name].items():
+            for velocity, value in plan.inertia[position].items():
+                push[place[velocity], k] += value * share
     names = {state.name for state in plan.states}
     fed = (plan.currents[force.name] for force in plan.forces)
     return Continuous(
@@ -64,6 +123,7 @@ def continuous(machine: Any) -> Continuous:
         A=at_rest[:, :n],
         spin=turning[:, :n] - at_rest[:, :n],
         b=at_rest[:, n : n + p],
+        push=push,
         B_u=at_rest[:, n + p : n + 2 * p],
         h=h,
         current=tuple(each if each in names else None for each in fed),
@@ -102,5 +162,5 @@ def open_loop(machine: Any, k_s: ArrayLike, speed: float | None = None) -> OpenL
     # k_s (p,) [N/m]
     of, at = continuous(machine), machine.speed if speed is None else speed
     q = 2 * len(machine.positions)
-    A = of.A + at * of.spin + of.b @ (np.asarray(k_s)[:, None] * of.h)
+    A = of.A + at * of.spin + of.push @ (np.asarray(k_s)[:, None] * of.h)
     return OpenLoop(at, np.linalg.eigvals(A[:q, :q]).astype(complex))

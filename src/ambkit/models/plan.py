@@ -92,6 +92,14 @@ class Plan:
         """Let a state [N] push where a magnet pulls: it is held over the sample as the force is."""
         self.riders[state] = force
 
+    def act_by(self, force: str, state: str) -> None:
+        """Let a state [N] that follows a magnet's force push in its place; what rides does not."""
+        place = self.pushes.pop(force)
+        self.pushes[state] = place
+        for rider in [rider for rider, of in self.riders.items() if of == force]:
+            del self.riders[rider]
+            self.pushes[rider] = place
+
     def control(self, name: str, size: float) -> None:
         """Add an amplifier's demanded current."""
         self.controls.append(self._named(name, "A", size, "control current"))

@@ -5,14 +5,19 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ambkit.base.units import engineering
+from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import ClosedLaw, core_module, magnet_of
 from ambkit.machine.parts import SHORTEST_LAG
+from ambkit.models.continuous import Behind, behind_magnets, continuous
+from ambkit.models.parts import BEHIND_MAGNETS
+from ambkit.models.parts.typical import Typical
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing, Sensor
@@ -25,8 +30,11 @@ def substeps(bearing: Bearing, least: int) -> int:
     # Two in the sensor's lag, which is unstable from 2.8 lags a step on; four in the time constant
     # of the current, which moves the rotor; four in a radian of the fastest runout.
     T = bearing.sampling_time
-    fastest = max((line.order for line in bearing.sensor.runout), default=0) * (bearing.speed or 0)
-    needed = (2 * T / bearing.sensor_lag, 4 * T * _corner(bearing), 4 * T * fastest)
+    turn = max((line.order for line in bearing.sensor.runout), default=0) * (bearing.speed or 0)
+    needed = (
+        2 * T / bearing.sensor_lag, 4 * T * _corner(bearing), 4 * T * turn,
+        4 * T * fastest(_behind(bearing)),
+    )  # fmt: skip
     return max(least, *(math.ceil(each) for each in needed))
 
 
@@ -39,7 +47,38 @@ def _corner(bearing: Bearing) -> float:
 def parts_of(bearing: Bearing, dtype: str = "float64") -> dict[str, Any] | None:
     """Return the parts of a bearing by the names of ``amb_parts``, or None where there are none."""
     parts = amplifier_of(bearing) | delay_of(bearing) | _sensor(bearing, dtype) | _contact(bearing)
-    return parts or None
+    return (parts | behind_fields(_behind(bearing), dtype)) or None
+
+
+def between_magnet_and_rotor(bearing: Bearing) -> tuple[str, ...]:
+    """Return the names of the linear states between the magnet of an axis and its rotor."""
+    behind = _behind(bearing)
+    return () if behind is None else behind.states
+
+
+@lru_cache(maxsize=64)
+def _behind(bearing: Bearing) -> Behind | None:
+    """Return what is between the magnet of an axis and its rotor."""
+    machine = as_machine(bearing)
+    if not any(kind.of(machine, [Typical.of(bearing)]) for kind in BEHIND_MAGNETS):
+        return None
+    return behind_magnets(continuous(machine))[0]
+
+
+def fastest(behind: Behind | None) -> float:
+    """Rate of the fastest of the states between a magnet and its rotor [rad/s]."""
+    if behind is None or not behind.states:
+        return 0.0
+    return float(np.abs(np.linalg.eigvals(behind.A)).max())
+
+
+def behind_fields(behind: Behind | None, dtype: str) -> dict[str, Any]:
+    """Return what is between a magnet and its rotor, by the names of ``amb_parts``."""
+    if behind is None or not behind.states:
+        return {}
+    each = {"A": behind.A.ravel(), "b": behind.b, "c": behind.c, "rest": behind.rest}
+    arrays = {f"behind_{name}": values.astype(dtype) for name, values in each.items()}
+    return {"behind": len(behind.states), "behind_d": behind.d} | arrays
 
 
 def in_words(bearing: Bearing) -> list[str]:
@@ -51,6 +90,10 @@ def in_words(bearing: Bearing) -> list[str]:
         told.append(f"iron that saturates at {engineering(magnet.saturation, 'T')}")
     if magnet.force_map is not None:
         told.append(f"the force of {Path(magnet.force_map).name}")
+    behind = _behind(bearing)
+    if behind is not None:
+        lag = engineering(1 / fastest(behind), "s")
+        told.append(f"force that lags behind the current by {lag}")
     if amplifier.bandwidth is not None:
         volts = amplifier.voltage_limit
         within = "" if volts is None else f" within {engineering(volts, 'V')}"

@@ -16,7 +16,7 @@ from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.geometry import Axis
 from ambkit.machine.hovering import hover_current
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
-from ambkit.models.continuous import Continuous, continuous
+from ambkit.models.continuous import Continuous, behind_magnets, continuous
 from ambkit.models.model import compressed_rows
 from ambkit.simulation import parts
 
@@ -37,6 +37,7 @@ class Plant:
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
         self.model: Continuous = continuous(machine)
+        self.behind = behind_magnets(self.model)
         self.alone = [machine.alone(axis.name) for axis in machine.axes]
         self.laws = [magnet_of(each) for each in self.alone]
         self.bias = np.array([law.bias_force for law in self.laws])
@@ -92,6 +93,12 @@ class Plant:
             if name is not None:
                 X[place[name]] = current
         X[len(self.model.states) :] = [currents[k] for k in self.pairs]
+        for law, bias, behind, iu, s in zip(
+            self.laws, self.bias, self.behind, currents, self.H @ q, strict=True
+        ):
+            if behind.states:
+                force = float(law.force(iu, s)) - bias
+                X[[place[name] for name in behind.states]] = behind.rest * force
         return X
 
     def arrays(self, core: ModuleType, substeps: int, fastest: float) -> dict[str, Any]:
@@ -104,7 +111,7 @@ class Plant:
         # Of the model, the motion of the rotor; currents and readings follow from their parts.
         A, spin = model.A[q : 2 * q, : 2 * q], model.spin[q : 2 * q, : 2 * q]
         pattern = (A != 0) | (spin != 0)
-        B = model.b[q : 2 * q]
+        B = model.push[q : 2 * q]
         seen = geometry.matrix([r.line for r in readings], machine.positions)
         sparse = {"H": model.h[:, :q], "B": B, "C": seen}
         cosine, sine = self.unbalance()
@@ -125,7 +132,11 @@ class Plant:
             **{name: compressed_rows(values, values != 0) for name, values in sparse.items()},
             "g": g.tolist(), **turned,
             "second": [second.get(k, -1) for k in range(len(self.axes))],
-            "amplifiers": [parts.amplifier_of(alone) for alone in self.alone],
+            "amplifiers": [
+                parts.amplifier_of(alone) | parts.behind_fields(behind, dtype)
+                for alone, behind in zip(self.alone, self.behind, strict=True)
+            ],
+            "behind": [[index[name] for name in behind.states] for behind in self.behind],
             "coils": [
                 None if fields is None else core.Law(**fields)
                 for fields in map(parts.coil_fields, self.alone)
@@ -191,6 +202,7 @@ class Plant:
         needed += [2 * T / machine.lag_of(sensor) for sensor in machine.sensor]
         bandwidths = [each.amplifier.bandwidth for each in machine.bearing]
         needed += [4 * T * 2 * math.pi * each for each in bandwidths if each is not None]
+        needed += [4 * T * parts.fastest(behind) for behind in self.behind]
         if machine.bending is not None:
             needed.append(8 * T * float(machine.bending.frequency.max()))
         return max(least, *(math.ceil(each) for each in needed))

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 REGULATED = (
     "position", "velocity", "bending", "bending velocity", "current", "past control",
+    "lagged force",
 )  # fmt: skip
 """Roles of the states that the controls move."""
 

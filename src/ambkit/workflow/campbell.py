@@ -164,7 +164,7 @@ def held(machine: Machine, pids: Sequence[PID] | None = None) -> tuple[Array, Ar
     pids = holding(machine).pids if pids is None else pids
     k_i, k_s = np.array([[k.k_i, k.k_s] for k in stiffnesses(machine)]).T
     kp, kd, slow = np.array([[pid.kp, pid.kd, pid.derivative_filter] for pid in pids]).T
-    h, v, b = of.h[:, :q2], of.v[:, :q2], of.b[:q2]
+    h, v, b = of.h[:, :q2], of.v[:, :q2], of.push[:q2]
     A = A + b @ ((k_s - k_i * kp)[:, None] * h)
     if machine.bending is None:
         return A - b @ ((k_i * kd)[:, None] * v), spin

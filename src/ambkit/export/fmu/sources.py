@@ -18,6 +18,7 @@ from ambkit.export.c.data import MAGNETS, CPrecision
 from ambkit.export.c.model import LOOPS, InC, in_c
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.machine.magnets import MagnetModel, core_module, magnet_of, own_time
+from ambkit.models.parts.typical import Typical
 from ambkit.simulation import parts
 from ambkit.simulation.scenario import PID, Scenario
 
@@ -220,6 +221,7 @@ def nominals(bearing: Bearing, states: Sequence[str]) -> list[float]:
     """Return the typical size of each state of a plant in continuous time, in its unit."""
     travel = bearing.rotor.travel_limit
     sizes = {"x": travel, "x_m": abs(bearing.sensor.gain) * travel, "v": travel / own_time(bearing)}
+    sizes |= dict.fromkeys(parts.between_magnet_and_rotor(bearing), Typical.of(bearing).force)
     return [sizes.get(name, bearing.amplifier.current_limit) for name in states]
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from ambkit.export.c.model import states
+from ambkit.simulation.parts import between_magnet_and_rotor
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -57,6 +58,7 @@ UNITS: dict[str, dict[str, int]] = {
     "m2": {"m": 2},
     "m/s": {"m": 1, "s": -1},
     "m/s2": {"m": 1, "s": -2},
+    "N/s": {"kg": 1, "m": 1, "s": -3},
     "kg": {"kg": 1},
     "A": {"A": 1},
     "A/s": {"A": 1, "s": -1},
@@ -166,7 +168,7 @@ def of_plant(bearing: Bearing, place: float = 0.0) -> tuple[Variable, ...]:
     flowing = (each.name for each in more if each.name.startswith("i_"))
     current = ("u", "on", "noise_u", "fault_u_gain", "fault_current", *flowing)
     states = {"x": ("x",), "v": ("v",), "x_m": ("x_m",), "y": ("x_m",), "iu": current,
-              "f_mag": ("x", *current)}  # fmt: skip
+              "f_mag": ("x", *current, *between_magnet_and_rotor(bearing))}  # fmt: skip
     with_states = (replace(v, follows=(*v.follows, *states.get(v.name, ()))) for v in known)
     return (*with_states, *more, *_rig(bearing, place))
 
@@ -185,6 +187,9 @@ def _continuous(bearing: Bearing) -> Iterator[Variable]:
         for k in range(1 + pair):
             states[f"i_{k}"] = "A/s"
             yield Variable(f"i_{k}", "local", "A", f"control current of coil {k}")
+    for state in between_magnet_and_rotor(bearing):
+        states[state] = "N/s"
+        yield Variable(state, "local", "N", "lagged force of the magnet")
     for name, unit in states.items():
         yield Variable(f"der({name})", "local", unit, f"rate of {name}", rate_of=name)
     for k, side in enumerate(("+x", "-x")):

@@ -38,6 +38,9 @@ class Parameter:
         thing: Any = model
         for part in _path(self.place):
             thing = getattr(thing, part)
+        if thing is None:
+            key = self.place.replace("__", ".")
+            raise AmbkitError(f"{self.name}: {model.bearing.name} has no {key} to start from")
         return float(thing)
 
     def text(self, model: LoopModel) -> str:
@@ -62,6 +65,7 @@ PARAMETERS: dict[str, Parameter] = {
     for p in (
         Parameter("magnet_constant", "k", "N m^2/A^2", "magnet__magnet_constant", True, _one),
         Parameter("air_gap", "s_0", "m", "magnet__air_gap", True, _one),
+        Parameter("eddy_current_lag", r"T_\mathrm{e}", "s", "magnet__eddy_current_lag", True, _one),
         Parameter("mass", "m", "kg", "rotor__mass", True, _one),
         Parameter("sensor_lag", r"T_\mathrm{Sen}", "s", "sensor__lag", True, _one),
         Parameter("delay", "T_d", "s", "delay", False, _samples),

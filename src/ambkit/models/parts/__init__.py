@@ -6,13 +6,17 @@ from ambkit.models.parts.amplifier import Amplifier
 from ambkit.models.parts.coloured_noise import ColouredNoise
 from ambkit.models.parts.delay import Delay
 from ambkit.models.parts.disturbance import Disturbance
+from ambkit.models.parts.eddy_current import EddyCurrents
 from ambkit.models.parts.hum import Hum
 from ambkit.models.parts.magnet import MagnetPlace
 from ambkit.models.parts.rotor import Rotor
 from ambkit.models.parts.sensor import Sensor
 from ambkit.models.parts.synchronous import SynchronousForce, SynchronousRunout
 
-PARTS = (Rotor, MagnetPlace, Disturbance, Sensor, Amplifier, Delay)
+BEHIND_MAGNETS: tuple[Any, ...] = (EddyCurrents,)
+"""Linear parts between a magnet's force and the rotor."""
+
+PARTS = (Rotor, MagnetPlace, Disturbance, Sensor, Amplifier, Delay, *BEHIND_MAGNETS)
 """In the order of their states; each takes what concerns it from a machine (``of``)."""
 
 SENSOR_NOISE = (ColouredNoise, Hum)
@@ -22,6 +26,7 @@ SYNCHRONOUS: dict[str, Any] = {"unbalance": SynchronousForce, "runout": Synchron
 """What turns with the rotor and can be among the states, by name."""
 
 __all__ = [
+    "BEHIND_MAGNETS",
     "PARTS",
     "SENSOR_NOISE",
     "SYNCHRONOUS",
@@ -29,6 +34,7 @@ __all__ = [
     "ColouredNoise",
     "Delay",
     "Disturbance",
+    "EddyCurrents",
     "Hum",
     "MagnetPlace",
     "Rotor",

@@ -18,6 +18,7 @@ from ambkit.machine.magnets import magnet_of
 from ambkit.models.linear import Complex, LinearSystem, Signal, linearised
 from ambkit.models.machine import machine_parts
 from ambkit.models.parts.synchronous import SynchronousForce, across
+from ambkit.simulation.parts import between_magnet_and_rotor
 from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
@@ -166,6 +167,7 @@ def alike(bearing: Bearing) -> tuple[Any, ...]:
     amplifier, sensor = bearing.amplifier, bearing.sensor
     return (
         bearing.sampling_time, bearing.delay, amplifier.bandwidth is None, bool(sensor.lag),
+        between_magnet_and_rotor(bearing),
     )  # fmt: skip
 
 

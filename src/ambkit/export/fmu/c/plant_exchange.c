@@ -22,24 +22,24 @@ void amb_unit_follow(amb_unit *model, double time, const double value[AMB_VARIAB
     model->state.demanded[n][0] = model->demanded;
 }
 
+/* Where a state that an importer integrates is in the plant's: currents come first, if they lag. */
+static int place(const amb_rig *rig, int i)
+{
+  const int between = rig->with_parts ? rig->parts.behind : 0;
+  const int first = AMB_CONTINUOUS_STATES - between;
+  return (i < first) ? i : (5 + i - first);
+}
+
 void amb_unit_states(const amb_unit *model, double states[])
 {
-  const amb_plant_state *s = &model->state;
-  const double all[] = {s->X[0], s->X[1], s->X[2], s->X[3], s->X[4]};
   for (int i = 0; i < AMB_CONTINUOUS_STATES; i++)
-    states[i] = all[i];
+    states[i] = model->state.X[place(&model->rig, i)];
 }
 
 void amb_unit_set_states(amb_unit *model, const double states[])
 {
-  amb_plant_state *s = &model->state;
-  s->X[0] = states[0];
-  s->X[1] = states[1];
-  s->X[2] = states[2];
-#if AMB_CONTINUOUS_STATES > 3
-  s->X[3] = states[3];
-  s->X[4] = states[AMB_CONTINUOUS_STATES - 1];
-#endif
+  for (int i = 0; i < AMB_CONTINUOUS_STATES; i++)
+    model->state.X[place(&model->rig, i)] = states[i];
 }
 
 /* Rates of a rotor that no hard stop holds. */
@@ -66,17 +66,14 @@ void amb_unit_slopes(const amb_unit *model, const double value[AMB_VARIABLES], d
   amb_real found[AMB_PLANT_STATES];
   rates(model, value, found);
   for (int i = 0; i < AMB_CONTINUOUS_STATES; i++)
-    slopes[i] = (i < 2) && (model->held != 0) ? 0 : found[i];
+    slopes[i] = (i < 2) && (model->held != 0) ? 0 : found[place(&model->rig, i)];
 }
 
 void amb_plant_show_rates(const amb_unit *model, double value[])
 {
   amb_unit_slopes(model, value, &value[VR_der_x_]); /* they stand together, in their order */
-#if AMB_CONTINUOUS_STATES > 3
-  const double i[] = {model->state.X[3], model->state.X[4]};
-  for (int k = 0; k < AMB_CONTINUOUS_STATES - 3; k++)
-    value[VR_i_0 + k] = i[k];
-#endif
+  for (int i = 3; i < AMB_CONTINUOUS_STATES; i++)   /* and those of the other states before them */
+    value[VR_der_x_ - AMB_CONTINUOUS_STATES + i] = model->state.X[place(&model->rig, i)];
   amb_unit_indicators(model, value, &value[VR_event_0]);
 }
 

@@ -1,0 +1,193 @@
+"""Eddy currents: a part of one file and one key, seen in plant, filter, margins, C and FMU.
+
+The plant has no text of it: its linear states come from the model (`behind_magnets`).
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+from pathlib import Path
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from export_cases import SAME_BITS, program
+from oracles import magnet_force
+from scipy.integrate import solve_ivp
+from test_plant_parts import HEAVY, driven
+
+import ambkit
+from ambkit import PID, Bearing, Machine, Scenario, Sine
+from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.export.c import export_c
+from ambkit.machine.magnets import ConstantStiffness
+from ambkit.models.continuous import Behind
+from ambkit.simulation import parts
+from ambkit.simulation.flight import Flight
+from ambkit.simulation.linear.pieces import WorkPoint, plant
+from ambkit.simulation.machine import simulate_machine
+
+LAG = 0.3e-3
+ZITTAU = Bearing.preset("zittau_axial")
+LATE = ZITTAU.replace(magnet__eddy_current_lag=LAG)
+QUIET = {"sensor__noise_variance": "0.09 um^2"}
+MOVED = Scenario(duration=0.3, reference=Sine(amplitude=2e-4, frequency=40.0))
+
+
+# ---- The plant
+
+
+def test_the_force_of_a_held_rotor_follows_as_a_first_order_lag() -> None:
+    fields = parts.parts_of(LATE)
+    run = driven(np.full(40, 0.5), fields, m=HEAVY, substeps=16)
+    expected = 10.05 * 0.5 * (1 - np.exp(-1e-4 * np.arange(40) / LAG))
+    np.testing.assert_allclose(run["force"], expected, atol=1e-7)
+
+
+def test_a_chain_of_states_is_what_its_matrices_say() -> None:
+    """The next part needs no C: two lags and a share that acts at once."""
+    A, b = np.array([[-2e3, 0.0], [5e3, -5e3]]), np.array([2e3, 0.0])
+    chain = Behind(("a", "b"), A, b, np.array([0.3, 0.5]), 0.2)
+    run = driven(np.full(30, 0.5), parts.behind_fields(chain, "float64"), m=HEAVY, substeps=16)
+    response = control.ss(A, b[:, None], chain.c[None], [[chain.d]])
+    _, y = control.step_response(response, 1e-4 * np.arange(30))
+    np.testing.assert_allclose(run["force"], 10.05 * 0.5 * y, atol=1e-7)
+
+
+def test_the_rotor_moves_as_another_solver_says() -> None:
+    """With an amplifier that lags too, from rest, over 4 ms."""
+    bearing = LATE.replace(amplifier__bandwidth="800 Hz", rotor__gravity="none")
+    demanded, corner = 0.4, 2 * math.pi * 800
+    n, m = 41, bearing.rotor.mass
+
+    def slope(_: float, s: Any) -> list[float]:
+        x, v, i, e = s
+        force = magnet_force(bearing, i, x)
+        return [v, (e + 1.0) / m, corner * (demanded - i), (force - e) / LAG]
+
+    T = 1e-4
+    exact = solve_ivp(slope, (0, (n - 1) * T), [0.0] * 4, t_eval=T * np.arange(n),
+                      method="DOP853", rtol=1e-12, atol=1e-18).y  # fmt: skip
+    run = driven(np.full(n, demanded), parts.parts_of(bearing), f_d=1.0, substeps=16)
+    assert exact[0].max() > 5e-5
+    np.testing.assert_allclose(run["x"], exact[0], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(run["iu"], exact[2], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(run["force"], exact[3], rtol=0, atol=1e-7)
+
+
+def test_a_machine_s_filter_explains_what_its_magnets_do() -> None:
+    """Four axes with a lag each: innovations are as large as the filter that knows it says."""
+    rig = Machine.preset("ufu_rig")
+    magnet = {"eddy_current_lag": LAG}
+    late = rig.model_copy(update={"bearing": tuple(
+        each.model_copy(update={"magnet": each.magnet.model_copy(update=magnet)})
+        for each in rig.bearing
+    )})  # fmt: skip
+    flight = Flight(duration=0.2, feedback="measurement", seed=1)
+    record = simulate_machine(late, flight).record
+    estimate = ambkit.KalmanFilter(late).run(record)
+    share = estimate.innovation[400:] ** 2 / estimate.innovation_variance[400:]
+    assert 0.9 < np.mean(share) < 1.0
+
+
+def test_it_is_seen_in_simulate() -> None:
+    """What acts follows what the law gives of current and place, at the frequency of both."""
+    record = ambkit.simulate(LATE, MOVED.replace(noise=False))
+    law = np.array(magnet_force(LATE, record["iu"], record["x"]))
+    t, omega = record.t, 2 * math.pi * 40
+    turn = np.exp(-1j * omega * t) * (t >= t[-1] - 0.1)
+    lagged = (record["f_mag"] * turn).sum() / (law * turn).sum()
+    # The current recorded is held from its sample on: it is half a sample ahead of its mean.
+    assert abs(lagged - 1 / (1 + 1j * omega * LAG)) < 0.02
+    assert abs(lagged - 1) > 0.08
+    prompt = ambkit.simulate(ZITTAU, MOVED.replace(noise=False))
+    same = np.array(magnet_force(ZITTAU, prompt["iu"], prompt["x"]))
+    np.testing.assert_allclose(prompt["f_mag"], same, atol=1e-9)
+
+
+# ---- Filters
+
+
+def test_the_filter_that_knows_it_beats_the_one_that_does_not() -> None:
+    """In the force it is told apart by: a rotor that is moved, over ten seeds and more.
+
+    Of the position a sensor tells more than any force: there both are alike.
+    """
+    late, prompt = LATE.replace(**QUIET), ZITTAU.replace(**QUIET)
+    rms: dict[tuple[bool, str], list[float]] = {}
+    nis = []
+    for seed in range(10):
+        record = ambkit.simulate(late, MOVED.replace(seed=seed))
+        for knows, bearing in ((True, late), (False, prompt)):
+            estimate = KINDS["extended"].make(bearing).run(record)
+            for name in ("x", "f_d"):
+                error = (estimate[name] - record[name])[200:]
+                rms.setdefault((knows, name), []).append(float(np.sqrt(np.mean(error**2))))
+            if knows:
+                share = estimate.innovation**2 / estimate.innovation_variance
+                nis.append(float(np.mean(share[200:])))
+    ratio = np.array(rms[True, "f_d"]) / np.array(rms[False, "f_d"])
+    assert (ratio < 0.75).all()
+    assert np.mean(ratio) < 0.65
+    assert np.mean(rms[True, "x"]) < 1.03 * np.mean(rms[False, "x"])
+    assert 0.9 < np.mean(nis) < 1.05
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_flies_with_it(kind: str) -> None:
+    bearing = LATE.replace(**QUIET)
+    record = ambkit.simulate(bearing, MOVED.replace(duration=0.1))
+    estimator = KINDS[kind].make(bearing, learned_magnet(kind, bearing))
+    assert [state.name for state in estimator.states][-1] == "f_e"
+    error = (estimator.run(record)["x"] - record["x"])[200:]
+    raw = (record["y"] - record["x"])[200:]
+    assert np.std(error) < (4.0 if kind == "low-pass" else 0.5) * np.std(raw)
+
+
+# ---- Margins and identification
+
+
+def test_margins_are_those_of_python_control() -> None:
+    """The lag, held stiffness and all: the plant of `assess` is ``1/(1 + s lag)`` in the force."""
+    pid = PID().completed(ZITTAU).model_copy(update={"feedback": "measurement"})
+    late = ambkit.assess(LATE, controller=pid).to_dict()
+    prompt = ambkit.assess(ZITTAU, controller=pid).to_dict()
+    k, m, T = ConstantStiffness.of(LATE), LATE.rotor.mass, LATE.sampling_time
+    # States x, v, f_e, x_m by hand.
+    A = np.array([
+        [0, 1, 0, 0], [0, 0, 1 / m, 0], [k.k_s / LAG, 0, -1 / LAG, 0],
+        [1 / LATE.sensor_lag, 0, 0, -1 / LATE.sensor_lag],
+    ])  # fmt: skip
+    B = np.array([[0], [0], [k.k_i / LAG], [0]])
+    P = control.c2d(control.ss(A, B, [[0, 0, 0, 1.0]], 0), T)
+    ours = plant(LATE, WorkPoint(0.0, 0.0))
+    f = np.geomspace(1, 4900, 200)
+    z = np.exp(2j * np.pi * f * T)
+    np.testing.assert_allclose(ours.response(f)[:, 0, 0], P(z), rtol=1e-7)
+    assert late != prompt
+
+
+def test_it_is_identified() -> None:
+    """Of a loop that is moved, from a start 2.5 times too short; nothing else pushes it."""
+    truth = LATE.replace(**QUIET)
+    record = ambkit.simulate(truth, MOVED.replace(seed=3))
+    start = truth.replace(magnet__eddy_current_lag=0.12e-3)
+    found = ambkit.identify(start, record, free=["eddy_current_lag", "load_growth"])
+    lag = found.bearing.magnet.eddy_current_lag
+    error = found.likelihood.standard_error("eddy_current_lag")
+    assert abs(lag - LAG) < 3 * error
+    assert error < 0.03 * LAG
+    with pytest.raises(ambkit.AmbkitError, match=r"has no magnet\.eddy_current_lag to"):
+        ambkit.identify(ZITTAU, record, free=["eddy_current_lag"])
+
+
+# ---- C and FMU
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+def test_its_c_passes_its_self_test(tmp_path: Path) -> None:
+    export_c(LATE, None, tmp_path / "out", kind="extended", force=True)
+    done = program("cc", tmp_path / "out", tmp_path / "selftest", SAME_BITS)
+    assert done.returncode == 0, done.stderr
