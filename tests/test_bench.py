@@ -12,6 +12,7 @@ from scipy.stats import chi2
 
 import ambkit
 from ambkit import AmbkitError, Bearing
+from ambkit.estimate.view import View
 from ambkit.judge.comparison import cases, criteria
 from ambkit.judge.comparison.bench import Sweep, bench, sweep
 from ambkit.judge.comparison.cases import CASES, Load, trials, walk_case
@@ -21,6 +22,7 @@ from ambkit.judge.comparison.study import learned, pieces_of, study
 from ambkit.judge.comparison.tuning import errors, tune
 from ambkit.machine.forces.points import ForcePoints
 from ambkit.machine.forces.surface import ForceSurface
+from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import own_time
 from ambkit.show.pages.study import report_of
 from ambkit.show.plots.study import cases_figure, matrix_figure, sweep_figure
@@ -29,6 +31,7 @@ from ambkit.simulation.imposed import Imposed
 from ambkit.workflow.comparing import compare_in_case
 
 BEARING = Bearing.preset("zittau_axial")
+VIEW = View(as_machine(BEARING))
 SHORT = replace(
     cases.step_case(0.5),
     scenario=lambda bearing, load: (
@@ -116,7 +119,7 @@ def true_model() -> dict[str, np.ndarray]:
         name: np.array(
             [
                 criteria.normalised_errors(
-                    each.build().run(t.record, covariance=True), t.record
+                    each.build().run(t.record, covariance=True), t.record, VIEW
                 )[500::50]
                 for t in made
             ]
@@ -153,16 +156,16 @@ def test_nees_by_hand() -> None:
     )  # fmt: skip
     P = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, 25.0]])
     expected = [e @ np.linalg.inv(P) @ e for e in mean[:, :3]]
-    assert criteria.normalised_errors(estimate, truth) == pytest.approx(expected)
+    assert criteria.normalised_errors(estimate, truth, VIEW) == pytest.approx(expected)
     # Other states beside change nothing: here one more, which goes with x.
     wide = np.tile([4.0, 1.0, 0, 0, 3.0, 9.0, 0, 0, 0, 25.0, 0, 0, 1.0, 0, 7.0], (2, 1))
     more = ambkit.KalmanFilter(BEARING.replace(amplifier__bandwidth="1 kHz")).states
     five = replace(estimate, states=more, mean=np.c_[mean, zero], covariance=wide)
-    assert criteria.normalised_errors(five, truth) == pytest.approx(expected)
+    assert criteria.normalised_errors(five, truth, VIEW) == pytest.approx(expected)
     assert five.std("f_d") == pytest.approx([5.0, 5.0])
     # An estimator that knows no covariance writes zeros: then there is no NEES.
     blind = replace(estimate, covariance=0 * upper)
-    assert np.isnan(criteria.normalised_errors(blind, truth)).all()
+    assert np.isnan(criteria.normalised_errors(blind, truth, VIEW)).all()
 
 
 # ---- single criteria ----

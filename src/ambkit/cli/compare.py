@@ -139,13 +139,17 @@ def compare(
 ) -> None:
     """Compare estimators, by all that counts.
 
-    In a case, all run along the same records from the same start, and each in the loop; where the
-    limit of any estimator is known, it is told. With --steps, --load, --duration or --scenario the
-    errors of each in its own loop are compared, without tuning, --spread and --report.
+    In a case, all run along the same records from the same start, and each in the loop, beside the
+    raw sensors; where the limit of any estimator is known, it is told. Of several axes a case
+    happens to each, and errors are those of all axes together.
+
+    With --steps, --load, --duration or --scenario the errors of each in its own loop are compared,
+    without tuning, --spread and --report.
 
     For example:
       ambkit compare zittau_axial --case paper --plot matrix.png --report comparison.html
       ambkit compare my.toml --estimators linear,extended --tune 40 --save-filters filters/
+      ambkit compare tum_mlps --case model --estimators linear,extended --runs 4
       ambkit compare zittau_axial --steps "0.1 mm,0.3 mm,0.5 mm" --load "3 N" --plot bars.png
     """
     own = {"--scenario": scenario, "--steps": steps, "--load": load, "--duration": duration}

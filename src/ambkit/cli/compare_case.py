@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.options import arguments_of_the_user, find_bearing
+from ambkit.cli.options import arguments_of_the_user, find_bearing, find_plant
 
 if TYPE_CHECKING:
     from ambkit.judge.comparison.bench import Bench, Standing
     from ambkit.judge.comparison.study import Study
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
 
 SHOWN = ("x", "v", "f_d", "nees", "nis", "delay", "tracking", "effort", "lost", "cost")
@@ -38,12 +39,13 @@ def in_case(name: str, case_name: str, chosen: str, wanted: Wanted) -> None:
     """Compare in a case, or in all of them, and deliver; see ``ambkit compare --help``."""
     from ambkit.cli import output
     from ambkit.cli.kinds import surface_in
-    from ambkit.judge.comparison.contenders import expand
+    from ambkit.judge.comparison.contenders import expand, suited
     from ambkit.judge.comparison.study import pieces_of
     from ambkit.workflow.comparing import cases_called, compare_in_all, compare_in_case
     from ambkit.workflow.saved_filters import save_filters
 
-    names, bearing = expand(chosen), find_bearing(name)
+    bearing = find_plant(name)
+    names = suited(expand(chosen), bearing)
     with arguments_of_the_user("--"):
         cases = cases_called(case_name, wanted.spread)
     options: dict[str, Any] = {
@@ -52,7 +54,9 @@ def in_case(name: str, case_name: str, chosen: str, wanted: Wanted) -> None:
         "seed": wanted.seed,
         "spread": wanted.spread,
         "magnets": _magnets(bearing, names, wanted.expert),
-        "plant": None if wanted.force_map is None else surface_in(wanted.force_map, bearing),
+        "plant": None
+        if wanted.force_map is None
+        else surface_in(wanted.force_map, find_bearing(name)),
     }
     if len(cases) > 1:
         work = len(cases) * pieces_of(len(names), wanted.budget, whole=False)
@@ -73,14 +77,16 @@ def in_case(name: str, case_name: str, chosen: str, wanted: Wanted) -> None:
         output.note(f"wrote {wanted.save_filters}")
 
 
-def _magnets(bearing: Bearing, names: Sequence[str], expert: Path | None) -> dict[str, MagnetModel]:
-    from ambkit.cli.kinds import read_expert
+def _magnets(
+    bearing: Bearing | Machine, names: Sequence[str], expert: Path | None
+) -> dict[str, MagnetModel]:
+    from ambkit.cli.kinds import experts
 
     if expert is None:
         return {}
     if "adaptive" not in names:
         raise AmbkitError("--expert is for the estimator adaptive, which does not take part")
-    return {"adaptive": read_expert(expert, bearing)}
+    return {"adaptive": experts(expert, bearing)}
 
 
 def _deliver(found: Study, wanted: Wanted) -> None:
@@ -111,7 +117,7 @@ def _deliver(found: Study, wanted: Wanted) -> None:
     )
 
 
-def _deliver_all(bearing: Bearing, benches: Mapping[str, Bench], wanted: Wanted) -> None:
+def _deliver_all(bearing: Bearing | Machine, benches: Mapping[str, Bench], wanted: Wanted) -> None:
     from ambkit.cli import output
     from ambkit.show import plots
     from ambkit.show.pages.study import report_of_cases
@@ -165,6 +171,7 @@ def _notes(bench: Bench) -> list[str]:
     notes = []
     if bench.stopped:
         notes.append(f"{bench.stopped} runs left out: the rotor met a stop")
+    notes.append(f"the raw sensors err by {value(bench.raw, 'm')}")
     if bench.limit:
         x, v, f_d = (
             value(bench.limit[signal], unit)

@@ -15,6 +15,7 @@ from ambkit.machine.magnets import (
     MagnetModel,
     bias_force_of,
     magnet_of,
+    own_time,
 )
 
 
@@ -48,6 +49,11 @@ def alone_of(of: Bearing | Machine) -> tuple[Bearing, ...]:
     """Return the axes, each with all others held still."""
     machine = as_machine(of)
     return tuple(machine.alone(axis.name) for axis in machine.axes)
+
+
+def slowest_time(of: Bearing | Machine) -> float:
+    """Return the own time of the slowest axis [s]."""
+    return max(map(own_time, alone_of(of)))
 
 
 def _each(of: Bearing | Machine, made: Callable[[Bearing], MagnetModel]) -> MagnetModel:

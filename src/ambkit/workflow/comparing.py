@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ambkit.judge.comparison.bench import Benches
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.surface import ForceSurface
+    from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.scenario import Scenario
 
@@ -48,7 +49,7 @@ def cases_called(name: str = "paper", spread: Given | None = None) -> dict[str, 
 
 
 def compare_in_case(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     case: str | Case = "paper",
     estimators: Sequence[str] | None = None,
     *,
@@ -74,7 +75,7 @@ def compare_in_case(
 
 
 def compare_in_all(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     estimators: Sequence[str] | None = None,
     *,
     runs: int = RUNS,

@@ -12,6 +12,7 @@ from ambkit.judge.comparison.cases import Case
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.map_of import surface_in
 from ambkit.machine.forces.surface import ForceSurface
+from ambkit.machine.machine import Machine
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.comparing import (
     RUNS,
@@ -36,14 +37,15 @@ Done = Callable[[str], None] | None
 
 @overload
 def compare(  # type: ignore[overload-overlap]
-    bearing: Bearing, case: Literal["all"], estimators: Sequence[str] | None = ..., *,
+    bearing: Bearing | Machine, case: Literal["all"], estimators: Sequence[str] | None = ..., *,
     tune: int = ..., runs: int = ..., seed: int = ..., spread: Given | None = ...,
     magnets: Mapping[str, MagnetModel] | None = ..., force_map: Map = ..., done: Done = ...,
 ) -> Benches: ...  # fmt: skip
 @overload
 def compare(  # type: ignore[overload-overlap]
-    bearing: Bearing, case: str | Case | None = ..., estimators: Sequence[str] | None = ..., *,
-    tune: int = ..., runs: int = ..., seed: int = ..., spread: Given | None = ...,
+    bearing: Bearing | Machine, case: str | Case | None = ...,
+    estimators: Sequence[str] | None = ..., *, tune: int = ..., runs: int = ..., seed: int = ...,
+    spread: Given | None = ...,
     magnets: Mapping[str, MagnetModel] | None = ..., force_map: Map = ..., whole: bool = ...,
     save_filters: str | os.PathLike[str] | None = ..., done: Done = ...,
 ) -> Study: ...  # fmt: skip
@@ -56,7 +58,7 @@ def compare(
     done: Done = ...,
 ) -> LoopScores: ...  # fmt: skip
 def compare(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     case: str | Case | None = None,
     estimators: Any = None,
     *,
@@ -82,8 +84,9 @@ def compare(
 
     Parameters
     ----------
-    bearing : Bearing
-        What the estimators know.
+    bearing : Bearing or Machine
+        What the estimators know. Of several axes errors are those of all axes together, and a case
+        happens to each axis.
     case : str or Case, optional
         One of :data:`ambkit.judge.comparison.cases.CASES`, by default ``"paper"``; or ``"all"``.
     estimators : sequence of str, optional
@@ -133,17 +136,19 @@ def compare(
     >>> found.scores["0.3 mm"]["linear"].mean("x") < 10e-6
     True
     """
-    of_type(Bearing, bearing=bearing)
+    of_type(Bearing, Machine, bearing=bearing)
     if case is not None:
         of_type(str, Case, case=case)
-    true = (
-        surface_in(force_map, bearing)
-        if isinstance(force_map, str | os.PathLike)
-        else force_map
-    )  # fmt: skip
+    true = force_map
+    if isinstance(true, str | os.PathLike):
+        of_type(Bearing, bearing=bearing)
+        assert isinstance(bearing, Bearing)
+        true = surface_in(true, bearing)
     own = {"scenario": scenario, "steps": steps, "load": load, "duration": duration}
     given = [name for name, value in own.items() if value is not None]
     if given:
+        of_type(Bearing, bearing=bearing)
+        assert isinstance(bearing, Bearing)
         of_cases = {"case": case, "tune": tune or None, "spread": spread, "whole": whole or None,
                     "save_filters": save_filters}  # fmt: skip
         clash = [name for name, value in of_cases.items() if value is not None]

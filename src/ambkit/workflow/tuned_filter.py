@@ -251,10 +251,7 @@ def tune(
     task = ByLikelihood(bearing, given, validate) if given else ByTruth(bearing, runs, seed)
 
     def build(values: Mapping[str, float]) -> Estimator:
-        try:
-            made: Estimator = contender.build(**values)
-        except ValueError as error:  # not every kind is of several axes
-            raise AmbkitError(str(error)) from error
+        made: Estimator = contender.build(**values)
         return made
 
     task.check(build({}), kind)

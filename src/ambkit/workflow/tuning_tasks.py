@@ -13,18 +13,13 @@ from ambkit.base.units import engineering
 from ambkit.data.reading.spike_free import without_spikes
 from ambkit.data.signals import each_of, signal
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.estimate.view import View
-from ambkit.judge.comparison.cases import CASES, trials
-from ambkit.judge.comparison.tuning import SIGNALS, Tried
-from ambkit.judge.evaluation import evaluate, true_signal
+from ambkit.judge.comparison.bench import raw_error
+from ambkit.judge.comparison.cases import CASES, Trial, loaded, trials
+from ambkit.judge.comparison.tuning import SIGNALS, Tried, errors
+from ambkit.judge.evaluation import evaluate
 from ambkit.judge.load_following import least_process_noise
-from ambkit.machine.bank import alone_of, weights_of
-from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.bank import slowest_time
 from ambkit.machine.machine import as_machine
-from ambkit.machine.magnets import own_time
-from ambkit.simulation.flight import Disturbance, Flight
-from ambkit.simulation.machine import simulate_machine
-from ambkit.simulation.waveforms import Step
 from ambkit.workflow.tuning import MUCH_LESS_LIKELY, TOO_LARGE, log_likelihood
 
 if TYPE_CHECKING:
@@ -58,18 +53,6 @@ JUDGED: Mapping[By, str] = {
 
 AHEAD = {1: "error 1 step ahead [m]", 10: "error 10 steps ahead [m]"}
 """Figures of how well a record is foretold, by the number of samples."""
-
-
-LENGTH = 40.0
-"""Of a simulated run with steps of load, in the plant's own time."""
-
-LOADED = 0.2
-"""Standard deviation of these steps, over what an axis carries where all carry the same."""
-
-
-def slowest_time(bearing: Bearing | Machine) -> float:
-    """Return the own time of the slowest axis [s]."""
-    return max(map(own_time, alone_of(bearing)))
 
 
 class ByLikelihood:
@@ -206,8 +189,7 @@ class ByTruth:
     judge = JUDGED["truth"]
 
     def __init__(self, bearing: Bearing | Machine, runs: int, seed: int) -> None:
-        self.machine, self.runs = as_machine(bearing), runs
-        self.view = View(self.machine)
+        self.bearing, self.runs = bearing, runs
         self.first = round(SETTLING * slowest_time(bearing) / bearing.sampling_time)
         self.seen = self._trials(2 * seed + 1)
         self.unseen = self._trials(2 * seed + 2)
@@ -215,42 +197,18 @@ class ByTruth:
             raise AmbkitError(f"{bearing.name}: the rotor met a stop in all simulated runs")
         self.reference = self.errors(lambda: KalmanFilter(bearing), self.seen).mean(axis=0)
 
-    def _trials(self, seed: int) -> list[Record]:
-        """Return simulated runs in which no stop was met."""
-        if self.machine.single:  # the paper's steps of the reference need a scenario
-            made = trials(CASES["paper"], alone_of(self.machine)[0], self.runs, seed)
-            return [each.record for each in made if not each.lost]
-        rng = np.random.default_rng(seed)
-        duration = LENGTH * slowest_time(self.machine)
-        weight = self.machine.rotor.mass * GRAVITY / max(1, len(weights_of(self.machine)))
-        flown = []
-        for _ in range(self.runs):
-            loads = tuple(
-                Disturbance(
-                    axis=axis.name,
-                    force=Step(amplitude=LOADED * weight * float(rng.standard_normal()),
-                               time=float(rng.uniform(0.3, 0.7)) * duration),
-                )
-                for axis in self.machine.axes
-            )  # fmt: skip
-            flight = Flight(duration=duration, seed=int(rng.integers(2**31)), disturbance=loads)
-            run = simulate_machine(self.machine, flight)
-            if not run.samples_at_the_stop:
-                flown.append(run.record)
-        return flown
-
-    def errors(self, build: Callable[[], Estimator], records: Sequence[Record]) -> Any:
+    def errors(self, build: Callable[[], Estimator], trials: Sequence[Trial]) -> Any:
         """Return the errors of x, v and f_d along the axes in each run (runs, 3)."""
-        found = np.empty((len(records), len(SIGNALS)))
-        estimator = build()  # which begins afresh in each run
-        for row, record in zip(found, records, strict=True):
-            estimate = estimator.run(record)
-            error = np.asarray(estimate.mean).T - _truth_of(estimate, record)
-            x, v = (rows @ error for rows in self.view.along_axes(estimate.states))
-            loads = [signal("f_d", axis.name) for axis in self.machine.axes]
-            f_d = np.array([estimate[name] - record[name] for name in loads])
-            row[:] = [np.sqrt(np.mean(one[:, self.first :] ** 2)) for one in (x, v, f_d)]
-        return np.where(np.isfinite(found[:, :1]), found, np.inf)
+        return errors(build, trials, self.first)
+
+    def _trials(self, seed: int) -> list[Trial]:
+        """Return simulated runs in which no stop was met."""
+        machine = as_machine(self.bearing)
+        made = (
+            trials(CASES["paper"], self.bearing, self.runs, seed) if machine.single
+            else loaded(machine, self.runs, seed)
+        )  # fmt: skip
+        return [each for each in made if not each.lost]
 
     def usual(self, contender: Contender) -> tuple[str, ...]:
         """Return which tunables are free where nobody says it."""
@@ -285,17 +243,11 @@ class ByTruth:
 
     def raw(self) -> float:
         """Return what the sensors err by along the axes in the runs that judge [m]."""
-        shown = self.view.H @ self.view.shown
-        errors = []
-        for record in self.unseen:
-            y = np.array([record[signal("y", r.name)] for r in self.machine.readings])
-            x = np.array([_displacement(record, axis.name) for axis in self.machine.axes])
-            errors.append(np.sqrt(np.mean((shown @ y - x)[:, self.first :] ** 2)))
-        return float(np.mean(errors))
+        return raw_error(self.bearing, [trial.record for trial in self.unseen], self.first)
 
     def said(self, source: str) -> str:
         """Return what the filter was tuned on."""
-        return f"errors in {len(self.seen)} simulated runs of {self.machine.name}"
+        return f"errors in {len(self.seen)} simulated runs of {self.bearing.name}"
 
     def warnings(
         self, estimator: Estimator, kept: bool, after: Mapping[str, float]
@@ -309,17 +261,6 @@ class ByTruth:
             )
         if not kept:
             yield "runs that it was not tuned on have no smaller errors: the untuned is taken"
-
-
-def _truth_of(estimate: Estimate, record: Record) -> Any:
-    """Return the true states (n, samples), 0 where a record does not know one."""
-    known = (true_signal(record, state.name) for state in estimate.states)
-    return np.array([np.zeros(len(record)) if each is None else each for each in known])
-
-
-def _displacement(record: Record, axis: str) -> Any:
-    """Return the rotor's true displacement along an axis [m]."""
-    return record[signal("s", axis) if axis else "x"]
 
 
 def _check_records(machine: Machine, records: Iterable[Record]) -> None:

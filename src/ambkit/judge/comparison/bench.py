@@ -13,17 +13,26 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
+from ambkit.data.signals import signal
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.estimate.view import View
 from ambkit.judge.comparison.bound import bearing_bound
-from ambkit.judge.comparison.cases import Case, Trial, trials
+from ambkit.judge.comparison.cases import Case, Trial, in_the_loop, trials
 from ambkit.judge.comparison.contenders import Contender
-from ambkit.judge.comparison.criteria import CRITERIA, OF_THE_LOOP, SETTLING, evaluate_run
+from ambkit.judge.comparison.criteria import (
+    OF_THE_LOOP,
+    SETTLING,
+    evaluate_run,
+    rows_along,
+)
 from ambkit.judge.comparison.tuning import SIGNALS, Tuning, errors, tune
-from ambkit.machine.magnets import own_time
-from ambkit.simulation.many import simulate_many
+from ambkit.machine.bank import slowest_time
+from ambkit.machine.machine import as_machine
 
 if TYPE_CHECKING:
+    from ambkit.data.record import Record
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
 
 Array = NDArray[np.float64]
 
@@ -86,7 +95,7 @@ class Standing:
 class Bench(Shown):
     """The whole comparison in one case."""
 
-    bearing: Bearing  #: What the estimators assume.
+    bearing: Bearing | Machine  #: What the estimators assume.
     case: Case  #: What happened.
     runs: int  #: Runs, and those left out since the rotor met a stop while the records were made.
     stopped: int
@@ -95,9 +104,10 @@ class Bench(Shown):
     #: By the names of the estimators; `tuned` is empty without tuning.
     default: Mapping[str, Standing]
     tuned: Mapping[str, Standing] = field(default_factory=dict)
-    #: Least RMSE of x, v, f_d, x_m that any estimator can have; empty where the truth is not as the
-    #: filters' model, and there is no limit known.
+    #: Least RMSE of x, v, f_d over the axes that any estimator can have, of a single axis of x_m
+    #: too; empty where the truth is not as the filters' model, and there is no limit known.
     limit: Mapping[str, float] = field(default_factory=dict)
+    raw: float = float("nan")  #: Root mean square error of the raw sensors along the axes [m].
     #: (mapping of str to str) By estimator, unit of each value that can be tuned.
     units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
@@ -116,6 +126,7 @@ class Bench(Shown):
             "seed": self.seed,
             "budget": self.budget,
             "limit": dict(self.limit),
+            "raw_sensor": self.raw,
             "estimators": {
                 name: {
                     "label": standing.label,
@@ -142,7 +153,7 @@ def _pooled(errors: Array) -> float:
 
 
 def bench(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     case: Case,
     field: Mapping[str, Contender],
     *,
@@ -159,7 +170,7 @@ def bench(
     valid = [trial for trial in made if not trial.lost]
     if not valid:
         raise AmbkitError(f"case {case.name}: in each of {runs} runs the rotor meets a stop")
-    settling = SETTLING * own_time(bearing)
+    settling = SETTLING * slowest_time(bearing)
     first = max(1, round(settling / bearing.sampling_time))
     with _pool(threads) as pool:
         if tuned is None and budget > 0:
@@ -203,6 +214,7 @@ def bench(
         default=default,
         tuned=better,
         limit=_limit(bearing, case, valid, first),
+        raw=raw_error(bearing, [trial.record for trial in valid], first),
         units={name: {t.name: t.unit for t in each.tunable} for name, each in field.items()},
     )
 
@@ -216,7 +228,7 @@ def _figures(
     contender: Contender,
     values: Mapping[str, float],
     valid: Sequence[Trial],
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     settling: float,
 ) -> dict[str, Array]:
     """Judge an estimator along the records and, where it can be there, in the loops, (runs,)."""
@@ -227,10 +239,10 @@ def _figures(
     estimator = contender.build(**values)
     rows = [evaluate_run(estimator, trial, bearing, settling) for trial in valid]
     figures = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    looped = simulate_many([t.planned(estimator) for t in valid], settling=settling, threads=1)
+    looped = in_the_loop(valid, estimator, settling)
     touched = looped.figures["touched"] > 0
-    for name, of in OF_THE_LOOP.items():
-        figures[name] = np.where(touched, np.nan, looped.figures[of])
+    for name, of in OF_THE_LOOP.items():  # of several axes some do not apply
+        figures[name] = np.where(touched, np.nan, looped.figures.get(of, np.nan))
     figures["settling"][np.isinf(figures["settling"])] = np.nan
     figures["lost"] = np.maximum(figures["lost"], touched)
     return figures
@@ -260,17 +272,34 @@ def _cost(estimator: Any, trial: Trial) -> float:
     return best / len(trial.record)
 
 
-def _limit(bearing: Bearing, case: Case, valid: Sequence[Trial], first: int) -> dict[str, float]:
+def raw_error(bearing: Bearing | Machine, records: Sequence[Record], first: int) -> float:
+    """Return what the raw sensors err by along the axes from a sample on, rms [m]."""
+    view, errors = View(as_machine(bearing)), []
+    shown = view.H @ view.shown
+    for record in records:
+        y = np.array([record[signal("y", r.name)] for r in view.machine.readings])
+        x = np.array([record[signal("s", a.name) if a.name else "x"] for a in view.machine.axes])
+        errors.append(np.sqrt(np.mean((shown @ y - x)[:, first:] ** 2)))
+    return float(np.mean(errors))
+
+
+def _limit(
+    bearing: Bearing | Machine, case: Case, valid: Sequence[Trial], first: int
+) -> dict[str, float]:
     if not case.walks:
         return {}
-    model = KalmanFilter(bearing)
+    model, view = KalmanFilter(bearing), View(as_machine(bearing))
     variances = model.variances._replace(disturbance=case.growth(bearing))
     records = [trial.record for trial in valid[:BOUND_RUNS]]
-    bound = bearing_bound(bearing, records, variances, model.default_std())
-    names = (*SIGNALS, "x_m")
-    assert set(SIGNALS) <= set(CRITERIA)
+    rows = np.concatenate(rows_along(model.states, view))
+    names = [name for name in SIGNALS for _ in view.alone]
+    if view.single:
+        names, rows = [*names, "x_m"], np.eye(len(model.states))[: len(names) + 1]
+    bound = bearing_bound(valid[0].plant, records, variances, model.default_std(), rows)
+    squares = np.mean(bound[first:] ** 2, axis=0)
     return {
-        name: float(np.sqrt(np.mean(bound[first:, place] ** 2))) for place, name in enumerate(names)
+        name: float(np.sqrt(np.mean(squares[[each == name for each in names]])))
+        for name in dict.fromkeys(names)
     }
 
 
@@ -287,7 +316,7 @@ class Sweep:
 
 
 def sweep(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     cases: Mapping[float, Case],
     field: Mapping[str, Contender],
     *,
@@ -298,7 +327,7 @@ def sweep(
     done: Callable[[], None] = lambda: None,
 ) -> Sweep:
     """Compare estimators along records only, in a row of cases that differ in one thing."""
-    first = max(1, round(SETTLING * own_time(bearing) / bearing.sampling_time))
+    first = max(1, round(SETTLING * slowest_time(bearing) / bearing.sampling_time))
     rows: list[dict[str, Array]] = []
     limits: list[dict[str, float]] = []
     with _pool(threads) as pool:

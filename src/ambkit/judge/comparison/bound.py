@@ -25,6 +25,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.threads import one_thread
+from ambkit.data.signals import signal
+from ambkit.estimate.view import View, several
+from ambkit.machine.bank import alone_of
+from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.models import machine_model
 from ambkit.models.axis import PAPER_STATES
@@ -35,6 +39,7 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.noise import Variances
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
     from ambkit.models.model import Model
 
 Array = NDArray[np.float64]
@@ -47,30 +52,32 @@ def posterior_bound(
     transition: ArrayLike,
     noise_input: ArrayLike,
     output: ArrayLike,
-    measurement: float,
+    measurement: ArrayLike,
     prior: ArrayLike,
 ) -> Array:
     """Bound on the covariance of any estimate, sample by sample, after its measurement."""
-    # transition (runs, samples - 1, n, n); noise_input (runs, samples - 1, n, q); output (n,);
-    # prior (n, n); returns (samples, n, n)
+    # transition (runs, samples - 1, n, n); noise_input (runs, samples - 1, n, q); output (m, n);
+    # measurement (m,), variances; prior (n, n); returns (samples, n, n)
     F, G = np.asarray(transition, dtype=float), np.asarray(noise_input, dtype=float)
     runs, steps, n, _ = F.shape
-    H = np.asarray(output, dtype=float)
+    H = np.atleast_2d(np.asarray(output, dtype=float))
     # A factor L of the stacked covariance P = L L', for where runs differ P is zero at first and
     # the plant unstable: a rounded P that is negative by a hair grows without end.
     start = np.linalg.cholesky(np.asarray(prior, dtype=float))
     L = np.tile(start, (runs, 1, 1))
-    noise = np.sqrt(runs * measurement) * np.eye(runs)
+    R = np.broadcast_to(np.asarray(measurement, dtype=float), len(H))
+    noise = np.diag(np.tile(np.sqrt(runs * R), runs))
+    read = len(noise)
     bound = np.empty((steps + 1, n, n))
     for k in range(steps + 1):
         if k > 0:
             L = np.concatenate([F[:, k - 1] @ L, G[:, k - 1]], axis=2)
         # Array form of prediction and measurement (Kailath, Sayed and Hassibi 2000, section 12.1).
-        wide = np.zeros((runs + L.shape[2], runs + runs * n))
-        wide[:runs, :runs] = noise
-        wide[runs:, :runs] = np.einsum("i,aij->ja", H, L)
-        wide[runs:, runs:] = L.reshape(runs * n, -1).T
-        left = np.asarray(np.linalg.qr(wide, mode="r"))[runs:, runs:]
+        wide = np.zeros((read + L.shape[2], read + runs * n))
+        wide[:read, :read] = noise
+        wide[read:, :read] = np.einsum("mi,aij->jam", H, L).reshape(-1, read)
+        wide[read:, read:] = L.reshape(runs * n, -1).T
+        left = np.asarray(np.linalg.qr(wide, mode="r"))[read:, read:]
         L = left.T.reshape(runs, n, -1)
         mean = L.mean(axis=0)
         bound[k] = mean @ mean.T
@@ -78,27 +85,33 @@ def posterior_bound(
 
 
 def bearing_bound(
-    bearing: Bearing, records: Sequence[Record], variances: Variances, std: Sequence[float]
+    bearing: Bearing | Machine,
+    records: Sequence[Record],
+    variances: Variances,
+    std: Sequence[float],
+    rows: Array | None = None,
 ) -> Array:
-    """Bound for a bearing whose truth follows the filters' model."""
-    # That is: the bearing's force law, white noise on control signal and measurement, and a
-    # disturbance force that is a random walk, all with the variances given; and what else the
-    # bearing has that its model knows, such as coloured noise, as the bearing says.
-    # returns (samples, n)
+    """Bound for a machine whose truth follows the filters' model."""
+    # That is: the magnets' force laws, white noise on control signals and measurements, and
+    # disturbance forces that are random walks, all with the variances given; and what else the
+    # machine has that its model knows, such as coloured noise, as the machine says.
+    # rows (quantities, n), of the states; by default each state
+    # returns (samples, quantities)
     with one_thread():
-        return _bearing_bound(bearing, records, variances, np.asarray(std, dtype=float))
+        return _bearing_bound(as_machine(bearing), records, variances, np.asarray(std), rows)
 
 
 def _bearing_bound(
-    bearing: Bearing, records: Sequence[Record], variances: Variances, unit: Array
-) -> Array:
-    model = machine_model(bearing)
+    machine: Machine, records: Sequence[Record], variances: Variances, unit: Array,
+    rows: Array | None,
+) -> Array:  # fmt: skip
+    model = machine_model(machine)
     plain = tuple(state.name for state in model.states) == PAPER_STATES
 
     def along(record: Record) -> tuple[Array, Array]:
         if plain:
-            return _held(bearing, record, variances)
-        return _along(model, bearing, record, variances)
+            return _held(alone_of(machine)[0], record, variances)
+        return _along(model, machine, record, variances)
 
     F, G = zip(
         *(along(record) for record in records),
@@ -107,25 +120,32 @@ def _bearing_bound(
     # In units of their own, so that no entry is 1e12 times another.
     scaled_F = np.asarray(F) * (unit / unit[:, None])
     scaled_G = np.asarray(G) / unit[:, None]
-    shown = model.c[0] * unit
-    size = np.abs(shown).max()
-    scaled_R = variances.measurement / size**2
-    found = posterior_bound(scaled_F, scaled_G, shown / size, scaled_R, np.eye(unit.size))
-    return np.asarray(np.sqrt(np.einsum("kii->ki", found)) * unit)
+    shown = model.c * unit
+    size = np.abs(shown).max(axis=1)
+    scaled_R = np.array(several(variances.measurement)) / size**2
+    found = posterior_bound(scaled_F, scaled_G, shown / size[:, None], scaled_R, np.eye(unit.size))
+    W = np.diag(unit) if rows is None else rows * unit
+    return np.asarray(np.sqrt(np.einsum("qi,kij,qj->kq", W, found, W)))
 
 
 def _along(
-    model: Model, bearing: Bearing, record: Record, variances: Variances
+    model: Model, machine: Machine, record: Record, variances: Variances
 ) -> tuple[Array, Array]:
-    """F (samples - 1, n, n) and G (samples - 1, n, n + 1) of one run, forces held in a sample."""
-    k_i, k_s = (k[:, None] for k in magnet_of(bearing).tangent(record["iu"][:-1], record["x"][:-1]))
-    rows = k_s * model.h[0] + k_i * model.e[0] + model.r[0]
-    F = model.L + model.b[:, 0][:, None] * rows[:, None, :]
-    control = model.B_u[:, 0] + k_i * model.d[0, 0] * model.b[:, 0]
-    scale = bearing.amplifier.gain * np.sqrt(variances.control)
-    growth = variances.growth(bearing.sampling_time, model.noises)
+    """F (samples - 1, n, n) and G (samples - 1, n, p + n) of one run, forces held in a sample."""
+    view, names = View(machine), [axis.name for axis in machine.axes]
+    F = np.tile(model.L, (len(record) - 1, 1, 1))
+    doors = []
+    controls = several(variances.control)
+    for k, (of, name) in enumerate(zip(view.alone, names, strict=True)):
+        iu, s = record[signal("iu", name)], record[signal("s", name) if name else "x"]
+        k_i, k_s = (each[:, None] for each in magnet_of(of).tangent(iu[:-1], s[:-1]))
+        rows = k_s * model.h[k] + k_i * model.e[k] + model.r[k]
+        F = F + model.b[:, k][:, None] * rows[:, None, :]
+        scale = of.amplifier.gain * np.sqrt(controls[k])
+        doors.append(scale * (model.B_u[:, k] + k_i * model.d[k, k] * model.b[:, k]))
+    growth = view.growth(variances, model.noises)
     walked = _root(np.tensordot(growth, model.N, 1))
-    G = np.concatenate([scale * control[:, :, None], np.tile(walked, (len(F), 1, 1))], axis=2)
+    G = np.concatenate([np.stack(doors, axis=2), np.tile(walked, (len(F), 1, 1))], axis=2)
     return F, G
 
 

@@ -8,28 +8,35 @@ of half of the travel is 0.5 mm, and 0.6 of the weight is 3 N.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
+from ambkit.data.signals import signal
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.spread import CERTAIN, Spread
-from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.bank import alone_of, slowest_time, weights_of
+from ambkit.machine.bearing import GRAVITY, Bearing
+from ambkit.machine.machine import as_machine, short_form
 from ambkit.machine.magnets import magnet_of, own_time
+from ambkit.simulation.flight import Disturbance, Flight, Reference
 from ambkit.simulation.imposed import Imposed
-from ambkit.simulation.many import Planned
+from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.many import Many, Planned, simulate_many
+from ambkit.simulation.many_machines import PlannedMachine, simulate_machines
 from ambkit.simulation.run import samples, simulate
 from ambkit.simulation.scenario import PID, Scenario
-from ambkit.simulation.waveforms import Constant, Sequence, Sine, Step
+from ambkit.simulation.waveforms import Constant, Recorded, Sequence, Sine, Step
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.surface import ForceSurface
+    from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.waveforms import Signal
 
@@ -41,6 +48,12 @@ STEPS = (0.1, 0.3, 0.5)
 
 LOAD = 0.6
 """Load, in weights."""
+
+LENGTH = 40.0
+"""Of a run with steps of load along all axes, in the plant's own time."""
+
+LOADED = 0.2
+"""Standard deviation of these steps, over what an axis carries where all carry the same."""
 
 REACH = 0.8
 """How far out a step of half of the travel overshoots, in travels; so far the maps reach."""
@@ -67,31 +80,30 @@ class Case:
     #: what the bearing describes.
     magnet: ForceSurface | None = None
 
-    def growth(self, bearing: Bearing) -> float:
-        """Return how fast the variance of the load that walks grows on a bearing [N^2/s]."""
-        return self.walks * float(KalmanFilter(bearing).variances.disturbance)
+    def growth(self, machine: Bearing | Machine) -> Any:
+        """Return how fast the variance of the load that walks grows, of each axis [N^2/s]."""
+        own = KalmanFilter(machine).variances.disturbance
+        if isinstance(own, tuple):
+            return tuple(self.walks * each for each in own)
+        return self.walks * float(own)
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
     """One run of a case: the plant that it was made with, and the record that all are given."""
 
-    plant: Bearing  #: The true one.
-    scenario: Scenario  #: With its seed.
-    imposed: Imposed  #: Series of noise and load.
+    plant: Bearing | Machine  #: The true one.
+    scenario: Scenario | Flight  #: With its seed.
+    imposed: Imposed | None  #: Series of noise and load; of several axes these are in the flight.
     magnet: MagnetModel | None  #: The plant's magnet where it is no closed law.
     record: Record  #: The run that the nominal linear filter closed the loop of.
-    _loads: dict[int, Load] = field(default_factory=dict, repr=False)
+    _loads: dict[tuple[int, str], Load] = field(default_factory=dict, repr=False)
 
-    def load(self, first: int) -> Load:
-        """Return the load from a sample on."""
-        if first not in self._loads:
-            self._loads[first] = Load(self.record["f_d"][first:])
-        return self._loads[first]
-
-    def planned(self, estimator: Estimator) -> Planned:
-        """Return the same run with another estimator in the loop."""
-        return Planned(self.plant, self.scenario, estimator, self.magnet, self.imposed)
+    def load(self, first: int, axis: str = "") -> Load:
+        """Return the load of an axis from a sample on."""
+        if (first, axis) not in self._loads:
+            self._loads[first, axis] = Load(self.record[signal("f_d", axis)][first:])
+        return self._loads[first, axis]
 
     @property
     def lost(self) -> bool:
@@ -99,13 +111,31 @@ class Trial:
         return bool(self.record.meta["stop_touched"])
 
 
-def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
+def in_the_loop(made: Iterable[Trial], estimator: Estimator, settling: float) -> Many:
+    """Fly the same runs with another estimator in the loop."""
+    axes, machines = list[Planned](), list[PlannedMachine]()
+    for at in made:
+        if isinstance(at.scenario, Flight):
+            machines.append(PlannedMachine(as_machine(at.plant), at.scenario, estimator))
+        else:
+            assert isinstance(at.plant, Bearing)
+            axes.append(Planned(at.plant, at.scenario, estimator, at.magnet, at.imposed))
+    if machines:
+        return simulate_machines(machines, settling=settling, threads=1)
+    return simulate_many(axes, settling=settling, threads=1)
+
+
+def trials(case: Case, bearing: Bearing | Machine, runs: int, seed: int) -> list[Trial]:
     """Make the records of a case, see `each_trial`."""
     return list(each_trial(case, bearing, runs, seed))
 
 
-def each_trial(case: Case, bearing: Bearing, runs: int, seed: int) -> Iterator[Trial]:
+def each_trial(case: Case, bearing: Bearing | Machine, runs: int, seed: int) -> Iterator[Trial]:
     """Make the records of a case, one after another."""
+    bearing = short_form(bearing)
+    if not isinstance(bearing, Bearing):
+        yield from _flights(case, bearing, runs, seed)
+        return
     nominal = case.spread == CERTAIN and case.magnet_constant == 1.0
     fixed = _magnet(case, bearing, bearing) if nominal else None
     known = KalmanFilter(bearing)
@@ -120,6 +150,71 @@ def each_trial(case: Case, bearing: Bearing, runs: int, seed: int) -> Iterator[T
         magnet = fixed if nominal else _magnet(case, plant, bearing)
         record = simulate(plant, scenario, estimator=known, magnet=magnet, imposed=imposed)
         yield Trial(plant, scenario, imposed, magnet, _with_walk(record, walk))
+
+
+def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
+    """Make the records of a machine, each axis with what happens to it held alone."""
+    special = case.spread != CERTAIN, case.magnet_constant != 1.0, case.saturates, case.correlation
+    if any(special) or case.magnet is not None:
+        raise AmbkitError(
+            f"case {case.name}: its plant is not the described one, which can be simulated for a "
+            f"machine with one axis only; {machine.name} has {len(machine.axes)}"
+        )
+    if case.walks:  # all is as the filters' model says
+        sensors = [each.model_copy(update={"runout": ()}) for each in machine.sensor]
+        machine = machine.replace(unbalance=[], sensor=sensors)
+    known, T = KalmanFilter(machine), machine.sampling_time
+    names = [axis.name for axis in machine.axes]
+    for run in range(runs):
+        each = [case.scenario(axis, LOAD) for axis in alone_of(machine)]
+        duration = max(of.duration for of in each)
+        loads = {name: of.disturbance for name, of in zip(names, each, strict=True)}
+        walks = dict[str, Array]()
+        if case.walks:
+            t = T * np.arange(max(2, round(duration / T) + 1))
+            rng = np.random.default_rng([1000 * seed + run, 3])
+            for name, growth in zip(names, np.atleast_1d(case.growth(machine)), strict=True):
+                mean, walks[name] = _walk(rng, growth * T, len(t))
+                loads[name] = Recorded.model_construct(
+                    times=tuple(t.tolist()), values=tuple(mean.tolist())
+                )
+        flight = Flight.model_construct(
+            duration=duration, seed=1000 * seed + run, feedback="estimate",
+            reference=tuple(Reference.model_construct(axis=name, position=of.reference)
+                            for name, of in zip(names, each, strict=True)),
+            disturbance=tuple(Disturbance.model_construct(axis=name, force=load)
+                              for name, load in loads.items()),
+        )  # fmt: skip
+        record = simulate_machine(machine, flight, estimator=known).record
+        truth = {signal("f_d", name): walk for name, walk in walks.items()}
+        record = replace(record, signals={**record.signals, **truth})
+        yield Trial(machine, flight, None, None, record)
+
+
+def loaded(machine: Machine, runs: int, seed: int) -> list[Trial]:
+    """Make records with a step of load along each axis, of random size at a random time."""
+    rng, made = np.random.default_rng(seed), []
+    duration = LENGTH * slowest_time(machine)
+    weight = machine.rotor.mass * GRAVITY / max(1, len(weights_of(machine)))
+    for _ in range(runs):
+        loads = tuple(
+            Disturbance(
+                axis=axis.name,
+                force=Step(amplitude=LOADED * weight * float(rng.standard_normal()),
+                           time=float(rng.uniform(0.3, 0.7)) * duration),
+            )
+            for axis in machine.axes
+        )  # fmt: skip
+        flight = Flight(duration=duration, seed=int(rng.integers(2**31)), disturbance=loads)
+        made.append(Trial(machine, flight, None, None, simulate_machine(machine, flight).record))
+    return made
+
+
+def _walk(rng: np.random.Generator, variance: float, n: int) -> tuple[Array, Array]:
+    """Return a random walk's means over the samples, and where it stands at them (n,)."""
+    steps, within = rng.normal(0.0, math.sqrt(variance), (2, n))
+    walk = np.cumsum(steps) - steps
+    return walk + 0.5 * steps + within / math.sqrt(12), walk  # of a Brownian bridge: its mean
 
 
 def _imposed(
@@ -137,10 +232,7 @@ def _imposed(
     if case.drift:
         scale = np.linspace(1.0, 1.0 + case.drift, n)
     if case.walks:
-        growth = case.growth(bearing)
-        steps, within = on_load.normal(0.0, math.sqrt(growth * T), (2, n))
-        walk = np.cumsum(steps) - steps
-        load = walk + 0.5 * steps + within / math.sqrt(12)  # of a Brownian bridge: its mean
+        load, walk = _walk(on_load, case.growth(bearing) * T, n)
     if case.correlation:
         from scipy.signal import lfilter
 

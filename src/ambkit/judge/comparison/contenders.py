@@ -18,7 +18,7 @@ from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, Tunable
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Machine, as_machine
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -57,7 +57,7 @@ class Contender:
 
 def contenders(
     names: Sequence[str],
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     magnets: Mapping[str, MagnetModel] | None = None,
     custom: Mapping[str, Callable[..., Any]] | None = None,
 ) -> dict[str, Contender]:
@@ -78,6 +78,13 @@ def contenders(
     for own_name, make in (custom or {}).items():
         found[own_name] = _of_user(own_name, make, bearing)
     return found
+
+
+def suited(names: Sequence[str], bearing: Bearing | Machine) -> list[str]:
+    """Return the names; where all kinds are named without those that take a single axis only."""
+    if as_machine(bearing).single or not set(KINDS) <= set(names):
+        return list(names)
+    return [name for name in names if name not in KINDS or KINDS[name].estimator.several_axes]
 
 
 def expand(text: str) -> list[str]:
@@ -118,7 +125,10 @@ def contender_of_kind(
                 scale = noise[key] / means[key]
                 noise[key] = tuple(scale * variance for variance in each)
         rest = {key: value for key, value in values.items() if "noise." not in key}
-        return kind.make(bearing, magnet, noise=FilterNoise(**noise), **rest)
+        try:
+            return kind.make(bearing, magnet, noise=FilterNoise(**noise), **rest)
+        except ValueError as error:  # not every kind is of several axes
+            raise AmbkitError(str(error)) from error
 
     free = {t.name: t for t in kind.tunable}
     if not whole and {"noise.control", "noise.disturbance"} <= free.keys():
@@ -159,9 +169,14 @@ def load_class(text: str) -> tuple[str, Callable[..., Any]]:
     return name, make
 
 
-def _of_user(name: str, make: Callable[..., Any], bearing: Bearing) -> Contender:
+def _of_user(name: str, make: Callable[..., Any], bearing: Any) -> Contender:
     import inspect
 
+    if not as_machine(bearing).single:
+        raise AmbkitError(
+            f"{name}: step(y, u) of an estimator of one's own takes one reading; {bearing.name} "
+            f"has {len(as_machine(bearing).readings)}"
+        )
     try:
         takes = len(inspect.signature(make).parameters)
     except (TypeError, ValueError):

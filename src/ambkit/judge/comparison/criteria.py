@@ -9,15 +9,23 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.estimate.estimate import packed
+from ambkit.data.signals import signal
 from ambkit.estimate.innovations import whiteness
+from ambkit.estimate.view import View
+from ambkit.judge.evaluation import true_signal
+from ambkit.machine.bank import models_of
+from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import evaluate_force, magnet_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ambkit.data.record import Record
     from ambkit.estimate.estimate import Estimate
     from ambkit.judge.comparison.cases import Load, Trial
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
+    from ambkit.models.model import Descriptor
 
 Array = NDArray[np.float64]
 
@@ -52,8 +60,8 @@ CRITERIA = {
     "force": Criterion("F_mag", "N", 1, 0, "error", "RMSE of the magnet force, as the estimator's "
                        "own force law gives it at its estimated position and the current asked."),
     "nees": Criterion("NEES", "%", 100, 0.95, "share", "Share of the samples at which the "
-                      "normalised estimation error squared of x, v and F_St is within its "
-                      "95 % chi-square bound, 7.81; less: the filter is too sure."),
+                      "normalised estimation error squared of x, v and F_St of all axes is within "
+                      "its 95 % chi-square bound, of one axis 7.81; less: the filter is too sure."),
     "nis": Criterion("NIS", "", 1, 1, "ratio", "Normalised innovation squared; the same, of the "
                      "innovations."),
     "white": Criterion("white", "%", 100, 0.95, "share", "Share of 50 lags at which the "
@@ -84,28 +92,56 @@ OF_THE_LOOP = {
 
 
 def evaluate_run(
-    estimator: Any, trial: Trial, bearing: Bearing, settling: float
+    estimator: Any, trial: Trial, bearing: Bearing | Machine, settling: float
 ) -> dict[str, float]:
-    """Run an estimator along a trial's record, and judge it."""
-    record = trial.record
+    """Run an estimator along a trial's record, and judge it over all axes together."""
+    record, view = trial.record, View(as_machine(bearing))
     first = max(1, round(settling / record.sampling_time))
     estimate = estimator.run(record, covariance=True)
     figures = dict.fromkeys(CRITERIA, np.nan)
     del figures["cost"]
-    error = (estimate.x - record["x"])[first:]
-    lost = not np.isfinite(error).all()
-    lost = lost or bool(np.abs(error).max() > 0.1 * bearing.rotor.travel_limit)
+    errors = {name: each[:, first:] for name, each in errors_along(estimate, record, view).items()}
+    travel = np.array([[axis.rotor.travel_limit] for axis in view.alone])
+    lost = not np.isfinite(errors["x"]).all()
+    lost = lost or bool((np.abs(errors["x"]) > 0.1 * travel).any())
     if not lost:
-        figures |= {name: rms((estimate[name] - record[name])[first:]) for name in ("x", "v")}
-        figures["f_d"] = rms((estimate.f_d - record["f_d"])[first:])
-        figures["force"] = rms(
-            (magnet_force(estimator, estimate, record) - record["f_mag"])[first:]
-        )
-        figures["nees"] = nees(estimate, record, first)
+        figures |= {name: rms(each) for name, each in errors.items()}
+        figures["force"] = rms(_force_errors(estimator, estimate, record, view)[:, first:])
+        figures["nees"] = nees(estimate, record, first, view)
         figures |= _innovations(estimate, first)
-        figures["delay"] = delay(estimate.f_d[first:], trial.load(first), record.sampling_time)
+        late = [
+            delay(estimate[load][first:], trial.load(first, axis.name), record.sampling_time)
+            for axis in view.machine.axes
+            if (load := signal("f_d", axis.name)) in estimate.names
+        ]
+        known = [each for each in late if np.isfinite(each)]
+        figures["delay"] = float(np.mean(known)) if known else np.nan
     figures["lost"] = float(lost)
     return figures
+
+
+def errors_along(estimate: Estimate, record: Record, view: View) -> dict[str, Array]:
+    """Return the errors of x, v and f_d along the axes (p, n); NaN of what is not estimated."""
+    unknown = np.zeros(len(record))
+    found = {}
+    for name, rows in zip(EVALUATED, rows_along(estimate.states, view), strict=True):
+        known = np.any(rows != 0, axis=0)  # a state that is NaN is of no other row
+        wrong = np.zeros((len(rows), len(record)))
+        for k in np.flatnonzero(known):
+            truth = true_signal(record, estimate.names[k])
+            wrong += rows[:, [k]] * (estimate.mean[:, k] - (unknown if truth is None else truth))
+        found[name] = np.where(np.any(rows != 0, axis=1, keepdims=True), wrong, np.nan)
+    return found
+
+
+def rows_along(states: Sequence[Descriptor], view: View) -> tuple[Array, Array, Array]:
+    """Return displacements, velocities and loads along the axes, by the states (p, states)."""
+    names = [state.name for state in states]
+    loads = np.zeros((len(view.alone), len(names)))
+    for k, axis in enumerate(view.machine.axes):
+        if signal("f_d", axis.name) in names:
+            loads[k, names.index(signal("f_d", axis.name))] = 1.0
+    return (*view.along_axes(states), loads)
 
 
 def rms(error: Array) -> float:
@@ -113,82 +149,84 @@ def rms(error: Array) -> float:
     return float(np.sqrt(np.mean(error**2)))
 
 
-def magnet_force(estimator: Any, estimate: Estimate, record: Record) -> Array:
-    """Magnet force as an estimator sees it [N]; NaN where it knows no force law."""
+def _force_errors(estimator: Any, estimate: Estimate, record: Record, view: View) -> Array:
+    """Errors of the magnet forces as an estimator sees them (p, n) [N]; NaN without a law."""
     magnet = getattr(estimator, "magnet", None)
+    found = np.full((len(view.alone), len(record)), np.nan)
     if magnet is None:
-        return np.full(len(record), np.nan)
-    bearing = estimator.bearing
-    force = evaluate_force(magnet, _current(bearing, estimate, record), estimate.x)
-    force = force + magnet_of(bearing).bias_force
-    return force if estimate.scale is None else estimate.scale * force
+        return found
+    x = view.along_axes(estimate.states)[0] @ estimate.mean.T
+    for k, (axis, model) in enumerate(zip(view.alone, models_of(magnet), strict=True)):
+        current = _current(view, k, estimate, record)
+        force = evaluate_force(model, current, x[k]) + magnet_of(axis).bias_force
+        force = force if estimate.scale is None else estimate.scale * force
+        found[k] = force - record[signal("f_mag", view.machine.axes[k].name)]
+    return found
 
 
-def _current(bearing: Bearing, estimate: Estimate, record: Record) -> Array:
-    """Control current just after each sample as an estimator sees it [A]."""
+def _current(view: View, axis: int, estimate: Estimate, record: Record) -> Array:
+    """Control current of an axis just after each sample as an estimator sees it [A]."""
     # A state where the amplifier lags; of a loop with a delay the oldest that still acts; else the
     # one asked for.
     for role in ("current", "past control"):
-        late = [at for at, state in enumerate(estimate.states) if state.role == role]
+        late = [at for at, state in enumerate(estimate.states)
+                if state.role == role and view.axis_of(state) == axis]  # fmt: skip
         if late:
             return np.asarray(estimate.mean[:, late[-1]])
-    asked = bearing.amplifier.gain * record["u"]
-    return np.asarray(np.clip(asked, bearing.current_min, bearing.current_max))
+    of = view.alone[axis]
+    asked = of.amplifier.gain * record[signal("u", view.machine.axes[axis].name)]
+    return np.asarray(np.clip(asked, of.current_min, of.current_max))
 
 
-def normalised_errors(estimate: Estimate, record: Record) -> Array:
-    """NEES sample by sample, (n,): e' P^-1 e of x, v, f_d; NaN without covariances."""
+def normalised_errors(estimate: Estimate, record: Record, view: View) -> Array:
+    """NEES sample by sample, (n,): e' P^-1 e of x, v, f_d of all axes; NaN without covariances."""
     # The lagged position is left out: it follows from the others but for a few parts in a million,
     # and a NEES with it would judge the last digits of how the model was made discrete.
     if estimate.covariance is None:
         return np.full(len(record), np.nan)
-    upper = np.asarray(estimate.covariance, dtype=float).T
-    places = [estimate.names.index(name) for name in EVALUATED]
-
-    def P(i: int, j: int) -> Array:
-        low, high = sorted((places[i], places[j]))
-        return np.asarray(upper[packed(low, high, len(estimate.states))])
-
+    W = np.concatenate(rows_along(estimate.states, view))
+    n = W.shape[1]
+    rows, columns = np.triu_indices(n)
+    upper = np.asarray(estimate.covariance, dtype=float)
+    P = np.zeros((len(upper), n, n))
+    P[:, rows, columns] = P[:, columns, rows] = upper
+    error = np.concatenate(list(errors_along(estimate, record, view).values())).T
     with np.errstate(invalid="ignore", divide="ignore"):
-        std = [np.sqrt(P(i, i)) for i in range(3)]
-        # In standard deviations, so that what is inverted is a correlation matrix; by its minors.
-        a, b, c = (P(i, j) / (std[i] * std[j]) for i, j in ((0, 1), (0, 2), (1, 2)))
-        x, v, f = (
-            (estimate[name] - record[name]) / each
-            for name, each in zip(EVALUATED, std, strict=True)
-        )
-        determinant = 1 + 2 * a * b * c - a * a - b * b - c * c
-        squares = (1 - c * c) * x * x + (1 - b * b) * v * v + (1 - a * a) * f * f
-        mixed = (b * c - a) * x * v + (a * c - b) * x * f + (a * b - c) * v * f
-        found = (squares + 2 * mixed) / determinant
-    return np.asarray(np.where((determinant > 0) & np.isfinite(found), found, np.nan))
+        # In standard deviations, so that what is inverted is a correlation matrix.
+        of = W @ P @ W.T
+        std = np.sqrt(np.einsum("nii->ni", of))
+        of, error = of / (std[:, :, None] * std[:, None, :]), error / std
+        good = np.isfinite(of).all(axis=(1, 2)) & np.isfinite(error).all(axis=1)
+        good[good] = np.linalg.det(of[good]) > 0
+    found = np.full(len(record), np.nan)
+    solved = np.linalg.solve(of[good], error[good][:, :, None])[:, :, 0]
+    found[good] = np.einsum("ni,ni->n", error[good], solved)
+    return found
 
 
-def nees(estimate: Estimate, record: Record, first: int) -> float:
+def nees(estimate: Estimate, record: Record, first: int, view: View) -> float:
     """Share of samples from `first` on whose NEES is within its bound; NaN without covariances."""
-    found = normalised_errors(estimate, record)[first:]
-    return float(np.mean(found <= _nees_bound())) if np.isfinite(found).all() else np.nan
+    found = normalised_errors(estimate, record, view)[first:]
+    bound = _nees_bound(len(EVALUATED) * len(view.alone))
+    return float(np.mean(found <= bound)) if np.isfinite(found).all() else np.nan
 
 
 @cache
-def _nees_bound() -> float:
+def _nees_bound(degrees: int) -> float:
     from scipy.stats import chi2
 
-    return float(chi2.ppf(0.95, 3))
+    return float(chi2.ppf(0.95, degrees))
 
 
 def _innovations(estimate: Estimate, first: int) -> dict[str, float]:
     taken = estimate.used[first:]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        nis = estimate.nis[first:][taken]
-    innovation = estimate.innovation[first:][taken]
-    known = np.isfinite(innovation).all() and innovation.size >= 4 * LAGS
-    if not known or not np.ptp(innovation) > 0:
+    nis = estimate.nis[first:][taken]
+    innovation = estimate.innovation.reshape(len(estimate.t), -1)[first:][taken]
+    known = np.isfinite(innovation).all() and len(innovation) >= 4 * LAGS
+    if not known or not (np.ptp(innovation, axis=0) > 0).all():
         return {}
-    return {
-        "nis": float(np.mean(nis)),
-        "white": whiteness(innovation, LAGS).share_within,
-    }
+    white = [whiteness(each, LAGS).share_within for each in innovation.T]
+    return {"nis": float(np.mean(nis)), "white": float(np.mean(white))}
 
 
 def delay(estimated: Array, load: Load, T: float) -> float:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
-from ambkit.estimate.registry import KINDS
+from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.comparison.bench import Bench, Benches, Sweep, bench, pieces, sweep
 from ambkit.judge.comparison.cases import (
     CASES,
@@ -23,10 +24,13 @@ from ambkit.judge.comparison.cases import (
     step_case,
     walk_case,
 )
-from ambkit.judge.comparison.contenders import Contender, contenders
+from ambkit.judge.comparison.contenders import Contender, contenders, suited
+from ambkit.machine.bank import alone_of
+from ambkit.machine.machine import as_machine
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
     from ambkit.machine.stiffness import StiffnessMap
 
@@ -59,12 +63,15 @@ class Study(Shown):
     model: Bench | None = None
 
 
-def learned(case: Case, bearing: Bearing, names: Sequence[str]) -> dict[str, MagnetModel]:
+def learned(case: Case, bearing: Any, names: Sequence[str]) -> dict[str, MagnetModel]:
     """Learn the maps that some kinds ask, over all that a step reaches."""
     # The expert has the paper's 25 rules. A table costs no more with more nodes, and has them.
     asking = [name for name in names if name in KINDS and KINDS[name].magnet is None]
     if not asking:
         return {}
+    if not as_machine(bearing).single:
+        known = {name: learned_magnet(name, bearing) for name in asking}
+        return {name: magnet for name, magnet in known.items() if magnet is not None}
     from ambkit.fuzzy.training import train
     from ambkit.machine.stiffness import stiffness_map
 
@@ -85,7 +92,7 @@ def learned(case: Case, bearing: Bearing, names: Sequence[str]) -> dict[str, Mag
 
 
 def study(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     case: Case | str,
     names: Sequence[str],
     *,
@@ -100,6 +107,12 @@ def study(
 ) -> Study:
     """Compare estimators in one case, and in rows of cases around it."""
     case = CASES[case] if isinstance(case, str) else case
+    names = suited(names, bearing)
+    if whole and not as_machine(bearing).single:
+        raise AmbkitError(
+            "the report shows errors by the step of a single reference and by a wrong magnet "
+            f"constant; {bearing.name} has {len(as_machine(bearing).axes)} axes: leave it out"
+        )
     threads = threads or os.cpu_count() or 1
     given = dict(magnets or {})
     known = learned(case, bearing, [name for name in names if name not in given]) | given
@@ -127,7 +140,7 @@ def study(
             other, saturates=case.saturates, magnet=case.magnet, magnet_constant=magnet_constant
         )
 
-    travel = bearing.rotor.travel_limit
+    travel = alone_of(bearing)[0].rotor.travel_limit
     steps = {share * travel: alike(step_case(share)) for share in HEIGHTS}
     wrong = {k: alike(step_case(STEPS[1]), k) for k in WRONG}
     walks = {share * travel: walk_case(share) for share in HEIGHTS}
@@ -147,7 +160,7 @@ def study(
 
 
 def across(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     cases: Mapping[str, Case],
     names: Sequence[str],
     *,

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.batch import run_many
+from ambkit.estimate.view import View
 from ambkit.judge.comparison.contenders import Contender, Range
-from ambkit.judge.comparison.criteria import rms
+from ambkit.judge.comparison.criteria import errors_along, rms
+from ambkit.machine.machine import as_machine
 
 if TYPE_CHECKING:
     from ambkit.judge.comparison.cases import Trial
@@ -41,17 +43,21 @@ def errors(build: Callable[[], Any], training: Sequence[Trial], first: int) -> A
     """Return the RMSE of x, v, f_d on each training run, (runs, 3); infinite where it is lost."""
     records = [trial.record for trial in training]
     estimator = build()
-    if isinstance(estimator, Estimator) and records:  # which begins afresh in each run
+    if (
+        isinstance(estimator, Estimator) and estimator.view.single and records
+    ):  # which begins afresh in each run
         y, u, *truth = (np.array([r[name] for r in records]) for name in ("y", "u", *SIGNALS))
         many = run_many(
             estimator, y, u, truth=np.stack(truth, axis=-1), skip=first, history=(), threads=1
         )
         found = np.asarray(many.rmse, float)
-    else:  # the user's own, in Python
+    else:  # of several axes, or the user's own in Python
         found = np.empty((len(records), len(SIGNALS)))
+        view = View(as_machine(estimator.bearing))
         for row, record in zip(found, records, strict=True):
-            estimate = build().run(record)
-            row[:] = [rms((estimate[name] - record[name])[first:]) for name in SIGNALS]
+            made = estimator if isinstance(estimator, Estimator) else build()
+            wrong = errors_along(made.run(record), record, view)
+            row[:] = [rms(wrong[name][:, first:]) for name in SIGNALS]
     found[~np.isfinite(found[:, 0])] = math.inf
     return found
 
