@@ -27,6 +27,7 @@ from ambkit.machine.bank import bank_of, constants_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine, as_machine
 from ambkit.machine.magnets import MagnetModel, Precision
+from ambkit.models.linear import LinearSystem
 from ambkit.models.model import Descriptor, Model
 
 if TYPE_CHECKING:
@@ -86,6 +87,7 @@ class Estimator(Copyable):
     _of_core: tuple[str, ...] = ("core", "engine", "_core_step", "_live_mean")
     estimates_noise = True  # whether sensor noise with a memory is among its states
     several_axes = True  # whether it takes a whole machine
+    by_model = True  # whether it predicts by the machine's model
     smooths = False  # whether mean and covariance follow the model that the smoother goes back by
     #: What its steady-state gain follows from: a Riccati equation with the stiffnesses through the
     #: origin, or with the tangents; or the gain is constant. None: it has no steady state.
@@ -218,6 +220,10 @@ class Estimator(Copyable):
     def model(self) -> Model:
         """The sampled model that it predicts with."""
         return self.engine.model
+
+    def linear_system(self) -> LinearSystem | None:
+        """Return the system from y and u to position and velocity, of one that predicts by none."""
+        return None
 
     def linear_model(self, k_i: Any, k_s: Any) -> LinearModel:
         """Return what it predicts with as matrices.

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ambkit.base.asked import Given, in_si
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.observer import unstable_pole
 from ambkit.machine.magnets import MagnetModel
+from ambkit.models.linear import LinearSystem, Signal
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -43,6 +46,7 @@ class LowPass(Estimator):
 
     name = "low-pass and derivative"
     steady = "constant"
+    by_model = False
     estimates_noise = False
     several_axes = False
 
@@ -65,6 +69,19 @@ class LowPass(Estimator):
             if not (math.isfinite(corner) and corner > 0):
                 raise ValueError(f"{name} must be greater than 0 rad/s, got {corner!r}")
         super().__init__(bearing, magnet, **options)
+
+    def linear_system(self) -> LinearSystem:
+        """Return position and velocity of ``core/src/low_pass.c``; its force is beside them."""
+        T, gain = self.bearing.sampling_time, self.bearing.sensor.gain
+        a, b = (-np.expm1(-self.corners[name] * T) for name in ("position", "velocity"))
+        # x += a (y/K - x) =: dx, then v += b (dx/T - v)
+        A = np.array([[1 - a, 0.0], [-a * b / T, 1 - b]])
+        B = np.array([[a / gain, 0.0], [a * b / (T * gain), 0.0]])
+        return LinearSystem(
+            A, B, A, B, T, (Signal("x", "m"), Signal("v", "m/s")),
+            (Signal("y", "m"), Signal("u", "V")),
+            (Signal("position", "m"), Signal("velocity", "m/s")),
+        )  # fmt: skip
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         T = self.bearing.sampling_time

@@ -12,7 +12,6 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.estimate.low_pass import LowPass
 from ambkit.estimate.noise import FilterNoise, Variances
 from ambkit.estimate.view import View
 from ambkit.judge.load_following import (
@@ -213,7 +212,7 @@ def of_filter(
     stand_in = settling(estimator)
     try:
         yield from _magnet(estimator, plant)
-        if not isinstance(estimator, LowPass):
+        if estimator.by_model:
             yield from _follows(stand_in, plant)
         if fed_back:
             yield from _margins(stand_in, plant, control, given)
@@ -223,7 +222,7 @@ def of_filter(
 
 def _magnet(estimator: Estimator, plant: Any) -> Iterator[Finding]:
     """Yield how far what the filter knows of its magnet is from that of the machine."""
-    if isinstance(estimator, LowPass):
+    if not estimator.by_model:
         return
     point = work_point(plant)
     ours = np.atleast_2d(np.array(tangents_known(estimator.magnet, "tangent", point)).T)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
+from ambkit.base.errors import AmbkitError
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -79,6 +80,15 @@ class Law:
     """The force of a bearing's magnet, as the C core computes it."""
 
     bearing: Bearing
+
+    @classmethod
+    def holds_for(cls, magnet: Any) -> bool:
+        """Whether this is the law of a ``[magnet]``."""
+        raise NotImplementedError
+
+    def of_one_coil(self) -> dict[str, Any] | None:
+        """Return the fields of the law of one coil alone; None where only their sum is known."""
+        return None
 
     def in_core(self, core: ModuleType) -> Magnet:
         """Build the C implementation.
@@ -203,6 +213,22 @@ class ClosedLaw(Law):
 
     bearing: Bearing
 
+    @classmethod
+    def holds_for(cls, magnet: Any) -> bool:
+        """Whether the iron is ideal.
+
+        Parameters
+        ----------
+        magnet : Magnet
+            The ``[magnet]`` of a bearing.
+        """
+        return magnet.saturation is None
+
+    def of_one_coil(self) -> dict[str, Any]:
+        """Return the fields of one coil's law."""
+        fields: dict[str, Any] = self.in_core(core_module()).parameters
+        return fields | {"two_sided": False}
+
     def in_core(self, core: ModuleType) -> Magnet:
         """Build the C implementation.
 
@@ -235,6 +261,17 @@ class SaturatingLaw(Law):
 
     bearing: Bearing
 
+    @classmethod
+    def holds_for(cls, magnet: Any) -> bool:
+        """Whether the iron saturates.
+
+        Parameters
+        ----------
+        magnet : Magnet
+            The ``[magnet]`` of a bearing.
+        """
+        return magnet.saturation is not None
+
     def in_core(self, core: ModuleType) -> Magnet:
         """Build the C implementation.
 
@@ -258,9 +295,17 @@ class SaturatingLaw(Law):
         )
 
 
+LAWS: tuple[type[ClosedLaw | SaturatingLaw], ...] = (ClosedLaw, SaturatingLaw)
+"""All laws; of each magnet one holds."""
+
+
 def law_of(bearing: Bearing) -> Law:
     """Return the law that a bearing describes, without what a force map says of its magnet."""
-    return ClosedLaw(bearing) if bearing.magnet.saturation is None else SaturatingLaw(bearing)
+    found = [law for law in LAWS if law.holds_for(bearing.magnet)]
+    if len(found) != 1:
+        names = ", ".join(law.__name__ for law in found) or "none"
+        raise AmbkitError(f"a magnet must have one force law, has {names}")
+    return found[0](bearing)
 
 
 def _evaluate(

@@ -13,7 +13,7 @@ import numpy as np
 
 from ambkit.base.units import engineering
 from ambkit.machine.machine import as_machine
-from ambkit.machine.magnets import ClosedLaw, core_module, magnet_of
+from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import SHORTEST_LAG
 from ambkit.models.continuous import Behind, behind_magnets, continuous
 from ambkit.models.parts import BEHIND_MAGNETS
@@ -121,13 +121,9 @@ def in_words(bearing: Bearing) -> list[str]:
 
 def coil_fields(bearing: Bearing) -> dict[str, Any] | None:
     """Return the law of one coil of a pair whose currents can differ, by its fields, or None."""
-    # Only the ideal law is known coil by coil; another magnet pulls by the mean of both currents.
-    law = magnet_of(bearing)
+    # A magnet that is not known coil by coil pulls by the mean of both currents.
     pair = bearing.amplifier.voltage_limit is not None and bearing.magnet.type == "two-sided"
-    if not (pair and isinstance(law, ClosedLaw)):
-        return None
-    fields: dict[str, Any] = law.in_core(core_module()).parameters
-    return fields | {"two_sided": False}
+    return magnet_of(bearing).of_one_coil() if pair else None
 
 
 def amplifier_of(bearing: Bearing) -> dict[str, Any]:

@@ -284,7 +284,7 @@ def _turning(
 
 def _sampled(estimator: Estimator) -> str:
     """Say which model of a sample it predicts with."""
-    if type(estimator.core).__name__ == "LowPass":
+    if not estimator.by_model:
         return "no model: exponential averages"
     if estimator.engine.as_printed:
         return "position held (eq. 19 as the paper prints it): estimates are ahead of the rotor"

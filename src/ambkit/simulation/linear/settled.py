@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.low_pass import LowPass
 from ambkit.machine.magnets import core_module
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.simulation.linear.pieces import POSITION, VELOCITY, WorkPoint, of_axes
@@ -33,8 +32,9 @@ def estimator_at(
     # as they do in the core. A filter that finds its noise online has the noise that it starts
     # from, one that learns its magnet the known one.
     estimator = estimator.nominal
-    if isinstance(estimator, LowPass):
-        return _low_pass(estimator)
+    own = estimator.linear_system()
+    if own is not None:
+        return own
     if estimator.steady is None:
         raise AmbkitError(f"{estimator.name}: it does not settle to a gain, and has no margins")
     tangent = tangents_known(estimator.magnet, "tangent", point)
@@ -155,19 +155,6 @@ def _doubled(A: Array, H: Array, Q: Array, R: Array) -> Array:
         if (np.abs(P - before) <= 1e-12 * own[..., None] * own[..., None, :]).all():
             return np.asarray(P)
     raise np.linalg.LinAlgError("it does not settle")
-
-
-def _low_pass(estimator: LowPass) -> LinearSystem:
-    """Position and velocity of ``core/src/low_pass.c``; its force is beside them."""
-    T, gain = estimator.bearing.sampling_time, estimator.bearing.sensor.gain
-    a, b = (-np.expm1(-estimator.corners[name] * T) for name in ("position", "velocity"))
-    # x += a (y/K - x) =: dx, then v += b (dx/T - v)
-    A = np.array([[1 - a, 0.0], [-a * b / T, 1 - b]])
-    B = np.array([[a / gain, 0.0], [a * b / (T * gain), 0.0]])
-    return LinearSystem(
-        A, B, A, B, T, (Signal("x", "m"), Signal("v", "m/s")),
-        (Signal("y", "m"), Signal("u", "V")), (POSITION, VELOCITY),
-    )  # fmt: skip
 
 
 def tangents_known(magnet: Any, method: str, point: WorkPoint) -> tuple[Any, Any]:

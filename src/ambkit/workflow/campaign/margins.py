@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.batch import processors
-from ambkit.estimate.low_pass import LowPass
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.rotors.whirl import end_of_range
@@ -160,7 +159,7 @@ def _poles(runs: Sequence[Planned], points: Sequence[WorkPoint]) -> tuple[Comple
 def _estimators(estimator: Estimator, points: Sequence[WorkPoint]) -> LinearSystem:
     """Return an estimator with its gain at points; of constant stiffness it is one for all."""
     n = len(points)
-    if isinstance(estimator.magnet, ConstantStiffness) or isinstance(estimator, LowPass):
+    if isinstance(estimator.magnet, ConstantStiffness) or not estimator.by_model:
         one = estimator_at(estimator, points[0])
         A, B, C, D = (np.repeat(getattr(one, name)[None], n, axis=0) for name in "ABCD")
     else:
