@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -20,7 +21,8 @@ from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.scenario import PID
 from ambkit.simulation.waveforms import Step
 from ambkit.workflow.cards import machine_design
-from ambkit.workflow.designing_machine import FILES, design_machine
+from ambkit.workflow.designing_machine import FILES, _beside_raw, design_machine
+from ambkit.workflow.tuning_tasks import RAW
 
 TUM = Machine.preset("tum_mlps")
 
@@ -71,7 +73,8 @@ def run(arguments, capsys):
     (["simulate", "d/machine.toml", "--scenario", "d/flight.toml", "--estimator", "d/filter.toml",
       "--duration", "20 ms"], 0, "RMSE"),
     (["check", "d/flight.toml"], 0, "ok, flight"),
-    (["design", "--bearing", "tum_mlps", "--free", "mass", "--out", "e"], 2, "--free says"),
+    (["design", "--bearing", "tum_mlps", "--free", "mass", "--out", "e"], 2,
+     "what is identified is of one axis"),
     (["design", "--bearing", "zittau_axial", "--out", "e"], 2, "give at least one"),
     (["design", "--bearing", "tum_mlps", "--estimator", "observer", "--out", "e"], 2,
      "takes one axis"),
@@ -165,3 +168,21 @@ def test_that_of_a_bearing_too(name):
     bearing = ambkit.Bearing.preset(name)
     for feedback in ("measurement", "estimate"):
         assert on_margins(bearing, feedback)[0] < 2
+
+
+def test_a_filter_that_errs_more_than_the_raw_sensors_is_not_exported_unasked(designed):
+    tuned = designed.tuned["linear"]
+    taken = 1 if tuned.kept else 0
+    error, raw = (tuned.unseen[name][taken] for name in ("error of x", RAW))
+    assert error < raw
+    assert _beside_raw(tuned) == []
+    worse = dataclasses.replace(tuned, unseen={**tuned.unseen, "error of x": (2 * raw, 2 * raw)})
+    (said,) = _beside_raw(worse)
+    assert "that of the raw sensors by" in said
+
+
+def test_one_function_designs_every_machine(tmp_path):
+    with pytest.raises(AmbkitError, match="give at least one"):
+        ambkit.design(ambkit.Bearing.preset("zittau_axial"), [], tmp_path / "d")
+    with pytest.raises(AmbkitError, match="tum_mlps has 4"):
+        ambkit.design(TUM, [], tmp_path / "d", free=["mass"])

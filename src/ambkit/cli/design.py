@@ -8,17 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ambkit.base.errors import AmbkitError
 from ambkit.cli.export import Precision
 from ambkit.cli.kinds import NAMES, known, names
-from ambkit.cli.options import Json, MapFile, find_bearing, find_machine
+from ambkit.cli.options import Json, MapFile, find_plant
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from ambkit.machine.machine import Machine
-
-_USUAL = "linear,extended,adaptive"  # of one axis
+    from ambkit.workflow.designing import Design
+    from ambkit.workflow.designing_machine import MachineDesign
 
 
 def design(
@@ -27,8 +23,7 @@ def design(
         typer.Option(
             "--bearing",
             metavar="BEARING",
-            help="What is known already: a preset's name, or a TOML file; of a bearing, or of a "
-            "whole machine.",
+            help="What is known already: a preset's name, or a TOML file.",
         ),
     ],
     out: Annotated[
@@ -43,8 +38,8 @@ def design(
         list[Path] | None,
         typer.Argument(
             metavar="LOG",
-            help="Runs in closed loop: any format. A whole machine needs none: its filter is then "
-            "tuned on simulated flights.",
+            help="Runs in closed loop: any format. Of several axes none is needed: the filter is "
+            "then tuned on simulated flights.",
             show_default=False,
         ),
     ] = None,
@@ -54,8 +49,14 @@ def design(
         typer.Option(metavar="LOG", help="Judge by this record; again for more."),
     ] = None,
     estimator: Annotated[
-        str, typer.Option(callback=known, metavar="NAMES", help=f"Some of {', '.join(NAMES)}.")
-    ] = _USUAL,
+        str | None,
+        typer.Option(
+            callback=lambda text: text and known(text),
+            metavar="NAMES",
+            help=f"Some of {', '.join(NAMES)}.",
+            show_default="linear,extended, of one axis adaptive too",
+        ),
+    ] = None,
     free: Annotated[
         str | None,
         typer.Option(
@@ -96,9 +97,8 @@ def design(
     The folder gets found.toml, expert.json, filter.toml, the C in c/, and design.html, which says
     which filter to fly and why. A second call goes on where the first was interrupted.
 
-    Of a whole machine controllers and filter are chosen on the margins of its loop: the folder gets
-    flight.toml, filter.toml, verdict.html, and both as C. What is identified of it is for 'ambkit
-    identify'.
+    Of several axes controllers and filter are chosen on the margins of the loop: the folder gets
+    flight.toml, filter.toml, verdict.html, and both as C. 'ambkit identify' comes before it.
 
     For example:
       ambkit design run.csv --bearing my.toml --out design/
@@ -108,51 +108,20 @@ def design(
     """
     from ambkit.cli import output
     from ambkit.cli.options import arguments_of_the_user
-    from ambkit.estimate.registry import KINDS
+    from ambkit.workflow.designing import Design
     from ambkit.workflow.designing import design as designed
-    from ambkit.workflow.tuning_tasks import AHEAD
 
-    whole = find_machine(bearing)
-    if whole is not None:
-        if free is not None:
-            raise AmbkitError("--free says what is identified of a bearing, and this is a machine")
-        design_whole(
-            whole, logs or (), out, channels=channel_map, validate=validate or (),
-            kinds=("linear", "extended") if estimator == _USUAL else names(estimator),
-            max_sensitivity=max_sensitivity if math.isfinite(max_sensitivity) else None,
-            precision=precision.value, prefix=prefix, anyway=anyway, seed=seed, json=json,
-        )  # fmt: skip
-        return
-    if not logs:
-        raise AmbkitError("a bearing is designed from its logs: give at least one")
+    plant = find_plant(bearing)
     with arguments_of_the_user(), output.progress("designing", None) as done:
         found = designed(
-            find_bearing(bearing), logs, out, channels=channel_map, validate=validate or (),
-            kinds=names(estimator), precision=precision.value, prefix=prefix, anyway=anyway,
-            free=None if free is None else free.replace(" ", "").split(","), seed=seed, note=done,
+            plant, logs or (), out, channels=channel_map, validate=validate or (),
+            kinds=None if estimator is None else names(estimator), precision=precision.value,
+            prefix=prefix, anyway=anyway, seed=seed, note=done,
+            free=None if free is None else free.replace(" ", "").split(","),
             max_sensitivity=max_sensitivity if math.isfinite(max_sensitivity) else None,
         )  # fmt: skip
-    rows = [
-        [KINDS[c.kind].label,
-         *(output.value(c.unseen[figure], "m", 3) for figure in AHEAD.values()),
-         output.value(c.errors["x"], "m", 3), output.value(c.errors["f_d"], "N", 3),
-         f"{100 * c.efficiency:.0f} %", "–" if math.isnan(c.peak) else f"{c.peak:.2f}"]
-        for c in found.candidates
-    ]  # fmt: skip
-    heads = [
-        "",
-        "1 step ahead",
-        "10 steps ahead",
-        "error of x",
-        "of f_d",
-        "x: of the bound",
-        "peak of |S|",
-    ]
-    output.deliver(
-        found.to_dict(),
-        [output.table("Unseen records, and simulated runs", heads, rows), found.why],
-        as_json=json,
-    )
+    tables = _of_filters(found) if isinstance(found, Design) else _of_loop(found)
+    output.deliver(found.to_dict(), [*tables, found.why], as_json=json)
     for said in (*found.objections, *found.notes):
         output.note(f"note: {said}")
     output.note(f"wrote {found.folder}: {', '.join(found.made)}")
@@ -161,17 +130,29 @@ def design(
         raise typer.Exit(1)
 
 
-def design_whole(
-    machine: Machine, logs: Sequence[Path], out: Path, *, json: bool, **options: Any
-) -> None:
-    """Design controllers and filter of a whole machine, and say what their loop comes to."""
+def _of_filters(found: Design) -> list[Any]:
+    """Return the filters that were tried for one axis."""
     from ambkit.cli import output
-    from ambkit.cli.options import arguments_of_the_user
     from ambkit.estimate.registry import KINDS
-    from ambkit.workflow.designing_machine import design_machine
+    from ambkit.workflow.tuning_tasks import AHEAD
 
-    with arguments_of_the_user(), output.progress("designing", None) as done:
-        found = design_machine(machine, logs, out, note=done, **options)
+    rows = [
+        [KINDS[c.kind].label,
+         *(output.value(c.unseen[figure], "m", 3) for figure in AHEAD.values()),
+         output.value(c.errors["x"], "m", 3), output.value(c.errors["f_d"], "N", 3),
+         f"{100 * c.efficiency:.0f} %", "–" if math.isnan(c.peak) else f"{c.peak:.2f}"]
+        for c in found.candidates
+    ]  # fmt: skip
+    heads = ["", "1 step ahead", "10 steps ahead", "error of x", "of f_d", "x: of the bound",
+             "peak of |S|"]  # fmt: skip
+    return [output.table("Unseen records, and simulated runs", heads, rows)]
+
+
+def _of_loop(found: MachineDesign) -> list[Any]:
+    """Return controllers, filters and the loop of several axes."""
+    from ambkit.cli import output
+    from ambkit.estimate.registry import KINDS
+
     gains = [
         [name, output.value(pid.kp, "A/m", 3), output.value(pid.ki, "A/(m s)", 3),
          output.value(pid.kd, "A s/m", 3), output.value(pid.derivative_filter, "s", 3),
@@ -189,19 +170,8 @@ def design_whole(
     ]
     heads = ["axis", "kp", "ki", "kd", "derivative filter", "set-point weight"]
     seen = ["these controllers", "zone", "peak of |S|", "largest singular value", "noise's current"]
-    output.deliver(
-        found.to_dict(),
-        [
-            *([output.table(f"Controllers of {machine.name}", heads, gains)] if gains else []),
-            output.table("Filters that were tried", ["", "", "peak of |S|"], tried),
-            output.table("The loop", seen, loops),
-            found.why,
-        ],
-        as_json=json,
-    )
-    for said in found.objections:
-        output.note(f"note: {said}")
-    output.note(f"wrote {found.folder}: {', '.join(found.made)}")
-    if found.exported is None:
-        output.note("nothing was exported: --anyway does it all the same")
-        raise typer.Exit(1)
+    return [
+        *([output.table(f"Controllers of {found.machine.name}", heads, gains)] if gains else []),
+        output.table("Filters that were tried", ["", "", "peak of |S|"], tried),
+        output.table("The loop", seen, loops),
+    ]

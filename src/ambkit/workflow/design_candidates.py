@@ -20,15 +20,18 @@ from ambkit.judge.comparison.contenders import Contender
 from ambkit.judge.comparison.criteria import SETTLING
 from ambkit.judge.comparison.tuning import SIGNALS, errors
 from ambkit.judge.load_following import STEP, load_capacity
-from ambkit.judge.loop.loop_of import zone_of
+from ambkit.judge.loop.loop_of import OutOfReachError, zone_of
 from ambkit.machine.magnets import own_time
 from ambkit.workflow.stages import read_json
+from ambkit.workflow.tuned_filter import Tuned, tune
 from ambkit.workflow.tuning import default_disturbance
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
 
 if TYPE_CHECKING:
+    from ambkit.export.c import CExport
     from ambkit.machine.bearing import Bearing
-    from ambkit.workflow.tuned_filter import Tuned
+    from ambkit.machine.machine import Machine
+    from ambkit.simulation.flight import Flight
 
 RUNS = 20
 """Simulated runs that a filter is judged in."""
@@ -63,6 +66,28 @@ class Candidate:
     #: Error of the position [m] where the force wanders as the filter assumes: kinds are told apart
     #: by it, whatever process noise each was tuned to.
     wandering: float = math.nan
+
+
+def tuned_within(ceiling: float | None, *arguments: Any, **options: Any) -> Tuned:
+    """Tune a filter below a ceiling on the peak of abs(S), or without where none can be."""
+    try:
+        return tune(*arguments, max_sensitivity=ceiling, **options)
+    except OutOfReachError:
+        return tune(*arguments, **options)
+
+
+def exported_filter(
+    plant: Bearing | Machine, place: Path, precision: str, prefix: str | None,
+    flight: Flight | None = None,
+) -> CExport:  # fmt: skip
+    """Return the design's filter as C, with a flight the whole controller; it is judged before."""
+    from ambkit.export.c import export_c
+
+    file = FilterFile.load(place / "filter.toml")
+    return export_c(
+        plant, file.asked(), place / "c", filter_file=file, flight=flight, prefix=prefix,
+        precision="double" if precision == "double" else "float", force=True,
+    )  # fmt: skip
 
 
 def of_tuning(tuned: Tuned) -> dict[str, Any]:

@@ -10,21 +10,22 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base import files
 from ambkit.base.asked import names_in, of_type
+from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
 from ambkit.base.threads import one_thread
 from ambkit.data.channelmap import ChannelMap, inputs_of
 from ambkit.data.reading import load_filled
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.registry import KINDS, kind_called
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import train
 from ambkit.judge.adequacy import sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.evaluation import evaluate
-from ambkit.judge.loop.loop_of import ZONE_A, OutOfReachError
+from ambkit.judge.loop.loop_of import ZONE_A
 from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine, short_form
 from ambkit.show.pages.design import write_design
 from ambkit.show.pages.maximum_likelihood import annotated_toml
 from ambkit.show.plots.filters import filter_figure
@@ -33,21 +34,22 @@ from ambkit.workflow.design_candidates import (
     adequacy_of,
     best_of,
     candidate_in,
+    exported_filter,
     judged,
     objections_to,
     of_tuning,
+    tuned_within,
     why_fly,
 )
+from ambkit.workflow.designing_machine import MachineDesign, design_machine
 from ambkit.workflow.identifying import identified_filter, identify
 from ambkit.workflow.stages import Stages, read_json, write_json
-from ambkit.workflow.tuned_filter import Tuned, tune
+from ambkit.workflow.tuned_filter import BUDGET, RUNS
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.export.c import CExport
-    from ambkit.machine.machine import Machine
-    from ambkit.simulation.flight import Flight
 
 KINDS_TRIED = ("linear", "extended", "adaptive")
 """Who is tried where nobody says it: without, with the exact, and with a learned stiffness."""
@@ -91,68 +93,87 @@ class Design(Shown):
 
 @one_thread()
 def design(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     logs: Sequence[str | os.PathLike[str]],
     folder: str | os.PathLike[str],
     *,
     channels: str | os.PathLike[str] | None = None,
     validate: Sequence[str | os.PathLike[str]] = (),
-    kinds: Sequence[str] = KINDS_TRIED,
+    kinds: Sequence[str] | None = None,
     free: Sequence[str] | None = None,
     max_sensitivity: float | None = ZONE_A,
     precision: str = "float",
     prefix: str | None = None,
     anyway: bool = False,
     seed: int = 0,
+    runs: int = RUNS,
+    budget: int = BUDGET,
     note: Callable[[str], None] = lambda _text: None,
-) -> Design:
-    """Go from logs and a bearing to the filter to fly, as C.
+) -> Design | MachineDesign:
+    """Go from what is known of a machine, and its logs, to what flies, as C.
 
-    Each stage writes its files into the folder and is not repeated while what it was made from
-    stays as it was: ``found.toml`` and ``identified.toml``, ``expert.json``, a filter of each kind,
-    ``filter.toml``, ``c/``, ``design.html``.
+    Of one axis the bearing is identified and a filter chosen. Each stage writes its files into the
+    folder and is not repeated while what it was made from stays as it was: ``found.toml`` and
+    ``identified.toml``, ``expert.json``, a filter of each kind, ``filter.toml``, ``c/``,
+    ``design.html``. Of several axes controllers and filter are chosen, see `design_machine`.
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         What is known already.
     logs : sequence of path
-        Records of the loop.
+        Records of the loop; of several axes there may be none.
     folder : path
         Where all of it goes.
     channels : path, optional
         Channel map of the logs; the exported C takes the log's own numbers.
     validate : sequence of path, optional
         Logs to judge by; without them the second half of each log.
-    kinds : sequence of str
-        Estimators that are tried.
+    kinds : sequence of str, optional
+        Estimators that are tried; by default `KINDS_TRIED`, of several axes linear and extended.
     free : sequence of str, optional
         What is identified; by default what a record usually tells.
     max_sensitivity : float, optional
-        What the peak of abs(S) in the loop with the default controller is to stay below [1], see
-        `ambkit.tune`; by default the end of zone A of ISO 14839-3, None for no limit. A kind that
-        cannot be held to it is tuned without.
+        What the peak of abs(S) in the loop is to stay below [1], see `ambkit.tune`; by default the
+        end of zone A of ISO 14839-3, None for no limit. A kind that cannot be held to it is tuned
+        without.
     precision, prefix : str
         Of the exported C.
     anyway : bool
         Export also what is worse than the raw sensor, far from the bound, or out of zone A.
-    seed : int
-        Of all that is drawn.
+    seed, runs, budget : int
+        Of all that is drawn; simulated runs and evaluations of each kind, see `ambkit.tune`.
     note : callable
         Told what is done next.
 
     Returns
     -------
-    Design
+    Design or MachineDesign
         What was chosen, and why.
 
     Raises
     ------
     AmbkitError
-        A log cannot be read, a kind is unknown, or the folder cannot be written.
+        A log cannot be read, a kind is unknown, no controller was found that holds the rotor, or
+        the folder cannot be written.
     """
-    of_type(Bearing, bearing=bearing)
-    for kind in names_in(kinds=kinds):
+    of_type(Bearing, Machine, bearing=bearing)
+    bearing = short_form(bearing)
+    if isinstance(bearing, Machine):
+        if free is not None:
+            raise AmbkitError(
+                f"what is identified is of one axis, and {bearing.name} has {len(bearing.axes)}: "
+                "'ambkit identify --axis' does it first"
+            )
+        return design_machine(
+            bearing, logs, folder, channels=channels, validate=validate, kinds=kinds,
+            max_sensitivity=max_sensitivity, precision=precision, prefix=prefix, anyway=anyway,
+            seed=seed, runs=runs, budget=budget, note=note,
+        )  # fmt: skip
+    if not logs:
+        raise AmbkitError("a machine with one axis is designed from its logs: give at least one")
+    kinds = KINDS_TRIED if kinds is None else names_in(kinds=kinds)
+    for kind in kinds:
         kind_called(kind)
     place = files.make_folder(folder)
     stages = Stages(place)
@@ -188,16 +209,11 @@ def design(
             expert = place / "expert.json" if kind == "adaptive" else None
             magnet = None if expert is None else Expert.load(expert)
 
-            def tuned_below(ceiling: float | None) -> Tuned:
-                return tune(
-                    found, records, kind, validate=others, inputs=inputs, seed=seed, magnet=magnet,
-                    max_sensitivity=ceiling, source=", ".join(Path(path).name for path in logs),
-                )  # fmt: skip
-
-            try:
-                tuned = tuned_below(max_sensitivity)
-            except OutOfReachError:
-                tuned = tuned_below(None)
+            tuned = tuned_within(
+                max_sensitivity, found, records, kind, validate=others, inputs=inputs, seed=seed,
+                magnet=magnet, runs=runs, budget=budget,
+                source=", ".join(Path(path).name for path in logs),
+            )  # fmt: skip
             files.make_folder(place / "candidates")
             tuned.save(place / name, bearing=place / "found.toml", magnet=expert)
             write_json(place / f"candidates/{kind}.json", of_tuning(tuned))
@@ -241,20 +257,6 @@ def design(
     return Design(
         place, tuple(candidates), chosen, raw, why, objections, exported, made, notes, adequacy
     )
-
-
-def exported_filter(
-    plant: Bearing | Machine, place: Path, precision: str, prefix: str | None,
-    flight: Flight | None = None,
-) -> CExport:  # fmt: skip
-    """Return the design's filter as C, with a flight the whole controller; it is judged before."""
-    from ambkit.export.c import export_c
-
-    file = FilterFile.load(place / "filter.toml")
-    return export_c(
-        plant, file.asked(), place / "c", filter_file=file, flight=flight, prefix=prefix,
-        precision="double" if precision == "double" else "float", force=True,
-    )  # fmt: skip
 
 
 FILES = {

@@ -14,10 +14,11 @@ from ambkit.base import files
 from ambkit.base.asked import names_in, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
+from ambkit.base.units import engineering
 from ambkit.data.reading import load_filled
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.adequacy import judge_adequacy, sentences
-from ambkit.judge.loop.loop_of import ZONE_A, LoopOf, OutOfReachError, zone_of
+from ambkit.judge.loop.loop_of import ZONE_A, LoopOf, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 from ambkit.simulation.control_candidates import name_of
@@ -27,10 +28,10 @@ from ambkit.simulation.flight import Flight
 from ambkit.simulation.holding import TIMES, holding, overshoot_of
 from ambkit.simulation.scenario import GAINS, PID
 from ambkit.workflow.assessing import assess
-from ambkit.workflow.designing import exported_filter
+from ambkit.workflow.design_candidates import exported_filter, tuned_within
 from ambkit.workflow.over_speed import assess_over_speed
-from ambkit.workflow.tuned_filter import BUDGET, RUNS, Tuned, tune
-from ambkit.workflow.tuning_tasks import JUDGED
+from ambkit.workflow.tuned_filter import BUDGET, RUNS, Tuned
+from ambkit.workflow.tuning_tasks import JUDGED, RAW
 from ambkit.workflow.verdict import write_verdict
 
 if TYPE_CHECKING:
@@ -72,6 +73,7 @@ class MachineDesign(Shown):
     objections: tuple[str, ...]  #: What speaks against flying it; empty if nothing does.
     exported: CExport | None  #: The C; None where objections kept it from being written.
     made: Mapping[str, str]  #: Its files in the folder, and what they are.
+    notes: tuple[str, ...] = ()  #: What is to be known of it.
 
     @property
     def loop(self) -> AssessedLoop:
@@ -119,7 +121,7 @@ def design_machine(
     *,
     channels: str | os.PathLike[str] | None = None,
     validate: Sequence[str | os.PathLike[str]] = (),
-    kinds: Sequence[str] = KINDS_TRIED,
+    kinds: Sequence[str] | None = None,
     max_sensitivity: float | None = ZONE_A,
     precision: str = "float",
     prefix: str | None = None,
@@ -149,15 +151,15 @@ def design_machine(
         Channel map of the logs.
     validate : sequence of path, optional
         Logs to judge by; without them the second half of each log.
-    kinds : sequence of str
-        Estimators that are tried.
+    kinds : sequence of str, optional
+        Estimators that are tried; by default `KINDS_TRIED`.
     max_sensitivity : float, optional
         What the peak of abs(S) in the loop is to stay below [1], see `ambkit.tune`; None for no
         limit. A kind that cannot be held to it is tuned without.
     precision, prefix : str
         Of the exported C.
     anyway : bool
-        Export also what is out of zone A.
+        Export also what is worse than the raw sensors or out of zone A.
     seed, runs, budget : int
         Of all that is drawn; simulated flights, and evaluations of each kind, see `ambkit.tune`.
     note : callable
@@ -182,20 +184,14 @@ def design_machine(
     control = control_for(machine)
     machine.save(place / "machine.toml")
     tuned = {}
-    for kind in names_in(kinds=kinds):
+    for kind in KINDS_TRIED if kinds is None else names_in(kinds=kinds):
         note(f"tuning the {kind} filter")
 
-        def below(ceiling: float | None, kind: str = kind) -> Tuned:
-            return tune(
-                machine, records, kind, validate=others, controller=control, seed=seed,
-                max_sensitivity=ceiling, runs=runs, budget=budget,
-                source=", ".join(Path(path).name for path in logs),
-            )  # fmt: skip
-
-        try:
-            tuned[kind] = below(max_sensitivity)
-        except OutOfReachError:
-            tuned[kind] = below(None)
+        tuned[kind] = tuned_within(
+            max_sensitivity, machine, records, kind, validate=others, controller=control,
+            seed=seed, runs=runs, budget=budget,
+            source=", ".join(Path(path).name for path in logs),
+        )  # fmt: skip
         files.make_folder(place / "candidates")
         tuned[kind].save(place / f"candidates/{kind}.toml", bearing=place / "machine.toml")
     chosen = _best(tuned)
@@ -213,7 +209,7 @@ def design_machine(
     step = _overshoot(loop, control)
     judged = judge_adequacy(estimator, machine, Flight(feedback="estimate", control=control))
     fatal = sentences([each for each in judged if each.fatal and each.name != "peak of |S|"])
-    objections = (*_objections(loop, max_sensitivity), *fatal)
+    objections = (*_objections(loop, max_sensitivity), *_beside_raw(tuned[chosen]), *fatal)
     exported = None
     if anyway or not objections:
         note("exporting")
@@ -277,3 +273,14 @@ def _objections(loop: AssessedLoop, ceiling: float | None) -> list[str]:
     elif ceiling is not None and loop.peak >= ceiling:
         said.append(f"the peak of |S| is {loop.peak:.3g}, and is to be below {ceiling:g}")
     return said
+
+
+def _beside_raw(tuned: Tuned) -> list[str]:
+    """Return what speaks against a filter that errs more than the raw sensors."""
+    taken = 1 if tuned.kept else 0
+    if RAW not in tuned.unseen or tuned.unseen["error of x"][taken] < tuned.unseen[RAW][taken]:
+        return []
+    error, raw = (
+        engineering(tuned.unseen[name][taken], "m", digits=3) for name in ("error of x", RAW)
+    )
+    return [f"its position errs by {error}, and that of the raw sensors by {raw}"]

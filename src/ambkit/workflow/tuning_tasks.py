@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -50,6 +51,9 @@ JUDGED: Mapping[By, str] = {
     "truth": "error over the untuned linear filter's",
 }
 """What a tuned filter is judged by, on what it was not tuned on."""
+
+RAW = "error of the raw sensors"
+"""Figure of simulated runs that stands beside the error of x [m]."""
 
 AHEAD = {1: "error 1 step ahead [m]", 10: "error 10 steps ahead [m]"}
 """Figures of how well a record is foretold, by the number of samples."""
@@ -237,10 +241,10 @@ class ByTruth:
         """Return how such filters do on what they were not tuned on."""
         found = self.errors(build, self.unseen)
         by_signal = dict(zip(SIGNALS, found.mean(axis=0).tolist(), strict=True))
-        return {self.judge: self._share(found)} | {
-            f"error of {name}": value for name, value in by_signal.items()
-        }
+        errors = {f"error of {name}": value for name, value in by_signal.items()}
+        return {self.judge: self._share(found)} | errors | {RAW: self.raw}
 
+    @cached_property
     def raw(self) -> float:
         """Return what the sensors err by along the axes in the runs that judge [m]."""
         return raw_error(self.bearing, [trial.record for trial in self.unseen], self.first)
@@ -253,11 +257,10 @@ class ByTruth:
         self, estimator: Estimator, kept: bool, after: Mapping[str, float]
     ) -> Iterable[str]:
         """Tell what is odd about the filter that is taken."""
-        raw = self.raw()
-        if not after["error of x"] < raw:
+        if not after["error of x"] < self.raw:
             yield (
                 f"its position errs by {engineering(after['error of x'], 'm', digits=3)}, and the "
-                f"raw sensor by {engineering(raw, 'm', digits=3)}"
+                f"raw sensor by {engineering(self.raw, 'm', digits=3)}"
             )
         if not kept:
             yield "runs that it was not tuned on have no smaller errors: the untuned is taken"
