@@ -1,0 +1,64 @@
+"""No number of a machine's file is read and then forgotten: each moves the plant that flies."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from iron import TWO_SIDED as IRON
+
+import ambkit
+from ambkit import Scenario
+
+RICH = IRON.replace(
+    name="rich", speed="6000 rpm", delay="0.03 ms", magnet__eddy_current_lag="0.2 ms",
+    magnet__pole_angle="10 deg", amplifier__bandwidth="1 kHz", amplifier__voltage_limit="8 V",
+    amplifier__resistance="2 ohm", amplifier__current_limit="0.9 A", rotor__gravity="45 deg",
+    sensor__noise_rise="-90 1/m", sensor__quadratic="20 1/m", sensor__cubic="1e4 1/m^2",
+    sensor__quantisation="0.5 um",
+    sensor__coloured_noise={"variance": "1 um^2", "bandwidth": "200 Hz"},
+    sensor__hum=[{"frequency": "50 Hz", "amplitude": "5 um", "bandwidth": "0.5 Hz"}],
+    sensor__runout=[{"order": 1, "amplitude": "3 um", "phase": "30 deg"}],
+    stop={"stiffness": "1e8 N/m^1.5", "damping": "0.3 s/m"}, rotor__travel_limit="0.15 mm",
+)  # fmt: skip
+FLIES = Scenario(duration=0.03, start="rest", disturbance=ambkit.Step(amplitude=8.0, time=0.01))
+DERIVED = ("sampling_time", "magnet__magnet_constant")
+
+
+def numbers(thing: Any, at: str = "") -> list[tuple[str, float]]:
+    """Return the numbers of a part of a file with the key that `replace` takes."""
+    found: list[tuple[str, float]] = []
+    for name in type(thing).model_fields:
+        value, key = getattr(thing, name), f"{at}{name}"
+        if hasattr(type(value), "model_fields"):
+            found += numbers(value, f"{key}__")
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            found.append((key, value))
+    return found
+
+
+@pytest.fixture(scope="module")
+def flown() -> ambkit.Record:
+    return ambkit.simulate(RICH, FLIES)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [(k, v) for k, v in numbers(RICH) if k not in DERIVED], ids=lambda v: str(v)
+)
+def test_each_number_moves_the_plant(flown: ambkit.Record, key: str, value: float) -> None:
+    changed = int(value * 1.25) if key.endswith("turns") else 1.1 * value
+    other = ambkit.simulate(RICH.replace(**{key: changed}), FLIES)
+    same = all(np.array_equal(flown[name], other[name]) for name in ("x", "y", "iu", "f_mag"))
+    assert not same
+
+
+def test_no_number_is_left_out() -> None:
+    """What `RICH` does not state is a file, a word, or of the copper alone."""
+    absent = {
+        name
+        for part in (RICH, RICH.magnet, RICH.rotor, RICH.amplifier, RICH.sensor)
+        for name in type(part).model_fields
+        if getattr(part, name) in (None, ())
+    }
+    assert absent == {"coil", "force_map", "force_channels", "force_scale"}
