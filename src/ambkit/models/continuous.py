@@ -73,6 +73,11 @@ class Behind(NamedTuple):
         """What they are at rest, for 1 N (k,)."""
         return np.asarray(-np.linalg.solve(self.A, self.b))
 
+    def at(self, speed: float) -> tuple[NDArray[np.complex128], complex]:
+        """Return the states (k,), and what acts [1], for 1 N that turns at a speed [rad/s]."""
+        e = np.linalg.solve(1j * speed * np.eye(len(self.b)) - self.A, self.b + 0j)
+        return np.asarray(e, complex), complex(self.c @ e + self.d)
+
 
 def behind_magnets(of: Continuous) -> list[Behind]:
     """Return what the model has between the force of each axis's magnet and the rotor."""

@@ -237,12 +237,13 @@ class _Rotor:
         rows = slice(q, 2 * q)
         self.T, self.delay = machine.sampling_time, machine.delay or 0.0
         self.still, self.spin = model.A[rows, : 2 * q], model.spin[rows, : 2 * q]
-        self.H, self.give = plant.H, model.b[rows]
+        self.H, self.give, self.behind = plant.H, model.push[rows], plant.behind
         self.planes = geometry.matrix(lines, machine.positions)
         self.push = (self.planes[::2] - 1j * self.planes[1::2]).T / machine.masses[:, None]
         self.k_i, self.k_s = np.array([[e.k_i] for e in k]), np.array([[e.k_s] for e in k])
         self.travel = np.array([each.rotor.travel_limit for each in alone])
         self.corners = [each.amplifier.bandwidth for each in alone]
+        self.names = [state.name for state in estimator.states]
         self.currents = [
             (at, whole.axis_of(state), state)
             for at, state in enumerate(estimator.states)
@@ -254,13 +255,17 @@ class _Rotor:
         A, q = self.still + speed * self.spin, len(self.still)
         return np.asarray(-(speed**2) * np.eye(q) - A[:, :q] - 1j * speed * A[:, q:])
 
+    def given(self, speed: float) -> Complex:
+        """Return the accelerations (q, p) by 1 N of each magnet that turns at a speed."""
+        return np.asarray(self.give * np.array([each.at(speed)[1] for each in self.behind]))
+
     def left(self, speed: float, unbalance: str) -> tuple[Complex, Complex]:
         """Return the positions (q, planes) of a rotor free or held still, and its currents."""
         D = self.dynamics(speed)
         moved = np.asarray(np.linalg.solve(D, speed**2 * self.push), complex)
         if unbalance == "force-free":
             return moved, -(self.k_s / self.k_i) * (self.H @ moved)
-        give = np.linalg.solve(D, self.give)
+        give = np.linalg.solve(D, self.given(speed))
         held = -np.linalg.lstsq(self.H @ give, self.H @ moved, rcond=None)[0]
         return np.asarray(moved + give @ held, complex), held / self.k_i
 
@@ -281,9 +286,15 @@ class _Rotor:
             own[:, axis] -= rows[:, at] * (
                 z ** -int(state.name.rsplit("_", 1)[1]) if past else late[axis]
             )
-        demanded = np.linalg.solve(own, rows[:, :q] + 1j * speed * rows[:, q : 2 * q])
+        seen = rows[:, :q] + 1j * speed * rows[:, q : 2 * q]
+        for axis, behind in enumerate(self.behind):
+            for name, share in zip(behind.states, behind.at(speed)[0], strict=True):
+                by_force = rows[:, self.names.index(name)] * share
+                own[:, axis] -= by_force * (self.k_i[axis] * late[axis])
+                seen = seen + np.outer(by_force, self.k_s[axis] * self.H[axis])
+        demanded = np.linalg.solve(own, seen)
         pull = self.k_s * self.H + self.k_i * late[:, None] * demanded
-        D = self.dynamics(speed) - self.give @ pull
+        D = self.dynamics(speed) - self.given(speed) @ pull
         return np.asarray(np.linalg.solve(D, speed**2 * self.push), complex)
 
     def orbits(self, moved: Complex, sizes: Array) -> Array:
