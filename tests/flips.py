@@ -81,15 +81,14 @@ typedef struct { int k; } outside;
 static const amb_real middle[AMB_CONTROLS], nowhere[AMB_SENSORS];
 static void begin(rig_control_state *s)
 {
-  (void)nowhere;
-  BEGIN;
+  rig_control_take_over(s, nowhere, SPEED, middle);
 }
 static heard step(rig_control_state *s, outside *o, const amb_real y[], amb_real iu[])
 {
   (void)o;
   rig_command now;
-  const amb_status status = rig_control_step(s, y, middle, SPEED, FLY &now);
-  const heard h = {now.estimates.feed_back, UP, status};
+  const amb_status status = rig_control_step(s, y, middle, SPEED, true, &now);
+  const heard h = {now.estimates.feed_back, now.mode == AMB_FLYING, status};
   for (int c = 0; c < AMB_CONTROLS; c++)
     iu[c] = now.iu[c];
   return h;

@@ -47,9 +47,8 @@ int main(void)
 #if defined(CONTROLLED)
   amb_real off;
   const unsigned int unlike = {0}_control_selftest(&off);
-  const unsigned int by_crc = ({0}_control_crc() == {1}_CONTROL_CRC) ? 0U : 1U;
   exact = exact && (unlike == 0U);
-  exact_without = exact_without && (unlike == by_crc);
+  exact_without = exact_without && (unlike == 0U);
   loose = loose && (off <= AMB_C({2}));
 #endif
   (void)printf("%d %d %d %d %u %u %u", exact, loose, exact_without, loose_without, wrong,
@@ -214,11 +213,11 @@ class Bench:
         """Return the functions that a controller's program has of it; others do not fly."""
         called = ["init", "reset", "step"]
         if self.controlled:
-            called += ["control_init", "control_step"]
-            called += ["control_take_over"] * ("_take_over(" in self.text(f"{self.name}_control.h"))
+            called += ["control_init", "control_step", "control_take_over"]
         roots = [f"-Wl,-u,{self.name}_{what}" for what in called]
         sections = ("-ffunction-sections", "-fdata-sections")
-        flags = ("-std=c99", "-w", "-O0", *sections, "-nostdlib", "-r")
+        # What is inlined is a function of its own here, or nobody would find it.
+        flags = ("-std=c99", "-w", "-O0", "-Dalways_inline=unused", *sections, "-nostdlib", "-r")
         made = self._work / "linked.o"
         words = ["gcc", *flags, *INCLUDES, *self.sources, "-Wl,--gc-sections", *roots]
         self._call([*words, "-o", str(made)], self.folder)

@@ -59,21 +59,15 @@ def of_control(kind: str, precision: Any, out: Path) -> Case:
 
 
 def of_machine(kind: str, precision: Any, out: Path) -> Case:
-    of, sequenced, turning = kind.split()[1].strip(","), "sequence" in kind, "any speed" in kind
-    flight = Flight(
-        feedback="estimate", sequence=LiftOff() if sequenced else None,
-        speed=Ramp(slope=600.0) if turning else None,
-    )  # fmt: skip
+    of, turning = kind.split()[1].strip(","), "any speed" in kind
+    flight = Flight(feedback="estimate", speed=Ramp(slope=600.0) if turning else None)
     flown = machine(speed=300.0)
     magnet = None if of == "linear" else learned_magnet(of, flown)
     made = export_c(flown, magnet, out, kind=of, prefix="rig", precision=precision,
                     flight=flight)  # fmt: skip
-    begin = "rig_control_take_over(s, nowhere, SPEED, middle)"
     source = flips.source(
-        flips.MACHINE.replace("FLY", "true, " * sequenced), header="rig_control.h",
-        NAME_STATE="rig_control_state", PLACE="filter.filter", KF="rig_kalman", LOAD=1.0,
-        SPEED=300, BEGIN=begin if sequenced else "rig_control_init(s)",
-        UP="now.mode == AMB_FLYING" if sequenced else "true", **flips.magnets_of(made),
+        flips.MACHINE, header="rig_control.h", NAME_STATE="rig_control_state",
+        PLACE="filter.filter", KF="rig_kalman", LOAD=1.0, SPEED=300, **flips.magnets_of(made),
     )  # fmt: skip
     return made, source, flips.settling_in(made)
 
@@ -94,8 +88,7 @@ CALIBRATED = tuple(f"calibrated {of}" for of in ("linear", "adaptive", "closed-l
 AXES = (*KINDS, *EDITABLE, *CONTROLLERS, *CALIBRATED)
 MACHINES = (
     *(f"machine {kind}" for kind in KINDS if kind not in ("low-pass", "observer", "tabulated")),
-    "machine linear, sequence",
-    "machine linear, any speed", "machine linear, any speed, sequence",
+    "machine linear, any speed",
 )  # fmt: skip
 QUICKLY = (*KINDS, "editable linear", "control by readings", "control observer",
            "calibrated linear")  # fmt: skip

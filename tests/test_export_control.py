@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import subprocess
 from itertools import product
 from pathlib import Path
@@ -22,13 +21,13 @@ from ambkit.export.c import export_c
 from ambkit.export.c.machine_scenes import vectors
 from ambkit.simulation.controllers import Control, controllers_of
 from ambkit.simulation.plant import Plant
+from ambkit.simulation.sequence import LiftOff
 
 CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
 UNBALANCE = {"synchronous": ("unbalance",)}
 LET_TURN = Control(unbalance="force-free", unbalance_from=200.0)
 FLIGHTS = {
     "readings": (Flight(), {}),
-    "from rest": (Flight(start="rest"), {}),
     "cross feedback": (Flight(feedback="estimate", control=CROSSED), {}),
     "force-free": (
         Flight(feedback="estimate", control=Control(unbalance="force-free")), UNBALANCE,
@@ -61,7 +60,7 @@ def test_currents_are_those_of_the_simulation(name: str, precision: Any, tmp_pat
     one = machine(speed=600.0)
     export_c(one, None, tmp_path / "c", prefix="f", precision=precision, flight=flight, **options)
     told = run(tmp_path / "c")
-    assert "pass: f with its controllers, 300 samples flown: equal to the last bit" in told
+    assert "pass: f with its controllers, 980 samples flown: equal to the last bit" in told
 
 
 @compiled
@@ -84,21 +83,21 @@ def test_a_rotor_that_bends_is_let_turn_as_in_the_simulation(tmp_path: Path) -> 
 
 
 def test_what_is_flown_visits_limits_and_losses() -> None:
-    flight, _ = FLIGHTS["cross feedback"]
+    flight = FLIGHTS["cross feedback"][0].model_copy(update={"sequence": LiftOff()})
     one = machine(speed=600.0)
     kalman = KalmanFilter(one, precision="float32")
-    fed = kalman if flight.feedback == "estimate" else None
-    controllers = controllers_of(Plant(one), flight.control, fed, fastest=one.speed)
-    tested = vectors(kalman, flight, math.inf, controllers)
+    controllers = controllers_of(Plant(one), flight.control, kalman, fastest=one.speed)
+    tested = vectors(kalman, flight, controllers)
     assert tested.saturated > 20
     assert np.isnan(tested.y).any()
     assert (np.abs(np.diff(tested.r, axis=0)) > 0).any(axis=0).all()
     held = np.abs(tested.u[tested.starts[1] :]).max(axis=0)
-    np.testing.assert_allclose(held, [b.amplifier.current_limit for b in one.bearing for _ in "12"])
+    limit = [b.amplifier.current_limit for b in one.bearing for _ in "12"]
+    assert (held > 0.85 * np.array(limit)).all()
 
 
 FAULTS = {
-    "f_control.c": [("state->u[f] = command->iu[f]", "state->u[f] = command->iu[0]")],
+    "f_control.c": [("= state->control_state.u[f]", "= state->control_state.u[0]")],
     "core/src/controllers.c": [
         ("sum += power *", "sum -= power *"), ("power *= speed", "power += speed"),
         ("+= c->spread[", "-= c->spread["),
@@ -115,11 +114,14 @@ FAULTS = {
 @pytest.mark.long
 def test_faults_are_noticed(tmp_path: Path) -> None:
     """Planted one by one; the control signal that the filter is told is the one that acted."""
-    one, folder = machine(speed=600.0), tmp_path / "c"
+    one = machine(speed=600.0)
     control = Control(type="translation and tilt", unbalance="force-free", cross_feedback=0.5)
-    flight = Flight(feedback="estimate", control=control)
-    export_c(one, None, folder, prefix="f", flight=flight, **UNBALANCE)
+    for name, each in (("turning", control), ("c", CROSSED)):
+        flight = Flight(feedback="estimate", control=each)
+        export_c(one, None, tmp_path / name, prefix="f", flight=flight, **UNBALANCE)
     for file, faults in FAULTS.items():
+        # A rotor that is let turn trips on its way up, where no PID is at its limit.
+        folder = tmp_path / ("c" if file.endswith("controller.c") else "turning")
         right = (folder / file).read_text()
         for old, new in faults:
             assert old in right, old
@@ -127,7 +129,7 @@ def test_faults_are_noticed(tmp_path: Path) -> None:
             told = run(folder, "-Wno-error")
             assert "FAIL: f with its controllers" in told, (file, old)
         (folder / file).write_text(right)
-    constants = folder / "f_control_data.c"
+    constants = folder / "f_data.c"
     constants.write_text(constants.read_text().replace(".kp = ", ".kp = 1.1F * ", 1))
     assert "FAIL: f with its controllers" in run(folder, "-Wno-error")
 
@@ -142,14 +144,16 @@ int main()
   amb_real y[AMB_SENSORS], r[AMB_CONTROLS] = {0, 0, 0, 0};
   int bad = 0;
   f_control_init(&control);
+  f_control_take_over(&control, r, 600, r);
   for (int k = 0; k < 500; k++) {
     for (int s = 0; s < AMB_SENSORS; s++)
       y[s] = (amb_real)(k % 7 == 3 ? NAN : k % 11 == 5 ? INFINITY : 1e-5 * (s - 1));
     r[0] = k % 13 == 2 ? (amb_real)NAN : 0;
-    f_control_step(&control, y, r, k % 17 == 4 ? (amb_real)NAN : 600, &now);
+    f_control_step(&control, y, r, k % 17 == 4 ? (amb_real)NAN : 600, true, &now);
     for (int f = 0; f < AMB_CONTROLS; f++) {
       const bool within = now.iu[f] >= -2 && now.iu[f] <= 2;
-      const bool coils = now.coil[f][0] == 2 + now.iu[f] && now.coil[f][1] == 2 - now.iu[f];
+      const amb_real bias = now.on ? 2 : 0;
+      const bool coils = now.coil[f][0] == bias + now.iu[f] && now.coil[f][1] == bias - now.iu[f];
       bad += !within || !coils || now.u[f] != now.iu[f];
     }
   }

@@ -16,13 +16,12 @@ from quick import quick
 from ambkit import AmbkitError, Flight, Machine
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
-from ambkit.simulation.sequence import LiftOff
 
 COMPILER = shutil.which("gcc") or shutil.which("clang")
 compiled = pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc or clang) here")
 FLOWN = {
     "estimate": Flight(feedback="estimate"),
-    "lift-off": Flight(sequence=LiftOff(), feedback="estimate"),
+    "measurement": Flight(feedback="measurement"),
 }
 KINDS_OF_C = ("linear", "closed-law", "extended", "ud", "augmented", "multiple-model", "unscented")
 
@@ -73,7 +72,8 @@ def fuses(compiler: str) -> bool:
                 ("float", "double"), ("gcc", "clang"),
             ),
         ],
-        [("tum_mlps", "lift-off", "float", "clang"), ("ufu_flexible", "estimate", "double", "gcc")],
+        [("tum_mlps", "measurement", "float", "clang"),
+         ("ufu_flexible", "estimate", "double", "gcc")],
     ),
 )  # fmt: skip
 def test_contraction_is_let_pass(

@@ -1,4 +1,4 @@
-"""The whole controller of an axis as C: its constants, and its self-test's vectors."""
+"""The controller of a machine as C: its constants, and what its self-test flies."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.estimate.estimate import Status
-from ambkit.export.c import data
+from ambkit.export.c import data, machine_scenes
 from ambkit.export.c.control_scenes import QUICK, scenes, taken_over
 from ambkit.export.c.crc import Constants
 from ambkit.export.c.data import CPrecision, Name
@@ -17,6 +17,8 @@ from ambkit.simulation.sequence import Mode
 
 if TYPE_CHECKING:
     from ambkit.simulation.control import Controller
+    from ambkit.simulation.control_machine import MachineController
+    from ambkit.simulation.flight import Flight
 
 SOURCES = ("src/control.c", "src/controllers.c", "src/controller.c", "src/sequence.c")
 
@@ -26,12 +28,18 @@ TEMPLATES = {
     "selftest/{}_vectors.c": "control_vectors.c",
 }  # fmt: skip
 """What stands in the place of a filter's files."""
+BESIDE = {
+    "{}_control.h": "control.h", "{}_control.c": "control.c",
+    "selftest/{}_control_selftest.c": "machine_control_selftest.c",
+}  # fmt: skip
+"""What stands beside them, of several axes."""
 
 _PID = ("kp", "ki", "kd", "T_f", "T_t", "weight", "iu_min", "iu_max")
-_LAW = ("position", "velocity", "spread", "iu_min", "iu_max")
+_LAW = ("reference", "position", "velocity", "spread", "iu_min", "iu_max")
 _GAINS = ("fed_back", "fed_back_by_speed", "fed_back_by_square")
 _CONTROL = ("start", "start_by", "place", "down", "hold", "hold_by")
 _COUNTS = ("waiting", "lost", "overloaded", "rise", "descent")
+_TURN = ("motion", "current", "reach", "ampere")
 
 
 class Structs(NamedTuple):
@@ -39,26 +47,39 @@ class Structs(NamedTuple):
 
     arrays: dict[str, NDArray[np.float64]]
     pids: list[dict[str, float]]
+    let_turn: dict[str, Any]
     law: dict[str, Any]
     sequence: dict[str, Any]
     control: dict[str, Any]
 
 
-def structs(controller: Controller, name: str) -> Structs:
+def structs(controller: Controller | MachineController, name: str) -> Structs:
     """Return a controller's constants."""
-    fields = controller.fields
-    told = {key: fields[key] for key in (*_LAW, *_GAINS, *_CONTROL) if fields[key] is not None}
+    fields, machine = controller.fields, controller.estimator.machine
+    several = len(machine.axes) > 1
+    of_filter = {key: Name(f"{name}_{key}") for key in ("start", "start_by") if several}
+    keys = (*_LAW, *_GAINS, *(key for key in _CONTROL if key not in of_filter))
+    told = {key: fields[key] for key in keys if fields[key] is not None}
+    let_turn: dict[str, Any] = {}
+    if fields["let_turn_motion"] is not None:
+        told |= {key: fields[f"let_turn_{key}"] for key in _TURN}
+        numbers = ("nodes", "from", "width", "moved", "first", "step")
+        let_turn = {key: fields[f"let_turn_{key}"] for key in numbers}
+        let_turn |= {key: Name(f"of_{key}") for key in _TURN}
     arrays = {f"of_{key}": np.array(values, float) for key, values in told.items()}
 
     def at(key: str) -> Name:
-        return Name(f"of_{key}" if key in told else "NULL")
+        return of_filter.get(key, Name(f"of_{key}" if key in told else "NULL"))
 
-    T = controller.bearing.sampling_time
-    pids = [{"T": T} | dict(zip(_PID, gains, strict=True)) for gains in fields["pid"]]
-    states = len(controller.estimator.states) if fields["feedback_estimate"] else 1
-    law = {"axes": 1, "states": states, "pids": len(pids), "pid": Name("of_pid")}
-    law |= {key: at(key) for key in _LAW}
+    pids = [
+        {"T": machine.sampling_time} | dict(zip(_PID, gains, strict=True))
+        for gains in fields["pid"]
+    ]
+    states = len(fields["position"]) // len(pids)
+    law = {"axes": len(machine.axes), "states": states, "pids": len(pids), "pid": Name("of_pid")}
+    law |= {key: at(key) for key in _LAW if key in told or key != "reference"}
     law["gain"] = Name("{" + ", ".join(at(key) for key in _GAINS) + "}")
+    law |= {"let_turn": Name("&let_turn")} if let_turn else {}
     control = {
         "estimator": Name(f"&{name}_estimator"), "law": Name("&law"),
         "sequence": Name("&sequence" if controller.sequence is not None else "NULL"),
@@ -67,7 +88,72 @@ def structs(controller: Controller, name: str) -> Structs:
     }  # fmt: skip
     control |= {key: at(key) for key in _CONTROL}
     counts = {key: fields[key] for key in _COUNTS if key in fields}
-    return Structs(arrays, pids, law, counts, control)
+    return Structs(arrays, pids, let_turn, law, counts, control)
+
+
+def _in_c(of: Structs, precision: CPrecision) -> dict[str, Any]:
+    return {
+        "arrays": data.declared(of.arrays, precision),
+        "pids": [data.struct(pid, precision, {}) for pid in of.pids],
+        "law": data.struct(of.law, precision, {}),
+        "sequence": data.struct(of.sequence, precision, {}),
+        "control": data.struct(of.control, precision, {}),
+    }
+
+
+def of_several(
+    controller: MachineController, flight: Flight, name: str, precision: CPrecision
+) -> dict[str, Any]:
+    """Return what the templates say of the controller of several axes."""
+    estimator, of = controller.estimator, structs(controller, name)
+    machine = estimator.machine
+    tested = machine_scenes.vectors(estimator, flight, controller.controllers)
+    quick = QUICK | {"settling": min(of.control["settling"], QUICK["settling"])}
+    most = float(np.finfo(np.float32 if precision == "float" else np.float64).max)
+    magnets = [axis.bearing.magnet for axis in machine.axes]
+
+    def listed(values: NDArray[np.float64]) -> str:
+        stood_in = np.nan_to_num(values, nan=most, posinf=most / 2, neginf=-most / 2)
+        return data.array(stood_in.ravel(), precision)
+
+    return {
+        "law_said": f"{flight.control.type}, fed by the {flight.feedback}",
+        "controller": _in_c(of, precision) | {
+            "bias": data.array(np.array([each.bias_current for each in magnets]), precision),
+            "two_sided": ", ".join(str(each.type == "two-sided").lower() for each in magnets),
+            "let_turn": data.struct(of.let_turn, precision, {}) if of.let_turn else "",
+            "has": _has(controller, flight, of),
+        },
+        "speed": data.number(machine.speed, precision),
+        "sequence": {
+            "times": controller.sequence,
+            "quick": data.struct({key: quick[key] for key in _COUNTS}, precision, {}),
+            "quick_settling": f"{quick['settling']}U",
+        },
+        "in_flight": {
+            "steps": len(tested.y),
+            "amplified": int(tested.amplified.sum()),
+            "saturated": tested.saturated,
+            "y": listed(machine_scenes.also_infinite(tested.y)),
+            "r": listed(machine_scenes.also_infinite(tested.r)),
+            "u": data.array(tested.u.ravel(), precision),
+            "speed": data.array(tested.speed, precision),
+            "status": data.array(tested.status, precision),
+            "mean": data.array(machine_scenes.in_turn(tested.mean), precision),
+            "taken_with": data.array(tested.taken_with, precision),
+            "marks": data.array(machine_scenes.marks_of(tested), precision),
+        },
+    }  # fmt: skip
+
+
+def _has(controller: MachineController, flight: Flight, of: Structs) -> dict[str, bool]:
+    """Return what decides which lines of the core's controllers run (`unseen.Has`)."""
+    gains = any(f"of_{key}" in of.arrays for key in _GAINS)
+    return {
+        "alone": flight.control.type == "decentralised" and not gains and not of.let_turn,
+        "fed": controller.fed, "gains": gains, "let_turn": bool(of.let_turn),
+        "tracking": all(p["T_t"] > 0 for p in of.pids),
+    }  # fmt: skip
 
 
 def context(controller: Controller, name: str, precision: CPrecision) -> dict[str, Any]:
@@ -78,11 +164,7 @@ def context(controller: Controller, name: str, precision: CPrecision) -> dict[st
     quick = QUICK | {"settling": min(of.control["settling"], QUICK["settling"])}
     bearing = controller.bearing
     return {
-        "arrays": data.declared(of.arrays, precision),
-        "pids": [data.struct(pid, precision, {}) for pid in of.pids],
-        "law": data.struct(of.law, precision, {}),
-        "sequence": data.struct(of.sequence, precision, {}),
-        "control": data.struct(of.control, precision, {}),
+        **_in_c(of, precision),
         "bias": data.number(bearing.magnet.bias_current, precision),
         "limit": data.number(float(number(bearing.amplifier.current_limit)), precision),
         "coils": controller.coils,
@@ -113,17 +195,20 @@ def _said(controller: Controller) -> str:
     return f"PID, fed by the {pid.feedback}{ahead}"
 
 
-def constants(controller: Controller, name: str, crc: Constants) -> None:
+def constants(controller: Controller | MachineController, name: str, crc: Constants) -> None:
     """Take the controller's constants into the CRC."""
     of = structs(controller, name)
     for place, values in of.arrays.items():
         crc.array(place, values)
     for k, pid in enumerate(of.pids):
         crc.fields(f"of_pid[{k}]", pid, arrays=False)
+    crc.fields("let_turn", of.let_turn, arrays=False)
     crc.fields("law", of.law, arrays=False)
     crc.fields("sequence", of.sequence, arrays=False)
     crc.fields(f"{name}_control", of.control, arrays=False)
-    crc.array(f"&{name}_bias", np.array([controller.bearing.magnet.bias_current]))
+    axes = controller.estimator.machine.axes
+    bias = np.array([axis.bearing.magnet.bias_current for axis in axes])
+    crc.array(f"{name}_bias" if len(axes) > 1 else f"&{name}_bias", bias)
 
 
 class Vectors(NamedTuple):

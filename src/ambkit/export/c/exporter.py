@@ -13,19 +13,25 @@ from ambkit.estimate.registry import KINDS
 from ambkit.export.c import calibration, cost, data_file, folder, render
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.data import CPrecision, called
+from ambkit.export.c.machine_scenes import speeds_of
 from ambkit.export.c.prefix import checked
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision
+from ambkit.simulation.control import Controller
+from ambkit.simulation.control_machine import MachineController
+from ambkit.simulation.controllers import controllers_of
+from ambkit.simulation.default_control import settled_flight
+from ambkit.simulation.plant import Plant
+from ambkit.simulation.sequence import LiftOff
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.simulation.control import Controller
     from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
 
@@ -99,7 +105,11 @@ def export_c(
     wrong = require_adequate(estimator, flown_on, scenario or flight, force=force)
     _check_nodes(estimator)
     spent = cost.of(estimator) if precision == "float" and not editable else None
-    controller = None
+    controller: Controller | MachineController | None = None
+    if flight is not None:
+        flight = settled_flight(estimator.machine, flight)
+        flight = flight.model_copy(update={"sequence": flight.sequence or LiftOff()})
+        controller = _of_several(estimator, flight)
     if scenario is not None:
         controller, spent = _controller(estimator, scenario, editable=editable), None
     if calibrated:
@@ -108,7 +118,7 @@ def export_c(
                 f"{bearing.name}: calibration is of the whole controller of one axis; "
                 "this is a machine"
             )
-        if controller is None:
+        if not isinstance(controller, Controller):
             raise AmbkitError("calibration is for a whole controller; give a scenario")
         calibration.check(controller)
     facts = _facts(magnet, precision) | _cost_facts(spent)
@@ -169,9 +179,6 @@ def made(
 
 
 def _controller(estimator: Estimator, scenario: Scenario, *, editable: bool) -> Controller:
-    from ambkit.simulation.control import Controller
-    from ambkit.simulation.sequence import LiftOff
-
     bearing = estimator.bearing
     if isinstance(bearing, Machine):
         raise AmbkitError(
@@ -181,6 +188,15 @@ def _controller(estimator: Estimator, scenario: Scenario, *, editable: bool) -> 
         raise AmbkitError("editable is for a filter alone, and not for the whole controller")
     pid = scenario.controller.completed(bearing)
     return Controller(bearing, estimator, pid, scenario.sequence or LiftOff())
+
+
+def _of_several(estimator: Estimator, flight: Flight) -> MachineController:
+    machine, fed = estimator.machine, flight.feedback == "estimate"
+    plant, speeds = Plant(machine), speeds_of(machine, flight)
+    fastest = machine.speed if speeds is None else max(map(abs, speeds))
+    found = controllers_of(plant, flight.control, estimator if fed else None, fastest=fastest)
+    assert flight.sequence is not None
+    return MachineController(plant, estimator, found, flight.sequence, fed)
 
 
 def _facts(magnet: MagnetModel | None, precision: CPrecision) -> dict[str, str]:

@@ -12,7 +12,7 @@ from ambkit.data.signals import signal
 from ambkit.estimate.engine import NODE
 from ambkit.estimate.estimate import Status
 from ambkit.export.c.control_scenes import QUICK
-from ambkit.export.c.vectors import within, without_digits
+from ambkit.export.c.vectors import without_digits
 from ambkit.simulation.control import settling_of
 from ambkit.simulation.control_machine import MachineController
 from ambkit.simulation.flight import Disturbance, Flight, Reference
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-FLIGHT, LIFTED = 150, 300
-"""Samples of a flight in the self-test, and of one with lift-off and landing."""
+LIFTED, UP = 300, 130
+"""Samples of a flight in the self-test, and from which on the rotor is up."""
 TAKEN = 40
 """Samples of a flight that is taken over."""
 PUSH, PULL = 0.2, 3.0
@@ -47,10 +47,10 @@ class Vectors(NamedTuple):
     r: Array  # (N, axes) [m]
     u: Array  # (N, axes): what the controllers gave [V]
     speed: Array  # (N,) [rad/s]
-    mode: NDArray[np.uint8]  # (N,): what they were doing; all 0 without lift-off
+    mode: NDArray[np.uint8]  # (N,): what they were doing
     fly: NDArray[np.bool_]  # (N,): whether they were told to fly
     status: NDArray[np.uint16]  # (N,): flags of filter and controllers
-    usable: NDArray[np.bool_]  # (N,): whether the estimate could be used; all False likewise
+    usable: NDArray[np.bool_]  # (N,): whether the estimate could be used
     mean: Array  # (N, states), each in its unit
     starts: list[int]  # where flights begin at power-on ...
     taken: list[int]  # ... and where those do that are taken over, ...
@@ -70,14 +70,12 @@ def speeds_of(machine: Machine, flight: Flight) -> tuple[float, float] | None:
     return float(speed.min()), float(speed.max())
 
 
-def vectors(
-    estimator: Estimator, flight: Flight, bound: float, controllers: Controllers
-) -> Vectors:
+def vectors(estimator: Estimator, flight: Flight, controllers: Controllers) -> Vectors:
     """Fly what the self-test flies, with the plant of the simulation."""
     # A step of the reference with a load, and loads beyond what the magnets hold with readings lost
     # and far away, and references that are none; on all axes in turn, and where the flight's speed
-    # changes up and down with it. With lift-off these are longer flights, from where the rotor lies
-    # to where it lies again, some of which trip; and a rotor in flight is taken over.
+    # changes up and down with it: from where the rotor lies to where it lies again. Some trip, and
+    # a rotor in flight is taken over.
     assert estimator.whole is not None
     machine = estimator.whole.machine
     parts = []
@@ -90,10 +88,8 @@ def vectors(
             for which in "ru"
         )
         assert run.estimate is not None
-        sequenced = flight.sequence is not None
-        n = len(y) if sequenced else within(estimator, run.estimate.mean, bound)
-        mode = record["mode"].astype(np.uint8) if sequenced else np.zeros(len(y), np.uint8)
-        usable = np.zeros(len(y), bool) if run.usable is None else run.usable
+        assert run.usable is not None
+        mode = record["mode"].astype(np.uint8)
         # From readings on that are lost or far away, from where rounding decides, and from where
         # readings are refused of a rotor that has tripped, and is thrown between its stops.
         spoilt = (scene.readings != 0).any(axis=1)
@@ -101,13 +97,12 @@ def vectors(
         amplified = np.maximum.accumulate(spoilt | _spread(estimator, controllers, scene, run))
         # Where float has no digits left before that, all that it says is rounding.
         amplified |= bool((without_digits(estimator, y, u) & ~amplified).any())
-        each = (y, r, u, record["speed"], mode, scene.fly > 0, run.status, usable,
-                run.estimate.mean, amplified)  # fmt: skip
-        parts.append(tuple(values[:n] for values in each))
+        parts.append((y, r, u, record["speed"], mode, scene.fly > 0, run.status, run.usable,
+                      run.estimate.mean, amplified))  # fmt: skip
     flown = len(parts)
     taken_with = np.zeros(len(machine.axes))
     # Of a model that turns the core's controller alone follows no speed.
-    if flight.sequence is not None and speeds_of(machine, flight) is None:
+    if speeds_of(machine, flight) is None:
         over, taken_with = _taken_over(estimator, flight, controllers, parts[0])
         parts += over
     starts = np.cumsum([0, *(len(each[0]) for each in parts[:-1])]).tolist()
@@ -135,7 +130,7 @@ def _flown(
     return simulate_machine(
         estimator.whole.machine, scene.flight, estimator=estimator, controllers=controllers,
         readings=readings, references=scene.references, from_readings=True, fly=scene.fly,
-        other=None if scene.flight.sequence is None else _quick(estimator),
+        other=_quick(estimator),
     )  # fmt: skip
 
 
@@ -157,10 +152,8 @@ def _spread(
         for key, amplifier in axes:
             away = np.abs(other.record[key] - run.record[key]) * amplifier.gain
             found |= away > PART * amplifier.current_limit
-        found |= other.status != run.status
-        if scene.flight.sequence is not None:
-            found |= other.record["mode"] != run.record["mode"]
-            found |= other.usable != run.usable
+        found |= (other.status != run.status) | (other.usable != run.usable)
+        found |= other.record["mode"] != run.record["mode"]
     return found
 
 
@@ -173,7 +166,8 @@ def _taken_over(
     assert estimator.whole is not None
     assert flight.sequence is not None
     y, r, u, speed, mode, *_ = flown
-    at = int(np.flatnonzero(mode == Mode.FLYING)[10])
+    flying = np.flatnonzero(mode == Mode.FLYING)  # none, where it is overloaded on its way up
+    at = int(flying[10]) if len(flying) > 10 else UP
     y, r, speed = y[at : at + TAKEN], r[at : at + TAKEN], np.full(TAKEN, speed[at])
     gain = np.array([axis.bearing.amplifier.gain for axis in estimator.whole.machine.axes])
     number = np.dtype(estimator.precision).type
@@ -208,20 +202,14 @@ class Scene(NamedTuple):
 
 
 def _scenes(machine: Machine, flight: Flight) -> Iterator[Scene]:
-    if flight.sequence is None:
-        for sign, share in ((1.0, PUSH), (-1.0, PULL)):
-            happening = _happening(machine, flight, sign, share, FLIGHT)
-            spoilt = _spoilt(machine, sign < 0, FLIGHT)
-            yield Scene(happening, spoilt, _unwanted(machine, FLIGHT, 60), np.ones(FLIGHT))
-        return
     fly = np.ones(LIFTED)
     fly[:8], fly[100:106], fly[230:] = 0.0, 0.0, 0.0  # on the way up it is called back, and lands
-    happening = _happening(machine, flight, 1.0, PUSH, LIFTED, 130)
-    none = _unwanted(machine, LIFTED, 190)
-    yield Scene(happening, _spoilt(machine, True, LIFTED, 150), none, fly)
+    happening = _happening(machine, flight, 1.0, PUSH)
+    none = _unwanted(machine)
+    yield Scene(happening, _spoilt(machine), none, fly)
     fly = np.ones(LIFTED)
     fly[200:210] = 0.0  # it has tripped by then, and lifts again
-    pulled = _happening(machine, flight, -1.0, PULL, LIFTED, 130)
+    pulled = _happening(machine, flight, -1.0, PULL)
     yield Scene(pulled, _lost(machine), np.zeros_like(none), fly)
     well = np.zeros((LIFTED, len(machine.readings)))  # a current at its limit trips it
     none = np.zeros_like(none)
@@ -229,31 +217,28 @@ def _scenes(machine: Machine, flight: Flight) -> Iterator[Scene]:
     yield Scene(pulled, well, none, np.ones(LIFTED))
 
 
-def _happening(
-    machine: Machine, flight: Flight, sign: float, share: float, n: int, after: int = 0
-) -> Flight:
+def _happening(machine: Machine, flight: Flight, sign: float, share: float) -> Flight:
     """Return a flight on all axes in turn: references of a twentieth of the travel, and loads."""
-    # With lift-off it begins where the rotor lies, as the exported controller does at power-on.
+    # It begins where the rotor lies, as the exported controller does at power-on.
     T = machine.sampling_time
     references, loads = [], []
     for k, axis in enumerate(machine.axes):
         way = sign * (-1.0 if k % 2 else 1.0)
         law = axis.bearing.magnet
         most = 4 * law.magnet_constant * law.bias_current * axis.bearing.amplifier.current_limit
-        force, late = way * share * most / law.air_gap**2, after + 8 * k
+        force, late = way * share * most / law.air_gap**2, UP + 8 * k
         push = Step(amplitude=force, time=(50 + late) * T)
         wanted = Step(amplitude=0.05 * way * axis.bearing.travel_limit, time=(12 + late) * T)
         references.append(Reference(axis=axis.name, position=wanted))
         loads.append(Disturbance(axis=axis.name, force=push))
-    start = flight.start if flight.sequence is None else "rest"
     return Flight(
-        duration=(n - 1) * T, start=start, feedback=flight.feedback,
+        duration=(LIFTED - 1) * T, start="rest", feedback=flight.feedback,
         control=flight.control, reference=tuple(references), disturbance=tuple(loads),
-        seed=flight.seed, speed=_speed(machine, flight, sign, n), sequence=flight.sequence,
+        seed=flight.seed, speed=_speed(machine, flight, sign), sequence=flight.sequence,
     )  # fmt: skip
 
 
-def _speed(machine: Machine, flight: Flight, sign: float, n: int) -> Sum | None:
+def _speed(machine: Machine, flight: Flight, sign: float) -> Sum | None:
     """Return a speed that grows over two nodes of the model, or falls, within those of a flight."""
     speeds = speeds_of(machine, flight)
     if speeds is None:
@@ -261,25 +246,24 @@ def _speed(machine: Machine, flight: Flight, sign: float, n: int) -> Sum | None:
     low, high = speeds
     by = min(2 * NODE / machine.sampling_time, high - low)
     first = low + 0.3 * (high - low - by) if sign > 0 else high - 0.1 * (high - low - by)
-    turned = Ramp(slope=sign * by / (n * machine.sampling_time))
+    turned = Ramp(slope=sign * by / (LIFTED * machine.sampling_time))
     return Sum(parts=(Constant(value=first), turned))
 
 
-def _spoilt(machine: Machine, spoil: bool, n: int, after: int = 0) -> Array:
-    """Return what is added to the readings: nothing, or losses and readings far away."""
+def _spoilt(machine: Machine) -> Array:
+    """Return what is added to the readings: losses, and readings far away."""
     m = len(machine.readings)
-    added = np.zeros((n, m))
-    if spoil:
-        travel = min(each.travel_limit for each in machine.bearing)
-        added[after + 20 : after + 24, 0], added[after + 28, :] = np.nan, np.nan
-        added[after + 34, m - 1], added[after + 38, 0] = 3 * travel, -3 * travel
+    added = np.zeros((LIFTED, m))
+    travel = min(each.travel_limit for each in machine.bearing)
+    added[170:174, 0], added[178, :] = np.nan, np.nan
+    added[184, m - 1], added[188, 0] = 3 * travel, -3 * travel
     return added
 
 
-def _unwanted(machine: Machine, n: int, at: int) -> Array:
-    """Return what is added to the references: nothing, and three that are no numbers."""
-    added = np.zeros((n, len(machine.axes)))
-    added[at, 0], added[at + 3, -1], added[at + 6, :] = np.nan, np.nan, np.nan
+def _unwanted(machine: Machine) -> Array:
+    """Return what is added to the references: three that are no numbers."""
+    added = np.zeros((LIFTED, len(machine.axes)))
+    added[190, 0], added[193, -1], added[196, :] = np.nan, np.nan, np.nan
     return added
 
 

@@ -6,7 +6,7 @@ import hashlib
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from ambkit.base import escaping
 from ambkit.base.errors import AmbkitError
@@ -18,7 +18,6 @@ from ambkit.export.c import (
     control,
     data,
     data_file,
-    machine_control,
     machine_scenes,
     model,
     proof,
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.control import Controller
+    from ambkit.simulation.control_machine import MachineController
     from ambkit.simulation.flight import Flight
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
@@ -64,7 +64,7 @@ def render(
     *,
     loops: bool | None = None,
     editable: bool = False,
-    controller: Controller | None = None,
+    controller: Controller | MachineController | None = None,
     flight: Flight | None = None,
     calibrated: bool = False,
     framed: bool = False,
@@ -81,6 +81,7 @@ def render(
     called = data.called(estimator)
     whole = estimator.whole is not None
     # Whose step goes through the interface.
+    one = None if whole else cast("Controller | None", controller)
     in_core = None if called is PAPER and not whole and controller is None else called
     # The paper's filter is given its constants, and asks no magnet.
     given = in_core is None and kind is MAGNETS["Constant"]
@@ -99,27 +100,24 @@ def render(
     needed += [*of_model.sources, *(control.SOURCES if controller is not None else ())]
     needed += calibration.SOURCES if calibrated else ()
     needed += telemetry.SOURCES if framed else ()
-    sequenced = flight is not None and flight.sequence is not None
     flown = {}
-    if flight is not None:
-        flown = machine_control.context(estimator, flight, name, precision, bound_of(estimator))
-        needed += machine_control.SOURCES
-        needed += machine_control.OF_SEQUENCE if sequenced else ()
+    if whole and flight is not None:
+        several = cast("MachineController", controller)
+        flown = control.of_several(several, flight, name, precision)
     found = core.closure(needed, instead=of_model.instead)
     core_files = {f"core/{file}": text for file, text in found.items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
-    more = ("_control", "_control_data") if flown else ()
-    more = (*more, "_telemetry") if framed else more
-    changed = ("_calibration",) if calibrated else ()
+    more = ("_telemetry",) if framed else ()
+    changed = ("_calibration",) if calibrated else ("_control",) if flown else ()
     sources = (*(f"{name}{file}.c" for file in ("", *changed, "_data", *more)), *c_files)
     of_test = ("selftest", "vectors", *(("control_selftest",) if flown else ()))
     tests = tuple(f"selftest/{name}_{file}.c" for file in of_test)
     settling, bound = settling_of(estimator), bound_of(estimator)
-    if controller is None:
+    if one is None:
         tested = vectors.make(estimator, magnets, settling=settling, bound=bound)
         told = selftest.context(tested, estimator, precision)
     else:
-        told = control.context(controller, name, precision)
+        told = control.context(one, name, precision)
     bearing = estimator.bearing
     base = "" if in_core is None else in_core.base
     context: dict[str, Any] = {
@@ -135,18 +133,19 @@ def render(
         "u_given": "const amb_real u_previous[AMB_CONTROLS]" if whole else "amb_real u_previous",
         "sources": sources,
         "calibrated": calibrated,
-        "bit_headers": _bit_headers(core_files, alone=controller is None),
+        "bit_headers": _bit_headers(core_files, alone=one is None),
         "cast_sources": _casts(
             kind,
             in_core,
             given,
             calibrated=calibrated,
-            flown=controller is not None or sequenced,
+            flown=controller is not None,
         ),
         "selftest_sources": ("selftest/main.c", *tests),
         "bound": (_BOUNDS_OF_MACHINES if whole else _BOUNDS)[precision],
         **{key: told[key] for key in told if key != "arrays"},
-        "flown": told if controller is not None else None,
+        "flown": None if one is None else told,
+        "controller": None if one is None else {"let_turn": ""} | told,
         "base_of_calibration": None,
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "given": given,
@@ -182,7 +181,6 @@ def render(
         "covariance": (in_core.covariance if in_core else "") or f"{base}cov",
         **data_file.data_context(estimator, magnet, kind, precision, of_model, editable=editable),
         "controlled": bool(flown),
-        "sequenced": sequenced,
         "turning": _turning(of_model, speeds, precision),
         "speed_own": data.number(bearing.speed, precision) if whole else "",
         **flown,
@@ -203,25 +201,25 @@ def render(
             calibrated=calibrated,
         ),
         "proof_sentence": _PROVED.replace("NAME", name)
-        if controller is None
+        if one is None
         else _PROVED.replace("NAME_reset", "NAME_take_over")
         .replace("the estimates", "the output")
         .replace("NAME", name),
     }
     # Of machines nothing is proved, nor of what can be calibrated; and nothing is said.
     shown = not whole and not calibrated
-    context["proof"] = proof.context(estimator, context, core_files, controller) if shown else None
+    context["proof"] = proof.context(estimator, context, core_files, one) if shown else None
     for each, si in (("y", "m"), ("u", "V")):
         context[f"{each}_unit"] = context["inputs"][each]["unit"] if context["inputs"][each] else si
     context["inputs_text"] = repr(context["inputs"])
-    if calibrated and controller is not None:
-        context["base_of_calibration"] = calibration.context(controller, name, precision)
+    if calibrated and one is not None:
+        context["base_of_calibration"] = calibration.context(one, name, precision)
     context["configuration"] = _configuration(estimator, context, core_files)
     context["frame"] = telemetry.frame(
         estimator.states,
         context["states"],
         context["several"]["readings"] if whole else (),
-        None if controller is None else controller.coils,
+        None if one is None else one.coils,
     )
     made = {
         f"{name}.h": "filter.h",
@@ -241,19 +239,16 @@ def render(
         made |= {file.format(name): template for file, template in proof.TEMPLATES.items()}
     if controller is not None:
         more_files = calibration.TEMPLATES if calibrated else {}
-        named = {**control.TEMPLATES, **more_files}
+        named = {**(control.BESIDE if whole else control.TEMPLATES), **more_files}
         made |= {file.format(name): template for file, template in named.items()}
-        if calibrated:
-            described = calibration.described(controller, name, precision)
+        if calibrated and one is not None:
+            described = calibration.described(one, name, precision)
             core_files |= {"calibration.json": described}
     if framed:
         made |= {file.format(name): template for file, template in telemetry.TEMPLATES.items()}
         T = estimator.bearing.sampling_time
         of_frame = (name, context["configuration"], T, context["frame"])
         core_files |= {"telemetry.json": telemetry.described(*of_frame)}
-    if flown:
-        files = machine_control.FILES
-        made |= {file.format(name=name): template for file, template in files.items()}
     templates = _templates()
     texts = core_files | {
         file: templates.get_template(f"{template}.j2").render(context)
@@ -347,8 +342,7 @@ def _configuration(
         parts.append(repr(context["several"]))
     parts += [array["text"] for array in context["arrays"]]
     if context["controlled"]:
-        parts += [array["text"] for array in context["control_arrays"]]
-        parts += [repr(context[key]) for key in ("pids", "kind", "sequence", "turning")]
+        parts += [repr(context[key]) for key in ("controller", "sequence", "turning")]
     for part in (*parts, *core_files.values()):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()[:16]

@@ -108,10 +108,4 @@ def machine_has(estimator: Estimator, context: dict[str, Any]) -> unseen.Has:
     plain = unseen.Has(len(estimator.states), direct, rising, rounded=rounded)
     if not context["controlled"]:
         return plain
-    gains = any(context["matrices"][f"gain_{k}"] != "NULL" for k in range(3))
-    alone = context["kind"] == "decentralised" and not gains and context["let_turn"] is None
-    return plain._replace(
-        controlled=True, alone=alone, fed=context["fed"], gains=gains,
-        let_turn=context["let_turn"] is not None,
-        tracking=context["tracking"],
-    )  # fmt: skip
+    return plain._replace(controlled=True, **context["controller"]["has"])

@@ -50,11 +50,16 @@ _TURN = "no motion is left to the rotor"
 _ROUNDED = "no sensor's readings come in steps"
 _TOO_FAR = "no reading or current is so large"
 _FIRST = "the first sample is a start, without a control"
+_EVEN = "the noise of each sensor is the same everywhere"
 
 NOT_RUN = (
     NotRun(
-        "real.h", "amb_noise_share", "", "the sensors' noise is the same everywhere",
-        lambda has: not has.rising,
+        "real.h", "amb_noise_share", "", _EVEN, lambda has: not has.rising,
+    ),
+    NotRun("kalman_step.h", "amb_step_noise", "share) * share", _EVEN, lambda h: not h.rising),
+    NotRun(
+        "kalman_step.h", "amb_step_advance", "F[f] = scale", "of kinds of filters that this is not",
+        lambda _: True,
     ),
     NotRun("at_rest.c", "amb_rest_where_shown", "", _ONE, lambda _: True),
     NotRun(
@@ -157,8 +162,12 @@ NOT_RUN = (
         for file, function in (
             ("exponential.h", "amb_exp_polynomial"), ("exponential.h", "amb_exp_negative"),
             ("real.h", "amb_at_least"), ("kalman.c", "density"), ("kalman.c", "mills"),
-            ("kalman.c", "amb_kalman_rounded"),
+            ("kalman.c", "amb_kalman_rounded"), ("kalman_step.h", "amb_step_very_coarse"),
         )
+    ),
+    *(
+        NotRun("kalman_step.h", "amb_step_rounded", text, _ROUNDED, lambda has: not has.rounded)
+        for text in ("const amb_real e = y", "if (AMB_WITHIN(e, AMB_REAL_ROOT)")
     ),
     NotRun(
         "sequence.c", "mend", "AMB_LIFTING : AMB_TRIPPED", "for bits that flip in memory",
@@ -219,6 +228,10 @@ FILTER = (
         "within the root's own rounding",
     ),
     Unseen("kalman_step.h", "!sharp || amb_is_finite(e->variance)", "the supervisor starts anew"),
+    Unseen("kalman_step.h", "const bool sharp = !(", "the supervisor starts anew"),
+    Unseen(".c", "AMB_WITHIN(y, far) ?", "what starts it is between the stops"),
+    Unseen("kalman_step.h", "(u < -AMB_REAL_ROOT) &&", _TOO_FAR),
+    Unseen("kalman_step.h", "if (rise == AMB_C(0.0))", _EVEN),
     Unseen(
         ".c", "finite = finite && amb_is_finite(result->variance[r])",
         "for bits that flip in memory",
@@ -353,10 +366,29 @@ MACHINE = (
     Unseen("sequence.c", "const bool there =", _FLIPPED),
     Unseen("envelope.c", "i < amb_states(&kf->model)", _GIVEN, "amb_envelope_within"),
     Unseen("envelope.c", "within = within &&", _GIVEN, "amb_envelope_within"),
+    Unseen(
+        "kalman_step.h", "(u < -AMB_REAL_ROOT) &&",
+        "what is near, or above the root, went another way before",
+    ),
+    Unseen(
+        "kalman_step.h", "amb_clamp(s, -x_max, x_max)",
+        "the stiffnesses are the same wherever the rotor is",
+    ),
+    Unseen("kalman_step.h", "if (rise == AMB_C(0.0))", _EVEN),
 )  # fmt: skip
 """Of a machine's linear filter and its controllers."""
 
-UNROUNDED = (Unseen("", "kf->rounding[", _ROUNDED),)
+UNROUNDED = (
+    Unseen("", "kf->rounding[", _ROUNDED),
+    *(
+        Unseen("kalman_step.h", text, _ROUNDED)
+        for text in (
+            "AMB_COARSE * kf->set.var_y[r]", "const bool again = !(", "bool coarse = interval",
+            "as.moved", "const bool told = (status", "const amb_real grown = before",
+            "const amb_real change = y", "return amb_step_each(amb_step_plain, kf, NULL",
+        )
+    ),
+)  # fmt: skip
 """Of a machine or an axis whose readings do not come in steps."""
 
 

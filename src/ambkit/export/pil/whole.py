@@ -45,7 +45,7 @@ def fly_whole(
         fields = [state.field for state in states(estimator.states)]
         image = build.firmware(export, "whole", fields, QEMU_BOARD, folder / "qemu")
         built = build.size(export, f"{PREFIX}_control", board, folder / "board")
-        works_by = {(0, 4 * k): f"{PREFIX}_flight" for k in range(3)}
+        works_by = {(0, 4 * k): f"{PREFIX}_control" for k in range(3)}
         bound = path.bound(image, f"{PREFIX}_control_step", objects=0b10111, points=works_by)
         run = simulate_machine(machine, flown, estimator=estimator)
         y = np.column_stack([run.record[signal("y", r.name)] for r in machine.readings])
