@@ -3,12 +3,14 @@
 import csv
 import json
 import os
+import re
 
 import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from ambkit import Bearing, Flight, KalmanFilter, Machine, Scenario, simulate, simulate_machine
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.record import Record
 from ambkit.data.signals import SI_UNITS, si_unit
@@ -286,3 +288,26 @@ def test_si_units():
     assert [si_unit(unit) for unit in ("um/ms", "g", "%", "-", "", "A V/A")] == [
         "m/s", "kg", "1", "1", "1", "V",
     ]  # fmt: skip
+
+
+def amplifier_of_currents(of):
+    """Return a machine whose control signals are currents."""
+    return type(of).from_toml(re.sub(r'(gain = "[^"]*)A/V"', r'\1A/A"', of.to_toml()))
+
+
+def test_the_control_signal_of_an_amplifier_of_currents_is_in_ampere(tmp_path):
+    plain = Bearing.preset("zittau_axial")
+    bearing = amplifier_of_currents(plain)
+    for same in (bearing, bearing.replace(rotor__mass=0.5), Machine.of_axis(bearing).alone("")):
+        assert 'gain = "1 A/A"' in same.to_toml()
+    made = simulate(bearing, Scenario(duration=0.01))
+    made.save(tmp_path / "a.csv")
+    read = Record.load(tmp_path / "a.csv")
+    assert made.units["u"] == read.units["u"] == "A"
+    np.testing.assert_array_equal(read["u"], simulate(plain, Scenario(duration=0.01))["u"])
+    KalmanFilter(bearing).run(read)
+    with pytest.raises(AmbkitError, match="u of the record is in A, and the amplifier"):
+        KalmanFilter(plain).run(read)
+    machine = amplifier_of_currents(Machine.preset("tum_mlps"))
+    units = simulate_machine(machine, Flight(duration=0.002)).record.units
+    assert {units[name] for name in ("u_A1", "u_A2", "u_B1", "u_B2")} == {"A"}

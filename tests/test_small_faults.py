@@ -12,6 +12,7 @@ import ambkit
 from ambkit import AmbkitError, Bearing
 from ambkit.base import units
 from ambkit.estimate.filter_file import FORMAT
+from ambkit.estimate.registry import KINDS
 from ambkit.workflow.inspection import inspect
 
 ZITTAU = Bearing.preset("zittau_axial")
@@ -132,6 +133,21 @@ def test_a_filter_that_there_is_not_is_named_with_those_that_there_are(given: An
     for call in calls:
         with pytest.raises(AmbkitError, match=r"there is no estimator .*linear"):
             call()
+
+
+@pytest.mark.parametrize("given", ["zittau_axial", 3, Mine()])
+def test_what_is_no_machine_is_named_in_a_line(given: Any) -> None:
+    kinds = [kind for kind in KINDS.values() if not kind.magnet]
+    calls = [lambda kind=kind: kind.make(given) for kind in kinds]
+    pid = ambkit.PID
+    for call in (*calls, *(lambda of=of: of(given) for of in (pid.for_bearing, pid.textbook))):
+        with pytest.raises(TypeError, match=r"bearing must be of type Bearing.*, is the "):
+            call()
+
+
+def test_a_pid_for_several_axes_is_refused_in_a_line() -> None:
+    with pytest.raises(TypeError, match="bearing must be of type Bearing, is the Machine"):
+        ambkit.PID.for_bearing(ambkit.Machine.preset("tum_mlps"))  # type: ignore[arg-type]
 
 
 def test_compare_by_a_list_in_the_place_of_a_case() -> None:

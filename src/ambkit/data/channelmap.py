@@ -45,7 +45,7 @@ from ambkit.data.files import timestamps
 from ambkit.data.files.log import Log
 from ambkit.data.files.time_layouts import pattern
 from ambkit.data.rig_units import Inputs, Scaling
-from ambkit.data.signals import CONTROL, UNITS
+from ambkit.data.signals import CONTROL, UNITS, held_in
 
 Array = NDArray[np.float64]
 Index = Annotated[int, Field(ge=0, strict=True)]
@@ -136,7 +136,7 @@ class ChannelMap(Document):
             if not isinstance(channel, Channel):
                 continue
             place = f"signals.{name}"
-            if UNITS.get(name, channel.si_unit) != channel.si_unit:
+            if held_in(name, channel.si_unit) != channel.si_unit:
                 what = f"makes {name} a quantity in {channel.si_unit}, it is one in {UNITS[name]}"
                 yield f"{place}.unit", what
             clock = signals.get(channel.time) if channel.time else None

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import ExtraMissing, RecordError
-from ambkit.data.signals import UNITS, si_unit
+from ambkit.data.signals import UNITS, held_in
 
 KEY = "ambkit"
 """Where a data set of xarray has, as JSON, what no variable says."""
@@ -113,7 +113,7 @@ def _converted(
     if unit is None:
         raise RecordError(f'column {name} has no unit; give it, as in units={{"{name}": "mm"}}')
     try:
-        target = UNITS.get(name) or si_unit(unit)
+        target = held_in(name, unit)
         scale = 1.0 if unit == target else factor(unit, target)
     except ValueError as error:
         raise RecordError(f"column {name}: {error}") from None

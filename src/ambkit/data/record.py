@@ -357,10 +357,10 @@ def _si(name: str, unit: str | None) -> str:
     """Return the unit of a signal if it is the one that a record holds it in."""
     if unit is None:
         raise RecordError(f"signal {name} has no unit")
-    if unit in names.SI_UNITS and names.UNITS.get(name, unit) == unit:
-        return unit
     try:
-        si = names.UNITS.get(name) or names.si_unit(unit)
+        si = names.held_in(name, unit)
     except ValueError as error:
         raise RecordError(f"signal {name}: {error}") from None
+    if unit == si:
+        return unit
     raise RecordError(f"signal {name} must be given in {si}, not in {unit}")

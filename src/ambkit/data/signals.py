@@ -33,6 +33,12 @@ def signal(what: str, name: str) -> str:
     return f"{what}_{name}" if name else what
 
 
+def held_in(name: str, unit: str) -> str:
+    """Return the SI unit in which a record holds a signal that is given in a unit."""
+    si = UNITS.get(name) or si_unit(unit)
+    return "A" if name == "u" and si_unit(unit) == "A" else si
+
+
 _TRUE = re.compile(f"({'|'.join((*TRUTH, 's', 'q'))})(_.+)?")
 
 

@@ -13,6 +13,7 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.observer import unstable_pole
 from ambkit.machine.bank import bias_forces_of, laws_of
+from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
@@ -142,15 +143,15 @@ class MultipleModelFilter(Estimator):
         excitation: float = 1 / 3,
         **options: Any,
     ) -> None:
-        sojourn = in_si("sojourn", sojourn, "s")
+        T, sojourn = as_machine(bearing).sampling_time, in_si("sojourn", sojourn, "s")
         if not (2 <= len(scales) <= 5 and all(math.isfinite(s) and s > 0 for s in scales)):
             raise ValueError(f"scales must be 2 to 5 positive numbers, got {tuple(scales)!r}")
-        if not (math.isfinite(sojourn) and sojourn >= 2 * bearing.sampling_time):
+        if not (math.isfinite(sojourn) and sojourn >= 2 * T):
             raise ValueError(f"sojourn must be two samples or more [s], got {sojourn!r}")
         self.scales = tuple(float(s) for s in scales)
         magnet = magnet or laws_of(bearing)
         self._own: dict[str, Any] = {
-            "leave": bearing.sampling_time / sojourn,
+            "leave": T / sojourn,
             "bias": bias_forces_of(magnet, bearing),
             **_learning(bearing, excitation),
         }

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.errors import AmbkitError
 from ambkit.data.signals import signal
 from ambkit.estimate.noise import FilterNoise, Variances, check_variances, dwell
 from ambkit.machine import geometry
@@ -328,6 +329,13 @@ class View:
         """Return readings (N, m) [m] and control signals (N, p) [V] of a record."""
         y = [record[signal("y", r.name)] for r in self.machine.readings]
         u = [record[signal("u", axis.name)] for axis in self.machine.axes]
+        for axis in self.machine.axes:
+            name, takes = signal("u", axis.name), axis.bearing.amplifier.control_unit
+            if record.units[name] == "A" and takes == "V":
+                raise AmbkitError(
+                    f"{name} of the record is in A, and the amplifier of {self.machine.name} takes "
+                    "V: give its gain in A/A"
+                )
         return (y[0], u[0]) if self.single else (np.column_stack(y), np.column_stack(u))
 
 

@@ -16,7 +16,7 @@ from pydantic import (
 
 from ambkit.base.config import Document, Part, Read, read_unchecked, reader
 from ambkit.base.config.paths import FilePath
-from ambkit.base.config.quantities import Quantity, WordOrQuantity
+from ambkit.base.config.quantities import InOther, Quantity, WordOrQuantity
 from ambkit.base.config.texts import Description, Name
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
@@ -199,7 +199,7 @@ class Amplifier(Part):
     """The current amplifier: iu = gain u, within the limit."""
 
     # Where the control signal is a current, gain and noise variance are given in A/A and A^2. All
-    # numbers of u are then in A, though records, filters and exports name its unit V.
+    # numbers of u are then in A, and records say so; filters and exports name its unit V.
 
     gain: Annotated[float, Quantity("A/V", "1 A/V", at_least=1e-9, at_most=1e9, also=("A/A", "1"))]
     """Gain k_ui [A/V], control current by control signal; [A/A] where that is a current."""
@@ -213,6 +213,11 @@ class Amplifier(Part):
     """Greatest voltage of a coil, either way [V]; with bandwidth and resistance."""
     resistance: Annotated[float, Quantity("ohm", "2 ohm", above=0)] | None = None
     """Resistance R of a coil [ohm]: what voltage it takes, and what loss."""
+
+    @property
+    def control_unit(self) -> str:
+        """SI unit of the control signal: V, or A where the gain was given in A/A."""
+        return "A" if isinstance(self.gain, InOther) else "V"
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:

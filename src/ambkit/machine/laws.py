@@ -122,7 +122,8 @@ class Law:
         wanted, middle = force - self.bias_force, np.zeros(1)
         at = np.array([low if wanted < 0 else high])
         pulled = float(self.in_core(core_module()).force(at, middle)[0])
-        return pulled <= wanted if wanted < 0 else pulled >= wanted
+        enough = pulled <= wanted if wanted < 0 else pulled >= wanted
+        return enough and math.isfinite(pulled)
 
     def current_for(self, force: float) -> float:
         """Return the control current iu [A] with which the magnet pulls so much at x = 0.

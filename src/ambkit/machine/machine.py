@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
+from ambkit.base.asked import of_type
 from ambkit.base.config import Document, Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Description, Name
@@ -364,6 +365,7 @@ class Machine(Document):
 
 def as_machine(of: Bearing | Machine) -> Machine:
     """Return a machine as it is, and a bearing as the machine of one axis that it describes."""
+    of_type(Bearing, Machine, bearing=of)
     return of if isinstance(of, Machine) else Machine.of_axis(of)
 
 

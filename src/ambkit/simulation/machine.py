@@ -284,6 +284,9 @@ def _record(
     }  # fmt: skip
     for name, (values, unit) in of_axes.items():
         signals |= {signal(name, axis): (values[:, k], unit) for k, axis in enumerate(axes)}
+    for axis in machine.axes:
+        name = signal("u", axis.name)
+        signals[name] = signals[name][0], axis.bearing.amplifier.control_unit
     for k, state in enumerate(model.states[: 2 * len(machine.positions)]):
         signals[f"q_{state.name}"] = out["X"][:, k], state.unit
     signals |= {f"{at.name}": (out["X"][:, k], at.unit) for k, at in enumerate(model.states)

@@ -357,11 +357,9 @@ class Loop:
             "stop_touched": int(out["touched"]),
         }
         t = self._t[here]
-        units = {
-            name: unit
-            for name, unit in (UNITS | INJECTED_UNITS | COIL_UNITS | MODE_UNITS).items()
-            if name in signals
-        }
+        known = UNITS | {"u": bearing.amplifier.control_unit}
+        known |= INJECTED_UNITS | COIL_UNITS | MODE_UNITS
+        units = {name: unit for name, unit in known.items() if name in signals}
         record = Record(t, {name: signals[name] for name in units}, units, meta=meta)
         if estimator is None:
             return Run(record, None)

@@ -1,12 +1,14 @@
 """What happens in a run: reference, disturbance, noise, controller."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
+from ambkit.base.asked import of_type
 from ambkit.base.config import Document, Part, Read
 from ambkit.base.config.quantities import Quantity, SignalIn
+from ambkit.machine.bearing import Bearing
 from ambkit.simulation.gains import Gains, chosen, textbook, two_digits, weight_of
 from ambkit.simulation.sequence import LiftOff
 from ambkit.simulation.waveforms import (
@@ -21,9 +23,6 @@ from ambkit.simulation.waveforms import (
     Sum,
     Waveform,
 )
-
-if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
 
 __all__ = [
     "PID",
@@ -83,7 +82,7 @@ class PID(Part):
         return {name: value for name, value in data.items() if name in self.model_fields_set}
 
     @classmethod
-    def for_bearing(cls, bearing: "Bearing") -> Self:
+    def for_bearing(cls, bearing: Bearing) -> Self:
         """Return the gains that the margins of a bearing's loop allow, see `gains.chosen`.
 
         Parameters
@@ -91,10 +90,11 @@ class PID(Part):
         bearing : Bearing
             What is to be held.
         """
+        of_type(Bearing, bearing=bearing)
         return cls(**chosen(bearing)._asdict() | {"feedback": cls().feedback})
 
     @classmethod
-    def textbook(cls, bearing: "Bearing") -> Self:
+    def textbook(cls, bearing: Bearing) -> Self:
         """Return gains by a rule of thumb, with which a step overshoots by a half.
 
         ``kp = 4 k_s/k_i``, a damping of 0.56, and all of the reference to kp.
@@ -104,9 +104,10 @@ class PID(Part):
         bearing : Bearing
             What is to be held.
         """
+        of_type(Bearing, bearing=bearing)
         return cls(**textbook(bearing)._asdict() | {"feedback": cls().feedback})
 
-    def completed(self, bearing: "Bearing") -> Self:
+    def completed(self, bearing: Bearing) -> Self:
         """Return the controller with what was not given tuned to a bearing, see `for_bearing`.
 
         The set-point weight goes with the proportional gain that is flown, given or not.
@@ -120,7 +121,7 @@ class PID(Part):
             return self
         return type(self).for_bearing(bearing).overlaid(self, bearing)
 
-    def overlaid(self, given: Self, bearing: "Bearing") -> Self:
+    def overlaid(self, given: Self, bearing: Bearing) -> Self:
         """Return the controller with what was given of another in the place of its own.
 
         Parameters

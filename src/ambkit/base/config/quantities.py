@@ -36,6 +36,12 @@ class Said(float):
         return said
 
 
+class InOther(float):
+    """A value that was said in another unit than that of its `Quantity`, and is written so."""
+
+    unit: str  #: The other one.
+
+
 @dataclass(frozen=True)
 class Quantity:
     """Marks a float that stands in files as a string with a unit."""
@@ -75,7 +81,9 @@ class Quantity:
         if isinstance(value, str):
             for other in self.also:
                 with suppress(ValueError):
-                    return units.parse(value, other)
+                    number = InOther(units.parse(value, other))
+                    number.unit = self.also[0]
+                    return number
             return Said.of(value, self.unit) if unit is None else units.parse(value, unit)
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise ValueError(f"{json.dumps(value, default=repr)} is not a number")
@@ -108,11 +116,12 @@ class Quantity:
 
     def write(self, value: float) -> float | str:
         """Give the string for a file, which reads back as exactly `value`."""
-        unit = self._unit()
+        unit = value.unit if isinstance(value, InOther) else self._unit()
         return value if unit in (None, "1") else units.engineering(value, str(unit), digits=None)
 
     def _serialize(self, value: float, info: core_schema.SerializationInfo) -> float | str:
-        return value if info.context is None else self.write(value)
+        plain = info.context is None and not isinstance(value, InOther)
+        return value if plain else self.write(value)
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler

@@ -15,7 +15,7 @@ from ambkit.base.errors import RecordError
 from ambkit.data.files import csv_text, parquet, timestamps
 from ambkit.data.files.formats import read_log
 from ambkit.data.files.log import Log
-from ambkit.data.signals import UNITS, si_unit
+from ambkit.data.signals import UNITS, held_in
 
 Array = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ def _to_si(name: str, unit: str | None, values: Array) -> tuple[Array, str]:
     from ambkit.base.units import factor
 
     try:
-        target = UNITS.get(name) or si_unit(unit)
+        target = held_in(name, unit)
         scale = 1.0 if unit == target else factor(unit, target)
     except ValueError as error:
         raise ValueError(f": {error}") from None

@@ -26,6 +26,10 @@ BEYOND = 1.15
 SPARE = 1.25
 """Up to which multiple of the range modes are kept: their tails reach into it [1]."""
 
+SHARP = 0.01
+"""Of the tolerance, the share that a whirl may be off: a regulator that knows a mode is as sharp as
+the mode is damped, and near it the sensitivity is off by many times the whirl's share [1]."""
+
 STEPS = 3
 """Speeds at which whirls are compared: errors grow with the speed."""
 
@@ -122,16 +126,17 @@ def whirl_error(
 
 
 def enough(rotor: OfRotor, T: float, speed: float, tolerance: float) -> float:
-    """Return up to which frequency to keep modes, so that the whirl is right [Hz]."""
+    """Return up to which frequency to keep modes, so that whirls and sensitivity are right [Hz]."""
     # All modes within the range of ISO 14839-3 and a quarter beyond are kept, and so many more that
-    # every whirl in that range is right up to `BEYOND` times the speed; none is faster than half
-    # the sampling rate.
+    # every whirl in that range is right up to `BEYOND` times the speed, to the share `SHARP` of the
+    # tolerance; none is faster than half the sampling rate.
     every = rotor.every_mode
     f = every.frequency / (2 * math.pi)
     highest, speeds = end_of_range(T, speed), speeds_of(speed)
     seen = max(1, int(np.count_nonzero(f < 0.5 / T)))
     n = min(seen, max(1, int(np.count_nonzero(f <= SPARE * highest))))
-    while n < seen and whirl_error(rotor, every, highest, speeds, n).error > tolerance:
+    sharp = SHARP * tolerance
+    while n < seen and whirl_error(rotor, every, highest, speeds, n).error > sharp:
         n += 1
     return above(f, n)
 
