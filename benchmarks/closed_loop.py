@@ -53,32 +53,39 @@ class ClosedLoop:
         """Run it in one call into sim/, the linear filter feeding the controller."""
         b, pid = self.bearing, self.scenario.controller
         self.filter.reset()
+        start = np.array([self.integral])
+        loop = {
+            "axis": {
+                "magnet": ambkit.ClosedLaw(b).in_core(_core),
+                "m": b.rotor.mass,
+                "f_0": b.weight,
+                "bias": 0.0,
+                "K_sen": b.sensor.gain,
+                "T_sen": b.sensor.lag,
+                "travel": b.rotor.travel_limit,
+                "substeps": self.scenario.substeps,
+                "parts": {},
+                "coil": None,
+            },
+            "T": b.sampling_time,
+            "k_ui": [b.amplifier.gain],
+            "pid": [pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup, 1.0,
+                    b.current_min, b.current_max],
+            "feedback_estimate": True,
+        }  # fmt: skip
         result: dict[str, Any] = _core.simulate(
-            ambkit.ClosedLaw(b).in_core(_core),
-            T=b.sampling_time,
-            m=b.rotor.mass,
-            f_0=b.weight,
-            K_sen=b.sensor.gain,
-            T_sen=b.sensor.lag,
-            travel=b.rotor.travel_limit,
-            substeps=self.scenario.substeps,
-            k_ui=b.amplifier.gain,
-            iu_min=b.current_min,
-            iu_max=b.current_max,
-            kp=pid.kp,
-            ki=pid.ki,
-            kd=pid.kd,
-            T_f=pid.derivative_filter,
-            T_t=pid.anti_windup,
-            integral=self.integral,
-            feedback_estimate=True,
+            loop,
             estimator=self.filter.core,
             r=self.r,
-            f_d=self.f_d,
+            load=self.f_d,
             noise_u=self.noise_u,
             noise_y=self.noise_y,
+            place=np.zeros(1),
+            current=start,
+            integral=start,
         )
-        return result
+        columns = {name: result[name][:, 0] for name in ("iu", "y", "u", "force")}
+        return result | columns | dict(zip(("x", "v", "x_m"), result["X"], strict=True))
 
     def public_run(self) -> ambkit.Estimate:
         """Run it as users do: noise is drawn, signals are checked and labelled."""

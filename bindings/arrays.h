@@ -119,6 +119,5 @@ void bind_learners(nb::module_ &m);
 void bind_rls(nb::module_ &m);
 void bind_control(nb::module_ &m);
 void bind_loop(nb::module_ &m);
-void bind_machine(nb::module_ &m);
 void bind_batch(nb::module_ &m);
 void bind_many(nb::module_ &m);

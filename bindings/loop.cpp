@@ -37,92 +37,133 @@ struct Elsewhere {
   }
 };
 
-Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_real K_sen,
-               amb_real T_sen, amb_real travel, int substeps, amb_real k_ui, amb_real iu_min,
-               amb_real iu_max, amb_real kp, amb_real ki, amb_real kd, amb_real T_f, amb_real T_t,
-               amb_real weight, amb_real integral, bool feedback_estimate, Estimator *estimator,
-               const Vector &r, const Vector &f_d, const Vector &noise_u, const Vector &noise_y,
-               const std::optional<Vector> &scale, amb_real f_bias, amb_real x_start,
-               LoopState *went, const std::optional<Named> &faults, bool beside,
-               const std::optional<Named> &parts, const Magnet *coil, Control *control,
-               const std::optional<Vector> &fly, std::optional<amb_real> hover,
-               const std::optional<Asked> &elsewhere)
+#if defined(AMB_MODEL_LOOPS)
+// An estimator, and the model that turns with the rotor.
+struct Turning {
+  Estimator *estimator;
+  Model *model;
+  static void turn(void *self, amb_real before, amb_real after)
+  {
+    const auto &both = *static_cast<Turning *>(self);
+    both.estimator->turn(*both.model, before, after);
+  }
+};
+#endif
+
+// An array of a run that may be absent, checked.
+const amb_real *series(const std::optional<Samples> &given, size_t n, size_t columns,
+                       const char *name)
 {
-  const size_t n = r.size();
-  same_length(n, f_d.size(), "f_d");
-  same_length(n, noise_u.size(), "noise_u");
-  same_length(n, noise_y.size(), "noise_y");
-  if (scale)
-    same_length(n, scale->size(), "scale");
-  if (fly)
-    same_length(n, fly->size(), "fly");
-  LoopOf of(magnet, T, m, f_0, f_bias, K_sen, T_sen, travel, substeps, k_ui, iu_min, iu_max, kp, ki,
-            kd, T_f, T_t, weight, feedback_estimate, estimator, parts, coil, control);
+  if (!given)
+    return nullptr;
+  same_length(n, samples_of(*given, columns, name), name);
+  return given->data();
+}
+
+Named simulate(const nb::dict &given, const Samples &r, const Samples &load, const Samples &noise_u,
+               const Samples &noise_y, const Vector &place, const Vector &current,
+               const Vector &integral, bool hovers, Estimator *estimator, Model *model,
+               Control *control, const std::optional<Samples> &speed,
+               const std::optional<Samples> &base, std::optional<size_t> off,
+               const std::optional<Samples> &scale, const std::optional<Named> &faults, bool beside,
+               const std::optional<Samples> &fly, const std::optional<Asked> &elsewhere,
+               LoopState *went, const std::optional<Vector> &start)
+{
+  LoopOf of(given, estimator, control);
+  amb_loop &loop = of.loop;
+  const size_t p = of.axes(), m = of.sensors(), n = samples_of(r, p, "r");
+  of.check_start(place, current, integral);
   Elsewhere asked{elsewhere ? nb::callable(*elsewhere) : nb::callable(), {}};
-  of.loop.elsewhere = elsewhere ? &Elsewhere::ask : nullptr;
-  of.loop.where = &asked;
-  const amb_loop &loop = of.loop;
-  const amb_parts &with = of.parts;
+  if (elsewhere)
+    same_length(1, p, "a controller that is elsewhere, in axes,");
+  loop.elsewhere = elsewhere ? &Elsewhere::ask : nullptr;
+  loop.where = &asked;
   const std::optional<Faults> wrong =
-      faults ? std::optional<Faults>(Faults(*faults, beside, n)) : std::nullopt;
+      faults ? std::optional<Faults>(std::in_place, *faults, beside, n, of) : std::nullopt;
   amb_loop_input input{};
   input.n = n;
-  input.off = n;
   input.r = r.data();
-  input.load = f_d.data();
-  input.noise_u = noise_u.data();
-  input.noise_y = noise_y.data();
-  input.scale = scale ? scale->data() : nullptr;
+  input.load = series(load, n, p, "load");
+  input.noise_u = series(noise_u, n, p, "noise_u");
+  input.noise_y = series(noise_y, n, m, "noise_y");
+  input.speed = series(speed, n + 1, 1, "speed");
+  input.base = series(base, n, 3, "base");
+  input.scale = series(scale, n, 1, "scale");
+  input.fly = series(fly, n, 1, "fly");
   input.faults = wrong ? &wrong->to : nullptr;
-  input.fly = fly ? fly->data() : nullptr;
-  Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});
+  input.off = off.value_or(n);
+  if (!loop.plant.own && input.speed == nullptr)
+    throw std::invalid_argument("a plant of several axes needs a speed");
+#if defined(AMB_MODEL_LOOPS)
+  Turning turning{estimator, model};
+  if (estimator != nullptr && model != nullptr && model->turns()) {
+    if (input.speed == nullptr)
+      throw std::invalid_argument("a model that turns needs a speed");
+    loop.turn = &Turning::turn;
+    loop.model = &turning;
+  }
+#else
+  (void)model; // a single axis does not turn
+#endif
+  const auto columns = static_cast<size_t>(loop.plant.own ? 3 : loop.plant.states);
+  Fresh<amb_real> X({columns, n}), iu({n, p}), force({n, p}), y({n, m}), u({n, p});
+  std::vector<amb_real *> states;
+  for (size_t j = 0; j < columns; j++)
+    states.push_back(X.data + j * n);
   const Sizes sizes(estimator ? estimator->kf.model : amb_model{});
   History history(estimator ? n : 0, sizes, estimator != nullptr, estimator && estimator->scales());
-  const bool volts = with.voltage > 0;
-  Fresh<amb_real> first({volts ? n : 0}), second({volts && with.pair ? n : 0});
+  const amb_parts &coil = loop.plant.amplifier[0];
+  const bool volts = p == 1 && coil.voltage > 0, both = volts && coil.pair;
   const bool whole = control != nullptr || elsewhere;
-  Fresh<unsigned char> mode({whole ? n : 0});
-  amb_real *const X[] = {x.data, v.data, x_m.data};
+  Fresh<amb_real> first({volts ? n : 0}), second({both ? n : 0});
+  Fresh<unsigned short> status({n});
+  Fresh<unsigned char> mode({whole ? n : 0}), usable({whole ? n : 0});
   amb_loop_output out{};
-  out.X = X;
-  out.columns = 3;
+  out.X = states.data();
+  out.columns = static_cast<int>(columns);
   out.iu = iu.data;
   out.force = force.data;
   out.y = y.data;
   out.u = u.data;
   out.estimate = history.to;
   out.voltage[0] = volts ? first.data : nullptr;
-  out.voltage[1] = volts && with.pair ? second.data : nullptr;
+  out.voltage[1] = both ? second.data : nullptr;
+  out.status = status.data;
   out.mode = whole ? mode.data : nullptr;
+  out.usable = whole ? usable.data : nullptr;
   LoopState fresh;
   amb_loop_state &state = went ? went->state : fresh.state;
   if (!state.sampled)
-    of.settle(state, x_start, integral, hover, estimator ? estimator->state() : nullptr);
+    of.settle(state, place, current, integral, hovers, estimator ? estimator->state() : nullptr);
+  if (start) {
+    same_length(static_cast<size_t>(loop.plant.states), start->size(), "start");
+    std::copy_n(start->data(), start->size(), state.plant.X);
+  }
   {
     nb::gil_scoped_release release;
     amb_loop_run(&loop, &input, &state, estimator ? estimator->state() : nullptr, &out);
-    for (size_t k = 0; k < n; k++)
-      force.data[k] += f_0;
   }
   if (asked.failed.is_valid()) {
     PyErr_SetObject(reinterpret_cast<PyObject *>(asked.failed.type().ptr()), asked.failed.ptr());
     throw nb::python_error();
   }
   nb::dict d;
-  d["x"] = x.array;
-  d["v"] = v.array;
-  d["x_m"] = x_m.array;
+  d["X"] = X.array;
   d["iu"] = iu.array;
   d["force"] = force.array;
   d["y"] = y.array;
   d["u"] = u.array;
-  if (out.voltage[0] != nullptr)
-    d["u_coil"] = first.array;
-  if (out.voltage[1] != nullptr)
-    d["u_coil_2"] = second.array;
+  d["status"] = status.array;
   d["touched"] = out.touched;
-  if (whole)
+  d["first"] = out.first;
+  if (volts)
+    d["u_coil"] = first.array;
+  if (both)
+    d["u_coil_2"] = second.array;
+  if (whole) {
     d["mode"] = mode.array;
+    d["usable"] = usable.array;
+  }
   if (estimator)
     d["estimate"] = history.arrays;
   return d;
@@ -135,20 +176,24 @@ void bind_loop(nb::module_ &m)
   nb::class_<LoopState>(m, "LoopState",
                         "Plant, controller and last sample of a closed loop; empty at first.")
       .def(nb::init<>());
-  m.def(
-      "simulate", &simulate, nb::arg("magnet"), nb::kw_only(), nb::arg("T"), nb::arg("m"),
-      nb::arg("f_0"), nb::arg("K_sen"), nb::arg("T_sen"), nb::arg("travel"), nb::arg("substeps"),
-      nb::arg("k_ui"), nb::arg("iu_min"), nb::arg("iu_max"), nb::arg("kp"), nb::arg("ki"),
-      nb::arg("kd"), nb::arg("T_f"), nb::arg("T_t"), nb::arg("weight") = amb_real(1),
-      nb::arg("integral"), nb::arg("feedback_estimate"), nb::arg("estimator").none(), nb::arg("r"),
-      nb::arg("f_d"), nb::arg("noise_u"), nb::arg("noise_y"), nb::arg("scale").none() = nb::none(),
-      nb::arg("f_bias") = 0, nb::arg("x_start") = 0, nb::arg("state").none() = nb::none(),
-      nb::arg("faults").none() = nb::none(), nb::arg("beside") = false,
-      nb::arg("parts").none() = nb::none(), nb::arg("coil").none() = nb::none(),
-      nb::arg("control").none() = nb::none(), nb::arg("fly").none() = nb::none(),
-      nb::arg("hover").none() = nb::none(), nb::arg("elsewhere").none() = nb::none(),
-      "A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty "
-      "one at first, the next call goes on where this one ends. A whole controller starts in "
-      "flight, "
-      "with this current [A] (hover), or at power-on.");
+  m.def("simulate", &simulate, nb::arg("loop"), nb::kw_only(), nb::arg("r"), nb::arg("load"),
+        nb::arg("noise_u"), nb::arg("noise_y"), nb::arg("place"), nb::arg("current"),
+        nb::arg("integral"), nb::arg("hovers") = true, nb::arg("estimator").none() = nb::none(),
+        nb::arg("model").none() = nb::none(), nb::arg("control").none() = nb::none(),
+        nb::arg("speed").none() = nb::none(), nb::arg("base").none() = nb::none(),
+        nb::arg("off").none() = nb::none(), nb::arg("scale").none() = nb::none(),
+        nb::arg("faults").none() = nb::none(), nb::arg("beside") = false,
+        nb::arg("fly").none() = nb::none(), nb::arg("elsewhere").none() = nb::none(),
+        nb::arg("state").none() = nb::none(), nb::arg("start").none() = nb::none(),
+        nb::sig("def simulate(loop: dict[str, Any], *, r: Any, load: Any, noise_u: Any, noise_y: "
+                "Any, place: Any, current: Any, integral: Any, hovers: bool = True, estimator: "
+                "Estimator | None = None, model: Model | None = None, control: Control | None = "
+                "None, speed: Any = None, base: Any = None, off: int | None = None, scale: Any = "
+                "None, faults: dict[str, Any] | None = None, beside: bool = False, fly: Any = "
+                "None, elsewhere: Any = None, state: LoopState | None = None, start: Any = None) "
+                "-> dict[str, Any]"),
+        "A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an "
+        "empty one at first, the next call goes on where this one ends. The start, of all states "
+        "of the "
+        "plant, is in place of rest.");
 }

@@ -21,29 +21,26 @@ struct Plan {
   amb_many_run run{};
   size_t n;
   std::vector<amb_real> mean, std;
-  amb_real x_start, integral;
-  Vector r, f_d;
+  Vector place, current, integral;
+  bool hovers;
+  Vector r, load;
   std::optional<Doubles> noise_u, noise_y;
   std::optional<Vector> scale, fly;
-  std::optional<amb_real> hover;
   std::optional<Faults> faults;
 
-  Plan(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_real K_sen, amb_real T_sen,
-       amb_real travel, int substeps, amb_real k_ui, amb_real iu_min, amb_real iu_max, amb_real kp,
-       amb_real ki, amb_real kd, amb_real T_f, amb_real T_t, amb_real weight, amb_real integral_,
-       bool feedback_estimate, Estimator *asked, std::optional<Vector> at_mean,
-       std::optional<Vector> at_std, Vector reference, Vector load, uint64_t seed, double std_u,
-       double std_y, std::optional<Doubles> on_u, std::optional<Doubles> on_y,
-       std::optional<Vector> scaled, amb_real f_bias, amb_real x, const std::optional<Named> &wrong,
-       bool beside, const std::optional<Named> &parts, const Magnet *coil, size_t first,
-       size_t step_from, size_t step_to, amb_real height, size_t load_from, amb_real band,
-       Control *control, std::optional<Vector> flies, std::optional<amb_real> hovers)
-      : of(magnet, T, m, f_0, f_bias, K_sen, T_sen, travel, substeps, k_ui, iu_min, iu_max, kp, ki,
-           kd, T_f, T_t, weight, feedback_estimate, asked, parts, coil, control),
-        estimator(asked), n(reference.size()), x_start(x), integral(integral_), r(reference),
-        f_d(load), noise_u(on_u), noise_y(on_y), scale(scaled), fly(flies), hover(hovers)
+  Plan(const Named &loop, Estimator *estimator_, Control *control, std::optional<Vector> at_mean,
+       std::optional<Vector> at_std, Vector place_, Vector current_, Vector integral_, bool hovers_,
+       Vector reference, Vector load_, uint64_t seed, double std_u, double std_y,
+       std::optional<Doubles> on_u, std::optional<Doubles> on_y, std::optional<Vector> scaled,
+       const std::optional<Named> &wrong, bool beside, std::optional<Vector> flies, size_t first,
+       size_t step_from, size_t step_to, amb_real height, size_t load_from, amb_real band)
+      : of(loop, estimator_, control), estimator(estimator_), n(reference.size()), place(place_),
+        current(current_), integral(integral_), hovers(hovers_), r(reference), load(load_),
+        noise_u(on_u), noise_y(on_y), scale(scaled), fly(flies)
   {
-    same_length(n, f_d.size(), "f_d");
+    same_length(1, of.axes(), "a loop that is judged, in axes,");
+    of.check_start(place, current, integral);
+    same_length(n, load.size(), "load");
     for (const auto &[array, name] : {std::pair{&noise_u, "noise_u"}, {&noise_y, "noise_y"}})
       if (*array)
         same_length(n, (*array)->size(), name);
@@ -52,7 +49,7 @@ struct Plan {
     if (fly)
       same_length(n, fly->size(), "fly");
     if (wrong)
-      faults.emplace(*wrong, beside, n);
+      faults.emplace(*wrong, beside, n, of);
     if (estimator != nullptr) {
       estimator->must_have({AMB_POSITION, AMB_VELOCITY, AMB_LOAD}, "a loop that is judged");
       if (!at_mean || !at_std)
@@ -66,7 +63,7 @@ struct Plan {
       throw std::invalid_argument("spans must be within the run");
     run.loop = &of.loop;
     run.r = r.data();
-    run.f_d = f_d.data();
+    run.f_d = load.data();
     run.key = {seed, 0};
     run.std_u = std_u;
     run.std_y = std_y;
@@ -193,7 +190,7 @@ nb::typed<nb::tuple, Out<double>, Out<int64_t>> fly(const std::vector<const Plan
       runs.back().estimator = states.back().data();
       if (plan.estimator != nullptr)
         plan.reset(states.back().data());
-      plan.of.settle(runs.back().state, plan.x_start, plan.integral, plan.hover,
+      plan.of.settle(runs.back().state, plan.place, plan.current, plan.integral, plan.hovers,
                      states.back().data());
       each.push_back(&runs.back());
     }
@@ -244,28 +241,19 @@ Out<uint32_t> philox(const std::vector<uint32_t> &counter, const std::vector<uin
 void bind_many(nb::module_ &m)
 {
   nb::class_<Plan>(m, "Plan", "A closed loop that is run many times, all but its number.")
-      .def(nb::init<const Magnet &, amb_real, amb_real, amb_real, amb_real, amb_real, amb_real, int,
-                    amb_real, amb_real, amb_real, amb_real, amb_real, amb_real, amb_real, amb_real,
-                    amb_real, amb_real, bool, Estimator *, std::optional<Vector>,
-                    std::optional<Vector>, Vector, Vector, uint64_t, double, double,
-                    std::optional<Doubles>, std::optional<Doubles>, std::optional<Vector>, amb_real,
-                    amb_real, const std::optional<Named> &, bool, const std::optional<Named> &,
-                    const Magnet *, size_t, size_t, size_t, amb_real, size_t, amb_real, Control *,
-                    std::optional<Vector>, std::optional<amb_real>>(),
-           nb::arg("magnet"), nb::kw_only(), nb::arg("T"), nb::arg("m"), nb::arg("f_0"),
-           nb::arg("K_sen"), nb::arg("T_sen"), nb::arg("travel"), nb::arg("substeps"),
-           nb::arg("k_ui"), nb::arg("iu_min"), nb::arg("iu_max"), nb::arg("kp"), nb::arg("ki"),
-           nb::arg("kd"), nb::arg("T_f"), nb::arg("T_t"), nb::arg("weight"), nb::arg("integral"),
-           nb::arg("feedback_estimate"), nb::arg("estimator").none(), nb::arg("mean").none(),
-           nb::arg("std").none(), nb::arg("r"), nb::arg("f_d"), nb::arg("seed"), nb::arg("std_u"),
-           nb::arg("std_y"), nb::arg("noise_u").none(), nb::arg("noise_y").none(),
-           nb::arg("scale").none(), nb::arg("f_bias"), nb::arg("x_start"), nb::arg("faults").none(),
-           nb::arg("beside"), nb::arg("parts").none(), nb::arg("coil").none(), nb::arg("first"),
-           nb::arg("step_from"), nb::arg("step_to"), nb::arg("height"), nb::arg("load_from"),
-           nb::arg("band"), nb::arg("control").none() = nb::none(),
-           nb::arg("fly").none() = nb::none(), nb::arg("hover").none() = nb::none(),
-           nb::keep_alive<1, 2>(), nb::keep_alive<1, 21>(), nb::keep_alive<1, 37>(),
-           nb::keep_alive<1, 44>(), "See sim/many.h for shapes and units.");
+      .def(nb::init<const Named &, Estimator *, Control *, std::optional<Vector>,
+                    std::optional<Vector>, Vector, Vector, Vector, bool, Vector, Vector, uint64_t,
+                    double, double, std::optional<Doubles>, std::optional<Doubles>,
+                    std::optional<Vector>, const std::optional<Named> &, bool,
+                    std::optional<Vector>, size_t, size_t, size_t, amb_real, size_t, amb_real>(),
+           nb::arg("loop"), nb::kw_only(), nb::arg("estimator").none(), nb::arg("control").none(),
+           nb::arg("mean").none(), nb::arg("std").none(), nb::arg("place"), nb::arg("current"),
+           nb::arg("integral"), nb::arg("hovers"), nb::arg("r"), nb::arg("load"), nb::arg("seed"),
+           nb::arg("std_u"), nb::arg("std_y"), nb::arg("noise_u").none(), nb::arg("noise_y").none(),
+           nb::arg("scale").none(), nb::arg("faults").none(), nb::arg("beside"),
+           nb::arg("fly").none(), nb::arg("first"), nb::arg("step_from"), nb::arg("step_to"),
+           nb::arg("height"), nb::arg("load_from"), nb::arg("band"), nb::keep_alive<1, 3>(),
+           nb::keep_alive<1, 4>(), "See sim/many.h for shapes and units.");
   m.def(
       "fly", &fly, nb::arg("plans"), nb::arg("which"), nb::arg("numbers"), nb::kw_only(),
       nb::arg("instructions") = nb::none(), nb::arg("threads") = 1,

@@ -14,7 +14,6 @@ NB_MODULE(AMBKIT_MODULE_NAME, m)
   bind_rls(m);
   bind_control(m);
   bind_loop(m);
-  bind_machine(m);
   bind_batch(m);
   bind_many(m);
 }

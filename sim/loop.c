@@ -71,9 +71,9 @@ static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
     s->u[c] = iu[c] / loop->k_ui[c];
 }
 
-/* And the plant on to the next, with this share of the amplifiers' ranges. */
+/* And the plant on to the next, with these shares of the amplifiers' ranges; NULL: all. */
 static bool act(const amb_loop *loop, amb_loop_state *s, const amb_loop_sample *sample,
-                amb_real share)
+                const amb_real share[])
 {
   const amb_plant *plant = &loop->plant;
   const amb_real own = plant->sensor->speed;
@@ -84,9 +84,11 @@ static bool act(const amb_loop *loop, amb_loop_state *s, const amb_loop_sample *
                          .next = sample->speed != NULL ? sample->speed[1] : own,
                          .scale = sample->scale,
                          .off = sample->off || (is_whole(loop) && !s->flown.on)};
-  for (size_t c = 0; c < axes(loop); c++)
+  for (size_t c = 0; c < axes(loop); c++) {
+    const amb_real left = share != NULL ? share[c] : 1;
     s->demanded[c] = amb_clamp(loop->k_ui[c] * (s->u[c] + sample->noise_u[c]),
-                               share * loop->iu_min[c], share * loop->iu_max[c]);
+                               left * loop->iu_min[c], left * loop->iu_max[c]);
+  }
   for (int f = 0; f < plant->axes; f++)
     s->acting[f] = amb_plant_acting(plant, &s->plant, f, &acts,
                                     amb_plant_from_now(plant, &s->plant, f, s->demanded[f]));
@@ -113,21 +115,23 @@ bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
     told[c] = state->u[c];
   read(&loop->plant, &state->plant, sample->noise_y, state->y);
   sense(loop, state, estimator, sample, state->y, told);
-  return act(loop, state, sample, 1);
+  return act(loop, state, sample, NULL);
 }
 
-/* The measurement of one axis at sample k, as far as it has come: x_m is known up to there. */
+/* The measurement of sensor r at sample k, as far as it has come: x_m is known up to there. */
 static amb_real faulted(const amb_plant *plant, const amb_loop_faults *faults, const amb_real *x_m,
-                        const amb_real *noise, size_t k)
+                        const amb_real *noise, size_t k, int r)
 {
-  const amb_real late = faults->late[k], rise = plant->sensor->rise;
+  const amb_parts *sensor = &plant->sensor[r];
+  const size_t m = (size_t)plant->sensors, here = k * m + (size_t)r;
+  const amb_real late = faults->late[here], rise = sensor->rise;
   const size_t whole = (late < (amb_real)k) ? (size_t)late : k;
   const amb_real share = (late < (amb_real)k) ? late - (amb_real)whole : 0;
-  const size_t at = k - whole;
-  amb_real y = x_m[at] + amb_noise_share(rise, x_m[at]) * noise[at];
+  const size_t at = k - whole, then = here - whole * m;
+  amb_real y = x_m[at] + amb_noise_share(rise, x_m[at]) * noise[then];
   if (share > 0)
-    y += share * (x_m[at - 1] + amb_noise_share(rise, x_m[at - 1]) * noise[at - 1] - y);
-  return faults->y_times[k] * amb_parts_reading(plant->sensor, y, 0) + faults->y_plus[k];
+    y += share * (x_m[at - 1] + amb_noise_share(rise, x_m[at - 1]) * noise[then - m] - y);
+  return faults->y_times[here] * amb_parts_reading(sensor, y, 0) + faults->y_plus[here];
 }
 
 static amb_loop_sample sample_of(const amb_loop *loop, const amb_loop_input *in, size_t k)
@@ -197,17 +201,15 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
     read(plant, &s.plant, sample.noise_y, direct);
     for (int r = 0; r < plant->sensors; r++)
       s.y[r] = direct[r];
-    if (faults != NULL) {
-      const amb_real y = faulted(plant, faults, out->X[2], in->noise_y, k);
-      s.y[0] = y;
-      direct[0] = faults->beside ? direct[0] : y;
+    for (int r = 0; (faults != NULL) && (r < plant->sensors); r++) {
+      s.y[r] = faulted(plant, faults, out->X[plant->shows[r]], in->noise_y, k, r);
+      direct[r] = faults->beside ? direct[r] : s.y[r];
     }
     sense(loop, &s, estimator, &sample, direct, told);
-    for (size_t c = 0; c < axes(loop); c++)
-      told[c] = s.u[c];
-    if (faults != NULL)
-      told[0] = faults->u_times[k] * s.u[0] + faults->u_plus[k];
-    const bool touched = act(loop, &s, &sample, faults != NULL ? faults->current[k] : 1);
+    for (size_t c = 0, at = k * axes(loop); c < axes(loop); c++, at++)
+      told[c] = faults != NULL ? faults->u_times[at] * s.u[c] + faults->u_plus[at] : s.u[c];
+    const bool touched =
+        act(loop, &s, &sample, faults != NULL ? faults->current + k * axes(loop) : NULL);
     note(loop, &s, estimator, told, k, out);
     out->touched += touched ? 1U : 0U;
     out->first = touched && (k < out->first) ? k : out->first;

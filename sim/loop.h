@@ -66,19 +66,19 @@ typedef struct amb_loop_sample {
 bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
                    const amb_loop_sample *sample);
 
-/* What is wrong between plant, controller and estimator of one axis, n samples each, all wanted.
- * The measurement y that both get is y_times y' + y_plus, with y' the true one of `late` samples
- * ago, between two of them on the line through both; before the first sample there is the first.
- * The estimator alone is told u_times u + u_plus of the control signal u. Anything goes, NaN and
- * infinity too. */
+/* What is wrong between plant, controllers and estimator, n samples row by row, all wanted. A
+ * measurement y that both get is y_times y' + y_plus, with y' the true one of `late` samples ago,
+ * between two of them on the line through both; before the first sample there is the first. The
+ * estimator alone is told u_times u + u_plus of a control signal u. Anything goes, NaN and infinity
+ * too. */
 typedef struct amb_loop_faults {
-  bool beside; /* the controller gets the true measurement, the estimator alone the other */
-  const amb_real *late;    /* [samples], >= 0 */
-  const amb_real *y_times; /* [1] */
-  const amb_real *y_plus;  /* [m] */
-  const amb_real *u_times; /* [1] */
-  const amb_real *u_plus;  /* [V] */
-  const amb_real *current; /* share of the amplifier's range that is left [1], 0 to 1 */
+  bool beside;          /* controllers get the true measurements, the estimator alone the others */
+  const amb_real *late; /* n x sensors [samples], >= 0 */
+  const amb_real *y_times; /* n x sensors [1] */
+  const amb_real *y_plus;  /* n x sensors [m] */
+  const amb_real *u_times; /* n x axes [1] */
+  const amb_real *u_plus;  /* n x axes [V] */
+  const amb_real *current; /* n x axes: share of the amplifier's range that is left [1], 0 to 1 */
 } amb_loop_faults;
 
 /* What comes from outside, n samples each, row by row. Noise is drawn by the caller (noise.h), so

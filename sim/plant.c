@@ -601,15 +601,28 @@ amb_plant amb_plant_of_axis(const amb_axis *axis, amb_axis_room *room)
   return plant;
 }
 
-void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, amb_real x, amb_real iu)
+void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, const amb_real q[],
+                      const amb_real iu[])
 {
-  const amb_plant_state settled = {.X = {x, 0, 0, iu, iu}, .cosine = 1};
+  const amb_plant_state settled = {.cosine = 1};
   *state = settled;
-  state->X[2] = amb_parts_shown(plant->sensor, plant->gain[0], x, 1, 0);
-  const amb_parts *parts = plant->amplifier;
-  for (int k = 0; k < parts->behind; k++)
-    state->X[parts->behind_at[k]] =
-        parts->behind_rest[k] * plant->magnet[0].methods->force(plant->magnet[0].self, iu, x);
-  for (int n = 0; n < AMB_DELAY_MOST + 2; n++)
-    state->demanded[n][0] = iu;
+  for (int k = 0; k < plant->positions; k++)
+    state->X[k] = q[k];
+  for (int r = 0; r < plant->sensors; r++) {
+    const amb_real x = plant->own ? q[r] : times(&plant->C, r, q);
+    state->X[plant->shows[r]] = amb_parts_shown(&plant->sensor[r], plant->gain[r], x, 1, 0);
+  }
+  for (int f = 0; f < plant->axes; f++) {
+    if (plant->current[f] >= 0)
+      state->X[plant->current[f]] = iu[f];
+    if (plant->second[f] >= 0)
+      state->X[plant->second[f]] = iu[f];
+    const amb_parts *parts = &plant->amplifier[f];
+    const amb_real s = displacement(plant, f, q);
+    for (int k = 0; k < parts->behind; k++)
+      state->X[parts->behind_at[k]] =
+          parts->behind_rest[k] * plant->magnet[f].methods->force(plant->magnet[f].self, iu[f], s);
+    for (int n = 0; n < AMB_DELAY_MOST + 2; n++)
+      state->demanded[n][f] = iu[f];
+  }
 }

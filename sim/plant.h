@@ -118,6 +118,11 @@ static inline amb_real amb_plant_until_now(const amb_plant *plant, const amb_pla
   return (plant->delay > 0) || (plant->delay_rest > 0) ? state->demanded[plant->delay][f] : iu;
 }
 
+/* At rest at the positions q, where these control currents have long been [A]: the sensors have
+ * settled. */
+void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, const amb_real q[],
+                      const amb_real iu[]);
+
 /* Whether it is one axis with the closed law of two sides, and plain: it may fly in lanes. */
 bool amb_plant_is_plain_axis(const amb_plant *plant);
 
@@ -145,8 +150,5 @@ typedef struct amb_axis_room {
 
 /* The plant, which points to both. */
 amb_plant amb_plant_of_axis(const amb_axis *axis, amb_axis_room *room);
-
-/* At rest at x [m], where the control current iu [A] has long been: the sensor has settled. */
-void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, amb_real x, amb_real iu);
 
 #endif

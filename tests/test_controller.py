@@ -12,6 +12,7 @@ import oracles
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from one_axis import fly
 
 from ambkit.machine.magnets import core_module
 
@@ -24,12 +25,12 @@ def run_pid(r: np.ndarray, y: np.ndarray, integral: float = 0.0, **changes: floa
     zero = np.zeros(len(r))
     loop: dict[str, Any] = {
         "T": T, "m": 1e9, "f_0": 0.0, "K_sen": 1.0, "T_sen": 1e-3, "travel": 1e-3, "substeps": 1,
-        "k_ui": 1.0, "iu_min": -1.5, "iu_max": 1.5, "feedback_estimate": False, "estimator": None,
+        "k_ui": 1.0, "iu_min": -1.5, "iu_max": 1.5,
         "integral": integral, "r": r, "f_d": zero, "noise_u": zero, "noise_y": y,
     }  # fmt: skip
     loop |= GAINS | changes
     nothing = core_module().Constant(0.0, 0.0)
-    return np.asarray(core_module().simulate(nothing, **loop)["u"])
+    return np.asarray(fly(nothing, **loop)["u"])
 
 
 gain = st.sampled_from([0.0, 0.3, 1.0, 4.0])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from machine_cases import Array, directions
-from test_machine_flight import CORE, LOADS, released
+from test_machine_flight import CORE, LOADS, at_rest, released
 
 from ambkit import Flight, Machine, judge_machine, simulate_machine
 from ambkit.base.errors import AmbkitError
@@ -136,7 +136,7 @@ def test_without_loss_energy_is_kept() -> None:
     ])  # fmt: skip
     plant, n = Plant(one), len(one.positions)
     H = directions(one, one.axes)
-    X = plant.state(np.r_[2e-5, -1e-5, 5e-5, 8e-5, np.full(6, 1e-5)], np.zeros(4))
+    X = at_rest(one, np.r_[2e-5, -1e-5, 5e-5, 8e-5, np.full(6, 1e-5)], np.zeros(4))
     X[n : n + 4] = [2e-3, -3e-3, 0.05, 0.02]
     out = released(one, X, np.zeros(4), 50, 32)["X"]
     q, w = out[:, :n], out[:, n : 2 * n]

@@ -37,18 +37,26 @@ LOADS = np.array([3.0, 0.0, -2.0, 1.0])
 
 
 def released(
-    one: Machine, X: Array, iu: Array, n: int, substeps: int, speed: Array | None = None
-) -> dict[str, Any]:
+    one: Machine, X: Array | None, iu: Array, n: int, substeps: int, speed: Array | None = None,
+    q: Array | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """The plant alone from a state, with these currents demanded throughout and no control."""
     plant, p, m = Plant(one), len(one.axes), len(one.readings)
+    q = np.zeros(len(one.positions)) if q is None else q
     speed = np.full(n + 1, one.speed) if speed is None else speed
-    given = plant.arrays(CORE, 1, 0.0) | {"substeps": substeps, "off": n}
+    given = plant.arrays(CORE, 1, 0.0) | {"substeps": substeps}
     zero = np.zeros((n, p))
-    return CORE.simulate_machine(  # type: ignore[no-any-return]
+    out: dict[str, Any] = CORE.simulate(
         given | uncontrolled(one), r=zero, load=zero + LOADS, base=np.zeros((n, 3)), speed=speed,
         noise_u=zero,
-        noise_y=np.zeros((n, m)), start=X, demanded=iu, integral=iu,
+        noise_y=np.zeros((n, m)), place=q, start=X, current=iu, integral=iu,
     )  # fmt: skip
+    return out | {"X": out["X"].T}
+
+
+def at_rest(one: Machine, q: Array, iu: Array) -> Array:
+    """All states of the plant where the rotor stands still at q with these currents."""
+    return np.array(released(one, None, iu, 1, 1, q=q)["X"][0])
 
 
 def truth(one: Machine, iu: Array, growth: float) -> Any:
@@ -90,9 +98,9 @@ def test_the_plant_is_met_in_the_fourth_order(name: str, growth: float) -> None:
     coarse = "0.2 ms" if name == "compressor" else "0.4 ms"  # its modes go up to 1.9 kHz
     one = Machine.preset(name).replace(speed=1000.0, delay=None, sampling_time=coarse)
     rng, n = np.random.default_rng(4), 7
-    plant, iu = Plant(one), rng.uniform(-0.2, 0.2, 4)
+    iu = rng.uniform(-0.2, 0.2, 4)
     q = np.r_[rng.uniform(-2e-5, 2e-5, 4), np.zeros(len(one.positions) - 4)]
-    X = plant.state(q, 0.5 * iu)
+    X = at_rest(one, q, 0.5 * iu)
     T = one.sampling_time
     speed = one.speed + growth * T * np.arange(n + 1)
     exact = integrated(truth(one, iu, growth), X, (0, (n - 1) * T), np.full(X.size, 1e-4))
@@ -111,7 +119,7 @@ def test_without_loss_energy_is_kept() -> None:
     one = machine(speed=3000.0).replace(rotor__gravity="none")
     H = directions(one, one.axes)
     k, i0, s0 = MAGNET["magnet_constant"], MAGNET["bias_current"], MAGNET["air_gap"]
-    X = Plant(one).state(np.array([2e-5, -1e-5, 5e-5, 8e-5]), np.zeros(4))
+    X = at_rest(one, np.array([2e-5, -1e-5, 5e-5, 8e-5]), np.zeros(4))
     X[4:8] = [2e-3, -3e-3, 0.05, 0.02]
     out = released(one, X, np.zeros(4), 80, 8)["X"]
     M = np.array([4.0, 4.0, 0.16, 0.16])

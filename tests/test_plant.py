@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import oracles
 import pytest
+from one_axis import fly
 from scipy.integrate import solve_ivp
 
 import ambkit
@@ -29,12 +30,11 @@ def released(n: int, T: float, **changes: Any) -> dict[str, Any]:
     loop = {
         "T": T, "m": M, "f_0": 0.0, "K_sen": 1.0, "T_sen": 2e-3, "travel": 1e-3, "substeps": 4,
         "k_ui": 1.0, "iu_min": -1.5, "iu_max": 1.5, "kp": 0.0, "ki": 0.0, "kd": 0.0, "T_f": 0.0,
-        "T_t": 0.0, "integral": current, "feedback_estimate": False, "estimator": None,
-        "r": zero, "f_d": np.broadcast_to(f_d, n).astype(float), "noise_u": zero, "noise_y": zero,
+        "T_t": 0.0, "integral": current, "r": zero,
+        "f_d": np.broadcast_to(f_d, n).astype(float), "noise_u": zero, "noise_y": zero,
         "x_start": 1e-4,
     }  # fmt: skip
-    out: dict[str, Any] = core_module().simulate(magnet, **(loop | changes))
-    return out
+    return fly(magnet, **(loop | changes))
 
 
 def exact(t: np.ndarray, start: float, current: float, force: float, T_sen: float) -> np.ndarray:

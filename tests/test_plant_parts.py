@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from one_axis import fly
 from scipy.integrate import cumulative_simpson, solve_ivp
 from scipy.optimize import brentq
 
@@ -58,12 +59,11 @@ def driven(
     loop = {
         "T": T, "m": M, "f_0": 0.0, "K_sen": 1.0, "T_sen": 2e-4, "travel": 1e-3, "substeps": 8,
         "k_ui": 1.0, "iu_min": -1.5, "iu_max": 1.5, "kp": 0.0, "ki": 0.0, "kd": 0.0, "T_f": 0.0,
-        "T_t": 0.0, "integral": 0.0, "feedback_estimate": False, "estimator": None, "r": zero,
+        "T_t": 0.0, "integral": 0.0, "r": zero,
         "f_d": np.broadcast_to(f_d, n).astype(float), "noise_u": command, "noise_y": zero,
         "x_start": 0.0, "parts": parts,
     }  # fmt: skip
-    out: dict[str, Any] = core_module().simulate(magnet, **(loop | changes))
-    return out
+    return fly(magnet, **(loop | changes))
 
 
 def coils(**changes: Any) -> dict[str, Any]:
@@ -77,7 +77,7 @@ def coils(**changes: Any) -> dict[str, Any]:
 def test_a_bearing_without_parts_is_simulated_without_them() -> None:
     for name in presets.names():
         bearing = Bearing.preset(name)
-        assert plant_parts.parts_of(bearing) is None
+        assert plant_parts.parts_of(bearing) == {}
         assert plant_parts.coil_fields(bearing) is None
 
 

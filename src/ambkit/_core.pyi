@@ -1,6 +1,6 @@
 """The C core of ambkit."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Any, overload
 
 import numpy
@@ -350,14 +350,9 @@ class LoopState:
 
     def __init__(self) -> None: ...
 
-def simulate(magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, weight: float = 1.0, integral: float, feedback_estimate: bool, estimator: Estimator | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, f_bias: float = 0, x_start: float = 0, state: LoopState | None = None, faults: dict[str, Any] | None = None, beside: bool = False, parts: dict[str, Any] | None = None, coil: Magnet | None = None, control: Control | None = None, fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, hover: float | None = None, elsewhere: Callable[[float, float, bool], tuple[float, float, bool, int]] | None = None) -> dict[str, Any]:
+def simulate(loop: dict[str, Any], *, r: Any, load: Any, noise_u: Any, noise_y: Any, place: Any, current: Any, integral: Any, hovers: bool = True, estimator: Estimator | None = None, model: Model | None = None, control: Control | None = None, speed: Any = None, base: Any = None, off: int | None = None, scale: Any = None, faults: dict[str, Any] | None = None, beside: bool = False, fly: Any = None, elsewhere: Callable[[float, float, bool], tuple[float, float, bool, int]] | None = None, state: LoopState | None = None, start: Any = None) -> dict[str, Any]:
     """
-    A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty one at first, the next call goes on where this one ends. A whole controller starts in flight, with this current [A] (hover), or at power-on.
-    """
-
-def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, base: Any, speed: Any, noise_u: Any, noise_y: Any, start: Any, demanded: Any, integral: Any, estimator: Estimator | None = None, model: Model | None = None, control: Control | None = None, fly: Any = None, hovers: bool = False) -> dict[str, Any]:
-    """
-    A closed-loop run of a whole machine in one call; see sim/loop.h for shapes and units.
+    A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty one at first, the next call goes on where this one ends. The start, of all states of the plant, is in place of rest.
     """
 
 def instruction_sets() -> list[str]:
@@ -371,7 +366,7 @@ def run_batch(estimators: Sequence[Estimator], y: Annotated[NDArray[numpy.float6
 class Plan:
     """A closed loop that is run many times, all but its number."""
 
-    def __init__(self, magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, weight: float, integral: float, feedback_estimate: bool, estimator: Estimator | None, mean: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, std: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], seed: int, std_u: float, std_y: float, noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, f_bias: float, x_start: float, faults: dict[str, Any] | None, beside: bool, parts: dict[str, Any] | None, coil: Magnet | None, first: int, step_from: int, step_to: int, height: float, load_from: int, band: float, control: Control | None = None, fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, hover: float | None = None) -> None:
+    def __init__(self, loop: dict, *, estimator: Estimator | None, control: Control | None, mean: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, std: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, place: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], current: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], integral: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], hovers: bool, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], load: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], seed: int, std_u: float, std_y: float, noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, faults: dict[str, Any] | None, beside: bool, fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, first: int, step_from: int, step_to: int, height: float, load_from: int, band: float) -> None:
         """See sim/many.h for shapes and units."""
 
 def fly(plans: Sequence[Plan], which: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], numbers: Annotated[NDArray[numpy.uint64], dict(shape=(None,), order='C', device='cpu', writable=False)], *, instructions: str | None = None, threads: int = 1) -> tuple[NDArray[numpy.float64], NDArray[numpy.int64]]:

@@ -133,7 +133,8 @@ static void fill(one *o, size_t i, size_t n, const amb_estimator_methods *method
     run->spans.height = AMB_C(2e-4);
     run->spans.load_from = (n > 100) ? 120 : n;
     run->spans.band = AMB_C(5e-5);
-    amb_plant_settle(&o->loop.plant, &run->state.plant, 0, AMB_C(0.5));
+    const amb_real x = 0, iu = AMB_C(0.5);
+    amb_plant_settle(&o->loop.plant, &run->state.plant, &x, &iu);
     amb_pid_reset(&run->state.pid[0], AMB_C(0.5));
   }
 }

@@ -35,7 +35,7 @@ static bool advance(const amb_axis *axis, amb_plant_state *s, amb_real T, amb_re
 static void settle(const amb_axis *axis, amb_plant_state *s, amb_real x, amb_real iu)
 {
   const amb_plant plant = amb_plant_of_axis(axis, &room);
-  amb_plant_settle(&plant, s, x, iu);
+  amb_plant_settle(&plant, s, &x, &iu);
 }
 
 /* What acts just after a sample at which iu [A] is demanded; before one, with `until`. */

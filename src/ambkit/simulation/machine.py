@@ -177,20 +177,19 @@ def simulate_machine(
         controllers = controllers_of(plant, flight.control, feeding, pids, fastest)
     given = (
         plant.arrays(core, flight.substeps, fastest)
-        | {"off": n if flight.off is None else round(flight.off / T)}
         | {"T": T, "k_ui": [axis.bearing.amplifier.gain for axis in machine.axes]}
         | arrays(controllers, plant, feeding)
     )
+    off = n if flight.off is None else round(flight.off / T)
     follows, of_flight = None, {}
 
     def flown(samples: int, **of_estimator: Any) -> dict[str, Any]:
         series = {"r": wanted, "load": loads, "base": base, "noise_u": noise_u, "noise_y": noise_y}
-        at_once = {"start": plant.state(q, currents), "demanded": currents,
-                   "integral": controllers.integrals(*held)}  # fmt: skip
+        at_once = {"place": q, "current": currents, "integral": controllers.integrals(*held)}
         told = {name: values[:samples] for name, values in series.items()} | at_once
         told["speed"] = speed[: samples + 1]
         inputs = {name: np.ascontiguousarray(v, precision) for name, v in told.items()}
-        found: dict[str, Any] = core.simulate_machine(given, **inputs, **of_estimator)
+        found: dict[str, Any] = core.simulate(given, **inputs, off=off, **of_estimator)
         return found
 
     if estimator is not None:
@@ -269,6 +268,7 @@ def _record(
     machine, model = plant.machine, plant.model
     told = ("X", "iu", "force", "y", "u")
     out = out | {name: np.asarray(out[name], float) for name in told}
+    out["X"] = out["X"].T  # n x states
     axes = [axis.name for axis in machine.axes]
     signals: dict[str, tuple[Array, str]] = {}
     for k, r in enumerate(machine.readings):

@@ -44,10 +44,10 @@ def _corner(bearing: Bearing) -> float:
     return 0.0 if bandwidth is None else min(2 * math.pi * bandwidth, most)
 
 
-def parts_of(bearing: Bearing, dtype: str = "float64") -> dict[str, Any] | None:
-    """Return the parts of a bearing by the names of ``amb_parts``, or None where there are none."""
+def parts_of(bearing: Bearing, dtype: str = "float64") -> dict[str, Any]:
+    """Return the parts of a bearing by the names of ``amb_parts``."""
     parts = amplifier_of(bearing) | delay_of(bearing) | _sensor(bearing, dtype) | _contact(bearing)
-    return (parts | behind_fields(_behind(bearing), dtype)) or None
+    return parts | behind_fields(_behind(bearing), dtype)
 
 
 def between_magnet_and_rotor(bearing: Bearing) -> tuple[str, ...]:

@@ -80,27 +80,6 @@ class Plant:
         falls = geometry.weight_of(self.machine.rotor, self.machine.positions, 1.0)
         return np.asarray(np.sign(falls) * least)
 
-    def state(self, q: Array, currents: Array) -> Array:
-        """Return X (n,) of a rotor at rest, which its sensors have long seen."""
-        place = self.model.place
-        X = np.zeros(len(self.model.states) + len(self.pairs))
-        X[: len(q)] = q
-        rows = geometry.matrix([r.line for r in self.machine.readings], self.machine.positions)
-        each = zip(self.machine.readings, rows @ q, self._sensors("float64"), strict=True)
-        for r, at, does in each:
-            X[place[signal("x_m", r.name)]] = r.sensor.gain * _shown(does, float(at))
-        for name, current in zip(self.model.current, currents, strict=True):
-            if name is not None:
-                X[place[name]] = current
-        X[len(self.model.states) :] = [currents[k] for k in self.pairs]
-        for law, bias, behind, iu, s in zip(
-            self.laws, self.bias, self.behind, currents, self.H @ q, strict=True
-        ):
-            if behind.states:
-                force = float(law.force(iu, s)) - bias
-                X[[place[name] for name in behind.states]] = behind.rest * force
-        return X
-
     def arrays(self, core: ModuleType, substeps: int, fastest: float) -> dict[str, Any]:
         """Return the fields of ``amb_plant``."""
         machine, model = self.machine, self.model
@@ -206,12 +185,6 @@ class Plant:
         if machine.bending is not None:
             needed.append(8 * T * float(machine.bending.frequency.max()))
         return max(least, *(math.ceil(each) for each in needed))
-
-
-def _shown(does: dict[str, Any], x: float) -> float:
-    """What a sensor settles at [m], before the rotor has turned (``amb_parts_shown``)."""
-    seen = x + float(np.sum(does.get("runout_cosine", 0.0)))
-    return float(seen + seen * (does.get("quadratic", 0.0) + does.get("cubic", 0.0) * seen) * seen)
 
 
 def _farthest(axis: Axis) -> float:

@@ -27,6 +27,7 @@ from ambkit.machine.hovering import hover_current
 from ambkit.machine.magnets import Law, MagnetModel, core_module, magnet_of
 from ambkit.simulation import parts
 from ambkit.simulation.control import Controller, needs_states
+from ambkit.simulation.controllers import gains_of
 from ambkit.simulation.imposed import Faults, Imposed, series_of
 from ambkit.simulation.noise import drawn, white
 from ambkit.simulation.scenario import Scenario
@@ -242,43 +243,53 @@ class Loop:
         """Return what a core is told of the loop and of what comes from outside, without noise."""
         bearing, estimator, pid = self.bearing, self.estimator, self.scenario.controller
         faults, precision = self._faults, "float64" if estimator is None else estimator.precision
-        return {
-            "magnet": self._plant.in_core(core),
+        limits = bearing.current_min, bearing.current_max
+        loop = {
+            "axis": self._axis(core, precision),
             "T": bearing.sampling_time,
-            "m": bearing.rotor.mass,
-            "f_0": bearing.weight + self._law.bias_force,
-            "K_sen": bearing.sensor.gain,
-            "T_sen": bearing.sensor_lag,
-            "travel": bearing.rotor.travel_limit,
-            "substeps": parts.substeps(bearing, self.scenario.substeps),
-            "k_ui": bearing.amplifier.gain,
-            "iu_min": bearing.current_min,
-            "iu_max": bearing.current_max,
-            "kp": pid.kp,
-            "ki": pid.ki,
-            "kd": pid.kd,
-            "T_f": pid.derivative_filter,
-            "T_t": pid.anti_windup,
-            "weight": pid.setpoint_weight,
-            "integral": self._held + pid.unseen(self._start),
+            "k_ui": [bearing.amplifier.gain],
+            "pid": gains_of(pid, *limits),
             "feedback_estimate": pid.feedback == "estimate",
+        }
+        r, f_d = self.series
+        one = self._start if self._place is None else self._place
+        told = {
+            "loop": loop,
             "estimator": None if estimator is None else estimator.core,
-            **{name: given(values) for name, values in self._series.items()},
+            "control": None,
+            "r": given(r),
+            "load": given(f_d),
             "scale": None if self._scale is None else given(self._scale),
-            "f_bias": self._law.bias_force,
-            "x_start": self._start if self._place is None else self._place,
+            "place": one,
+            "current": min(max(self._held, limits[0]), limits[1]),
+            "integral": self._held + pid.unseen(self._start),
+            "hovers": True,
             "faults": None
             if faults is None
             else {k: given(each) for k, each in faults.series.items()},
             "beside": faults is not None and faults.beside,
+            "fly": None if self._fly is None else given(self._fly),
+        } | self._whole_controller(loop)
+        numbers = ("place", "current", "integral")
+        return told | {name: np.array([told[name]], precision) for name in numbers}
+
+    def _axis(self, core: ModuleType, precision: str) -> dict[str, Any]:
+        """Return the fields of ``amb_axis``."""
+        bearing = self.bearing
+        return {
+            "magnet": self._plant.in_core(core),
+            "m": bearing.rotor.mass,
+            "f_0": bearing.weight + self._law.bias_force,
+            "bias": self._law.bias_force,
+            "K_sen": bearing.sensor.gain,
+            "T_sen": bearing.sensor_lag,
+            "travel": bearing.rotor.travel_limit,
+            "substeps": parts.substeps(bearing, self.scenario.substeps),
             "parts": parts.parts_of(bearing, precision),
             "coil": None if self._coil is None else core.Law(**self._coil),
-            **self._whole_controller(given),
         }
 
-    def _whole_controller(
-        self, given: Callable[[NDArray[np.float64]], NDArray[Any]]
-    ) -> dict[str, Any]:
+    def _whole_controller(self, loop: dict[str, Any]) -> dict[str, Any]:
         """Return what a core is told of a controller that is more than a PID, if it is."""
         if self.estimator is None or not (self._whole or self._elsewhere):
             return {}
@@ -286,17 +297,15 @@ class Loop:
         controller = Controller(
             self.bearing, self.estimator, scenario.controller, scenario.sequence
         )
-        down = {} if self._place is not None else {"x_start": controller.down}
+        hovers = scenario.start == "hover" or self._fly is None
+        lies: dict[str, Any] = {} if hovers else {"hovers": False, "current": 0.0}
+        if not hovers and self._place is None:
+            lies["place"] = controller.down
         if self._elsewhere is not None:
-            away = {"elsewhere": self._elsewhere, "estimator": None, "feedback_estimate": False}
-            return away | down | {"fly": None if self._fly is None else given(self._fly)}
-        told = {
-            "control": controller.in_core(),
-            "integral": controller.integral(self._held, self._start),
-            "fly": None if self._fly is None else given(self._fly),
-        }
-        hovering = scenario.start == "hover" or self._fly is None
-        return told | ({"hover": self._held} if hovering else down)
+            loop["feedback_estimate"] = False
+            return lies | {"elsewhere": self._elsewhere, "estimator": None}
+        integral = controller.integral(self._held, self._start)
+        return lies | {"control": controller.in_core(), "integral": integral}
 
     def run(self, until: float | None = None) -> Run:
         """Go on, to the end of the scenario or to a time before it."""
@@ -337,14 +346,16 @@ class Loop:
             state=self._state,
         )
         self._at = end
-        told = ("x", "v", "x_m", "iu", "y", "u")
-        signals = {name: out[name].astype(float, copy=False) for name in told}
+        told = dict(zip(("x", "v", "x_m"), out["X"], strict=True))
+        told |= {name: out[name][:, 0] for name in ("iu", "y", "u")}
+        signals = {name: values.astype(float, copy=False) for name, values in told.items()}
         if self._faults is not None:  # a record holds no infinities
             signals |= {k: np.where(np.isinf(signals[k]), np.nan, signals[k]) for k in "yu"}
         signals |= {name: self._series[name][here] for name in ("r", "f_d")}
         if self._injected is not None:
             signals["injected"] = self._injected[here]
-        signals["f_mag"] = out["force"] - bearing.weight
+        signals["f_mag"] = out["force"][:, 0] + (bearing.weight + self._law.bias_force)
+        signals["f_mag"] = (signals["f_mag"] - bearing.weight).astype(float, copy=False)
         signals |= {k: out[k].astype(float, copy=False) for k in COIL_UNITS if k in out}
         if self._fly is not None:
             signals["mode"] = out["mode"].astype(float)

@@ -210,7 +210,7 @@ def rig_data(bearing: Bearing) -> dict[str, Any]:
         "iu_min": bearing.current_min,
         "iu_max": bearing.current_max,
     }
-    if with_parts is not None:
+    if with_parts:
         fields |= {"with_parts": True, "parts": with_parts}
         if (coil := parts.coil_fields(bearing)) is not None:
             fields["coil"] = coil

@@ -45,10 +45,9 @@ amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
   const amb_loop loop = loop_of(model, &estimator, &control, &room);
   const amb_plant plant = loop.plant;
   s->demanded[0] = amb_clamp(value[VR_start_current], rig->iu_min, rig->iu_max);
-  amb_plant_settle(&plant, &s->plant,
-                   amb_clamp(value[VR_start_position], -rig->travel, rig->travel), s->demanded[0]);
+  const amb_real x = amb_clamp(value[VR_start_position], -rig->travel, rig->travel);
+  amb_plant_settle(&plant, &s->plant, &x, s->demanded);
   /* Nobody tells it the runout. */
-  const amb_real x = s->plant.X[0];
   amb_filter_start(&model->filter, &model->estimate, &s->result, x, rig->K_sen * x, s->demanded[0]);
   amb_held_start(&loop, model, value);
   s->y[0] = amb_parts_reading(plant.sensor, s->plant.X[2], value[VR_noise_y]);

@@ -34,8 +34,8 @@ amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
   const amb_plant plant = amb_rig_plant(&model->rig, &room);
   const amb_real travel = model->rig.travel;
   model->demanded = current(model, value);
-  amb_plant_settle(&plant, &model->state, amb_clamp(value[VR_start_position], -travel, travel),
-                   model->demanded);
+  const amb_real x = amb_clamp(value[VR_start_position], -travel, travel);
+  amb_plant_settle(&plant, &model->state, &x, &model->demanded);
   model->between.share = 1;
   model->held = 0;
   model->frozen_y = amb_parts_reading(plant.sensor, model->state.X[2], 0);

@@ -1,0 +1,300 @@
+#include "loop_of.h"
+
+amb_parts parts_of(const nb::dict &given)
+{
+  amb_parts parts{};
+  nb::dict rest;
+  rest.update(given);
+  const auto take = [&rest](const char *name, auto &to) {
+    if (rest.contains(name)) {
+      to = nb::cast<std::decay_t<decltype(to)>>(rest[name]);
+      nb::del(rest[name]);
+    }
+  };
+  const auto take_each = [&](const char *name, int count, amb_real *to) {
+    if (rest.contains(name)) {
+      const Vector values = nb::cast<Vector>(rest[name]);
+      same_length(static_cast<size_t>(count), values.size(), name);
+      std::copy_n(values.data(), values.size(), to);
+      nb::del(rest[name]);
+    }
+  };
+  take("corner", parts.corner);
+  take("voltage", parts.voltage);
+  take("R", parts.R);
+  take("k", parts.k);
+  take("s0", parts.s0);
+  take("i0", parts.i0);
+  take("pair", parts.pair);
+  take("behind", parts.behind);
+  take("behind_d", parts.behind_d);
+  take("delay", parts.delay);
+  take("delay_rest", parts.delay_rest);
+  take("quadratic", parts.quadratic);
+  take("cubic", parts.cubic);
+  take("step", parts.step);
+  take("rise", parts.rise);
+  take("orders", parts.orders);
+  take("speed", parts.speed);
+  take("stiffness", parts.stiffness);
+  take("damping", parts.damping);
+  take("farthest", parts.farthest);
+  if (parts.orders < 0 || parts.orders > AMB_RUNOUT_MOST)
+    throw std::invalid_argument("orders must be 0 to " + std::to_string(AMB_RUNOUT_MOST));
+  if (parts.delay < 0 || parts.delay > AMB_DELAY_MOST)
+    throw std::invalid_argument("delay must be 0 to " + std::to_string(AMB_DELAY_MOST) +
+                                " samples");
+  if (parts.behind < 0 || parts.behind > AMB_BEHIND_MOST)
+    throw std::invalid_argument("a plant has 0 to " + std::to_string(AMB_BEHIND_MOST) +
+                                " states between a magnet and the rotor");
+  take_each("runout_cosine", parts.orders, parts.runout_cosine);
+  take_each("runout_sine", parts.orders, parts.runout_sine);
+  take_each("behind_A", parts.behind * parts.behind, parts.behind_A);
+  take_each("behind_b", parts.behind, parts.behind_b);
+  take_each("behind_c", parts.behind, parts.behind_c);
+  take_each("behind_rest", parts.behind, parts.behind_rest);
+  for (const auto &[name, value] : rest)
+    throw std::invalid_argument(std::string("a plant has no part ") + nb::str(name).c_str());
+  return parts;
+}
+
+amb_real LoopOf::number(const char *name) const
+{
+  return nb::cast<amb_real>(given[name]);
+}
+
+int LoopOf::count(const char *name) const
+{
+  return nb::cast<int>(given[name]);
+}
+
+const amb_real *LoopOf::numbers(const char *name, size_t n)
+{
+  return reals.numbers(given, name, n);
+}
+
+const int *LoopOf::places(const char *name, size_t n, int most, int least)
+{
+  ints.push_back(nb::cast<std::vector<int>>(given[name]));
+  same_length(n, ints.back().size(), name);
+  for (const int at : ints.back())
+    if (at < least || at >= most)
+      throw std::invalid_argument(std::string(name) + " is out of range");
+  return ints.back().data();
+}
+
+amb_rows LoopOf::rows(const char *name, size_t count, size_t columns)
+{
+  const auto parts = nb::cast<nb::tuple>(given[name]); // start, column, value
+  shorts.push_back(nb::cast<std::vector<unsigned short>>(parts[0]));
+  const std::vector<unsigned short> &start = shorts.back();
+  shorts.push_back(nb::cast<std::vector<unsigned short>>(parts[1]));
+  const std::vector<unsigned short> &column = shorts.back();
+  same_length(count + 1, start.size(), name);
+  same_length(start.back(), column.size(), name);
+  const amb_real *value = reals.keep(parts[2], start.back(), name);
+  for (size_t i = 0; i < count; i++)
+    if (start[i + 1] < start[i])
+      throw std::invalid_argument(std::string(name) + ": rows must ascend");
+  for (const unsigned short at : column)
+    if (at >= columns)
+      throw std::invalid_argument(std::string(name) + ": a column is out of range");
+  return {start.data(), column.data(), value};
+}
+
+std::vector<amb_parts> LoopOf::all_parts(const char *name, size_t n) const
+{
+  std::vector<amb_parts> all;
+  for (const auto each : nb::cast<nb::list>(given[name]))
+    all.push_back(parts_of(nb::cast<nb::dict>(each)));
+  same_length(n, all.size(), name);
+  return all;
+}
+
+void LoopOf::set_axis(const nb::dict &of)
+{
+  const auto real = [&of](const char *name) { return nb::cast<amb_real>(of[name]); };
+  const nb::object coil = of["coil"];
+  of_axis = parts_of(nb::cast<nb::dict>(of["parts"]));
+  axis = {nb::cast<const Magnet &>(of["magnet"]).magnet,
+          real("m"),
+          real("f_0"),
+          real("bias"),
+          real("K_sen"),
+          real("T_sen"),
+          real("travel"),
+          nb::cast<int>(of["substeps"]),
+          &of_axis,
+          coil.is_none() ? amb_magnet{} : nb::cast<const Magnet &>(coil).magnet};
+  loop.plant = amb_plant_of_axis(&axis, &room);
+}
+
+void LoopOf::set_plant()
+{
+  const auto within = [this](const char *what, size_t most) {
+    const int n = count(what);
+    if (n < 1 || n > static_cast<int>(most))
+      throw std::invalid_argument("a machine has 1 to " + std::to_string(most) + " " + what +
+                                  ", got " + std::to_string(n));
+    return n;
+  };
+  amb_plant &at = loop.plant;
+  const int n = at.states = within("states", AMB_STATES);
+  const auto p = static_cast<size_t>(at.axes = within("axes", AMB_FORCES));
+  const auto m = static_cast<size_t>(at.sensors = within("sensors", AMB_SENSORS));
+  const auto q =
+      static_cast<size_t>(at.positions = within("positions", static_cast<size_t>(n / 2)));
+  at.H = rows("H", p, q);
+  at.B = rows("B", q, p);
+  at.C = rows("C", m, q);
+  at.A = rows("A", q, 2 * q);
+  at.spin = numbers("spin", at.A.start[q]);
+  at.current = places("current", p, n, -1);
+  at.second = places("second", p, n, -1);
+  at.base = places("base", 3, at.positions, -1);
+  at.bias = numbers("bias", p);
+  at.farthest = numbers("farthest", p);
+  at.g = numbers("g", q);
+  if (given.contains("cosine")) {
+    at.cosine = numbers("cosine", q);
+    at.sine = numbers("sine", q);
+  }
+  at.shows = places("shows", m, n, 0);
+  at.gain = numbers("gain", m);
+  at.lag = numbers("lag", m);
+  sensor_parts = all_parts("sensor_parts", m);
+  at.sensor = sensor_parts.data();
+  set_magnets(p);
+  set_rings();
+  at.delay = count("delay");
+  at.delay_rest = number("delay_rest");
+  at.substeps = count("substeps");
+  if (at.delay < 0 || at.delay > AMB_DELAY_MOST || at.substeps < 1)
+    throw std::invalid_argument("delay or substeps out of range");
+}
+
+void LoopOf::set_magnets(size_t p)
+{
+  amb_plant &at = loop.plant;
+  for (const auto each : nb::cast<nb::list>(given["magnets"]))
+    magnets.push_back(nb::cast<const Magnet &>(each).magnet);
+  same_length(p, magnets.size(), "magnets");
+  at.magnet = magnets.data();
+  for (const auto each : nb::cast<nb::list>(given["coils"]))
+    coils.push_back(each.is_none() ? amb_magnet{} : nb::cast<const Magnet &>(each).magnet);
+  same_length(p, coils.size(), "coils");
+  at.coil = coils.data();
+  amplifiers = all_parts("amplifiers", p);
+  for (size_t f = 0; f < p; f++)
+    if ((amplifiers[f].corner > 0 || at.second[f] >= 0) && at.current[f] < 0)
+      throw std::invalid_argument("an amplifier that lags has no current");
+  const auto behind = nb::cast<nb::list>(given["behind"]);
+  same_length(p, behind.size(), "behind");
+  for (size_t f = 0; f < p; f++) {
+    const auto where = nb::cast<std::vector<int>>(behind[f]);
+    same_length(static_cast<size_t>(amplifiers[f].behind), where.size(), "behind");
+    for (size_t k = 0; k < where.size(); k++) {
+      if (where[k] < 0 || where[k] >= at.states)
+        throw std::invalid_argument("behind: there is no such state");
+      amplifiers[f].behind_at[k] = where[k];
+    }
+  }
+  at.amplifier = amplifiers.data();
+}
+
+void LoopOf::set_rings()
+{
+  amb_plant &at = loop.plant;
+  for (const auto each : nb::cast<nb::list>(given["rings"])) {
+    const auto ring = nb::cast<nb::dict>(each);
+    const int first = nb::cast<int>(ring["first"]), second = nb::cast<int>(ring["second"]);
+    if (first < 0 || first >= at.axes || second < -1 || second >= at.axes)
+      throw std::invalid_argument("a ring is about axes that are not there");
+    stops.push_back(parts_of(nb::cast<nb::dict>(ring["stop"])));
+    rings.push_back({first, second, nb::cast<amb_real>(ring["travel"]), &stops.back()});
+  }
+  at.rings = static_cast<int>(rings.size());
+  at.ring = rings.data();
+}
+
+void LoopOf::set_controllers(Estimator *estimator)
+{
+  const size_t p = axes();
+  loop.T = number("T");
+  loop.k_ui = numbers("k_ui", p);
+  loop.feedback_estimate = nb::cast<bool>(given["feedback_estimate"]);
+  if (loop.feedback_estimate && estimator == nullptr)
+    throw std::invalid_argument("feedback from the estimate needs an estimator");
+  if (given.contains("spread")) {
+    law.set(given, loop.T, p, loop.feedback_estimate ? estimator->sizes().states : sensors());
+    loop.controllers = &law.law;
+    loop.iu_min = law.law.iu_min;
+    loop.iu_max = law.law.iu_max;
+    return;
+  }
+  const amb_real *of = numbers("pid", 8);
+  loop.pid = {loop.T, of[0], of[1], of[2], of[3], of[4], of[5], of[6], of[7]};
+  loop.iu_min = &loop.pid.iu_min;
+  loop.iu_max = &loop.pid.iu_max;
+  same_length(p, 1, "the one PID, in axes,");
+  if (loop.feedback_estimate)
+    estimator->must_have({AMB_POSITION, AMB_VELOCITY}, "feedback from the estimate");
+}
+
+LoopOf::LoopOf(const nb::dict &said, Estimator *estimator, Control *control) : given(said)
+{
+  if (control != nullptr && &control->estimator != estimator)
+    throw std::invalid_argument("the controller has another estimator than the loop");
+  if (given.contains("axis"))
+    set_axis(nb::cast<nb::dict>(given["axis"]));
+  else
+    set_plant();
+  if (estimator != nullptr) {
+    loop.estimator = &estimator->estimator;
+    const Sizes of = estimator->sizes();
+    same_length(sensors(), of.sensors, "the estimator, in sensors,");
+    same_length(axes(), of.controls, "the estimator, in controls,");
+  }
+  set_controllers(estimator);
+  loop.control = control ? &control->control : nullptr;
+}
+
+void LoopOf::check_start(const Vector &q, const Vector &current, const Vector &integral) const
+{
+  const int pids = loop.controllers != nullptr ? loop.controllers->pids : 1;
+  same_length(static_cast<size_t>(loop.plant.positions), q.size(), "place");
+  same_length(axes(), current.size(), "current");
+  same_length(static_cast<size_t>(pids), integral.size(), "integral");
+}
+
+void LoopOf::settle(amb_loop_state &state, const Vector &q, const Vector &current,
+                    const Vector &integral, bool hovers, void *estimator) const
+{
+  amb_plant_settle(&loop.plant, &state.plant, q.data(), current.data());
+  for (size_t c = 0; c < integral.size(); c++)
+    amb_pid_reset(&state.pid[c], integral.data()[c]);
+  if (loop.control == nullptr)
+    return;
+  if (hovers)
+    amb_control_hover(loop.control, &state.control, current.data(), integral.data());
+  else
+    amb_control_init(loop.control, &state.control, estimator);
+  std::copy_n(state.control.u, axes(), state.u);
+}
+
+Faults::Faults(const nb::dict &arrays, bool beside, size_t n, const LoopOf &of)
+{
+  const auto series = [&](const char *name, size_t columns) {
+    kept.push_back(nb::cast<Samples>(arrays[name]));
+    same_length(n, samples_of(kept.back(), columns, name), name);
+    return kept.back().data();
+  };
+  const size_t m = of.sensors(), p = of.axes();
+  to = {beside,
+        series("late", m),
+        series("y_times", m),
+        series("y_plus", m),
+        series("u_times", p),
+        series("u_plus", p),
+        series("current", p)};
+}
