@@ -35,4 +35,4 @@ print(
 )
 
 run.record.save("spindle.csv")
-plots.save_figure(plots.simulation_figure(run, bearing), "spindle.png")
+plots.save_figure(plots.simulation_figure(run), "spindle.png")

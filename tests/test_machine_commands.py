@@ -24,9 +24,9 @@ def test_the_commands_take_a_machine(call: Any) -> None:
     assert told["samples_at_the_stop"] == 0
     assert call("simulate", "tum_mlps", "--plot", "orbits.png", "--duration", "0.05 s").code == 0
     for refused, text in (
-        (("simulate", "tum_mlps", "--step", "1 mm"), "is of one axis"),
+        (("simulate", "tum_mlps", "--force-map", "map.csv"), "is of one axis"),
         (("simulate", "tum_mlps", "--estimator", "observer"), "takes one axis"),
-        (("simulate", "zittau_axial", "--synchronous", "runout"), "of a whole machine"),
+        (("simulate", "zittau_axial", "--synchronous", "runout"), "is a mass"),
         (("filter", "run.csv", "--bearing", "ufu_rig"), "the record has no y_A1"),
     ):
         done = call(*refused)

@@ -24,7 +24,8 @@ from ambkit.machine.bank import Bank, alone_of, weights_of
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import magnet_of
 from ambkit.simulation.flight import Flight
-from ambkit.simulation.machine import MachineRun, simulate_machine
+from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import Run
 from ambkit.simulation.waveforms import Ramp, Step
 
 OF_ONE_AXIS = ("low-pass", "observer", "steady-state")
@@ -80,7 +81,7 @@ def test_every_preset_over_a_run_up(name: str, turns: bool) -> None:
         assert 0.9 < judged.nees["extended"].mean() < 1.1
 
 
-def flown(one: Machine, **keys: Any) -> MachineRun:
+def flown(one: Machine, **keys: Any) -> Run:
     return simulate_machine(one, Flight(duration=0.1, seed=5, **keys))
 
 

@@ -25,12 +25,12 @@ from machine_cases import (
 from ambkit import AmbkitError, Machine, Scenario, magnet_of, simulate
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import core_module
-from ambkit.show.plots import machine_figure
+from ambkit.show.plots import simulation_figure
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.waveforms import Constant, HalfSine, Ramp, Step, Sum
-from ambkit.workflow.flying import FlightSummary
+from ambkit.workflow.simulating import RunSummary
 
 CORE = core_module(any_model=True)
 LOADS = np.array([3.0, 0.0, -2.0, 1.0])
@@ -313,7 +313,7 @@ def test_a_whole_rotor_drops_and_lies_still() -> None:
     assert 0.3e-3 < deepest < 0.4e-3
     assert np.abs(record["f_mag_A1"][201:]).max() == 0
     assert run.fed == slice(200)
-    assert max(FlightSummary(run).to_dict()["greatest_current"].values()) < 2
-    drawn = machine_figure(run).panels[-1]
+    assert max(RunSummary(run).to_dict()["greatest_current"].values()) < 2
+    drawn = simulation_figure(run).panels[-1]
     assert len(drawn.items[0].x) == 200
     assert drawn.x.limits == (0.0, 0.4)

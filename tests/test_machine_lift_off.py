@@ -19,24 +19,25 @@ from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.flight import Disturbance
-from ambkit.simulation.machine import MachineRun, simulate_machine
+from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import Run
 from ambkit.simulation.sequence import LiftOff, Mode
 from ambkit.simulation.waveforms import Ramp, Step
 from ambkit.workflow.filtering import filter as filter_record
-from ambkit.workflow.flying import FlightSummary
+from ambkit.workflow.simulating import RunSummary
 
 COMPILER = shutil.which("gcc") or shutil.which("clang")
 compiled = pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc or clang) here")
 QUICK = LiftOff(start=0.005, stop=0.25, lift=0.1, land=0.1)
 
 
-def lifted(machine: Machine, **of_flight: object) -> MachineRun:
+def lifted(machine: Machine, **of_flight: object) -> Run:
     keys: dict[str, Any] = {"duration": 0.42, "start": "rest", "sequence": QUICK, "seed": 3}
     flight = Flight(**keys | of_flight)
     return simulate_machine(machine, flight)
 
 
-def share_of_travel(run: MachineRun, late: slice) -> float:
+def share_of_travel(run: Run, late: slice) -> float:
     machine, record = run.machine, run.record
     return max(
         float(np.abs(record[f"s_{axis.name}"][late]).max()) / axis.bearing.travel_limit
@@ -152,7 +153,7 @@ def test_a_summary_is_of_the_flight(stop: float | None) -> None:
     )  # fmt: skip
     kalman = KalmanFilter(machine, synchronous=("unbalance",))
     run = simulate_machine(machine, flight, estimator=kalman)
-    found = FlightSummary(run, harmonics(kalman, run.record)).to_dict()
+    found = RunSummary(run, harmonics(kalman, run.record)).to_dict()
     modes = [each["mode"] for each in found["modes"]]
     assert modes[:3] == ["waiting", "lifting", "flying"]
     assert found["rmse"]["x"] < 2e-6
@@ -163,7 +164,7 @@ def test_a_summary_ends_where_the_power_fails() -> None:
     machine = Machine.preset("tum_mlps").replace(speed=0.0)
     whole, failing = (Flight(duration=0.2, off=off, seed=1) for off in (None, 0.1))
     rmse = [
-        FlightSummary(simulate_machine(machine, flight, estimator=KalmanFilter(machine))).to_dict()
+        RunSummary(simulate_machine(machine, flight, estimator=KalmanFilter(machine))).to_dict()
         for flight in (whole, failing)
     ]
     assert rmse[1]["samples_at_the_stop"] > 0

@@ -1,6 +1,7 @@
 """Pictures of single results: what they show, and the files they go to."""
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import fe_map
 import numpy as np
@@ -42,7 +43,7 @@ def lines(panel):
 
 
 def test_a_run_is_shown_with_its_truth_and_estimate(run, bearing):
-    figure = plots.simulation_figure(run, bearing)
+    figure = plots.simulation_figure(run)
     position, velocity, current, disturbance = figure.panels
     assert set(lines(position)) == {"measured", "reference", "truth", "estimate"}
     np.testing.assert_array_equal(lines(velocity)["estimate"].y, run.estimate.v)
@@ -51,15 +52,16 @@ def test_a_run_is_shown_with_its_truth_and_estimate(run, bearing):
 
 
 def test_a_run_without_estimator_shows_none(run, bearing):
-    figure = plots.simulation_figure(type(run)(run.record, None), bearing)
+    figure = plots.simulation_figure(replace(run, estimate=None))
     assert "estimate" not in {text for text, _ in figure.legend()}
 
 
 def test_current_limits_are_shown_where_they_matter(run, bearing):
     weak = bearing.replace(amplifier__current_limit=0.6)
     still = ambkit.simulate_run(bearing, ambkit.Scenario(duration=0.02, noise=False))
-    assert "limit" in {text for text, _ in plots.simulation_figure(run, weak).legend()}
-    assert "limit" not in {text for text, _ in plots.simulation_figure(still, bearing).legend()}
+    near = plots.simulation_figure(replace(run, plant=weak))
+    assert "limit" in {text for text, _ in near.legend()}
+    assert "limit" not in {text for text, _ in plots.simulation_figure(still).legend()}
 
 
 def test_currents_and_noise_among_the_states_have_panels(scenario):
@@ -73,7 +75,7 @@ def test_currents_and_noise_among_the_states_have_panels(scenario):
     estimate, record = run.estimate, run.record
     seen = estimate["n_y"] + estimate["hum_c"]
 
-    *_, current, _, noise = plots.simulation_figure(run, bearing).panels
+    *_, current, _, noise = plots.simulation_figure(run).panels
     np.testing.assert_array_equal(lines(current)["estimate"].y, estimate["i"])
     np.testing.assert_array_equal(lines(noise)["estimate"].y, seen)
     np.testing.assert_array_equal(lines(noise)["measured"].y, record["y"] - record["x_m"])
@@ -204,7 +206,7 @@ def test_a_comparison_shows_mean_and_spread(bearing, scenario):
 
 
 def test_the_ending_says_how_to_draw(run, bearing, tmp_path):
-    figure = plots.simulation_figure(run, bearing)
+    figure = plots.simulation_figure(run)
     assert plots.save_figure(figure, tmp_path / "a.PNG").read_bytes().startswith(b"\x89PNG")
     assert ET.parse(plots.save_figure(figure, tmp_path / "a.svg")).getroot().tag.endswith("svg")
     page = plots.save_figure(figure, tmp_path / "a.html").read_text()

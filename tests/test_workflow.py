@@ -270,7 +270,7 @@ def test_simulate_starts_from_scenario_for(command):
     told = command("simulate", "zittau_axial", "--step", "0.2 mm", "--load", "3 N", "--seed", 4)
     scenario = scenario_for(BEARING, step=0.2e-3, load=3.0, seed=4)
     run = ambkit.simulate_run(BEARING, scenario, estimator=ambkit.KalmanFilter(BEARING))
-    assert without(told, "files", "adequacy") == same(RunSummary(BEARING, run).to_dict())
+    assert without(told, "files", "adequacy") == same(RunSummary(run).to_dict())
 
 
 def test_a_scenario_without_a_controller_is_tuned_to_the_bearing():

@@ -179,8 +179,8 @@ _BEHIND = {
     "show.notebook.drawing": {
         "plot": "plot",
     },
-    "show.plots.machine": {
-        "machine_figure": "machine_figure",
+    "show.plots.simulation": {
+        "simulation_figure": "run_figure",
     },
     "show.notebook.things": {
         "record": "data.record.Record",

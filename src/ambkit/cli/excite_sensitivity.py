@@ -26,8 +26,8 @@ def excite_machine(
     """Design an experiment for each of the axes of a machine."""
     from ambkit.cli import output
     from ambkit.simulation.flight import Flight
-    from ambkit.workflow.flying import flight_for
     from ambkit.workflow.injecting import design_injection
+    from ambkit.workflow.simulating import scenario_for
 
     if not for_sensitivity:
         raise AmbkitError(
@@ -40,7 +40,7 @@ def excite_machine(
     known = None if scenario is None else Flight.load(scenario)
     if duration is None and known is None:
         duration = DURATION
-    flight = flight_for(machine, known, duration=duration, seed=seed)
+    flight = scenario_for(machine, known, duration=duration, seed=seed)
     if estimator is not None:
         fed = "measurement" if estimator == "none" else "estimate"
         flight = flight.replace(feedback=fed)

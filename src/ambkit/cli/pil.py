@@ -91,12 +91,12 @@ def pil(
 
 def _figures(found: Pil) -> list[Figure]:
     from ambkit.show.pages.pil import axis_figure, cost_figure
-    from ambkit.show.plots.machine import machine_figure
+    from ambkit.show.plots.simulation import simulation_figure
 
     counted, most = found.answers["instructions"], found.bound.instructions
     if found.run is None:
         return [axis_figure(found.record, found.frames, counted, most)]
-    return [machine_figure(found.run), cost_figure(found.record.t, counted, most)]
+    return [simulation_figure(found.run), cost_figure(found.record.t, counted, most)]
 
 
 def _rows(found: Pil, T: float) -> list[tuple[str, str]]:

@@ -18,14 +18,19 @@ from ambkit.cli.options import (
     Plot,
     Synchronous,
     file_option,
-    find_bearing,
-    find_machine,
+    find_plant,
     quantity,
+    refuse_of_one_axis,
 )
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
-    from ambkit.workflow.simulating import RunSummary
+    from collections.abc import Iterator, Mapping
+
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.machine import Machine
+    from ambkit.simulation.run import Run
+    from ambkit.workflow.separation import Separation
+    from ambkit.workflow.waterfall import Waterfall
 
 
 def simulate(
@@ -67,7 +72,7 @@ def simulate(
         typer.Option(
             parser=quantity("m"),
             metavar="LENGTH",
-            help="Step of the reference, after a tenth of the run.",
+            help="Step of the reference, of the first axis, after a tenth of the run.",
         ),
     ] = None,
     reference: Annotated[
@@ -88,7 +93,9 @@ def simulate(
     load: Annotated[
         float | None,
         typer.Option(
-            parser=quantity("N"), metavar="FORCE", help="Load on the rotor, after half of the run."
+            parser=quantity("N"),
+            metavar="FORCE",
+            help="Load on the rotor, in the first axis, after half of the run.",
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Seed of the noise.")] = None,
@@ -100,17 +107,17 @@ def simulate(
     waterfall: Annotated[
         Path | None,
         file_option(
-            "Of a whole machine: the spectrum over the run, in its first axis.",
+            "The spectrum over the run, of the displacement in the first axis.",
             PICTURES,
             "--waterfall",
         ),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Simulate a bearing or a whole machine in closed loop.
+    """Simulate a machine in closed loop.
 
-    With its nonlinear magnets, noise, sensor lag, current limit and stops; a machine with its
-    gyroscopics, unbalance and runout, and its orbits in the picture.
+    With its nonlinear magnets, noise, sensor lag, current limit and stops, gyroscopics, unbalance
+    and runout; of several axes with orbits in the picture.
 
     For example:
       ambkit simulate zittau_axial --step "0.5 mm" --load "3 N" --out run.csv --plot run.png
@@ -119,86 +126,150 @@ def simulate(
     from ambkit.base.errors import AmbkitError
     from ambkit.cli import output
     from ambkit.cli.kinds import factories, surface_in
-    from ambkit.cli.simulate_machine import simulate_machine
     from ambkit.judge.adequacy import judge_adequacy
+    from ambkit.machine.bearing import Bearing
     from ambkit.show import plots
+    from ambkit.workflow.harmonics import harmonics
     from ambkit.workflow.simulating import RunSummary, scenario_for, simulate_run
 
-    whole = find_machine(bearing)
-    if whole is not None:
-        simulate_machine(
-            whole, scenario=scenario, estimator=estimator, duration=duration, load=load, seed=seed,
-            injection=injection, synchronous=synchronous or (), out=out, plot=plot,
-            waterfall=waterfall, json=json,
-            others={"expert": expert, "force-map": magnet, "step": step, "reference": reference},
-        )  # fmt: skip
-        return
-    if waterfall is not None:
-        raise AmbkitError("--waterfall is of a whole machine, not of one axis")
-    if synchronous:
-        raise AmbkitError("--synchronous is of a whole machine, not of one axis")
-    plant = find_bearing(bearing)
+    plant = find_plant(bearing)
+    if not isinstance(plant, Bearing):
+        refuse_of_one_axis(plant, {"force-map": magnet})
+    elif synchronous or waterfall is not None:
+        option = "synchronous" if synchronous else "waterfall"
+        raise AmbkitError(f"--{option} is of a rotor that turns; {plant.name} is a mass")
     if reference is not None and step is not None:
         raise AmbkitError("give either --step or --reference")
-    built = factories([estimator] if estimator != "none" else [], plant, expert)
+    named = estimator != "none"
+    said: dict[str, Any] = {
+        "duration": duration, "step": step, "load": load, "seed": seed, "reference": reference,
+        "injection": injection,
+    }  # fmt: skip
+    happening = scenario_for(plant, scenario, from_estimate=named, **said)
+    if not isinstance(plant, Bearing):
+        _note_default(plant, happening)
+    built = factories([estimator] if named else [], plant, expert, synchronous or ())
     kalman = built[estimator]() if built else "none"
-    true = None if magnet is None else surface_in(magnet, plant)
+    true = surface_in(magnet, plant) if magnet and isinstance(plant, Bearing) else None
     with output.progress("simulating"):
-        run = simulate_run(
-            plant, scenario, estimator=kalman, magnet=true, duration=duration, step=step, load=load,
-            seed=seed, reference=reference, injection=injection,
-        )  # fmt: skip
-    summary = RunSummary(plant, run)
-    data = summary.to_dict()
-    happening = scenario_for(
-        plant, scenario, duration=duration, step=step, load=load, seed=seed, reference=reference,
-        injection=injection, from_estimate=estimator != "none",
-    )  # fmt: skip
+        run = simulate_run(plant, scenario, estimator=kalman, magnet=true, **said)
+    of = None if isinstance(kalman, str) else kalman
+    turning = harmonics(of, run.record) if of and not isinstance(plant, Bearing) else ()
+    data = RunSummary(run, turning).to_dict()
+    apart, speed = _separations(run)
+    if not isinstance(plant, Bearing):
+        data["critical_speeds"] = [each.to_dict() for each in apart]
     found = judge_adequacy(kalman, plant, happening, data.get("nis", math.nan))
     data["adequacy"] = output.say_adequacy(found)
     output.deliver(
         data,
-        [_table(data, plant)],
+        [_table(data, {} if run.estimate is None else run.estimate.units)],
         [
             (out, run.record.save),
-            (plot, lambda path: plots.save_figure(plots.simulation_figure(run, plant), path)),
+            (plot, lambda path: plots.save_figure(run.figure(), path)),
+            (waterfall, lambda path: plots.save_figure(_waterfall(run).figure(), path)),
         ],
         as_json=json,
     )
-    if summary.samples_at_the_stop:
-        output.note(_of_the_stop(summary))
+    for text in _notes(run, happening, of, data, apart, speed):
+        output.note(text)
 
 
-def _of_the_stop(summary: RunSummary) -> str:
+def _note_default(machine: Machine, flight: Any) -> None:
+    """Say which controllers were chosen, where nobody says them."""
+    from ambkit.cli import output
+    from ambkit.simulation.default_control import default_for, is_default
+
+    if is_default(flight.control):
+        chosen = default_for(machine, flight)
+        if chosen.fastest:
+            output.note(chosen.summary)
+
+
+def _separations(run: Run) -> tuple[tuple[Separation, ...], float]:
+    """Return the critical speeds near the speed at the end of a run, and that [rad/s]."""
+    from ambkit.machine.bearing import Bearing
+    from ambkit.workflow.separation import separations
+
+    if isinstance(run.plant, Bearing):
+        return (), 0.0
+    speed = float(run.record["speed"][-1]) if "speed" in run.record else run.machine.speed
+    return tuple(separations(run.machine, speed)), speed
+
+
+def _notes(
+    run: Run, happening: Any, estimator: Estimator | None, data: Mapping[str, Any],
+    apart: tuple[Separation, ...], speed: float,
+) -> Iterator[str]:  # fmt: skip
+    """Yield what is to be said beside the table."""
+    from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.holding import holding
+    from ambkit.workflow.separation import sentence
+    from ambkit.workflow.simulating import plain_control
+
+    machine, touched = run.plant, run.samples_at_the_stop
+    if apart:
+        yield sentence(apart, speed)
+    if any(each["mode"] == "tripped" for each in data.get("modes", ())):
+        yield "it tripped: see lost and overload in [sequence]"
+    if not isinstance(machine, Bearing):
+        plain = plain_control(machine, happening, estimator)
+        if plain is not None:
+            yield plain
+    if touched and happening.start != "rest":
+        yield _of_the_stop(run)
+        if isinstance(machine, Bearing) or machine.speed:
+            return
+        if not holding(machine, happening.feedback or "measurement").held:
+            yield "no PID of each axis that was tried holds it; ambkit check says more"
+
+
+def _of_the_stop(run: Run) -> str:
     """Say when the rotor touched a stop, and what may help."""
     from ambkit.cli.output import value
+    from ambkit.machine.bank import alone_of
 
-    at = summary.first_at_the_stop
-    first = "" if at is None else f", first at {value(at, 's')}"
+    travel = min(each.rotor.travel_limit for each in alone_of(run.plant))
+    at = run.first_touch
+    first = "" if at is None else f", first at {value(run.record.t[at], 's')}"
     return (
-        f"the rotor touched the stop at {value(summary.bearing.rotor.travel_limit, 'm')} in "
-        f"{summary.samples_at_the_stop} of {len(summary.run.record)} samples"
-        f"{first}: does the controller suit the "
-        "bearing ([controller] in the file of --scenario)? Or take a smaller step or load"
+        f"the rotor touched the stop at {value(travel, 'm')} in {run.samples_at_the_stop} of "
+        f"{len(run.record)} samples{first}: do the controllers suit it ([controller] or [control] "
+        "in the file of --scenario)? Or take a smaller step or load"
     )
 
 
-def _table(data: dict[str, Any], bearing: Bearing) -> Any:
+def _waterfall(run: Run) -> Waterfall:
+    """Return the spectra of the first axis, in stretches of at most a tenth of a second."""
+    from ambkit.workflow.waterfall import waterfall
+
+    t = run.record.t
+    window = min(0.1, float(t[-1] - t[0]) / 4)
+    return waterfall(run.record, run.displacement(run.axes[0]), window=window)
+
+
+def _table(data: Mapping[str, Any], units: Mapping[str, str]) -> Any:
+    from ambkit.cli import harmonics
     from ambkit.cli.output import table, value
+
+    def greatest(of: Any, unit: str) -> str:
+        if not isinstance(of, dict):
+            return value(of, unit)
+        return ", ".join(f"{name} {value(each, unit)}" for name, each in of.items())
 
     rows = [
         ["duration", f"{value(data['duration'], 's')}, {data['samples']} samples"],
-        ["greatest displacement", value(data["greatest_displacement"], "m")],
+        ["greatest displacement", greatest(data["greatest_displacement"], "m")],
         ["  at the stop", f"{data['samples_at_the_stop']} samples"],
-        ["greatest control current", value(data["greatest_current"], "A")],
+        ["greatest control current", greatest(data["greatest_current"], "A")],
         ["  at its limit", f"{data['samples_at_the_current_limit']} samples"],
     ]
+    since = [f"{each['mode']} from {value(each['since'], 's')}" for each in data.get("modes", ())]
+    rows += [["lift-off and landing", ", ".join(since)]] if since else []
     if "rmse" in data:
-        errors = data["rmse"]
-        rows += [
-            [f"{data['estimator']}: RMSE of x", value(errors["x"], "m")],
-            ["  RMSE of v", value(errors["v"], "m/s")],
-            ["  RMSE of F_St", value(errors["f_d"], "N")],
-            ["  mean NIS (1: consistent)", f"{data['nis']:.3f}"],
-        ]
-    return table(f"{bearing.name}, seed {data['seed']}", ["", ""], rows)
+        rows.append([f"{data['estimator']}: RMSE", ""])
+        rows += [[f"  {name}", value(each, units[name])] for name, each in data["rmse"].items()]
+        rows.append(["  mean NIS (1: consistent)", f"{data['nis']:.3f}"])
+    rows += [[f"  {what}", said] for what, said in harmonics.rows(data.get("synchronous", {}))]
+    name = data.get("bearing", data.get("machine"))
+    return table(f"{name}, seed {data['seed']}", ["", ""], rows)

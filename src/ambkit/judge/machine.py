@@ -21,7 +21,8 @@ from ambkit.machine.parts import Runout
 from ambkit.models.parts.rotor import velocity_of
 from ambkit.models.parts.synchronous import unbalance_planes
 from ambkit.simulation.flight import Flight
-from ambkit.simulation.machine import MachineRun, simulate_machine
+from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import Run
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -285,9 +286,7 @@ def _growth(machine: Machine, duration: float, load: float) -> float:
     return float((load * min(spare)) ** 2 / duration)
 
 
-def _flown(
-    machine: Machine, filters: Estimator, seed: int, flight: Flight
-) -> tuple[MachineRun, Array]:
+def _flown(machine: Machine, filters: Estimator, seed: int, flight: Flight) -> tuple[Run, Array]:
     """Return a run, and the loads at its samples: what acts is their mean until the next one."""
     T, n = machine.sampling_time, round(flight.duration / machine.sampling_time) + 1
     rng = np.random.default_rng([seed, 14])
@@ -314,7 +313,7 @@ def _quantities(estimator: Estimator) -> tuple[Array, tuple[str, ...]]:
     return np.concatenate(rows), tuple(quantities)
 
 
-def _truth(run: MachineRun, walks: Array, quantity: str) -> Array:
+def _truth(run: Run, walks: Array, quantity: str) -> Array:
     record, (label, _, axis) = run.record, quantity.rpartition("_")
     if label == "f_d":
         return walks[:, [each.name for each in run.machine.axes].index(axis)]
@@ -343,7 +342,7 @@ def _nees(wrong: Array, estimate: Estimate, W: Array, start: int, judged: Array)
 
 
 def _raw(
-    machine: Machine, estimator: Estimator, run: MachineRun, quantities: tuple[str, ...],
+    machine: Machine, estimator: Estimator, run: Run, quantities: tuple[str, ...],
     truth: Array, start: int,
 ) -> Array:  # fmt: skip
     """Return the errors of the displacements that explain the readings best."""

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base import late_binding
 from ambkit.base.asked import of_type
 from ambkit.base.copying import own_version
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Drawn
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.magnets import core_module
 from ambkit.simulation import noise
@@ -27,6 +23,7 @@ from ambkit.simulation.controllers import Controllers, arrays, controllers_of
 from ambkit.simulation.default_control import feedback_of, settled_flight
 from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.plant import Plant
+from ambkit.simulation.run import Run
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -37,45 +34,6 @@ Array = NDArray[np.float64]
 
 STREAMS = 64
 """Of random numbers for each axis and its reading: its control signal's, then its sensor's."""
-
-
-@dataclass(frozen=True, eq=False)
-class MachineRun(Drawn):
-    """A simulated run of a whole machine."""
-
-    machine: Machine  #: What was simulated.
-    #: Of each reading ``y_NAME`` [m], of each axis ``u_NAME`` [V], and the truth: ``s_NAME``
-    #: displacement [m], ``iu_NAME`` current [A], ``f_mag_NAME`` magnet force [N], ``f_d_NAME`` load
-    #: [N]; the rotor's coordinates and velocities; the speed of rotation [rad/s]; with lift-off and
-    #: landing the ``mode``, `ambkit.simulation.sequence.Mode`.
-    record: Record
-    estimate: Estimate | None  #: What the estimator said meanwhile.
-    status: NDArray[np.uint16]  #: (n,) The sum of the flags of estimator and controllers, `Status`.
-    #: (n,) With lift-off and landing, whether what feeds the controllers could be used.
-    usable: NDArray[np.bool_] | None
-
-    def figure(self) -> Any:
-        """Return orbits, displacements and currents."""
-        return late_binding.call("machine_figure", self)
-
-    @property
-    def fed(self) -> slice:
-        """The samples in which magnets have current: up to where the power fails."""
-        # From then on no control current says so: it takes from one side what it gives the other.
-        off = self.record.meta["flight"].get("off")
-        t = self.record.t
-        return slice(None) if off is None else slice(int(np.searchsorted(t, off)))
-
-    @property
-    def samples_at_the_stop(self) -> int:
-        """Samples in which a backup bearing was touched."""
-        return int(self.record.meta["stop_touched"])
-
-    @property
-    def first_touch(self) -> int | None:
-        """The first of those samples; None where there is none."""
-        found = self.record.meta["first_touch"]
-        return None if found is None else int(found)
 
 
 def simulate_machine(
@@ -91,7 +49,7 @@ def simulate_machine(
     from_readings: bool = False,
     fly: Array | None = None,
     other: dict[str, Any] | None = None,
-) -> MachineRun:
+) -> Run:
     """Simulate a whole machine with its controllers.
 
     The plant is continuous (Runge-Kutta of order 4): the rotor with its gyroscopics, each magnet's
@@ -214,7 +172,7 @@ def simulate_machine(
     record = _record(plant, flight, t[:-1], out, series)
     estimate = None if estimator is None else estimator.told(t[:-1], out["estimate"])
     usable = out["usable"].astype(bool) if "usable" in out else None
-    return MachineRun(machine, record, estimate, out["status"], usable)
+    return Run(machine, record, estimate, out["status"], usable)
 
 
 def _of_base(machine: Machine, flight: Flight, t: Array) -> Array:

@@ -22,9 +22,10 @@ from ambkit.estimate.batch import processors
 from ambkit.estimate.estimate import Status
 from ambkit.machine import geometry
 from ambkit.models.parts.rotor import velocity_of
-from ambkit.simulation.machine import MachineRun, simulate_machine
+from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.many import FIGURES as OF_ONE_AXIS
 from ambkit.simulation.many import FLAGS, Figure, Many, first_of
+from ambkit.simulation.run import Run
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -62,7 +63,7 @@ class PlannedMachine:
     estimator: Estimator | None = None  #: In the loop or beside it; it is not changed.
     controllers: Controllers | None = None  #: Where they are made already.
 
-    def simulated(self) -> MachineRun:
+    def simulated(self) -> Run:
         """Simulate it by itself, with every sample kept."""
         own = None if self.estimator is None else _copied(self.estimator)
         return simulate_machine(
@@ -116,7 +117,7 @@ def _copied(estimator: Estimator) -> Estimator:
 
 
 def figures_of(
-    run: MachineRun, estimator: Estimator | None, settling: float = 0.0, band: float = 0.05
+    run: Run, estimator: Estimator | None, settling: float = 0.0, band: float = 0.05
 ) -> dict[str, float]:
     """Return what a run is judged by."""
     machine, record = run.machine, run.record
@@ -152,7 +153,7 @@ def figures_of(
     return found
 
 
-def errors_of(run: MachineRun, estimator: Estimator) -> dict[str, Array]:
+def errors_of(run: Run, estimator: Estimator) -> dict[str, Array]:
     """Return the errors of x, v and f_d along the axes, sample by sample (n, p) [m], [m/s], [N]."""
     # Without f_d where the estimator has no loads among its states.
     machine, record, estimate = run.machine, run.record, run.estimate
@@ -202,7 +203,7 @@ def _recovery(off: Array, f_d: Array, band: float, T: float) -> float:
     return math.inf if changes[-1] + last >= len(off) else T * last
 
 
-def _flags(run: MachineRun) -> list[int]:
+def _flags(run: Run) -> list[int]:
     """Return in how many samples the estimator said each flag."""
     if run.estimate is None:
         return [0] * len(FLAGS)

@@ -13,17 +13,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base import late_binding
 from ambkit.base.arrays import real
 from ambkit.base.asked import of_type
 from ambkit.base.copying import own_version
 from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Drawn
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
+from ambkit.data.signals import signal
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.hovering import hover_current
+from ambkit.machine.machine import Machine, as_machine
 from ambkit.machine.magnets import Law, MagnetModel, core_module, magnet_of
 from ambkit.simulation import parts
 from ambkit.simulation.control import Controller, needs_states
@@ -52,11 +56,57 @@ INJECTED_UNITS = {"injected": "m"}
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class Run(Drawn):
     """A simulated run: what happened, and what the estimator said meanwhile."""
 
+    plant: Bearing | Machine  #: What was simulated; one axis in its short form.
+    #: Measurements and control signals, and the truth. Of one axis ``y``, ``u``, ``r``, ``x``,
+    #: ``v``, ``x_m``, ``iu``, ``f_mag``, ``f_d``. Of several each reading ``y_NAME`` [m], each
+    #: axis's ``u_NAME`` [V], displacement ``s_NAME`` [m], current ``iu_NAME`` [A], magnet force
+    #: ``f_mag_NAME`` [N] and load ``f_d_NAME`` [N]; the rotor's coordinates and velocities; the
+    #: speed of rotation [rad/s]. With lift-off and landing the ``mode``,
+    #: `ambkit.simulation.sequence.Mode`.
     record: Record
-    estimate: Estimate | None
+    estimate: Estimate | None  #: What the estimator said meanwhile.
+    status: NDArray[np.uint16]  #: (n,) The sum of the flags of estimator and controllers, `Status`.
+    #: (n,) With lift-off and landing, whether what feeds the controllers could be used.
+    usable: NDArray[np.bool_] | None = None
+
+    def figure(self) -> Any:
+        """Return its figure: of several axes with orbits."""
+        return late_binding.call("run_figure", self)
+
+    @property
+    def machine(self) -> Machine:
+        """The plant as a machine."""
+        return as_machine(self.plant)
+
+    @property
+    def axes(self) -> list[str]:
+        """The names of the axes; a single one has none."""
+        return [axis.name for axis in self.machine.axes]
+
+    def displacement(self, axis: str) -> str:
+        """Return the name of the signal of the displacement along an axis."""
+        return signal("s", axis) if axis else "x"
+
+    @property
+    def fed(self) -> slice:
+        """The samples in which magnets have current: up to where the power fails."""
+        # From then on no control current says so: it takes from one side what it gives the other.
+        off = self.record.meta.get("flight", {}).get("off")
+        return slice(None) if off is None else slice(int(np.searchsorted(self.record.t, off)))
+
+    @property
+    def samples_at_the_stop(self) -> int:
+        """Samples in which a stop was touched."""
+        return int(self.record.meta["stop_touched"])
+
+    @property
+    def first_touch(self) -> int | None:
+        """The first of those samples; None where there is none."""
+        found = self.record.meta["first_touch"]
+        return None if found is None else int(found)
 
 
 Elsewhere = Callable[[float, float, bool], tuple[float, float, bool, int]]
@@ -366,15 +416,18 @@ class Loop:
             "run": self.scenario.run,
             "version": own_version(),
             "stop_touched": int(out["touched"]),
+            "first_touch": here.start + int(out["first"]) if out["touched"] else None,
         }
         t = self._t[here]
         known = UNITS | {"u": bearing.amplifier.control_unit}
         known |= INJECTED_UNITS | COIL_UNITS | MODE_UNITS
         units = {name: unit for name, unit in known.items() if name in signals}
         record = Record(t, {name: signals[name] for name in units}, units, meta=meta)
-        if estimator is None:
-            return Run(record, None)
-        return Run(record, Estimate.from_core(t, out["estimate"], estimator.name, estimator.states))
+        usable = out["usable"].astype(bool) if "usable" in out else None
+        estimate = None
+        if estimator is not None:
+            estimate = Estimate.from_core(t, out["estimate"], estimator.name, estimator.states)
+        return Run(bearing, record, estimate, out["status"], usable)
 
 
 @lru_cache(maxsize=64)

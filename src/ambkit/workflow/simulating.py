@@ -4,30 +4,40 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.data.record import Record
+from ambkit.data.signals import signal
 from ambkit.estimate.base import Estimator
-from ambkit.judge.comparison import EVALUATED, rmse
+from ambkit.judge.evaluation import errors_along
+from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.map_of import surface_in
+from ambkit.machine.machine import Machine, short_form
 from ambkit.machine.magnets import ConstantStiffness
+from ambkit.simulation.controllers import controllers_of
+from ambkit.simulation.default_control import settled_flight
+from ambkit.simulation.flight import Flight
+from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.plant import Plant
 from ambkit.simulation.run import simulate_run as looped
 from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.sequence import Mode
 from ambkit.simulation.waveforms import Recorded, Step
 from ambkit.workflow.estimators import factories
 
 if TYPE_CHECKING:
-    from ambkit.data.record import Record
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.imposed import Imposed
     from ambkit.simulation.run import Run
+    from ambkit.workflow.harmonics import Harmonic
 
 STEP_AT, LOAD_AT = 0.1, 0.5
 """When the step of the reference and that of the load come, in lengths of the run."""
@@ -36,9 +46,21 @@ OWN_PERIODS = 40
 """Length of an experiment, in periods of the plant's own frequency, where it is not given."""
 
 
+@overload
 def scenario_for(
     bearing: Bearing,
-    scenario: Scenario | str | os.PathLike[str] | None = None,
+    scenario: Scenario | Flight | str | os.PathLike[str] | None = None,
+    **changes: Any,
+) -> Scenario: ...
+@overload
+def scenario_for(
+    bearing: Machine,
+    scenario: Scenario | Flight | str | os.PathLike[str] | None = None,
+    **changes: Any,
+) -> Flight: ...
+def scenario_for(  # type: ignore[misc]
+    bearing: Bearing | Machine,
+    scenario: Scenario | Flight | str | os.PathLike[str] | None = None,
     *,
     duration: Given | None = None,
     step: Given | None = None,
@@ -47,29 +69,32 @@ def scenario_for(
     reference: str | Path | None = None,
     injection: str | Path | None = None,
     from_estimate: bool = True,
-) -> Scenario:
-    """Return a scenario for a bearing, with its controller tuned, and a step or a load put in.
+) -> Scenario | Flight:
+    """Return a scenario for a machine, with its controller tuned, and a step or a load put in.
 
     Parameters
     ----------
-    bearing : Bearing
-        The controller is tuned to it, as far as `scenario` does not say otherwise.
-    scenario : Scenario or path, optional
+    bearing : Bearing or Machine
+        The controller of a single axis is tuned to it, as far as `scenario` does not say otherwise.
+    scenario : Scenario, Flight or path, optional
         What is said already.
     duration : float or str, optional
         Length of the run [s].
     step : float or str, optional
-        Step of the reference [m], such as 5e-5 or ``"50 µm"``, after a tenth of the run.
+        Step of the first axis's reference [m], such as 5e-5 or ``"50 µm"``, after a tenth of the
+        run.
     load : float or str, optional
-        Load on the rotor [N], after half of the run.
+        Load on the rotor at the first axis [N], after half of the run.
     seed : int, optional
         Seed of the noise.
     reference : path, optional
-        A record whose ``r`` is the reference; without `duration` the run is as long as it.
+        A record whose ``r``, of several axes ``r_NAME``, is the reference; without `duration` the
+        run is as long as it.
     injection : path, optional
-        A record whose ``injected`` is added to the measurement, as `reference`.
+        A record whose ``injected``, of several axes ``injected_NAME``, is added to the measurement,
+        as `reference`.
     from_estimate : bool
-        Whether the estimate is fed back, or the measurement, where `scenario` does not say it.
+        Whether the estimate may be fed back, where `scenario` does not say what is.
 
     Raises
     ------
@@ -77,51 +102,71 @@ def scenario_for(
         A file cannot be read; both a step and a record are given for the reference; one of
         the quantities is none.
     TypeError
-        `bearing` is no bearing, or `scenario` no scenario.
+        `bearing` is no machine, or `scenario` not what happens to one.
     """
-    of_type(Bearing, bearing=bearing)
+    of_type(Bearing, Machine, bearing=bearing)
+    machine = short_form(bearing)
     duration, step = in_si("duration", duration, "s"), in_si("step", step, "m")
     load = in_si("load", load, "N")
-    happening = Scenario() if scenario is None else scenario
+    kind = Scenario if isinstance(machine, Bearing) else Flight
+    happening: Any = kind() if scenario is None else scenario
     if isinstance(happening, str | os.PathLike):
-        happening = Scenario.load(happening)
-    of_type(Scenario, scenario=happening)
-    controller = happening.controller.completed(bearing)
-    if not from_estimate and "feedback" not in happening.controller.model_fields_set:
-        controller = controller.model_copy(update={"feedback": "measurement"})
-    happening = happening.replace(controller=controller)
+        happening = kind.load(happening)
+    of_type(kind, scenario=happening)
+    if isinstance(machine, Bearing):
+        controller = happening.controller.completed(machine)
+        if not from_estimate and "feedback" not in happening.controller.model_fields_set:
+            controller = controller.model_copy(update={"feedback": "measurement"})
+        happening = happening.replace(controller=controller)
+    elif not from_estimate and happening.feedback is None:
+        happening = happening.replace(feedback="measurement")
     if duration is not None:
         happening = happening.replace(duration=duration)
     if reference is not None:
         if step is not None:
             raise AmbkitError("the reference is either a step or a record's: give one of them")
-        happening = _along(Path(reference), happening, duration, "reference", "r")
+        happening = _along(Path(reference), machine, happening, duration, "reference", "r")
     if injection is not None:
-        happening = _along(Path(injection), happening, duration, "injection", "injected")
+        happening = _along(Path(injection), machine, happening, duration, "injection", "injected")
+    first = "" if isinstance(machine, Bearing) else machine.axes[0].name
     if step is not None:
-        stepping = Step(amplitude=step, time=STEP_AT * happening.duration)
-        happening = happening.replace(reference=stepping)
+        at = Step(amplitude=step, time=STEP_AT * happening.duration)
+        happening = _put(happening, "reference", {first: at})
     if load is not None:
-        disturbance = Step(amplitude=load, time=LOAD_AT * happening.duration)
-        happening = happening.replace(disturbance=disturbance)
-    return happening if seed is None else happening.replace(seed=seed)
+        at = Step(amplitude=load, time=LOAD_AT * happening.duration)
+        happening = _put(happening, "disturbance", {first: at})
+    found: Scenario | Flight = happening if seed is None else happening.replace(seed=seed)
+    return found
+
+
+def _put(happening: Any, what: str, signals: Mapping[str, Step | Recorded]) -> Any:
+    """Return a run with signals of these axes."""
+    if isinstance(happening, Scenario):
+        return happening.replace(**{what: signals[""]})
+    of = "force" if what == "disturbance" else "position"
+    return happening.replace(**{what: [{"axis": axis, of: at} for axis, at in signals.items()]})
 
 
 def _along(
-    path: Path, scenario: Scenario, duration: float | None, what: str, signal: str
-) -> Scenario:
-    """Return a scenario that takes reference or injection from a signal of a record."""
-    from ambkit.data.record import Record
-
+    path: Path, machine: Bearing | Machine, happening: Any, duration: float | None, what: str,
+    of: str,
+) -> Any:  # fmt: skip
+    """Return a run that takes references or injections from the signals of a record."""
+    record = Record.load(path)
     if duration is None:
-        t = Record.load(path).t
-        scenario = scenario.replace(duration=float(t[-1]))
-    return scenario.replace(**{what: Recorded(file=str(path), signal=signal)})
+        happening = happening.replace(duration=float(record.t[-1]))
+    axes = [""] if isinstance(machine, Bearing) else [axis.name for axis in machine.axes]
+    there = [axis for axis in axes if signal(of, axis) in record]
+    if axes != [""] and not there:
+        names = ", ".join(signal(of, axis) for axis in axes)
+        raise AmbkitError(f"{path}: it has none of {names}, which are of axes of {machine.name}")
+    told = {a: Recorded(file=str(path), signal=signal(of, a)) for a in there or axes}
+    return _put(happening, what, told)
 
 
 def simulate_run(
-    bearing: Bearing,
-    scenario: Scenario | str | os.PathLike[str] | None = None,
+    bearing: Bearing | Machine,
+    scenario: Scenario | Flight | str | os.PathLike[str] | None = None,
     *,
     estimator: Estimator | str | None = None,
     magnet: MagnetModel | None = None,
@@ -142,15 +187,17 @@ def simulate_run(
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         The plant.
-    scenario : Scenario or path, optional
-        What happens to it; the controller is tuned to the bearing, as far as it says nothing else.
+    scenario : Scenario, Flight or path, optional
+        What happens to it; the controllers are those of the machine, as far as it says nothing
+        else.
     estimator : Estimator or str, optional
         In the loop, or beside it where the controller is fed by the measurement: an object, a kind,
         a filter's file, or ``"none"``. By default the linear filter where the controller needs one.
     magnet : MagnetModel, optional
-        The plant's own magnet, where it is not what the bearing describes.
+        The plant's own magnet, where it is not what the bearing describes; of a single axis, as
+        `force_map` and `imposed`.
     force_map : path, optional
         The same as points of iu, x and f_mag.
     magnets : mapping of str to MagnetModel, optional
@@ -188,28 +235,39 @@ def simulate_run(
         bearing, scenario, duration=duration, step=step, load=load, seed=seed, reference=reference,
         injection=injection, from_estimate=not without,
     )  # fmt: skip
-    if without and happening.controller.feedback == "estimate":
+    machine = short_form(bearing)
+    said = happening if isinstance(happening, Flight) else happening.controller
+    if without and said.feedback == "estimate":
         place = f"{os.fspath(scenario)}: " if isinstance(scenario, str | os.PathLike) else ""
+        key = "feedback" if said is happening else "controller.feedback"
         raise AmbkitError(
-            f'{place}the controller is fed by the estimate (controller.feedback = "estimate"), so '
-            "the estimator cannot be none"
+            f'{place}the controller is fed by the estimate ({key} = "estimate"), so the estimator '
+            "cannot be none"
         )
     made = estimator if not isinstance(estimator, str) else None
     if isinstance(estimator, str) and not without:
-        built = factories([estimator], bearing, magnets)
+        built = factories([estimator], machine, magnets)
         if len(built) > 1:
             raise AmbkitError("a loop has one estimator: name one of them, not all")
         made = built[estimator]()
+    if isinstance(happening, Flight):
+        assert isinstance(machine, Machine)
+        given = {"magnet": magnet, "force_map": force_map, "imposed": imposed}
+        for name, each in given.items():
+            if each is not None:
+                raise AmbkitError(f"{name}: is of one axis, and {machine.name} has several")
+        return simulate_machine(machine, happening, estimator=made)
+    assert isinstance(machine, Bearing)
     if force_map is not None:
         if magnet is not None:
             raise AmbkitError("the plant's magnet is either a model or a force map: give one")
-        magnet = surface_in(force_map, bearing)
-    return looped(bearing, happening, estimator=made, magnet=magnet, imposed=imposed)
+        magnet = surface_in(force_map, machine)
+    return looped(machine, happening, estimator=made, magnet=magnet, imposed=imposed)
 
 
 def simulate(
-    bearing: Bearing,
-    scenario: Scenario | str | os.PathLike[str] | None = None,
+    bearing: Bearing | Machine,
+    scenario: Scenario | Flight | str | os.PathLike[str] | None = None,
     *,
     estimator: Estimator | str | None = None,
     magnet: MagnetModel | None = None,
@@ -263,42 +321,86 @@ def experiment_duration(bearing: Bearing) -> float:
     return float(f"{OWN_PERIODS / own:.2g}")
 
 
+def plain_control(machine: Machine, flight: Flight, estimator: Estimator | None) -> str | None:
+    """Return a sentence on where a flight's unbalance control is plain control."""
+    if flight.control.unbalance == "fought" or estimator is None:
+        return None
+    flight = settled_flight(machine, flight)
+    T = machine.sampling_time
+    t = T * np.arange(max(2, round(flight.duration / T) + 1) + 1, dtype=float)
+    speed = np.abs([machine.speed] if flight.speed is None else flight.speed.sample(t))
+    low, high = float(speed.min()), float(speed.max())
+    turn = controllers_of(Plant(machine), flight.control, estimator, fastest=high).let_turn
+    return None if turn is None else turn.sentence(flight.control.unbalance, low, high)
+
+
 @dataclass(frozen=True)
 class RunSummary:
     """What a run came to."""
 
-    bearing: Bearing  #: What was simulated.
     run: Run  #: Record, and estimate if there was an estimator.
-
-    @property
-    def samples_at_the_stop(self) -> int:
-        """Samples in which the rotor touched a stop."""
-        return int(self.run.record.meta["stop_touched"])
-
-    @property
-    def first_at_the_stop(self) -> float | None:
-        """When a sample first found the rotor at a stop [s]; None where it left before its end."""
-        record = self.run.record
-        there = np.abs(record["x"]) >= self.bearing.rotor.travel_limit
-        return float(record.t[int(np.argmax(there))]) if there.any() else None
+    #: What its estimator says of unbalance and runout at the end, where it flies then.
+    turning: Sequence[Harmonic] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
-        record, estimate, b = self.run.record, self.run.estimate, self.bearing
+        """Return the figures as plain data, in SI; of several axes by their names."""
+        run, record, estimate = self.run, self.run.record, self.run.estimate
+        machine, (first, end) = run.plant, self._in_flight()
         found: dict[str, Any] = {
-            "bearing": b.name,
+            "bearing" if isinstance(machine, Bearing) else "machine": machine.name,
             "samples": len(record),
             "duration": record.t[-1],
             "seed": record.meta["seed"],
-            "greatest_displacement": np.max(np.abs(record["x"])),
-            "greatest_current": np.max(np.abs(record["iu"])),
-            "samples_at_the_current_limit": int(
-                np.sum((record["iu"] >= b.current_max) | (record["iu"] <= b.current_min))
+            "greatest_displacement": self._by_axis(
+                {axis: np.abs(record[run.displacement(axis)]).max() for axis in run.axes}
             ),
-            "samples_at_the_stop": record.meta["stop_touched"],
+            "greatest_current": self._by_axis(
+                {axis: np.abs(iu).max(initial=0.0) for axis, iu in self._currents.items()}
+            ),
+            "samples_at_the_current_limit": self._at_the_limit,
+            "samples_at_the_stop": run.samples_at_the_stop,
         }
         if estimate is not None:
             found["estimator"] = estimate.estimator
-            found["rmse"] = {name: rmse(estimate, record, name) for name in EVALUATED}
-            found["nis"] = np.mean(estimate.nis[1:])
+            found["rmse"] = errors_along(estimate, record, first, end)
+            found["nis"] = float(np.mean(estimate.nis[first:end][1:]))
+        if self.turning and end is None:
+            found["synchronous"] = {each.name: each.to_dict() for each in self.turning}
+        if "mode" in record:
+            found["modes"] = self._modes()
         return found
+
+    def _by_axis(self, values: Mapping[str, Any]) -> Any:
+        return values[""] if isinstance(self.run.plant, Bearing) else values
+
+    @property
+    def _currents(self) -> dict[str, Any]:
+        """The control currents of each axis (n,) while magnets have any [A]."""
+        run = self.run
+        return {axis: run.record[signal("iu", axis)][run.fed] for axis in run.axes}
+
+    @property
+    def _at_the_limit(self) -> int:
+        limits = [(each.current_min, each.current_max) for each in alone_of(self.run.plant)]
+        each = zip(self._currents.values(), limits, strict=True)
+        return int(np.any([(iu >= high) | (iu <= low) for iu, (low, high) in each], axis=0).sum())
+
+    def _in_flight(self) -> tuple[int, int | None]:
+        """Return the first sample in which the rotor flew and the one after it last did."""
+        # A rotor that lies has the backup bearings' forces, which no estimator knows, and a filter
+        # takes the magnets for switched on; so it is after a power failure. 0 and None: all of the
+        # record.
+        if "mode" not in self.run.record:
+            return 0, self.run.fed.stop
+        mode = self.run.record["mode"]
+        flew = np.flatnonzero(mode == Mode.FLYING)
+        if not flew.size:
+            return 0, len(mode)
+        end = int(flew[-1]) + 1
+        return int(flew[0]), None if end == len(mode) else end
+
+    def _modes(self) -> list[dict[str, Any]]:
+        """Return what lift-off and landing did, and since when [s]."""
+        t, mode = self.run.record.t, self.run.record["mode"]
+        changed = np.flatnonzero(np.diff(mode, prepend=-1.0))
+        return [{"mode": Mode(int(mode[k])).name.lower(), "since": float(t[k])} for k in changed]

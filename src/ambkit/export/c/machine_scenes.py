@@ -16,8 +16,9 @@ from ambkit.export.c.vectors import without_digits
 from ambkit.simulation.control import settling_of
 from ambkit.simulation.control_machine import MachineController
 from ambkit.simulation.flight import Disturbance, Flight, Reference
-from ambkit.simulation.machine import MachineRun, simulate_machine
+from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.plant import Plant
+from ambkit.simulation.run import Run
 from ambkit.simulation.sequence import Mode
 from ambkit.simulation.waveforms import Constant, Ramp, Step, Sum
 
@@ -122,9 +123,7 @@ def vectors(estimator: Estimator, flight: Flight, controllers: Controllers) -> V
     )  # fmt: skip
 
 
-def _flown(
-    estimator: Estimator, controllers: Controllers, scene: Scene, readings: Array
-) -> MachineRun:
+def _flown(estimator: Estimator, controllers: Controllers, scene: Scene, readings: Array) -> Run:
     """Return one flight, with this added to its readings (n, m) [m]."""
     assert estimator.whole is not None
     return simulate_machine(
@@ -135,7 +134,7 @@ def _flown(
 
 
 def _spread(
-    estimator: Estimator, controllers: Controllers, scene: Scene, run: MachineRun
+    estimator: Estimator, controllers: Controllers, scene: Scene, run: Run
 ) -> NDArray[np.bool_]:
     """Return where flights differ (n,) whose readings differ by no more than rounding makes."""
     # A compiler that contracts rounds otherwise. A rotor that is thrown between its stops makes of

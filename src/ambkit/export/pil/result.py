@@ -13,7 +13,7 @@ from ambkit.simulation.sequence import Mode
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.simulation.machine import MachineRun
+    from ambkit.simulation.run import Run
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ class Pil:
     bound: path.Bound  #: Of a step at most, along any path through what qemu runs.
     stack_seen: int  #: Bytes that a step has used.
     state: int  #: Bytes of an instance.
-    run: MachineRun | None  #: Of a machine, the simulation that it answered to.
+    run: Run | None  #: Of a machine, the simulation that it answered to.
     board: str  #: What the rest is for.
     built: build.Built  #: Flash, memory and the most stack of the board's build.
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.machine import Machine
     from ambkit.simulation.flight import Flight
-    from ambkit.simulation.machine import MachineRun
+    from ambkit.simulation.run import Run
 
 
 def fly_whole(
@@ -71,7 +71,7 @@ def fly_whole(
     )  # fmt: skip
 
 
-def _others(run: MachineRun, told: NDArray[np.void]) -> NDArray[np.intp]:
+def _others(run: Run, told: NDArray[np.void]) -> NDArray[np.intp]:
     """Return how many numbers are others than flew here, of each sample (n,)."""
     record, axes = run.record, run.machine.axes
     single = np.float32

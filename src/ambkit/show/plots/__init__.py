@@ -7,7 +7,6 @@ Each function describes a :class:`ambkit.show.report.Figure`; `save_figure` draw
 from ambkit.show.plots.comparison import comparison_figure
 from ambkit.show.plots.filters import filter_figure
 from ambkit.show.plots.identification import identification_figure, lift_off_figure
-from ambkit.show.plots.machine import machine_figure
 from ambkit.show.plots.saving import ENDINGS, save_figure
 from ambkit.show.plots.simulation import simulation_figure
 from ambkit.show.plots.training import training_figure
@@ -18,7 +17,6 @@ __all__ = [
     "filter_figure",
     "identification_figure",
     "lift_off_figure",
-    "machine_figure",
     "save_figure",
     "simulation_figure",
     "training_figure",

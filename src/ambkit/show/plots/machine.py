@@ -18,7 +18,7 @@ from ambkit.show.report.items import Axis, Item, Line, Rule
 
 if TYPE_CHECKING:
     from ambkit.machine.placed import PlacedBearing
-    from ambkit.simulation.machine import MachineRun
+    from ambkit.simulation.run import Run
 
 TURNS = 5
 """Revolutions that an orbit shows dark, up to the end of the run."""
@@ -27,9 +27,9 @@ DISPLACEMENT = Axis("displacement", "µm", 1e6)
 _ACROSS = Axis("$x$, against gravity", "µm", 1e6), Axis("$y$", "µm", 1e6)
 
 
-def machine_figure(run: MachineRun) -> Figure:
+def machine_figure(run: Run) -> Figure:
     """Show the orbits of the rotor in its radial bearings, displacements and currents."""
-    machine, record = run.machine, run.record
+    record, machine = run.record, run.machine
     t = record.t
     panels: list[Panel] = []
     radial = [each for each in machine.bearing if each.type == "radial"]
@@ -75,7 +75,7 @@ def _of(k: int) -> str:
     return {1: "first axis", 2: "second axis"}[k]
 
 
-def orbit_of(run: MachineRun, place: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def orbit_of(run: Run, place: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the displacements x and y of the rotor at a place (n,) [m]."""
     record = run.record
     x, y = (
@@ -85,7 +85,7 @@ def orbit_of(run: MachineRun, place: float) -> tuple[NDArray[np.float64], NDArra
     return np.asarray(x), np.asarray(y)
 
 
-def _orbit(run: MachineRun, bearing: PlacedBearing) -> Panel:
+def _orbit(run: Run, bearing: PlacedBearing) -> Panel:
     x, y = orbit_of(run, bearing.place)
     late = _last_turns(run)
     items: list[Item] = [
@@ -102,7 +102,7 @@ def _orbit(run: MachineRun, bearing: PlacedBearing) -> Panel:
     return Panel(*_ACROSS, items, title=f"Orbit in bearing {label(bearing.name)}", equal=True)
 
 
-def _last_turns(run: MachineRun) -> slice:
+def _last_turns(run: Run) -> slice:
     """Return the samples of the last revolutions; of a rotor that hardly turns the last tenth."""
     speed, t = run.record["speed"], run.record.t
     angle = np.concatenate([[0.0], np.cumsum(np.abs(speed[:-1]) * np.diff(t))])

@@ -7,19 +7,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.base.escaping import markdown
+from ambkit.machine.bearing import Bearing
 from ambkit.show.plots.filters import whole_noise
 from ambkit.show.plots.looks import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY
+from ambkit.show.plots.machine import machine_figure
 from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Item, Line, Rule
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
     from ambkit.simulation.run import Run
 
 
-def simulation_figure(run: Run, bearing: Bearing) -> Figure:
+def simulation_figure(run: Run) -> Figure:
     """Show what happened in a simulated run, and what the estimator said to it."""
-    record, estimate = run.record, run.estimate
+    record, estimate, bearing = run.record, run.estimate, run.plant
+    if not isinstance(bearing, Bearing):
+        return machine_figure(run)
     t, name = record.t, "estimate"
 
     def told(signal: str) -> list[Item]:

@@ -25,7 +25,6 @@ from ambkit.workflow.campaign.varied import OneOf
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from ambkit.simulation.machine import MachineRun
     from ambkit.simulation.run import Run
 
 Array = NDArray[np.float64]
@@ -88,7 +87,7 @@ class Flown(NamedTuple):
 
     columns: dict[str, Any]
     """Figures, counts, margins and verdict, by name."""
-    traces: Mapping[int, Run | MachineRun]
+    traces: Mapping[int, Run]
     """By the numbers of the runs."""
     wrong: list[str]
     """Why a machine cannot be; empty where it can."""
@@ -192,7 +191,7 @@ def table(plan: Plan, columns: Mapping[str, Any]) -> pa.Table:
     return pa.Table.from_arrays(arrays, schema=wanted)
 
 
-def traces_table(plan: Plan, runs: Mapping[int, Run | MachineRun]) -> pa.Table:
+def traces_table(plan: Plan, runs: Mapping[int, Run]) -> pa.Table:
     """Return chosen signals of runs as one table, a row for each sample."""
     import pyarrow as pa
 
@@ -212,7 +211,7 @@ def traces_table(plan: Plan, runs: Mapping[int, Run | MachineRun]) -> pa.Table:
     return pa.table(whole)
 
 
-def signal(run: Run | MachineRun, name: str) -> Array:
+def signal(run: Run, name: str) -> Array:
     """Return a signal of a run by its name in a study."""
     state = name.removesuffix("_estimate")
     if state == name:

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
     from ambkit.show.report.figure import Figure
-    from ambkit.simulation.machine import MachineRun
     from ambkit.simulation.many_machines import PlannedMachine
     from ambkit.simulation.run import Run
     from ambkit.workflow.campaign.plan import Plan
@@ -24,7 +23,7 @@ class Replayed(NamedTuple):
     number: int  #: Its number.
     values: Mapping[str, Any]  #: What varied, in SI.
     planned: Planned | PlannedMachine  #: Plant, run and estimator.
-    run: Run | MachineRun  #: Record, with truth, and estimate.
+    run: Run  #: Record, with truth, and estimate.
     row: Mapping[str, Any]  #: Figures and verdict, as they stand in the campaign's rows.
 
     @property
@@ -36,12 +35,8 @@ class Replayed(NamedTuple):
     def figure(self) -> Figure:
         """Return the run as a picture."""
         from ambkit.show import plots
-        from ambkit.simulation.machine import MachineRun
 
-        if isinstance(self.run, MachineRun):
-            return plots.machine_figure(self.run)
-        assert isinstance(self.planned, Planned)  # as its run is one of a bearing
-        return plots.simulation_figure(self.run, self.planned.bearing)
+        return plots.simulation_figure(self.run)
 
 
 def replay(plan: Plan, number: int) -> Replayed:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -204,9 +206,10 @@ def _figure_close(study: Study, runs: dict[str, Run]) -> Figure:
     def cut(run: Run) -> Run:
         kept = slice(*(round(end / run.record.t[1]) for end in window))
         e = _estimate(run)
-        return Run(
-            run.record.between(*window),
-            Estimate(
+        return replace(
+            run,
+            record=run.record.between(*window),
+            estimate=Estimate(
                 e.t[kept], e.mean[kept], e.innovation[kept], e.innovation_variance[kept],
                 e.k_i[kept], e.k_s[kept], e.status[kept], None, e.estimator, e.states,
             ),
