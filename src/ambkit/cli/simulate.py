@@ -114,7 +114,7 @@ def simulate(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Simulate a machine in closed loop.
+    """Simulate a bearing or a whole machine in closed loop.
 
     With its nonlinear magnets, noise, sensor lag, current limit and stops, gyroscopics, unbalance
     and runout; of several axes with orbits in the picture.
@@ -231,7 +231,8 @@ def _of_the_stop(run: Run) -> str:
 
     travel = min(each.rotor.travel_limit for each in alone_of(run.plant))
     at = run.first_touch
-    first = "" if at is None else f", first at {value(run.record.t[at], 's')}"
+    t = run.record.t  # it is there by the end of the sample
+    first = "" if at is None else f", first at {value(t[min(at + 1, len(t) - 1)], 's')}"
     return (
         f"the rotor touched the stop at {value(travel, 'm')} in {run.samples_at_the_stop} of "
         f"{len(run.record)} samples{first}: do the controllers suit it ([controller] or [control] "
