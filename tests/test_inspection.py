@@ -172,3 +172,12 @@ def test_a_force_with_other_columns_alone_is_told_how(tmp_path, head):
 def test_a_log_without_units_is_not_taken_for_a_force(tmp_path):
     (tmp_path / "log.csv").write_text("time;y;u\n0;1;2\n1;2;1\n2;1;2\n")
     assert not any("measured force" in text for text in inspect(tmp_path / "log.csv").problems)
+
+
+@pytest.mark.parametrize(("steps", "said"), [(40, 0), (80, 1)])
+def test_a_converter_too_coarse_for_the_loop_is_said(bearing, tmp_path, steps, said):
+    noise = bearing.sensor.noise_variance**0.5
+    bearing.replace(sensor__quantisation=steps * noise).save(tmp_path / "coarse.toml")
+    told = inspect(tmp_path / "coarse.toml").remarks
+    assert len(told) == said
+    assert all("80 standard deviations of the sensor's noise" in each for each in told)

@@ -7,7 +7,9 @@ import ambkit
 from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison import criteria
+from ambkit.simulation.flight import Flight
 from ambkit.simulation.imposed import Faults, Imposed
+from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
 
 NOISE = 1e-7
@@ -108,3 +110,51 @@ def test_a_stuck_sensor_is_flagged_within_three_own_times(ratio, stated):
     flagged = np.flatnonzero((estimate.status[2000:] & ambkit.Status.FROZEN) > 0)
     assert flagged.size
     assert flagged[0] * T <= 3 * OWN_TIME
+
+
+@pytest.mark.parametrize("kind", ["observer", "steady-state"])
+def test_what_a_constant_gain_says_of_its_errors_holds(kind):
+    shares = []
+    for seed in range(4):
+        record, _, _ = flown(5, wander=WALK, seed=seed)
+        bearing = PAPER.replace(sensor__quantisation=5 * NOISE)
+        kalman = KINDS[kind].make(bearing, noise=FilterNoise(disturbance=WALK))
+        shares.append(criteria.nees(kalman.run(record, covariance=True), record, 300))
+    assert 0.93 <= np.mean(shares) <= 0.98
+
+
+def flight(name, ratio, kind, feedback, precision="float64", seed=0):
+    """Errors of an estimate and of the readings of a machine [m], and healthy samples flagged."""
+    machine = ambkit.Machine.preset(name)
+    steps = {"noise_variance": NOISE**2, "quantisation": ratio * NOISE}
+    sensors = tuple(each.model_copy(update=steps) for each in machine.sensor)
+    machine = machine.model_copy(update={"sensor": sensors})
+    kalman = KINDS[kind].make(machine, precision=precision)
+    made = Flight(duration=0.2, seed=seed, feedback=feedback)
+    run = simulate_machine(machine, made, estimator=kalman)
+    c, record, estimate = kalman.engine.model.c, run.record, run.estimate
+    shown = [next((x for x in ("q_" + n, n) if x in record.signals), None) for n in estimate.names]
+    truth = np.array([np.zeros(len(record["t"])) if n is None else record[n] for n in shown])
+    y = np.array([record[n] for n in record.signals if n.startswith("y_")])
+    frozen = np.count_nonzero(estimate.status & ambkit.Status.FROZEN)
+    return rms((estimate.mean - truth.T) @ c.T), rms(y.T - truth.T @ c.T), frozen
+
+
+def test_a_rotor_that_other_sensors_hold_within_a_step_is_no_frozen_sensor():
+    ours, raw, frozen = flight("tum_mlps", 100, "linear", "measurement")
+    assert frozen == 0
+    assert ours < 0.5 * raw
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("feedback", ["measurement", "estimate"])
+@pytest.mark.parametrize("kind", ["linear", "extended", "ud", "unscented"])
+@pytest.mark.parametrize("name", ["tum_mlps", "compressor"])
+def test_coarse_steps_of_machines(name, kind, feedback, precision):
+    fine, raw_fine, _ = flight(name, 0.1, kind, feedback, precision)
+    for ratio in (1, 5, 10, 20, 50, 100):
+        ours, raw, frozen = flight(name, ratio, kind, feedback, precision)
+        assert frozen == 0
+        # Where the model leaves something out, such as unbalance, a fine sensor is no better.
+        assert ours <= max(1.02, 1.25 * fine / raw_fine) * raw

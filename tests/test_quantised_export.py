@@ -16,10 +16,18 @@ FORMS = {"plain": {}, "editable": {"editable": True},
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize(("form", "ratio"), [("plain", 5), ("editable", 1), ("control", 20)])
-def test_it_compiles_without_a_warning_and_passes(form, ratio, precision, tmp_path):
+@pytest.mark.parametrize(
+    ("form", "ratio", "kind"),
+    [
+        ("plain", 5, "extended"), ("editable", 1, "extended"), ("control", 20, "extended"),
+        *(pytest.param("control", ratio, kind, marks=pytest.mark.study)
+          for kind in ("linear", "ud", "observer", "augmented") for ratio in (5, 20, 50, 100)),
+    ],
+)  # fmt: skip
+def test_it_compiles_without_a_warning_and_passes(form, ratio, kind, precision, tmp_path):
     bearing = BEARING.replace(sensor__quantisation=ratio * STD)
-    made = export_c(bearing, None, tmp_path / "c", prefix="rig", precision=precision, **FORMS[form])
+    made = export_c(bearing, None, tmp_path / "c", prefix="rig", kind=kind, precision=precision,
+                    **FORMS[form])  # fmt: skip
     done = program("gcc", made.folder, tmp_path / "selftest")
     assert (done.returncode, done.stderr) == (0, "")
     said = subprocess.run([tmp_path / "selftest"], capture_output=True, text=True)

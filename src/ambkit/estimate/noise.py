@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from ambkit.models.model import Descriptor
 
 
-VERY_COARSE = 121.0
-"""AMB_VERY_COARSE of the core: square of a step over the variance of the noise."""
+COARSE, VERY_COARSE = 4.0, 121.0
+"""AMB_COARSE and AMB_VERY_COARSE of the core: square of a step over the variance of the noise."""
 
 UNITS = {"measurement": "m^2", "control": "V^2", "disturbance": "N^2/s"}
 """Of each variance."""
@@ -113,6 +113,16 @@ def with_rounding(
         v + q**2 / 12 * (samples if q**2 > VERY_COARSE * v else 1.0)
         for v, q in zip(variances, steps, strict=True)
     ]
+
+
+def held_rounding(variance: float, step: float, samples: float) -> float:
+    """Return the variance [m^2] for a constant gain, of a rotor that moves less than a step."""
+    # What the noise leaves of the rounding at a place, its first harmonic, stays for half as many
+    # samples (Widrow & Kollar 2008, quantisation noise with a Gaussian input).
+    if step**2 <= COARSE * variance or step**2 > VERY_COARSE * variance:
+        return with_rounding([variance], [step], samples)[0]
+    share = 6 / math.pi**2 * math.exp(-4 * math.pi**2 * variance / step**2)
+    return variance + step**2 / 12 * (1 + share * (samples / 2 - 1))
 
 
 def check_variances(variances: Variances) -> None:

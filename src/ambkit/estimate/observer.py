@@ -14,6 +14,7 @@ from ambkit.base.asked import Given, in_si
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.model import LinearModel
+from ambkit.estimate.noise import held_rounding
 from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel
 from ambkit.models import compose
@@ -63,6 +64,8 @@ class _Observer(Estimator):
         units = np.array(self.view.start_std(self.variances, whole.states))
         growth = self.view.growth(self.variances, whole.noises)
         model = LinearModel.of(whole, k.k_i, k.k_s, settings | {"var_d": growth})
+        sensor = settings["var_y"][0], settings["step"][0]
+        model = model._replace(R=held_rounding(*sensor, settings["dwell"]))
         small = model.scaled(units)
         L = self._gain(small, whole.states)
         P, S = _steady(small, L)

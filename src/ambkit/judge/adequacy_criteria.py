@@ -55,6 +55,9 @@ STIFFNESS_FACTOR = 2.0
 NOISE_FACTOR = 1e3
 """Factor in a noise intensity beyond what tuning may find."""
 
+STEPS = 50.0
+"""Quantisation over the noise's deviation from which on an estimate in the loop gains nothing."""
+
 WEIGHTS = 1e3
 """Load capacity in weights from which on mass or magnet is doubtful."""
 
@@ -170,6 +173,21 @@ def of_machine(plant: Bearing | Machine) -> Iterator[Finding]:
     if most > WEIGHTS:
         text = f"the magnet lifts {most:.3g} times the rotor's weight: is rotor.mass right?"
     yield Finding("load capacity over weight", most, "1", WEIGHTS, text)
+    yield from _steps(plant)
+
+
+def _steps(plant: Bearing | Machine) -> Iterator[Finding]:
+    sensors = [reading.sensor for reading in as_machine(plant).readings]
+    coarse = max(sensors, key=lambda s: (s.quantisation or 0.0) ** 2 / s.noise_variance)
+    step, std = coarse.quantisation or 0.0, math.sqrt(coarse.noise_variance)
+    text = ""
+    if step > STEPS * std:
+        text = (
+            f"a quantisation of {engineering(step, 'm', digits=3)} is {step / std:.3g} standard "
+            f"deviations of the sensor's noise; beyond {STEPS:g} an estimate that feeds the "
+            "controller is no better than the measurement: take a finer converter"
+        )
+    yield Finding("quantisation over noise", step / std, "1", STEPS, text)
 
 
 def _usual(plant: Any) -> Variances:

@@ -141,6 +141,7 @@ def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Descr
     from ambkit.base.config import toml_text
     from ambkit.base.units import engineering
     from ambkit.judge.adequacy import judge_adequacy, sentences
+    from ambkit.judge.adequacy_criteria import of_machine
     from ambkit.simulation.parts import in_words
     from ambkit.workflow import machines
 
@@ -161,7 +162,7 @@ def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Descr
             f"line {lines.line(each.path)}: {each.text}" if each.path else each.text
             for each in remarks
         )
-        return _Described(about, (), tuple(told))
+        return _Described(about, (), (*told, *sentences(list(of_machine(found)))))
     if kind == "flight":
         speed = "the machine's" if found.speed is None else found.speed.type
         return _Described(f"{engineering(found.duration, 's')} of a machine, speed {speed}")
@@ -174,7 +175,8 @@ def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Descr
         )
     found = found.alone("") if kind == "machine" else found
     mass = engineering(found.rotor.mass, "kg")
-    return _Described("; ".join([f"{found.name}, {found.magnet.type}, {mass}", *in_words(found)]))
+    about = "; ".join([f"{found.name}, {found.magnet.type}, {mass}", *in_words(found)])
+    return _Described(about, (), tuple(sentences(list(of_machine(found)))))
 
 
 def _of_study(study: Any) -> str:
