@@ -97,7 +97,7 @@ def test_what_it_says_of_its_errors_holds(ratio):
     shares = []
     for seed in range(8):
         record, _, kalman = flown(ratio, wander=WALK, seed=seed)
-        shares.append(criteria.nees(kalman.run(record, covariance=True), record, 300))
+        shares.append(criteria.nees(kalman.run(record, covariance=True), record, 300, kalman.view))
     assert 0.93 <= np.mean(shares) <= 0.97
 
 
@@ -119,7 +119,7 @@ def test_what_a_constant_gain_says_of_its_errors_holds(kind):
         record, _, _ = flown(5, wander=WALK, seed=seed)
         bearing = PAPER.replace(sensor__quantisation=5 * NOISE)
         kalman = KINDS[kind].make(bearing, noise=FilterNoise(disturbance=WALK))
-        shares.append(criteria.nees(kalman.run(record, covariance=True), record, 300))
+        shares.append(criteria.nees(kalman.run(record, covariance=True), record, 300, kalman.view))
     assert 0.93 <= np.mean(shares) <= 0.98
 
 
