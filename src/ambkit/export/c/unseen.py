@@ -162,12 +162,13 @@ NOT_RUN = (
         for file, function in (
             ("exponential.h", "amb_exp_polynomial"), ("exponential.h", "amb_exp_negative"),
             ("real.h", "amb_at_least"), ("kalman.c", "density"), ("kalman.c", "mills"),
-            ("kalman.c", "amb_kalman_rounded"), ("kalman_step.h", "amb_step_very_coarse"),
+            ("kalman.c", "amb_kalman_rounded"), ("kalman.c", "amb_kalman_edge"),
+            ("kalman_step.h", "amb_step_very_coarse"),
         )
     ),
     *(
         NotRun("kalman_step.h", "amb_step_rounded", text, _ROUNDED, lambda has: not has.rounded)
-        for text in ("const amb_real e = y", "if (AMB_WITHIN(e, AMB_REAL_ROOT)")
+        for text in ("const amb_real e = y", "if (AMB_WITHIN(e, AMB_REAL_ROOT)", "as = very")
     ),
     NotRun(
         "sequence.c", "mend", "AMB_LIFTING : AMB_TRIPPED", "for bits that flip in memory",
