@@ -163,7 +163,6 @@ NOT_RUN = (
             ("exponential.h", "amb_exp_polynomial"), ("exponential.h", "amb_exp_negative"),
             ("real.h", "amb_at_least"), ("kalman.c", "density"), ("kalman.c", "mills"),
             ("kalman.c", "amb_kalman_rounded"), ("kalman.c", "amb_kalman_edge"),
-            ("kalman_step.h", "amb_step_very_coarse"),
         )
     ),
     *(
@@ -384,7 +383,7 @@ UNROUNDED = (
     *(
         Unseen("kalman_step.h", text, _ROUNDED)
         for text in (
-            "AMB_COARSE * kf->set.var_y[r]", "const bool again = !(", "bool coarse = interval",
+            "COARSE * kf->set.var_y[r]", "const bool again = !(", "bool coarse = interval",
             "as.moved", "const bool told = (status", "const amb_real grown = before",
             "const amb_real change = y", "return amb_step_each(amb_step_plain, kf, NULL",
         )
