@@ -16,7 +16,7 @@ from ambkit.cli.options import (
     Json,
     Plot,
     file_option,
-    find_bearing,
+    find_plant,
 )
 
 if TYPE_CHECKING:
@@ -49,6 +49,12 @@ def torture(
             metavar="NAME",
             help=f"Who is put through it; again for more, or with commas: {', '.join(NAMES)}. "
             "Default all.",
+        ),
+    ] = None,
+    reading: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Of several readings the one with the faults; else the first."
         ),
     ] = None,
     faults: Annotated[
@@ -85,24 +91,26 @@ def torture(
 
     For example:
       ambkit torture zittau_axial --estimator linear --estimator extended --plot faults.png
+      ambkit torture tum_mlps --estimator linear --reading Lb1 --faults stuck,spikes --steps 0
     """
     from ambkit.cli import output
     from ambkit.cli.kinds import factories
+    from ambkit.judge.comparison.contenders import suited
     from ambkit.judge.faults.campaign import chosen_faults, flights_of
     from ambkit.judge.faults.campaign import torture as through
     from ambkit.show import plots
     from ambkit.show.plots.torture import torture_figure
 
-    plant = find_bearing(bearing)
-    chosen = names(",".join(estimators or NAMES))
+    plant = find_plant(bearing)
+    chosen = suited(names(",".join(estimators or NAMES)), plant)
     named = chosen_faults(None if faults is None else names(faults))
     precisions: Any = ("float64", "float32") if precision == "both" else (precision,)
     built = factories(chosen, plant, expert)
     work = len(precisions) * flights_of(len(built), named, runs, steps=steps)
     with output.progress("flying", work) as done:
         found = through(
-            plant, built, faults=named, seeds=range(seed, seed + runs), steps=steps,
-            precisions=precisions, done=done,
+            plant, built, reading=reading, faults=named, steps=steps,
+            seeds=range(seed, seed + runs), precisions=precisions, done=done,
         )  # fmt: skip
     output.deliver(
         found.to_dict() | {"seeds": [seed, seed + runs - 1]},

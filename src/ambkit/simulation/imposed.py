@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 class Faults:
     """What is wrong between plant, controller and estimator, one value a sample, all (n,)."""
 
+    # Of several axes (n, readings) of what is measured, and (n, axes) of the rest.
+
     #: The measurement is that of so many samples ago, 0 or more; between two of them on the line
     #: through both. One that grows by 1 a sample is a sensor that is stuck [samples].
     late: NDArray[np.float64]
@@ -33,6 +35,18 @@ class Faults:
         """Return n samples without a fault."""
         zero, one = np.zeros(n), np.ones(n)
         return cls(zero, one, zero.copy(), one.copy(), zero.copy(), one.copy(), beside=beside)
+
+    def among(self, reading: int, readings: int, axis: int, axes: int) -> Faults:
+        """Return the same faults of one of several readings, and of one of several axes."""
+        none = {"late": 0.0, "y_times": 1.0, "y_plus": 0.0, "u_times": 1.0, "u_plus": 0.0,
+                "current": 1.0}  # fmt: skip
+        found = {}
+        for name, series in self.series.items():
+            of_reading = name.startswith(("late", "y_"))
+            k, columns = (reading, readings) if of_reading else (axis, axes)
+            found[name] = np.full((len(series), columns), none[name])
+            found[name][:, k] = series
+        return Faults(**found, beside=self.beside)
 
     @property
     def series(self) -> dict[str, NDArray[np.float64]]:

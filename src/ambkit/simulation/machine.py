@@ -28,6 +28,7 @@ from ambkit.simulation.run import Run
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.simulation.flight import Flight
+    from ambkit.simulation.imposed import Faults
     from ambkit.simulation.scenario import PID
 
 Array = NDArray[np.float64]
@@ -49,6 +50,7 @@ def simulate_machine(
     from_readings: bool = False,
     fly: Array | None = None,
     other: dict[str, Any] | None = None,
+    faults: Faults | None = None,
 ) -> Run:
     """Simulate a whole machine with its controllers.
 
@@ -81,6 +83,9 @@ def simulate_machine(
         With a sequence, whether it is told to fly [1]; by default as the sequence says.
     other : dict, optional
         Fields of ``amb_control`` of another value than the flight's sequence has.
+    faults : Faults, optional
+        Of every reading (n, m) and of every control signal and amplifier (n, p). The record's
+        readings and control signals are then those that the estimator gets, NaN for infinity.
 
     Raises
     ------
@@ -139,7 +144,7 @@ def simulate_machine(
         | arrays(controllers, plant, feeding)
     )
     off = n if flight.off is None else round(flight.off / T)
-    follows, of_flight = None, {}
+    follows, of_flight = None, dict[str, Any]()
 
     def flown(samples: int, **of_estimator: Any) -> dict[str, Any]:
         series = {"r": wanted, "load": loads, "base": base, "noise_u": noise_u, "noise_y": noise_y}
@@ -165,9 +170,16 @@ def simulate_machine(
         elif from_readings:
             first = flown(1, estimator=estimator.core)["y"]
             estimator.reset(estimator.at_first(np.asarray(first, float)))
+    if faults is not None:
+        of_flight |= {"beside": faults.beside, "faults": {
+            name: np.ascontiguousarray(each, precision) for name, each in faults.series.items()
+        }}  # fmt: skip
     turning = estimator.engine.model_of_core if estimator and follows is not None else None
     of_core = None if estimator is None else estimator.core
     out = flown(n, estimator=of_core, model=turning, **of_flight)
+    if faults is not None:  # a record holds no infinities
+        for name in ("y", "u"):
+            out[name] = np.where(np.isfinite(out[name]), out[name], np.nan)
     series = {"r": wanted, "f_d": loads, "speed": speed[:-1], "injected": added, "base": base}
     record = _record(plant, flight, t[:-1], out, series)
     estimate = None if estimator is None else estimator.told(t[:-1], out["estimate"])

@@ -14,9 +14,11 @@ from ambkit.base.asked import names_in, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
 from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.judge.comparison.contenders import suited
 from ambkit.judge.faults.declared import CLEAN, FAULTS
 from ambkit.judge.faults.flight import Flight, Outcome
 from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine, as_machine, short_form
 from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
@@ -40,7 +42,7 @@ SETTINGS = ("beside the loop", "in the loop")
 class Torture:
     """What became of a campaign."""
 
-    bearing: Bearing  #: Whose.
+    bearing: Bearing | Machine  #: Whose.
     outcomes: tuple[Outcome, ...]  #: One a flight.
 
     def __repr__(self) -> str:
@@ -133,9 +135,10 @@ def flights_of(estimators: int, faults: Iterable[str], seeds: int, *, steps: int
 
 
 def torture(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     estimators: Sequence[str] | Mapping[str, Factory] | None = None,
     *,
+    reading: str | None = None,
     faults: Iterable[str] | None = None,
     seeds: Sequence[int] = (0,),
     steps: int = 50_000,
@@ -154,11 +157,14 @@ def torture(
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         The plant, and what the estimators know.
     estimators : sequence of str, or mapping of name to factory, optional
         Kinds of :data:`ambkit.estimate.registry.KINDS`, all of them by default; or what makes
         fresh ones, called with ``precision=...``.
+    reading : str, optional
+        Of several readings the one that the faults are of, by its name, and with it the axis that
+        it shows most of; by default the first.
     faults : iterable of str, optional
         Some of ``ambkit.judge.faults.FAULTS``; by default all.
     seeds : sequence of int
@@ -184,13 +190,16 @@ def torture(
     AmbkitError
         A fault or kind is unknown, or a flight through mixtures has no room for one.
     """
-    of_type(Bearing, bearing=bearing)
-    named = chosen_faults(faults)
-    built = _factories(bearing, KINDS if estimators is None else estimators)
-    pid = controller or PID.for_bearing(bearing)
+    of_type(Bearing, Machine, bearing=bearing)
+    bearing = short_form(bearing)
+    at, named = _reading(as_machine(bearing), reading), chosen_faults(faults)
+    if isinstance(bearing, Machine) and "lift-off" in named:  # its own start has lift-off
+        named.remove("lift-off")
+    kinds = suited(list(KINDS), bearing)
+    built = _factories(bearing, kinds if estimators is None else estimators)
 
     works = [
-        _Work(Flight(bearing, pid, in_loop, seed, precision), name, build)
+        _Work(Flight(bearing, controller, in_loop, seed, precision, at), name, build)
         for precision in precisions
         for seed in seeds
         for in_loop in (False, True)
@@ -208,6 +217,14 @@ def torture(
         finally:
             pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not flown first
     return Torture(bearing, tuple(outcomes))
+
+
+def _reading(machine: Machine, name: str | None) -> int:
+    """Return which reading has a name, the first without one."""
+    names = [each.name for each in machine.readings]
+    if name is not None and name not in names:
+        raise AmbkitError(f"{machine.name} has no reading {name}; there are {', '.join(names)}")
+    return 0 if name is None else names.index(name)
 
 
 @dataclass(frozen=True)
@@ -248,7 +265,7 @@ def _campaign(
 
 
 def _factories(
-    bearing: Bearing, estimators: Iterable[str] | Mapping[str, Factory]
+    bearing: Bearing | Machine, estimators: Iterable[str] | Mapping[str, Factory]
 ) -> Mapping[str, Factory]:
     """Return what builds each estimator."""
     if isinstance(estimators, Mapping) and estimators is not KINDS:

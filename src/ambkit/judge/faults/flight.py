@@ -5,21 +5,29 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Status
+from ambkit.estimate.view import View
+from ambkit.judge.comparison.criteria import errors_along
 from ambkit.judge.faults.declared import Channel, Fault, mixture
 from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.machine import Machine, as_machine
 from ambkit.machine.magnets import own_time
+from ambkit.simulation.flight import Disturbance, Reference
+from ambkit.simulation.flight import Flight as MachineFlight
 from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.simulation.waveforms import Sine
 
 if TYPE_CHECKING:
+    from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.estimate import Estimate
     from ambkit.machine.bearing import Bearing
@@ -42,8 +50,6 @@ TIMES = 5.0
 
 LAST = 0.2
 """Share of the flight after a fault by the end of which all must be back, and stay so."""
-
-STATES = ("x", "v", "f_d")
 
 
 @dataclass(frozen=True)
@@ -96,19 +102,36 @@ class Outcome:
 class Flight:
     """A flight: who flies, how, and with what noise."""
 
-    bearing: Bearing  #: The plant, and what the estimator knows.
-    controller: PID  #: Its gains; what it is fed by is set here.
+    bearing: Bearing | Machine  #: The plant, and what the estimator knows.
+    #: Its gains; what it is fed by is set here. None: the default of several axes.
+    controller: PID | None
     #: Whether the controller is fed by the estimate, or, beside the loop, by the true measurement.
     in_loop: bool
     seed: int  #: Of noise and fault.
     precision: Precision = "float64"  #: Of the estimator.
+    reading: int = 0  #: Which of several readings the faults are of.
+
+    @property
+    def view(self) -> View:
+        """Axes and readings."""
+        return View(as_machine(self.bearing))
+
+    @property
+    def at(self) -> int:
+        """Which axis the reading shows most of: faults that are none of a sensor are of it."""
+        return int(np.argmax(np.abs(self.view.H @ self.view.shown)[:, self.reading]))
+
+    @property
+    def axis(self) -> Bearing:
+        """That axis, alone: the measure of all faults."""
+        return self.view.alone[self.at]
 
     def _own(self, times: float) -> int:
-        return max(1, round(times * own_time(self.bearing) / self.bearing.sampling_time))
+        return max(1, round(times * own_time(self.axis) / self.bearing.sampling_time))
 
     def through(self, fault: Fault) -> tuple[Channel, list[slice]]:
         """Return the flight's channel with one fault in it, and its window."""
-        before, length = self._own(BEFORE), fault.length(self.bearing)
+        before, length = self._own(BEFORE), fault.length(self.axis)
         start = 0 if fault.name == "lift-off" else before
         channel = self._channel(before + length + self._own(AFTER))
         window = slice(start, start + length)
@@ -123,29 +146,71 @@ class Flight:
         return channel, mixture(channel, before, self._own(QUIET), 1, max(2, longest))
 
     def _channel(self, n: int) -> Channel:
-        return Channel(self.bearing, n, self.precision, beside=not self.in_loop, seed=self.seed)
+        return Channel(self.axis, n, self.precision, beside=not self.in_loop, seed=self.seed)
 
     def fly(self, channel: Channel, estimator: Estimator | None) -> Run:
         """Fly it; without an estimator the controller is fed by the measurement, fault and all."""
-        bearing = self.bearing
-        weight, period = bearing.rotor.mass * GRAVITY, own_time(bearing)
+        axis = self.axis
+        weight, period = axis.rotor.mass * GRAVITY, own_time(axis)
+        duration = (channel.n - 1) * axis.sampling_time
+        reference = Sine(amplitude=0.1 * axis.rotor.travel_limit, frequency=1 / (40 * period))
+        disturbance = Sine(amplitude=0.2 * weight, frequency=1 / (90 * period))
+        feedback: Any = "estimate" if self.in_loop and estimator else "measurement"
+        if isinstance(self.bearing, Machine):
+            machine, k = self.bearing, self.at
+            names = [each.name for each in machine.axes]
+            flight = MachineFlight(
+                duration=duration, seed=self.seed, feedback=feedback,
+                reference=(Reference(axis=names[k], position=reference),),
+                disturbance=(Disturbance(axis=names[k], force=disturbance),),
+            )  # fmt: skip
+            readings = len(machine.readings)
+            return simulate_machine(
+                machine, flight, estimator=estimator,
+                disturbance=np.outer(channel.force, np.arange(len(names)) == k),
+                faults=channel.faults.among(self.reading, readings, k, len(names)),
+            )  # fmt: skip
+        pid = self.controller or PID.for_bearing(self.bearing)
         scenario = Scenario(
-            duration=(channel.n - 1) * bearing.sampling_time,
-            seed=self.seed,
-            reference=Sine(amplitude=0.1 * bearing.rotor.travel_limit, frequency=1 / (40 * period)),
-            disturbance=Sine(amplitude=0.2 * weight, frequency=1 / (90 * period)),
-            controller=self.controller.model_copy(
-                update={"feedback": "estimate" if self.in_loop and estimator else "measurement"}
-            ),
-        )
+            duration=duration, seed=self.seed, reference=reference, disturbance=disturbance,
+            controller=pid.model_copy(update={"feedback": feedback}),
+        )  # fmt: skip
         imposed = Imposed(channel.force, faults=channel.faults, place=channel.place)
-        return simulate_run(bearing, scenario, estimator=estimator, imposed=imposed)
+        return simulate_run(self.bearing, scenario, estimator=estimator, imposed=imposed)
+
+    def _errors(self, run: Run) -> dict[str, Array]:
+        """Return magnitudes of the estimate's errors, of several axes the greatest (n,)."""
+        if run.estimate is None:
+            return {}
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = errors_along(run.estimate, run.record, self.view)
+            return {name: np.abs(each).max(axis=0) for name, each in found.items()}
+
+    def _off(self, record: Record) -> Array:
+        """Return how far the axis is from its reference (n,) [m]."""
+        name = self.view.machine.axes[self.at].name
+        return np.asarray(np.abs(record[signal("r", name)] - self._places(record)[self.at]))
+
+    def _places(self, record: Record) -> Array:
+        """Return the rotor's displacements along the axes (p, n) [m]."""
+        names = [each.name for each in self.view.machine.axes]
+        return np.array([record[signal("s", name) if name else "x"] for name in names])
+
+    def _stopped(self, record: Record) -> Mask:
+        """Return where the rotor met a stop (n,)."""
+        places = self._places(record)
+        shares = [place / axis.rotor.travel_limit
+                  for place, axis in zip(places, self.view.alone, strict=True)]  # fmt: skip
+        of = [each.bearing.name for each in self.view.machine.axes]
+        rings = [np.linalg.norm([s for s, at in zip(shares, of, strict=True) if at == name], axis=0)
+                 for name in dict.fromkeys(of)]  # fmt: skip
+        return np.asarray(np.max(rings, axis=0) >= 1 - 1e-6)
 
     def band(self, run: Run) -> Band:
         """Return what a clean run keeps within."""
         first, record = self._own(SETTLED), run.record
-        errors = {name: e[first:] for name, e in _errors(run).items()}
-        control = np.abs(record["r"] - record["x"])[first:]
+        errors = {name: e[first:] for name, e in self._errors(run).items()}
+        control = self._off(record)[first:]
         return Band(
             {name: float(np.quantile(e, 0.99)) for name, e in errors.items()},
             {name: float(np.sqrt(np.mean(e**2))) for name, e in errors.items()},
@@ -157,9 +222,9 @@ class Flight:
     ) -> Outcome:
         """Say what became of a run."""
         record, n = run.record, len(run.record)
-        errors = _errors(run)
-        off_rotor = np.abs(record["r"] - record["x"]) > TIMES * band.control
-        stopped = np.abs(record["x"]) >= (1 - 1e-6) * self.bearing.rotor.travel_limit
+        errors = self._errors(run)
+        off_rotor = self._off(record) > TIMES * band.control
+        stopped = self._stopped(record)
         out = np.zeros(n, dtype=bool)
         for name, error in errors.items():
             out |= ~(error <= TIMES * band.errors[name])  # NaN is out
@@ -199,14 +264,6 @@ class Flight:
             final_f_d=final("f_d"),
             held=run.estimate is not None and _held(run.estimate),
         )
-
-
-def _errors(run: Run) -> dict[str, Array]:
-    """Magnitudes of the estimate's errors by state; empty without an estimator."""
-    if run.estimate is None:
-        return {}
-    with np.errstate(over="ignore", invalid="ignore"):
-        return {name: np.abs(run.estimate[name] - run.record[name]) for name in STATES}
 
 
 def _begins(windows: Sequence[slice], n: int, disturbed: Mask) -> list[tuple[int, int]]:
