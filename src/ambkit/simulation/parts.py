@@ -5,7 +5,6 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterable
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,6 @@ from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import SHORTEST_LAG
 from ambkit.models.continuous import Behind, behind_magnets, continuous
 from ambkit.models.parts import BEHIND_MAGNETS
-from ambkit.models.parts.typical import Typical
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing, Sensor
@@ -56,13 +54,12 @@ def between_magnet_and_rotor(bearing: Bearing) -> tuple[str, ...]:
     return () if behind is None else behind.states
 
 
-@lru_cache(maxsize=64)
 def _behind(bearing: Bearing) -> Behind | None:
     """Return what is between the magnet of an axis and its rotor."""
-    machine = as_machine(bearing)
-    if not any(kind.of(machine, [Typical.of(bearing)]) for kind in BEHIND_MAGNETS):
+    # A machine is built where there is any only: campaigns ask this of each run.
+    if all(getattr(bearing.magnet, kind.key) is None for kind in BEHIND_MAGNETS):
         return None
-    return behind_magnets(continuous(machine))[0]
+    return behind_magnets(continuous(as_machine(bearing)))[0]
 
 
 def fastest(behind: Behind | None) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from ambkit.data.signals import signal
 from ambkit.machine.parts import SHORTEST_LAG
@@ -16,6 +16,8 @@ from ambkit.models.plan import Plan
 class EddyCurrents:
     """A first-order lag between the force that a magnet's law gives and the one that acts."""
 
+    key: ClassVar[str] = "eddy_current_lag"
+    """Of the magnet, without which there is none."""
     lag: float
     """Time constant [s]."""
     size: float
