@@ -101,8 +101,11 @@ def test_what_cannot_be_fed_by_the_measurement_needs_a_filter():
     one = ambkit.Bearing.preset("zittau_axial")
     regulated = [ambkit.assess(one, "linear", c).loops["linear"] for c in (LQG, PID(type="lqg"))]
     assert regulated[0].peak == pytest.approx(regulated[1].peak, rel=1e-9)
-    with pytest.raises(AmbkitError, match="of one axis; tum_mlps has A1, A2, B1, B2"):
-        ambkit.assess(TUM, "linear", PID(feed_forward=1.0))
+    ahead = PID(feed_forward=0.5)
+    each = Control(pid={axis.name: ahead for axis in TUM.axes})
+    peaks = [ambkit.assess(TUM, "linear", c).loops["linear"].peak for c in (ahead, each, PID())]
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-9)
+    assert peaks[0] > 1.05 * peaks[2]
 
 
 def test_what_is_said_of_controllers():

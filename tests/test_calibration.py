@@ -104,9 +104,9 @@ def test_what_is_as_exported_flies_the_same_bits(made: CExport, y: Any, tmp_path
     told, counts, in_use = flown(made, tmp_path, y, exported(made), swap=0)
     assert counts == [1, 0, 1]
     estimator = KalmanFilter(BEARING, precision="float32")
-    here = Controller(BEARING, estimator, SCENARIO.controller.completed(BEARING), TIMES).run(
-        y, np.zeros(len(y)), np.ones(len(y))
-    )
+    here = Controller.of_axis(
+        BEARING, estimator, SCENARIO.controller.completed(BEARING), TIMES
+    ).run(y, np.zeros(len(y)), np.ones(len(y)))
     np.testing.assert_array_equal(told[:, 0], here["iu"])
     np.testing.assert_array_equal(told[:, 1], here["mean"][:, 2])
     np.testing.assert_allclose(in_use, list(exported(made).values()), rtol=1e-7)
@@ -127,10 +127,12 @@ def test_other_noise_and_gains_fly_from_the_next_sample_on(
     # From the start: the same as Python's, which starts as the export does.
     from_start, _, _ = flown(made, tmp_path, y, wanted, swap=0)
     pid = SCENARIO.controller.completed(BEARING)
-    old = Controller(BEARING, KalmanFilter(BEARING, precision="float32"), pid, TIMES).fields
+    old = Controller.of_axis(BEARING, KalmanFilter(BEARING, precision="float32"), pid, TIMES).fields
     noise = FilterNoise(measurement=2 * KalmanFilter(BEARING).variances.measurement)
     other = KalmanFilter(BEARING, noise=noise, precision="float32")
-    new = Controller(BEARING, other, pid.model_copy(update={"kp": 2200.0, "kd": 14.0}), TIMES)
+    new = Controller.of_axis(
+        BEARING, other, pid.model_copy(update={"kp": 2200.0, "kd": 14.0}), TIMES
+    )
     kept = {key: old[key] for key in ("std", "start", "start_by", "hold", "hold_by", "place")}
     here = new.run(y, np.zeros(len(y)), np.ones(len(y)), other=kept)
     np.testing.assert_array_equal(from_start[:, 0], here["iu"])

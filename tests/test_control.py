@@ -48,7 +48,7 @@ def replayed(
     bearing: Bearing, scenario: Scenario, estimator: Estimator, y: Any, r: Any, t: Any
 ) -> Any:
     assert scenario.sequence is not None
-    controller = Controller(bearing, estimator, scenario.controller, scenario.sequence)
+    controller = Controller.of_axis(bearing, estimator, scenario.controller, scenario.sequence)
     return controller.run(y, r, scenario.sequence.fly(t))
 
 
@@ -142,7 +142,7 @@ def test_no_bump_where_it_takes_over() -> None:
     plain = Scenario(duration=0.1, start="hover", noise=False, controller=PID())
     estimator = KalmanFilter(BEARING)
     record = simulate(BEARING, plain, estimator=estimator)
-    controller = Controller(
+    controller = Controller.of_axis(
         BEARING, KalmanFilter(BEARING), plain.controller.completed(BEARING), LiftOff()
     )
     acting = float(record["iu"][500])

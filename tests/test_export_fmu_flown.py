@@ -156,7 +156,7 @@ def test_the_whole_controller_is_what_simulate_flies(
         return
     estimator = KINDS[case.estimator].make(case.bearing, precision=numbers)
     pid = case.controller.completed(case.bearing)
-    told = Controller(case.bearing, estimator, pid, case.sequence).run(**inputs)
+    told = Controller.of_axis(case.bearing, estimator, pid, case.sequence).run(**inputs)
     for k in range(told["coil"].shape[1]):
         np.testing.assert_array_equal(found[f"coil_{k}"][1:], told["coil"][:, k])
     np.testing.assert_array_equal(found["on"][1:], told["on"])
@@ -198,7 +198,7 @@ def test_it_starts_where_the_parameters_say(kind: Any, tmp_path: Path) -> None:
     assert one.get("estimate.x") == [x]
     one.step(r=x, **({"y": x} if kind == "whole-controller" else {}))
     pid = case.controller.completed(BEARING)
-    held = Controller(BEARING, KalmanFilter(BEARING), pid).integral(current, x)
+    held = Controller.of_axis(BEARING, KalmanFilter(BEARING), pid).integral(current, x)
     assert one.get("u")[0] * BEARING.amplifier.gain == pytest.approx(current, rel=1e-2)
     assert held != pytest.approx(current, rel=1e-2)  # of another number than the current itself
 

@@ -14,6 +14,7 @@ from ambkit.simulation.flight import Disturbance, Flight, Reference
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.regulator import regulator
+from ambkit.simulation.scenario import PID
 from ambkit.simulation.waveforms import Ramp, Step
 
 MACHINES = ("hindawi_2011", "tum_mlps", "ufu_rig")
@@ -267,3 +268,42 @@ def test_a_flight_s_file_says_how_the_machine_is_controlled(tmp_path):
     path = tmp_path / "flight.toml"
     path.write_text('duration = "20 ms"\nfeedback = "estimate"\n\n[control]\ntype = "lqg"\n')
     assert ambkit.simulate_machine(Machine.preset("tum_mlps"), Flight.load(path)).estimate
+
+
+HINDAWI = Machine.preset("hindawi_2011").replace(unbalance=[])
+LOADED = (Disturbance(axis="A1", force=Step(amplitude=20.0, time=0.1)),)
+
+
+@pytest.mark.parametrize("feedback", ["measurement", "estimate"])
+def test_a_pid_can_see_a_sensor_that_is_not_beside_its_magnet(feedback):
+    """Where the other end is moved, its integral holds the rotor at the sensor, not at its axis."""
+    own = Control(pid={axis.name: PID(sensor=axis.name) for axis in HINDAWI.axes})
+    moved = (Reference(axis="A1", position=Step(amplitude=2e-5, time=0.1)),)
+    for seen, still, not_still in ((Control(type="decentralised"), "s", "y"), (own, "y", "s")):
+        flight = Flight(duration=1.2, noise=False, feedback=feedback, control=seen, reference=moved)
+        run = simulate_machine(HINDAWI, flight)
+        late = run.record.t > 1.1
+        at = {what: run.record[f"{what}_B1"][late].mean() for what in "ys"}
+        assert abs(at[still]) < 2e-9
+        assert abs(at[not_still]) == pytest.approx(2e-5 * 0.02 / 0.38, rel=0.06)
+
+
+def test_a_sensor_that_is_not_there_is_refused():
+    control = Control(pid={"B1": PID(sensor="C1")})
+    with pytest.raises(AmbkitError, match=r"control\.pid\.B1\.sensor: there is no C1; known: A1"):
+        simulate_machine(HINDAWI, Flight(duration=0.01, feedback="measurement", control=control))
+    with pytest.raises(ConfigError, match="is of an axis"):
+        Control(type="translation and tilt", pid={"x": PID(sensor="A1")})
+
+
+def test_currents_take_an_estimated_load_back_at_once():
+    most = []
+    for share in (0.0, 0.8):
+        control = Control(pid={axis.name: PID(feed_forward=share) for axis in HINDAWI.axes})
+        flight = Flight(
+            duration=0.4, noise=False, feedback="estimate", control=control, disturbance=LOADED
+        )
+        most.append(np.abs(displacements(simulate_machine(HINDAWI, flight))).max())
+    assert most[1] < 0.6 * most[0]
+    with pytest.raises(AmbkitError, match="feed_forward is made of the estimate"):
+        simulate_machine(HINDAWI, flight.replace(feedback="measurement"))

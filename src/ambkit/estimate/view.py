@@ -94,10 +94,15 @@ class View:
 
     def along_axes(self, states: Sequence[Descriptor]) -> tuple[Array, Array]:
         """Return displacements and velocities along the axes, by the states (p, n)."""
+        return self.along(self.H, states)
+
+    def along(self, lines: Array, states: Sequence[Descriptor]) -> tuple[Array, Array]:
+        """Return displacements and velocities along lines of coordinates, by the states."""
+        # lines (rows, q)
         found = []
         for roles in (("position", "bending"), ("velocity", "bending velocity")):
-            rows = np.zeros((len(self.H), len(states)))
-            rows[:, [k for k, state in enumerate(states) if state.role in roles]] = self.H
+            rows = np.zeros((len(lines), len(states)))
+            rows[:, [k for k, state in enumerate(states) if state.role in roles]] = lines
             found.append(rows)
         return found[0], found[1]
 
@@ -308,8 +313,8 @@ class View:
         """Return what starts the states at rest where readings y show the rotor."""
         # returns (n,), (n, m)
         zero, one = np.zeros(self.H.shape[1]), np.eye(len(self.gains))
-        constant = self.at_rest(states, hover, zero)
-        columns = [self.at_rest(states, hover, self.shown @ y, y) - constant for y in one]
+        constant = self.at_rest(states, hover, zero).ravel()
+        columns = [self.at_rest(states, hover, self.shown @ y, y).ravel() - constant for y in one]
         return constant, np.column_stack(columns)
 
     def first(self, y: Array) -> Array:

@@ -1,20 +1,19 @@
-"""The whole controller of one axis, for ``core/include/ambkit/control.h``: flown and exported."""
+"""Estimator, controllers, lift-off and landing together, for ``core/include/ambkit/control.h``."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.base.errors import AmbkitError
 from ambkit.machine.bank import alone_of
-from ambkit.machine.hovering import hover_current
-from ambkit.machine.magnets import ConstantStiffness, bias_force_of, magnet_of, own_time
-from ambkit.simulation.controllers import FAR, Controllers, gains_of
-from ambkit.simulation.regulator import regulator_of
+from ambkit.machine.machine import as_machine
+from ambkit.machine.magnets import ConstantStiffness, own_time
+from ambkit.simulation.controllers import Control, Controllers, arrays, controllers_of
+from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import PID
 from ambkit.simulation.sequence import MOST_COUNTED, LiftOff
 
@@ -24,113 +23,100 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+FLAT = 0.05
+"""Where a rotor lies so near to the middle of an axis, as a share of what its stop leaves it, that
+axis is held by the stiffnesses of the middle."""
+
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """Estimator, controller, lift-off and landing of one axis: what flies."""
+    """Estimator, controllers, lift-off and landing of a machine: what flies."""
 
-    bearing: Bearing  #: What is held.
-    estimator: Estimator  #: That feeds the controller, or looks after the sensor beside it.
-    pid: PID  #: How it is controlled, complete.
+    plant: Plant  #: The machine.
+    estimator: Estimator  #: That feeds the controllers, or looks after the sensors beside them.
+    law: Controllers  #: Of all axes.
     #: Lift-off and landing; without, it flies from the start and nobody looks after it.
-    sequence: LiftOff | None = None
+    sequence: LiftOff | None
+    fed: bool  #: Whether the estimator feeds the controllers; else the readings do.
+    pid: PID = field(default_factory=PID)  #: How a single axis is controlled, complete.
 
-    def __post_init__(self) -> None:
-        if not needs_states(self.pid):
-            return
-        roles = {state.role for state in self.estimator.states}
-        for role in ("position", "velocity", "disturbance force"):
-            if role not in roles:
-                raise AmbkitError(
-                    f"{self.estimator.name}: it has no {role} among its states, which "
-                    f"{'feed_forward' if self.pid.type == 'pid' else 'an lqg'} controller needs"
-                )
+    @classmethod
+    def of_axis(
+        cls, bearing: Bearing, estimator: Estimator, pid: PID, sequence: LiftOff | None = None
+    ) -> Controller:
+        """Return that of a single axis and its PID."""
+        plant, fed = Plant(as_machine(bearing)), pid.feedback == "estimate"
+        control = Control(type="lqg" if pid.type == "lqg" else "decentralised")
+        law = controllers_of(plant, control, estimator if fed else None, [pid])
+        return cls(plant, estimator, law, sequence, fed, pid)
 
-    @cached_property
-    def law(self) -> Controllers:
-        """The controllers, as those of a machine with one axis."""
-        b, states = self.bearing, self.estimator.states
-        limits, one, names = (b.current_min, b.current_max), np.eye(1), ("x",)
-        if self.pid.feedback == "measurement":
-            seen = {"position": one / b.sensor.gain}
-        else:
-            seen = {what: _row(states, what) for what in ("position", "velocity")}
-        if self.pid.type == "lqg":
-            K, ahead = regulator_of([b], self.estimator, _row(states, "position"))
-            passed = [1.0, 0.0, 0.0, 0.0, 1.0, 1.0, -FAR, FAR]
-            nothing = np.zeros((1, len(states)))
-            fed: dict[str, Array] = {"fed_back": -K, "position": nothing, "velocity": nothing}
-            return Controllers([passed], names, one, ahead, -np.ones(1), fed)
-        if self.pid.feed_forward:
-            k_i = ConstantStiffness.of(b).k_i
-            seen["fed_back"] = -self.pid.feed_forward / k_i * _row(states, "disturbance force")
-        unseen = np.array([self.pid.unseen(1.0)])
-        return Controllers([gains_of(self.pid, *limits)], names, one, one, unseen, seen)
-
-    def integral(self, current: float, x: float) -> float:
-        """Return the integral with which a rotor is held at rest."""
-        states = self.estimator.at_rest(x, current=current)
-        states[[state.role == "disturbance force" for state in self.estimator.states]] = 0.0
-        fed = states if self.pid.feedback == "estimate" else None
-        return float(self.law.integrals(np.array([current]), np.array([x]), fed)[0])
+    @property
+    def bearing(self) -> Bearing:
+        """The first axis, of a single one all that is held."""
+        return self.plant.alone[0]
 
     @property
     def coils(self) -> int:
-        """How many coils there are: i0 + iu, and of a pair i0 - iu."""
+        """How many coils its magnet has: i0 + iu, and of a pair i0 - iu."""
         return 2 if self.bearing.magnet.type == "two-sided" else 1
 
-    @property
-    def down(self) -> float:
-        """Where the rotor lies [m], see `lies_at`."""
-        return lies_at(self.bearing)
+    @cached_property
+    def down(self) -> Array:
+        """Where the rotor lies along the axes (p,) [m]."""
+        if self.plant.machine.single:
+            return np.array([lies_at(self.bearing)])
+        return np.asarray(self.plant.H @ self.plant.resting())
 
-    def held(self, x: float) -> float:
-        """The current [A] that holds the rotor: in the middle, where it lies, and the line."""
-        b, down = self.bearing, self.down
-        law = magnet_of(b)
-        balance = b.weight + bias_force_of(law, b)
-        middle, lying = (hover_current(b, law, at, balance) for at in (0.0, down))
-        return middle + (lying - middle) * x / down
+    @cached_property
+    def _held(self) -> tuple[Array, Array]:
+        """Currents that hold the rotor in the middle (p,) [A], and more a metre away [A/m]."""
+        # On the line through the middle and where it lies, as magnets pull harder the nearer it is.
+        nothing, down = np.zeros(len(self.down)), self.down
+        (_, middle), (_, lying) = (self.plant.hovering(at, nothing) for at in (nothing, down))
+        k = [ConstantStiffness.of(each) for each in self.plant.alone]
+        travel = np.array([each.rotor.travel_limit for each in self.plant.alone])
+        slope = np.array([-each.k_s / each.k_i for each in k])
+        far = np.abs(down) > FLAT * travel
+        slope[far] = (lying - middle)[far] / down[far]
+        return middle, slope
+
+    def integrals(self, currents: Array, place: Array) -> Array:
+        """Return the integrals (q,) [A] with which a rotor is held at rest."""
+        # currents (p,) [A]; place (p,) [m]
+        view = self.estimator.view
+        q = np.zeros(view.H.shape[1])
+        q[: view.rigid] = np.linalg.pinv(view.H[:, : view.rigid]) @ place
+        states = np.ravel(self.estimator.at_rest(q, current=currents))
+        return self.law.integrals(currents, place, states if self.fed else None)
+
+    def integral(self, current: float, x: float) -> float:
+        """Return the integral [A] with which a single axis is held at rest."""
+        return float(self.integrals(np.array([current]), np.array([x]))[0])
 
     @property
     def fields(self) -> dict[str, Any]:
         """The fields of ``amb_control`` and of what it points to, by their names."""
-        e, b = self.estimator, self.bearing
-        told: dict[str, Any] = dict.fromkeys(
-            (
-                "reference",
-                "velocity",
-                "fed_back",
-                "fed_back_by_speed",
-                "fed_back_by_square",
-                "let_turn_motion",
-            )
-        ) | {name: values.ravel().tolist() for name, values in self.law.feedback.items()}
-        gain = b.sensor.gain
-        at_zero = e.at_rest(0.0, 0.0)
-        by_metre = e.at_rest(1 / gain, 1.0) - at_zero
-        hold = self.integral(self.held(0.0), 0.0)
-        sequence = self.sequence
-        counts = {} if sequence is None else sequence.in_samples(b.sampling_time)
+        e, view, sequence = self.estimator, self.estimator.view, self.sequence
+        start, by_reading = view.start_form(e.states, e.hover)
+        middle, slope = self._held
+        nothing, each = np.zeros(len(middle)), np.eye(len(middle))
+        hold = self.integrals(middle, nothing)
+        hold_by = np.column_stack([self.integrals(middle + slope * at, at) - hold for at in each])
+        T = self.plant.machine.sampling_time
         return (
-            told
-            | counts
+            arrays(self.law, self.plant, e if self.fed else None)
+            | ({} if sequence is None else sequence.in_samples(T))
             | {
                 "sequenced": sequence is not None,
-                "feedback_estimate": self.pid.feedback == "estimate",
-                "pid": self.law.pids,
-                "spread": self.law.spread.ravel().tolist(),
-                "iu_min": [b.current_min],
-                "iu_max": [b.current_max],
                 "settling": settling_of(e),
                 "bound": bound_of(e),
                 "std": list(e.default_std()),
-                "start": at_zero.tolist(),
-                "start_by": by_metre.tolist(),
-                "place": _row(e.states, "position").ravel().tolist(),
-                "down": [self.down],
-                "hold": [hold],
-                "hold_by": [self.integral(self.held(1.0), 1.0) - hold],
+                "start": start.tolist(),
+                "start_by": by_reading.ravel().tolist(),
+                "place": view.along_axes(e.states)[0].ravel().tolist(),
+                "down": self.down.tolist(),
+                "hold": hold.tolist(),
+                "hold_by": hold_by.ravel().tolist(),
             }
         )
 
@@ -142,7 +128,7 @@ class Controller:
         self, y: ArrayLike, r: ArrayLike, fly: ArrayLike, *, taken_over: float | None = None,
         other: dict[str, Any] | None = None,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
-        """Run along readings from power-on, as the exported C does: to the last bit."""
+        """Run an axis along readings from power-on, as the exported C does: to the last bit."""
         # y (n,) [m]; r (n,) [m]; fly (n,)
         number = np.dtype(self.estimator.precision).type
         position, _ = self.estimator.in_si(y, np.zeros(0))
@@ -182,13 +168,3 @@ def bound_of(estimator: Estimator) -> float:
     if far is None:
         return 10.0
     return max(10.0, float((far / estimator.core.parameters["set"]["cap"]).max()))
-
-
-def _row(states: Any, role: str) -> Array:
-    """Return a row (1, n) with a one at the first state of a role, or zeros."""
-    row = np.zeros((1, len(states)))
-    for k, state in enumerate(states):
-        if state.role == role:
-            row[0, k] = 1.0
-            break
-    return row

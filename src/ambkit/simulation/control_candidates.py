@@ -232,14 +232,14 @@ class _AtSpeed:
         """Return the peak of abs(S) of the worst axis [1]; infinite where it is unstable."""
         system = self.system if system is None else system
         control = controllers(flown, self.machine, measured=feedback == "measurement")
-        shown, inner = flown.of_axes @ self.shown, None
+        inner = None
         if feedback == "estimate":
             E = self.estimate
             rows = fed(flown, len(E.outputs), self.machine.speed)
             outputs = control.inputs[: len(rows)]
             inner = replace(E, C=rows @ E.C, D=rows @ E.D, outputs=outputs)
         m = len(self.machine.readings)
-        K = compensator(control, inner, shown, system.outputs[:m])
+        K = compensator(control, inner, flown.shown, system.outputs[:m])
         loop = Loop(system, K, m, self.shown, self.added)
         return _highest(loop, end_of_range(loop.T, self.machine.speed))
 

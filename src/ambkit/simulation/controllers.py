@@ -75,9 +75,13 @@ class Control(Part):
         if read("type") == "lqg":
             yield "pid", 'type = "lqg" has no PID: its gains are of all states'
         for name, pid in given.items():
-            for key in ("feedback", "type", "feed_forward"):
+            if pid.sensor and read("type") == "translation and tilt":
+                yield f"pid.{name}.sensor", 'is of an axis: type must be "decentralised"'
+            for key in ("feedback", "type"):
                 if key in pid.model_fields_set:
                     yield f"pid.{name}.{key}", "is of one axis alone; a flight says feedback"
+            if pid.feed_forward and read("type") == "translation and tilt":
+                yield f"pid.{name}.feed_forward", 'is of an axis: type must be "decentralised"'
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -93,7 +97,16 @@ class Control(Part):
     @property
     def needs_estimate(self) -> bool:
         """Whether the measurement alone cannot feed it."""
-        return self.type == "lqg" or self.cross_feedback > 0 or self.unbalance != "fought"
+        return self.type == "lqg" or self.of_estimate is not None
+
+    @property
+    def of_estimate(self) -> str | None:
+        """What besides a regulator is made of the estimate; None where nothing is."""
+        if self.cross_feedback:
+            return "cross_feedback"
+        if any(pid.feed_forward for pid in self.pid.values()):
+            return "feed_forward"
+        return None if self.unbalance == "fought" else f'unbalance = "{self.unbalance}"'
 
     def check_names(self, known: Sequence[str]) -> None:
         """Refuse PIDs of what the machine has not."""
@@ -114,6 +127,7 @@ class Controllers:
     of_axes: Array  #: (q, p) Of the axes' positions, what each PID looks at.
     spread: Array  #: (p, q) What each PID's current [A] is to the axes' [A].
     unseen: Array  #: (q,) What each integral is ahead at a reference of 1 [A/m], see `PID.unseen`.
+    shown: Array  #: (q, m) Of the readings, what each PID looks at where these feed it.
     #: Matrices (q, n) and (p, n) of the estimator's states, by the names in ``amb_controllers``.
     feedback: dict[str, Array] = field(default_factory=dict)
     #: The synchronous motion that they leave to the rotor.
@@ -136,21 +150,22 @@ def controllers_of(
     fastest: float | None = None,
 ) -> Controllers:
     """Return the controllers that a machine is flown with."""
-    if estimator is None and control.needs_estimate and control.type != "lqg":
-        asked = "cross_feedback" if control.cross_feedback else f'unbalance = "{control.unbalance}"'
-        raise AmbkitError(f'{asked} is made of the estimate: feedback must be "estimate"')
+    if estimator is None and control.of_estimate:
+        text = 'is made of the estimate: feedback must be "estimate"'
+        raise AmbkitError(f"{control.of_estimate} {text}")
     if control.type == "lqg":
         if estimator is None:
             raise AmbkitError('type = "lqg" regulates the estimate: feedback must be "estimate"')
+        _check_states(estimator, "an lqg")
         found = _regulated(plant, estimator, control.gain_scheduling)
     elif control.type in (None, "decentralised"):
         fed: Literal["measurement", "estimate"] = "estimate" if estimator else "measurement"
-        found = _decentralised(plant, pids or pids_of(plant.machine, control, fed))
+        found = _decentralised(plant, pids or pids_of(plant.machine, control, fed), estimator)
     else:
         found = _of_translation_and_tilt(plant, control)
     if estimator is None:
         return found
-    feedback = _fed(plant, found, estimator) | found.feedback
+    feedback = _rows(estimator, found.of_axes @ estimator.view.H) | found.feedback
     if control.cross_feedback:
         torques = _against_gyroscopics(plant, estimator)
         feedback["fed_back_by_speed"] = control.cross_feedback * torques
@@ -184,16 +199,16 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
     told = dict.fromkeys(
         ("velocity", "fed_back", "fed_back_by_speed", "fed_back_by_square"), None
     ) | {name: values.ravel().tolist() for name, values in controllers.feedback.items()}
-    if told.get("position") is None:
-        shown = shown_along_axes(plant.machine)
-        told["position"] = (controllers.of_axes @ shown).ravel().tolist()
     return (
-        told
+        {"position": controllers.shown.ravel().tolist()}
+        | told
         | let_turn_fields(controllers.let_turn)
         | {
             "feedback_estimate": estimator is not None,
             "pid": controllers.pids,
-            "reference": controllers.of_axes.ravel().tolist(),
+            "reference": None
+            if np.array_equal(controllers.of_axes, np.eye(1))
+            else controllers.of_axes.ravel().tolist(),
             "spread": controllers.spread.ravel().tolist(),
             "iu_min": [each.current_min for each in plant.alone],
             "iu_max": [each.current_max for each in plant.alone],
@@ -207,13 +222,60 @@ def gains_of(pid: PID, low: float, high: float) -> list[float]:
             low, high]  # fmt: skip
 
 
-def _decentralised(plant: Plant, pids: Sequence[PID]) -> Controllers:
+def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | None) -> Controllers:
     limits = [(alone.current_min, alone.current_max) for alone in plant.alone]
-    one = np.eye(len(pids))
+    one, shown = np.eye(len(pids)), shown_along_axes(plant.machine)
+    feedback = _fed_forward(plant, pids, estimator)
+    own = {k: _reading(plant, k, pid.sensor) for k, pid in enumerate(pids) if pid.sensor}
+    for k, at in own.items():
+        shown[k] = 0.0
+        shown[k, at] = 1 / plant.machine.readings[at].sensor.gain
+    if estimator is not None and own:
+        view = estimator.view
+        looks = view.H.copy()
+        looks[list(own)] = view.C[list(own.values())]
+        feedback |= _rows(estimator, looks)
     return Controllers(
         [gains_of(pid, *ends) for pid, ends in zip(pids, limits, strict=True)],
-        _names(plant), one, one, np.array([pid.unseen(1.0) for pid in pids]),
+        _names(plant), one, one, np.array([pid.unseen(1.0) for pid in pids]), shown, feedback,
     )  # fmt: skip
+
+
+def _reading(plant: Plant, axis: int, sensor: str) -> int:
+    """Return which reading a PID names."""
+    names = [r.name for r in plant.machine.readings]
+    if sensor not in names:
+        raise AmbkitError(
+            f"control.pid.{plant.axes[axis].name}.sensor: there is no {sensor}; known: "
+            f"{', '.join(names)}"
+        )
+    return names.index(sensor)
+
+
+def _fed_forward(
+    plant: Plant, pids: Sequence[PID], estimator: Estimator | None
+) -> dict[str, Array]:
+    """Return the currents (p, n) that take shares of the estimated loads back at once."""
+    shares = np.array([pid.feed_forward for pid in pids])
+    if not shares.any():
+        return {}
+    if estimator is None:
+        raise AmbkitError('feed_forward is made of the estimate: feedback must be "estimate"')
+    _check_states(estimator, "feed_forward")
+    k_i = np.array([ConstantStiffness.of(alone).k_i for alone in plant.alone])
+    gain = np.zeros((len(pids), len(estimator.states)))
+    gain[:, _places(estimator, "disturbance force")] = np.diag(-shares / k_i)
+    return {"fed_back": gain}
+
+
+def _check_states(estimator: Estimator, which: str) -> None:
+    """Refuse an estimator without the states that a controller needs."""
+    for role in ("position", "velocity", "disturbance force"):
+        if not _places(estimator, role):
+            raise AmbkitError(
+                f"{estimator.name}: it has no {role} among its states, which {which} controller "
+                "needs"
+            )
 
 
 def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
@@ -245,7 +307,10 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
         of_axes.append(lever * explained[at])
         spread.append(amperes)
         unseen.append(pid.unseen(1.0))
-    return Controllers(pids, tuple(masses), np.array(of_axes), np.array(spread).T, np.array(unseen))
+    shown = np.array(of_axes) @ shown_along_axes(plant.machine)
+    return Controllers(
+        pids, tuple(masses), np.array(of_axes), np.array(spread).T, np.array(unseen), shown
+    )
 
 
 def _names(plant: Plant) -> tuple[str, ...]:
@@ -264,15 +329,15 @@ def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controller
     nothing = np.zeros((p, len(estimator.states)))
     return Controllers(
         # What a PID is ahead is all of the reference.
-        passed, _names(plant), np.eye(p), ahead, -np.ones(p),
+        passed, _names(plant), np.eye(p), ahead, -np.ones(p), shown_along_axes(plant.machine),
         feedback | {"position": nothing, "velocity": nothing},
     )  # fmt: skip
 
 
-def _fed(plant: Plant, found: Controllers, estimator: Estimator) -> dict[str, Array]:
-    """Return what each PID looks at of the estimator's states (q, n)."""
-    position, velocity = estimator.view.along_axes(estimator.states)
-    return {"position": found.of_axes @ position, "velocity": found.of_axes @ velocity}
+def _rows(estimator: Estimator, looks: Array) -> dict[str, Array]:
+    """Return what PIDs see of the estimator's states (q, n), by what they see of coordinates."""
+    position, velocity = estimator.view.along(looks, estimator.states)
+    return {"position": position, "velocity": velocity}
 
 
 def _rigid(plant: Plant) -> Array:

@@ -18,7 +18,7 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.magnets import core_module
 from ambkit.simulation import noise
-from ambkit.simulation.control_machine import MachineController
+from ambkit.simulation.control import Controller
 from ambkit.simulation.controllers import Controllers, arrays, controllers_of
 from ambkit.simulation.default_control import feedback_of, settled_flight
 from ambkit.simulation.holding_margins import shown_along_axes
@@ -159,9 +159,7 @@ def simulate_machine(
         follows = estimator.turning(speed, n + 1)
         estimator.reset(np.ravel(estimator.at_rest(q, current=currents)))
         if flight.sequence is not None:
-            whole = MachineController(
-                plant, estimator, controllers, flight.sequence, feeding is not None
-            )
+            whole = Controller(plant, estimator, controllers, flight.sequence, feeding is not None)
             told = flight.sequence.fly(t[:-1]) if fly is None else fly
             of_flight = {
                 "control": whole.in_core(**(other or {})), "hovers": flight.start == "hover",

@@ -344,13 +344,13 @@ class Loop:
         if self.estimator is None or not (self._whole or self._elsewhere):
             return {}
         scenario = self.scenario
-        controller = Controller(
+        controller = Controller.of_axis(
             self.bearing, self.estimator, scenario.controller, scenario.sequence
         )
         hovers = scenario.start == "hover" or self._fly is None
         lies: dict[str, Any] = {} if hovers else {"hovers": False, "current": 0.0}
         if not hovers and self._place is None:
-            lies["place"] = controller.down
+            lies["place"] = float(controller.down[0])
         if self._elsewhere is not None:
             loop["feedback_estimate"] = False
             return lies | {"elsewhere": self._elsewhere, "estimator": None}

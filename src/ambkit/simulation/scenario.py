@@ -8,6 +8,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 from ambkit.base.asked import of_type
 from ambkit.base.config import Document, Part, Read
 from ambkit.base.config.quantities import Quantity, SignalIn
+from ambkit.base.config.texts import Name
 from ambkit.machine.bearing import Bearing
 from ambkit.simulation.gains import Gains, chosen, textbook, two_digits, weight_of
 from ambkit.simulation.sequence import LiftOff
@@ -65,6 +66,9 @@ class PID(Part):
     """These gains; or, in their place, a linear-quadratic regulator of the estimator's states."""
     feed_forward: Annotated[float, Quantity("1", "1", at_least=0)] = 0.0
     """Share of the estimated disturbance force that a current takes back at once [1]."""
+    sensor: Name | None = None
+    """Of a machine, the reading that it sees, such as one that is not beside its magnet; without,
+    the displacement of its axis by all readings."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -192,6 +196,11 @@ class Scenario(Document):
     """The position controller. What is not said of it is tuned to the bearing."""
     sequence: LiftOff | None = None
     """Lift-off and landing, and what looks after the flight; without, it flies from the start."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        if isinstance(read("controller.sensor"), str):
+            yield "controller.sensor", "is of a machine: an axis alone has one sensor"
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:

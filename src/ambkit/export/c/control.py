@@ -17,7 +17,6 @@ from ambkit.simulation.sequence import Mode
 
 if TYPE_CHECKING:
     from ambkit.simulation.control import Controller
-    from ambkit.simulation.control_machine import MachineController
     from ambkit.simulation.flight import Flight
 
 SOURCES = ("src/control.c", "src/controllers.c", "src/controller.c", "src/sequence.c")
@@ -53,7 +52,7 @@ class Structs(NamedTuple):
     control: dict[str, Any]
 
 
-def structs(controller: Controller | MachineController, name: str) -> Structs:
+def structs(controller: Controller, name: str) -> Structs:
     """Return a controller's constants."""
     fields, machine = controller.fields, controller.estimator.machine
     several = len(machine.axes) > 1
@@ -102,12 +101,12 @@ def _in_c(of: Structs, precision: CPrecision) -> dict[str, Any]:
 
 
 def of_several(
-    controller: MachineController, flight: Flight, name: str, precision: CPrecision
+    controller: Controller, flight: Flight, name: str, precision: CPrecision
 ) -> dict[str, Any]:
     """Return what the templates say of the controller of several axes."""
     estimator, of = controller.estimator, structs(controller, name)
     machine = estimator.machine
-    tested = machine_scenes.vectors(estimator, flight, controller.controllers)
+    tested = machine_scenes.vectors(estimator, flight, controller.law)
     quick = QUICK | {"settling": min(of.control["settling"], QUICK["settling"])}
     most = float(np.finfo(np.float32 if precision == "float" else np.float64).max)
     magnets = [axis.bearing.magnet for axis in machine.axes]
@@ -146,7 +145,7 @@ def of_several(
     }  # fmt: skip
 
 
-def _has(controller: MachineController, flight: Flight, of: Structs) -> dict[str, bool]:
+def _has(controller: Controller, flight: Flight, of: Structs) -> dict[str, bool]:
     """Return what decides which lines of the core's controllers run (`unseen.Has`)."""
     gains = any(f"of_{key}" in of.arrays for key in _GAINS)
     return {
@@ -195,7 +194,7 @@ def _said(controller: Controller) -> str:
     return f"PID, fed by the {pid.feedback}{ahead}"
 
 
-def constants(controller: Controller | MachineController, name: str, crc: Constants) -> None:
+def constants(controller: Controller, name: str, crc: Constants) -> None:
     """Take the controller's constants into the CRC."""
     of = structs(controller, name)
     for place, values in of.arrays.items():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from ambkit.data.rig_units import Scaling
     from ambkit.estimate.base import Estimator
     from ambkit.simulation.control import Controller
-    from ambkit.simulation.control_machine import MachineController
 
 
 def data_context(
@@ -116,7 +115,7 @@ def crc(
     of_model: model.InC,
     *,
     editable: bool,
-    flown: Controller | MachineController | None,
+    flown: Controller | None,
     calibrated: bool,
 ) -> Crc:
     """Return the CRC of the data file, with its names."""
@@ -154,5 +153,5 @@ def crc(
     if flown is not None:
         control.constants(flown, name, constants)
         if calibrated:
-            calibration.constants(cast("Controller", flown), name, constants)
+            calibration.constants(flown, name, constants)
     return constants.crc()

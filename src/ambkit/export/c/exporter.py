@@ -21,7 +21,6 @@ from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision
 from ambkit.simulation.control import Controller
-from ambkit.simulation.control_machine import MachineController
 from ambkit.simulation.controllers import controllers_of
 from ambkit.simulation.default_control import settled_flight
 from ambkit.simulation.plant import Plant
@@ -105,7 +104,7 @@ def export_c(
     wrong = require_adequate(estimator, flown_on, scenario or flight, force=force)
     _check_nodes(estimator)
     spent = cost.of(estimator) if precision == "float" and not editable else None
-    controller: Controller | MachineController | None = None
+    controller: Controller | None = None
     if flight is not None:
         flight = settled_flight(estimator.machine, flight)
         flight = flight.model_copy(update={"sequence": flight.sequence or LiftOff()})
@@ -118,7 +117,7 @@ def export_c(
                 f"{bearing.name}: calibration is of the whole controller of one axis; "
                 "this is a machine"
             )
-        if not isinstance(controller, Controller):
+        if controller is None:
             raise AmbkitError("calibration is for a whole controller; give a scenario")
         calibration.check(controller)
     facts = _facts(magnet, precision) | _cost_facts(spent)
@@ -187,16 +186,16 @@ def _controller(estimator: Estimator, scenario: Scenario, *, editable: bool) -> 
     if editable:
         raise AmbkitError("editable is for a filter alone, and not for the whole controller")
     pid = scenario.controller.completed(bearing)
-    return Controller(bearing, estimator, pid, scenario.sequence or LiftOff())
+    return Controller.of_axis(bearing, estimator, pid, scenario.sequence or LiftOff())
 
 
-def _of_several(estimator: Estimator, flight: Flight) -> MachineController:
+def _of_several(estimator: Estimator, flight: Flight) -> Controller:
     machine, fed = estimator.machine, flight.feedback == "estimate"
     plant, speeds = Plant(machine), speeds_of(machine, flight)
     fastest = machine.speed if speeds is None else max(map(abs, speeds))
     found = controllers_of(plant, flight.control, estimator if fed else None, fastest=fastest)
     assert flight.sequence is not None
-    return MachineController(plant, estimator, found, flight.sequence, fed)
+    return Controller(plant, estimator, found, flight.sequence, fed)
 
 
 def _facts(magnet: MagnetModel | None, precision: CPrecision) -> dict[str, str]:

@@ -13,8 +13,7 @@ from ambkit.estimate.engine import NODE
 from ambkit.estimate.estimate import Status
 from ambkit.export.c.control_scenes import QUICK
 from ambkit.export.c.vectors import without_digits
-from ambkit.simulation.control import settling_of
-from ambkit.simulation.control_machine import MachineController
+from ambkit.simulation.control import Controller, settling_of
 from ambkit.simulation.flight import Disturbance, Flight, Reference
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.plant import Plant
@@ -173,7 +172,7 @@ def _taken_over(
     taken_with = (gain * u[at - 1]).astype(number)
     fed = flight.feedback == "estimate"
     plant = Plant(estimator.whole.machine)
-    whole = MachineController(plant, estimator, controllers, flight.sequence, fed)
+    whole = Controller(plant, estimator, controllers, flight.sequence, fed)
     core = whole.in_core(**_quick(estimator))
     landing, staying = np.where(np.arange(TAKEN) < TAKEN // 2, 1.0, 0.0), np.ones(TAKEN)
     far = 60 * max(each.travel_limit for each in estimator.whole.machine.bearing)

@@ -6,7 +6,7 @@ import hashlib
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base import escaping
 from ambkit.base.errors import AmbkitError
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.control import Controller
-    from ambkit.simulation.control_machine import MachineController
     from ambkit.simulation.flight import Flight
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
@@ -64,7 +63,7 @@ def render(
     *,
     loops: bool | None = None,
     editable: bool = False,
-    controller: Controller | MachineController | None = None,
+    controller: Controller | None = None,
     flight: Flight | None = None,
     calibrated: bool = False,
     framed: bool = False,
@@ -81,7 +80,7 @@ def render(
     called = data.called(estimator)
     whole = estimator.whole is not None
     # Whose step goes through the interface.
-    one = None if whole else cast("Controller | None", controller)
+    one = None if whole else controller
     in_core = None if called is PAPER and not whole and controller is None else called
     # The paper's filter is given its constants, and asks no magnet.
     given = in_core is None and kind is MAGNETS["Constant"]
@@ -102,8 +101,8 @@ def render(
     needed += telemetry.SOURCES if framed else ()
     flown = {}
     if whole and flight is not None:
-        several = cast("MachineController", controller)
-        flown = control.of_several(several, flight, name, precision)
+        assert controller is not None
+        flown = control.of_several(controller, flight, name, precision)
     found = core.closure(needed, instead=of_model.instead)
     core_files = {f"core/{file}": text for file, text in found.items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))

@@ -158,7 +158,7 @@ def _pid(bearing: Bearing, scenario: Scenario) -> _Parts:
 
 def _regulator(estimator: Estimator, scenario: Scenario) -> _Parts:
     bearing = estimator.bearing
-    controller = Controller(bearing, estimator, scenario.controller, scenario.sequence)
+    controller = Controller.of_axis(bearing, estimator, scenario.controller, scenario.sequence)
     current = flown.hovers_at(bearing)
     return _Parts(
         f"The {_called(scenario.controller)} of bearing {bearing.name}, fed by an estimator",

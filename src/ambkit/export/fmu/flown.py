@@ -37,7 +37,7 @@ def flown(estimator: Estimator, scenario: Scenario) -> Flown:
     """Return what :func:`ambkit.simulate` flies, started as there."""
     bearing = estimator.bearing
     pid = scenario.controller.completed(bearing)
-    controller = Controller(bearing, estimator, pid, scenario.sequence)
+    controller = Controller.of_axis(bearing, estimator, pid, scenario.sequence)
     hovering = scenario.start == "hover" or scenario.sequence is None
     current = hovers_at(bearing) if scenario.start == "hover" else 0.0
     held = min(max(current, bearing.current_min), bearing.current_max)

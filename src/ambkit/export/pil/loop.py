@@ -117,7 +117,8 @@ def _judged(
 ) -> Pil:
     sequence = scenario.sequence
     assert sequence is not None
-    controller = Controller(bearing, estimator, scenario.controller.completed(bearing), sequence)
+    pid = scenario.controller.completed(bearing)
+    controller = Controller.of_axis(bearing, estimator, pid, sequence)
     raw = estimator.inputs.y.numbers(record["y"]).astype("f4").astype(float)
     here = controller.run(raw, record["r"], sequence.fly(record.t))
     unequal = 0

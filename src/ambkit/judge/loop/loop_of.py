@@ -27,7 +27,7 @@ from ambkit.machine.placed import Unbalance
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.model import Array
-from ambkit.simulation.control import Controller, needs_states
+from ambkit.simulation.control import needs_states
 from ambkit.simulation.controllers import Control, Controllers, controllers_of, pids_of
 from ambkit.simulation.default_control import (
     default_control,
@@ -104,9 +104,10 @@ class LoopOf:
         if controller is None and self.machine.single:
             controller = PID()  # until one search tunes the gains of all machines
         self.control = controller if isinstance(controller, Control) else Control()
-        if controller is not None and not isinstance(controller, Control):
-            self.control = Control(type="decentralised")
         self._given = None if isinstance(controller, Control) else controller
+        if self._given is not None:
+            regulated = any(pid.type == "lqg" for pid in self._stated())
+            self.control = Control(type="lqg" if regulated else "decentralised")
         self._flown = flown
         self.axes = tuple(axis.name or "x" for axis in self.machine.axes)
         self.point = point or WorkPoint.of_machine(self.machine, load, x)
@@ -170,16 +171,6 @@ class LoopOf:
         """Return the controllers as they fly, fed by an estimator or the measurement."""
         if self._flown is not None:
             return self._flown
-        if any(map(needs_states, self._stated())):
-            if len(self.alone) > 1:
-                names = ", ".join(self.axes)
-                raise AmbkitError(
-                    f"feed_forward and an lqg controller are of one axis; {self.machine.name} has "
-                    f'{names}: give [control] type = "lqg"'
-                )
-            if estimator is None:
-                raise AmbkitError(f"{self.machine.name}: its controller is fed by an estimate")
-            return Controller(self.alone[0], estimator, self.fed_by(estimator)[0]).law
         control = self.control_for(estimator)
         pids = self.fed_by(estimator) if control.type == "decentralised" else None
         return controllers_of(Plant(self.machine), control, estimator, pids, fastest)
@@ -243,7 +234,7 @@ class LoopOf:
         """Return estimator, controllers, and what these look at by the readings (q, m)."""
         flown = self.flown_by(estimator)
         control = controllers(flown, self.machine, measured=estimator is None)
-        shown = flown.of_axes @ self.shown
+        shown = flown.shown
         if estimator is None:
             return None, control, shown
         if flown.let_turn is not None:

@@ -12,7 +12,6 @@ from ambkit.machine.machine import Machine
 from ambkit.simulation.controllers import TYPES, Control, Controllers, controllers_of
 from ambkit.simulation.default_control import is_default, settled_flight
 from ambkit.simulation.flight import Flight
-from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.many import Planned
 from ambkit.simulation.many_machines import PlannedMachine
 from ambkit.simulation.plant import Plant
@@ -134,11 +133,7 @@ class OfSeveral:
         key = id(estimator), run.feedback, run.control.model_dump_json()
         if key not in self._known:
             fed = estimator if run.feedback == "estimate" else None
-            found = controllers_of(Plant(self.nominal), run.control, fed)
-            if fed is None:  # by the readings, as the nominal sensors show the axes
-                shown = found.of_axes @ shown_along_axes(self.nominal)
-                found = replace(found, feedback=found.feedback | {"position": shown})
-            self._known[key] = found
+            self._known[key] = controllers_of(Plant(self.nominal), run.control, fed)
         return self._known[key]
 
     def wrong(self, run: Flight) -> list[str]:
