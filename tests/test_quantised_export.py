@@ -27,7 +27,7 @@ FORMS = {"plain": {}, "editable": {"editable": True},
 def test_it_compiles_without_a_warning_and_passes(form, ratio, kind, precision, tmp_path):
     bearing = BEARING.replace(sensor__quantisation=ratio * STD)
     made = export_c(bearing, None, tmp_path / "c", prefix="rig", kind=kind, precision=precision,
-                    **FORMS[form])  # fmt: skip
+                    force=True, **FORMS[form])  # fmt: skip
     done = program("gcc", made.folder, tmp_path / "selftest")
     assert (done.returncode, done.stderr) == (0, "")
     said = subprocess.run([tmp_path / "selftest"], capture_output=True, text=True)
