@@ -110,7 +110,6 @@ def test_stated_gains_are_flown_and_the_rest_is_tuned():
 
 @pytest.mark.parametrize(("text", "told"), [
     ('[control]\ntype = "lqg"\n[control.pid.A1]\nkd = "1 A s/m"\n', "has no PID"),
-    ('[control.pid.A1]\nkd = "1 A s/m"\nfeed_forward = 0.5\n', "is of one axis alone"),
     ('[control.pid.A1]\nkd = "1 A/m"\n', "2: control.pid.A1.kd"),
 ])  # fmt: skip
 def test_what_cannot_be_stated_is_told_with_its_line(text, told):

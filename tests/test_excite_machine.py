@@ -54,7 +54,7 @@ def test_commands_design_play_and_assess_it(designed, tmp_path, monkeypatch, cap
     designed.record.save("other.csv")
     code, shown = call("simulate", "still.toml", "--injection", "other.csv")
     assert code == 2
-    assert "which are added at axes of tum_mlps" in " ".join(shown.err.split())
+    assert "which are of axes of tum_mlps" in " ".join(shown.err.split())
     for arguments, said in (
         (["tum_mlps"], "--for sensitivity"),
         (["tum_mlps", "--for", "sensitivity", "--load", "1 N"], "--load is not for"),

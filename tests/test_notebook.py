@@ -282,7 +282,7 @@ def test_quantities_are_taken_with_their_units() -> None:
         (lambda: KalmanFilter(BEARING, noise=1e-12),
          "noise must be of type FilterNoise, is the float 1e-12"),
         (lambda: ambkit.train(RECORD),
-         "source must be of type Bearing or StiffnessMap, is the Record"),
+         "source must be of type Bearing or Machine or StiffnessMap, is the Record"),
     ],
 )  # fmt: skip
 def test_wrong_types_are_told_in_a_line(wrong: Any, told: str) -> None:

@@ -91,7 +91,7 @@ def torture(
 
     For example:
       ambkit torture zittau_axial --estimator linear --estimator extended --plot faults.png
-      ambkit torture tum_mlps --estimator linear --reading Lb1 --faults stuck,spikes --steps 0
+      ambkit torture tum_mlps --estimator linear --reading Lb1
     """
     from ambkit.cli import output
     from ambkit.cli.kinds import factories
