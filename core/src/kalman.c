@@ -120,7 +120,7 @@ amb_real amb_kalman_repeats(const amb_kalman *kf, int r, amb_real least_change, 
   const amb_real step = kf->set.step[r];
   const amb_real var_y = kf->set.var_y[r];
   /* With more sensors than magnets, others can hold the rotor at rest within this one's step. */
-  const bool spare = amb_sensors(&kf->model) > amb_forces(&kf->model);
+  const bool spare = (step > AMB_C(0.0)) && (amb_sensors(&kf->model) > amb_forces(&kf->model));
   const amb_real leaves =
       spare ? AMB_C(0.0) : (AMB_C(1.0) / amb_at_least(kf->set.dwell, AMB_C(1.0)));
   const amb_real at_rest = AMB_C(1.0) - leaves;

@@ -149,7 +149,7 @@ def compare(
     For example:
       ambkit compare zittau_axial --case paper --plot matrix.png --report comparison.html
       ambkit compare my.toml --estimators linear,extended --tune 40 --save-filters filters/
-      ambkit compare tum_mlps --case model --estimators linear,extended --runs 4
+      ambkit compare tum_mlps --case model --estimators linear,extended
       ambkit compare zittau_axial --steps "0.1 mm,0.3 mm,0.5 mm" --load "3 N" --plot bars.png
     """
     own = {"--scenario": scenario, "--steps": steps, "--load": load, "--duration": duration}
