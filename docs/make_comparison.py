@@ -12,9 +12,9 @@ import ambkit
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.cases import CASES
 from ambkit.judge.comparison.study import across, study
+from ambkit.result.report import static
 from ambkit.show.pages.study import limit_steps, steps, wrong_k
 from ambkit.show.plots import study as figures
-from ambkit.show.report import static
 
 RUNS, BUDGET = 32, 32
 

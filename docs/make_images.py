@@ -9,9 +9,9 @@ from pathlib import Path
 from PIL import Image
 
 import ambkit
-from ambkit.show.report import static
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Line
+from ambkit.result.report import static
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Line
 from ambkit.workflow.reproduction.gain import LOAD, STEPS
 from ambkit.workflow.reproduction.study import POSITION, TIME, Study
 

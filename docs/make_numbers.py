@@ -31,7 +31,7 @@ from ambkit.judge.comparison.bench import bench
 from ambkit.judge.comparison.cases import CASES, Trial, trials, walk_case
 from ambkit.judge.comparison.contenders import contenders
 from ambkit.machine.magnets import own_time
-from ambkit.show.report.summary import ours, runs
+from ambkit.result.report.summary import ours, runs
 from ambkit.workflow.reproduction import adaline, chain, expert, gain, recording
 from ambkit.workflow.reproduction.study import Study
 

@@ -23,10 +23,10 @@ from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed
 from ambkit.identification.maximum_likelihood.validation import validate
 from ambkit.identification.noise import measurement_noise
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Bars, Line, Rule
 from ambkit.show import plots
 from ambkit.show.plots import maximum_likelihood as figures
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Bars, Line, Rule
 
 HERE = Path(__file__).parent
 LOGS = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE.parents[1] / "shared" / "data" / "inteco"

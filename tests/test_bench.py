@@ -24,9 +24,9 @@ from ambkit.machine.forces.points import ForcePoints
 from ambkit.machine.forces.surface import ForceSurface
 from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import own_time
+from ambkit.result.report.items import Axis
 from ambkit.show.pages.study import report_of
 from ambkit.show.plots.study import cases_figure, matrix_figure, sweep_figure
-from ambkit.show.report.items import Axis
 from ambkit.simulation.imposed import Imposed
 from ambkit.workflow.comparing import compare_in_case
 

@@ -8,7 +8,7 @@ from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
 
 from ambkit import ConstantStiffness, Machine, campbell
 from ambkit.machine.bank import alone_of
-from ambkit.show.report import static
+from ambkit.result.report import static
 from ambkit.simulation.scenario import PID
 
 

@@ -30,9 +30,7 @@ from ambkit.export.c import export_c
 from ambkit.export.fmu import export_fmu
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.stiffness import stiffness_map
-from ambkit.show.plots import save_figure
-from ambkit.show.plots.reading import reading_figure
-from ambkit.show.report import (
+from ambkit.result.report import (
     Axis,
     Chapter,
     Figure,
@@ -45,7 +43,9 @@ from ambkit.show.report import (
     markup,
     write_report,
 )
-from ambkit.show.report import Text as Paragraph
+from ambkit.result.report import Text as Paragraph
+from ambkit.show.plots import save_figure
+from ambkit.show.plots.reading import reading_figure
 from tests.hostile import NOT_PRINTABLE, TEXTS, Page, called
 
 BEARING = Bearing.preset("zittau_axial")

@@ -13,9 +13,9 @@ from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
 from ambkit.identification.maximum_likelihood.validation import cross_correlation, validate
+from ambkit.result.report.items import Rule
 from ambkit.show.pages.maximum_likelihood import carried_over
 from ambkit.show.plots.maximum_likelihood import estimates_figure
-from ambkit.show.report.items import Rule
 from benchmarks.identification import TRUTH, closed_loops
 
 

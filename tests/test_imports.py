@@ -115,8 +115,8 @@ def test_what_is_bound_late_is_there() -> None:
 @pytest.mark.parametrize(
     ("source", "module"),
     [
-        ('x = import_module("ambkit.show.notebook.card")', "ambkit.show.notebook.card"),
-        ('a = "show.notebook.card:image"', "ambkit.show.notebook.card"),
+        ('x = import_module("ambkit.result.card")', "ambkit.result.card"),
+        ('a = "result.card:image"', "ambkit.result.card"),
         ('import_module(f"ambkit.estimate.{m}"); a = "kalman.KalmanFilter"',
          "ambkit.estimate.kalman"),
     ],

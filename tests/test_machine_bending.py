@@ -21,7 +21,7 @@ from ambkit.machine import presets
 from ambkit.machine.rotors import beam
 from ambkit.machine.rotors.file import read_matrices
 from ambkit.machine.rotors.modes import body_of, reduced
-from ambkit.show.report import static
+from ambkit.result.report import static
 from ambkit.workflow.inspection import inspect
 
 ROSS = Path(__file__).parents[1] / "examples" / "flexible" / "ross_amb.npz"

@@ -5,7 +5,7 @@ from rich.console import Console
 
 from ambkit.base.units import engineering
 from ambkit.cli import output
-from ambkit.show.report.terminal import print_summary
+from ambkit.result.report.terminal import print_summary
 
 FILTERS = "linear,steady-state,observer,low-pass,extended"
 

@@ -21,8 +21,8 @@ from ambkit.base.asked import in_si
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison import compare
 from ambkit.judge.comparison.bench import Benches
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Heatmap
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Heatmap
 from ambkit.workflow.comparing import LoopScores, compare_in_case
 from ambkit.workflow.design_candidates import Candidate
 from ambkit.workflow.designing import Design
@@ -183,7 +183,7 @@ def test_own_axes_get_a_panel_and_keep_their_look() -> None:
 def test_a_map_in_own_axes_has_its_colour_bar() -> None:
     from matplotlib.figure import Figure as Canvas
 
-    from ambkit.show.notebook.drawing import plot
+    from ambkit.result.drawing import plot
 
     line, canvas = np.linspace(0, 1, 5), Canvas(layout="constrained")
     heat = Heatmap(line, line, np.add.outer(line, line), Axis("force", "N"))

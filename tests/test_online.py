@@ -21,8 +21,8 @@ from ambkit.base.errors import AmbkitError
 from ambkit.identification.online.augmented import AugmentedIdentifier, AugmentedResult
 from ambkit.identification.online.result import OnlineResult, mean_error
 from ambkit.identification.online.side_by_side import SideBySide, learn_online
+from ambkit.result.report.items import Band, Line, Rule, Span
 from ambkit.show.plots.online import online_figure
-from ambkit.show.report.items import Band, Line, Rule, Span
 from ambkit.simulation.imposed import Imposed
 
 Array = NDArray[np.float64]

@@ -14,12 +14,12 @@ from ambkit.identification.forces.lift_off_fit import fit_lift_off
 from ambkit.judge.comparison import compare
 from ambkit.judge.evaluation import evaluate
 from ambkit.machine.forces.file import load_force_points
+from ambkit.result.report import style
+from ambkit.result.report.items import Band, Bars, Heatmap, Line, Note, Points
+from ambkit.result.report.style import SIGNALS
 from ambkit.show import plots
 from ambkit.show.plots.looks import looks
 from ambkit.show.plots.rules import with_surface
-from ambkit.show.report import style
-from ambkit.show.report.items import Band, Bars, Heatmap, Line, Note, Points
-from ambkit.show.report.style import SIGNALS
 from ambkit.workflow.training import measured_force
 
 

@@ -24,10 +24,7 @@ from hypothesis import strategies as st
 
 from ambkit.base.errors import AmbkitError
 from ambkit.data.reading import Refused, read
-from ambkit.show.plots import save_figure
-from ambkit.show.plots.reading import reading_figure
-from ambkit.show.plots.refused import refused_figure
-from ambkit.show.report import (
+from ambkit.result.report import (
     Axis,
     Band,
     Bars,
@@ -58,9 +55,12 @@ from ambkit.show.report import (
     summary,
     write_report,
 )
-from ambkit.show.report.decimate import decimate
-from ambkit.show.report.page import render_page
-from ambkit.show.report.terminal import print_summary
+from ambkit.result.report.decimate import decimate
+from ambkit.result.report.page import render_page
+from ambkit.result.report.terminal import print_summary
+from ambkit.show.plots import save_figure
+from ambkit.show.plots.reading import reading_figure
+from ambkit.show.plots.refused import refused_figure
 
 TIME = Axis("time $t$", "s")
 
@@ -671,7 +671,7 @@ def test_lines_that_would_lose_what_is_seen_stay_whole():
 
 @pytest.mark.long
 def test_a_page_of_many_pictures_has_them_packed(monkeypatch, tmp_path):
-    monkeypatch.setattr("ambkit.show.report.page.HEAVY", 1000)
+    monkeypatch.setattr("ambkit.result.report.page.HEAVY", 1000)
     made = write_report(report(), tmp_path)
     assert "<noscript>" in made.read_text(encoding="utf-8")
     shown = "[...document.querySelectorAll('img')].filter((i) => i.naturalWidth > 100).length"

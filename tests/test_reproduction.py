@@ -10,7 +10,7 @@ import pytest
 
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import paper
-from ambkit.show.report.summary import number
+from ambkit.result.report.summary import number
 from ambkit.workflow.reproduction import reproduce
 from ambkit.workflow.reproduction.study import Study
 

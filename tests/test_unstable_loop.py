@@ -11,7 +11,7 @@ import pytest
 from machine_cases import machine
 
 from ambkit import Bearing, assess
-from ambkit.show.report import static
+from ambkit.result.report import static
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.assessment import Assessment

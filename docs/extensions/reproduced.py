@@ -17,10 +17,10 @@ from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from ambkit.show.report import static
-from ambkit.show.report.blocks import FigureBlock, TableBlock
-from ambkit.show.report.figure import Figure
-from ambkit.show.report.summary import SummaryRow, number, ours, runs, verdict_of
+from ambkit.result.report import static
+from ambkit.result.report.blocks import FigureBlock, TableBlock
+from ambkit.result.report.figure import Figure
+from ambkit.result.report.summary import SummaryRow, number, ours, runs, verdict_of
 from ambkit.workflow.reproduction.study import Part, Study
 
 FOLDER = "_build/figures"

@@ -173,10 +173,10 @@ _BEHIND = {
         "load": "load_estimator",
         "save": "save_estimator",
     },
-    "show.notebook.card": {
+    "result.card": {
         "image": "image",
     },
-    "show.notebook.drawing": {
+    "result.drawing": {
         "plot": "plot",
     },
     "show.plots.simulation": {

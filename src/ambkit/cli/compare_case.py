@@ -91,10 +91,10 @@ def _magnets(
 
 def _deliver(found: Study, wanted: Wanted) -> None:
     from ambkit.cli import output
+    from ambkit.result.report.page import write_page
     from ambkit.show import plots
     from ambkit.show.pages.study import report_of
     from ambkit.show.plots.study import matrix_figure
-    from ambkit.show.report.page import write_page
     from ambkit.workflow.saved_filters import adequacy_of
 
     bench = found.bench
@@ -119,10 +119,10 @@ def _deliver(found: Study, wanted: Wanted) -> None:
 
 def _deliver_all(bearing: Bearing | Machine, benches: Mapping[str, Bench], wanted: Wanted) -> None:
     from ambkit.cli import output
+    from ambkit.result.report.page import write_page
     from ambkit.show import plots
     from ambkit.show.pages.study import report_of_cases
     from ambkit.show.plots.study import cases_figure
-    from ambkit.show.report.page import write_page
 
     first = next(iter(benches.values()))
     rows = [

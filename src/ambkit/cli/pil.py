@@ -12,7 +12,7 @@ from ambkit.cli.options import BearingOrFilter, Force, Json, file_option
 
 if TYPE_CHECKING:
     from ambkit.export.pil import Pil
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
 
 
 def pil(

@@ -35,7 +35,7 @@ def reproduce(
     if json:
         output.deliver(outcome.rows, [], as_json=True)
     else:
-        from ambkit.show.report.terminal import print_summary
+        from ambkit.result.report.terminal import print_summary
 
         print_summary(outcome.rows, output.stdout())
         output.deliver(None, [], as_json=False)

@@ -11,7 +11,7 @@ from ambkit.cli.output import value
 if TYPE_CHECKING:
     from ambkit.fuzzy.choice import RuleChoice
     from ambkit.fuzzy.left_out import ModelChoice
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
     from ambkit.workflow.training import MeasuredForce, TrainedExpert
 
 

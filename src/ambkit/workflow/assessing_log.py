@@ -24,7 +24,7 @@ from ambkit.workflow.assessment import Assessment
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
     from ambkit.simulation.scenario import PID
 
 BASIS = (

@@ -19,7 +19,7 @@ from ambkit.workflow.separation import Separation, separations
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
 
 BASIS = (
     "Zones after ISO 14839-3, of a linear model: an aid, not a certificate, which asks for a "

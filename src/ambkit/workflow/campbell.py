@@ -17,7 +17,7 @@ from ambkit.simulation.holding import holding
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
     from ambkit.simulation.scenario import PID
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ambkit.base import units
 from ambkit.base.units import engineering
 from ambkit.judge.comparison.seeds import EVALUATED
-from ambkit.show.notebook.card import Card, value
+from ambkit.result.card import Card, value
 from ambkit.show.notebook.results import FOUND, K, loops, parameters, with_spread
 from ambkit.show.plots.design import design_figure
 from ambkit.show.plots.filters import filter_figure

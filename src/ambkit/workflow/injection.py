@@ -16,7 +16,7 @@ from ambkit.identification.excitation.signals import Excitation
 from ambkit.judge.loop.measured import MeasuredSensitivity
 
 if TYPE_CHECKING:
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
 
 Array = NDArray[np.float64]
 

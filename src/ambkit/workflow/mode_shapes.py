@@ -15,7 +15,7 @@ from ambkit.base.showing import Drawn
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
 
 Array = NDArray[np.float64]
 

@@ -37,7 +37,7 @@ from ambkit.workflow.orbiting import on_orbit
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
     from ambkit.simulation.linear.closed import Loop
 
 Array = NDArray[np.float64]

@@ -34,7 +34,7 @@ from ambkit.workflow.assessment import Assessment
 from ambkit.workflow.given import given_estimators, given_load
 
 if TYPE_CHECKING:
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
 
 Array = NDArray[np.float64]
 Kind = Literal["multisine", "stepped-sine"]

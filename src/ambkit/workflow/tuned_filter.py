@@ -34,7 +34,7 @@ from ambkit.workflow.tuning_tasks import JUDGED, By, ByLikelihood, ByTruth
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
 
 BUDGET = 60
 """Evaluations where nobody says it."""

@@ -16,7 +16,7 @@ from ambkit.workflow.campbell import held
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from ambkit.base.showing import Drawn
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
 
 Array = NDArray[np.float64]
 

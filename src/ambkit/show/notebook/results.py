@@ -12,7 +12,7 @@ from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.online.side_by_side import NAMES
 from ambkit.judge.comparison.criteria import CRITERIA
 from ambkit.judge.comparison.seeds import EVALUATED
-from ambkit.show.notebook.card import Card, value
+from ambkit.result.card import Card, value
 from ambkit.show.plots.comparison import comparison_figure
 from ambkit.show.plots.identification import identification_figure
 from ambkit.show.plots.maximum_likelihood import estimates_figure

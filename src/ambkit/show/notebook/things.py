@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from ambkit.base.config.problems import quantity_of
 from ambkit.estimate.estimate import Status
 from ambkit.machine.magnets import ConstantStiffness
-from ambkit.show.notebook.card import Card, value
+from ambkit.result.card import Card, value
 from ambkit.show.plots.bearing import bearing_figure
 from ambkit.show.plots.estimate import estimate_figure
 from ambkit.show.plots.record import record_figure

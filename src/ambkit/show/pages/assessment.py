@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 
 from ambkit.base.escaping import markdown
-from ambkit.show.report.blocks import Chapter, FigureBlock, Remark, Report, TableBlock, Text
-from ambkit.show.report.figure import Figure
+from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, Report, TableBlock, Text
+from ambkit.result.report.figure import Figure
 
 SIGNS = {True: "✓\N{NO-BREAK SPACE}kept", False: "✗ not\N{NO-BREAK SPACE}kept", None: ""}
 """How a line of the verdict ends."""
@@ -24,7 +24,7 @@ def write_assessment(
     facts: Mapping[str, str],
 ) -> None:
     """Write the page."""
-    from ambkit.show.report.page import write_page
+    from ambkit.result.report.page import write_page
 
     missed = [what.strip() for what, _, _, good in lines if good is False]
     words = "All that has a limit keeps it." if not missed else f"Not kept: {', '.join(missed)}."

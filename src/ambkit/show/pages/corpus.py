@@ -9,9 +9,9 @@ import numpy as np
 
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
-from ambkit.show.report.blocks import Chapter, FigureBlock, Remark, Report, TableBlock
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Bars
+from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, Report, TableBlock
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Bars
 
 if TYPE_CHECKING:
     from ambkit.identification.corpus.corpus import Corpus
@@ -126,6 +126,6 @@ def corpus_report(corpus: Corpus) -> Report:
 
 def write_corpus(path: str | os.PathLike[str], corpus: Corpus) -> None:
     """Write the report as one HTML page that needs no net."""
-    from ambkit.show.report.page import write_page
+    from ambkit.result.report.page import write_page
 
     write_page(corpus_report(corpus), path)

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 
 from ambkit.base.escaping import markdown
-from ambkit.show.report.blocks import Block, Chapter, FigureBlock, Remark, Report, TableBlock
-from ambkit.show.report.figure import Figure
+from ambkit.result.report.blocks import Block, Chapter, FigureBlock, Remark, Report, TableBlock
+from ambkit.result.report.figure import Figure
 
 
 def write_design(
@@ -23,7 +23,7 @@ def write_design(
     made: Mapping[str, str],
 ) -> None:
     """Write the page."""
-    from ambkit.show.report.page import write_page
+    from ambkit.result.report.page import write_page
 
     verdict: list[Block] = [Remark("Which filter", markdown(why))]
     verdict += [Remark("Objection", markdown(text)) for text in objections]

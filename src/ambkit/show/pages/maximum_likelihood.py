@@ -9,8 +9,16 @@ from typing import TYPE_CHECKING
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering, interval, typeset, with_error
 from ambkit.machine.stiffness import work_points
+from ambkit.result.report.blocks import (
+    Block,
+    Chapter,
+    FigureBlock,
+    Remark,
+    Report,
+    TableBlock,
+    Text,
+)
 from ambkit.show.plots import maximum_likelihood as figures
-from ambkit.show.report.blocks import Block, Chapter, FigureBlock, Remark, Report, TableBlock, Text
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -28,7 +36,7 @@ def write_identification(
     shown: Record,
 ) -> None:
     """Write the report as one HTML page that needs no net."""
-    from ambkit.show.report.page import write_page
+    from ambkit.result.report.page import write_page
 
     write_page(identification_report(found, checks, shown), path)
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ambkit.base.escaping import markdown
 from ambkit.data.record import Record
+from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, Report, TableBlock
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line, Points, Rule
 from ambkit.show.plots.looks import CURRENT, POSITION, TIME
-from ambkit.show.report.blocks import Chapter, FigureBlock, Remark, Report, TableBlock
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line, Points, Rule
 
 _COUNT = Axis("instructions of a step")
 
@@ -28,7 +28,7 @@ def write_pil(
     figures: Sequence[Figure],
 ) -> None:
     """Write the page."""
-    from ambkit.show.report.page import write_page
+    from ambkit.result.report.page import write_page
 
     said = (
         "Every number that the processor gave is Python's, to the last bit."

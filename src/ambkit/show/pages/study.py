@@ -11,11 +11,11 @@ from ambkit.judge.comparison.bench import TRAINING, Bench, Standing
 from ambkit.judge.comparison.criteria import CRITERIA
 from ambkit.judge.comparison.spread import CERTAIN
 from ambkit.judge.comparison.study import Study
+from ambkit.result.report.blocks import Cell, Chapter, FigureBlock, Remark, Report, TableBlock, Text
+from ambkit.result.report.figure import Figure
+from ambkit.result.report.items import Axis
+from ambkit.result.report.markup import symbols
 from ambkit.show.plots import study as figures
-from ambkit.show.report.blocks import Cell, Chapter, FigureBlock, Remark, Report, TableBlock, Text
-from ambkit.show.report.figure import Figure
-from ambkit.show.report.items import Axis
-from ambkit.show.report.markup import symbols
 
 STEP = Axis("step of the position", "mm", 1e3)
 RATIO = Axis("magnet constant of the plant, over the known one")

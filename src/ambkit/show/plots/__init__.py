@@ -1,6 +1,6 @@
 """Pictures of single results: a run, an identification, a training, filters along a record.
 
-Each function describes a :class:`ambkit.show.report.Figure`; `save_figure` draws it as ``.png``,
+Each function describes a :class:`ambkit.result.report.Figure`; `save_figure` draws it as ``.png``,
 ``.svg`` or, to zoom in, as ``.html``.
 """
 

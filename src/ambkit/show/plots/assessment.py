@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ambkit.judge.loop.margins import grid, rates
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line, Points, Rule
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.judge.loop.margins import UnstablePole
     from ambkit.models.linear import Complex
-    from ambkit.show.report.items import Vector
+    from ambkit.result.report.items import Vector
     from ambkit.simulation.linear.closed import Loop
 
 LOOKS = ("measurement", "estimate", "series 2", "series 3", "series 4")

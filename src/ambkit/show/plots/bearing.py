@@ -9,8 +9,8 @@ import numpy as np
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
 from ambkit.machine.magnets import magnet_of
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line, Points, Rule
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing

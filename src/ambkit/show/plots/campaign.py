@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.units import engineering
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Intervals, Item, Line, Note, Points, Rule
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Intervals, Item, Line, Note, Points, Rule
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line, Points
 from ambkit.show.plots.assessment import LOOKS
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line, Points
 
 if TYPE_CHECKING:
     from ambkit.judge.loop.demands import Capacity

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.base.escaping import label as escaped
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Bars, Item, Rule
 from ambkit.show.plots.looks import looks
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Bars, Item, Rule
 
 if TYPE_CHECKING:
     from ambkit.judge.comparison import Score

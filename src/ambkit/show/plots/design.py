@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Bars, Item, Rule
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Bars, Item, Rule
 
 
 def design_figure(

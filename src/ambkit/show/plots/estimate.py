@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ambkit.base.escaping import label, markdown
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Band, Item, Line
 from ambkit.show.plots.filters import innovation_panel, settled_samples, with_limits
 from ambkit.show.plots.looks import CURRENT, DISTURBANCE, POSITION, TIME, VELOCITY
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Band, Item, Line
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimate import Estimate

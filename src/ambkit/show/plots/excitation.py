@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.escaping import markdown
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line, Rule
 from ambkit.show.plots.looks import CURRENT, POSITION, TIME
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line, Rule
 
 if TYPE_CHECKING:
     from ambkit.identification.excitation.design import Design

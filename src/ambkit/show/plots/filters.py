@@ -15,6 +15,9 @@ from ambkit.base.escaping import markdown
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Status
 from ambkit.judge.evaluation import true_signal
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Band, Item, Line, Note, Points
+from ambkit.result.report.style import style_of
 from ambkit.show.plots.looks import (
     CURRENT,
     DISTURBANCE,
@@ -24,9 +27,6 @@ from ambkit.show.plots.looks import (
     VELOCITY,
     looks,
 )
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Band, Item, Line, Note, Points
-from ambkit.show.report.style import style_of
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record

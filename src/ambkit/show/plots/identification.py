@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.base.escaping import markdown
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Line, Points, Rule
 from ambkit.show.plots.looks import TIME
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Line, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.identification.forces.lift_off_fit import LiftOffFit

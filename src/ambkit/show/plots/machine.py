@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ambkit.base import units
 from ambkit.base.escaping import label, markdown
 from ambkit.data.signals import signal
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line, Rule
 from ambkit.show.plots.looks import CURRENT, TIME
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line, Rule
 
 if TYPE_CHECKING:
     from ambkit.machine.placed import PlacedBearing

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line, Points
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line, Points
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from ambkit.identification.online.adaline import AdalineResult
 from ambkit.identification.online.augmented import AugmentedResult
 from ambkit.identification.online.result import CONFIDENCE, OnlineResult
 from ambkit.identification.online.side_by_side import NAMES, SideBySide
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Band, Item, Line, Points, Rule, Span
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Band, Item, Line, Points, Rule, Span
 
 Array = NDArray[np.float64]
 

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from ambkit.base.escaping import markdown
 from ambkit.judge.loop.demands import ROOM
 from ambkit.judge.loop.heating import ZERO
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line, Points, Rule
 from ambkit.show.plots.assessment import LOOKS
 from ambkit.show.plots.campbell import SPEED
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
-    from ambkit.show.report.items import Vector
+    from ambkit.result.report.items import Vector
 
 SLOW = 2.0
 """Modes up to so many times the greatest peak's frequency or speed are shown."""

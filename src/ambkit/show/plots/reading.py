@@ -14,8 +14,8 @@ from ambkit.data.reading.clock import Clock
 from ambkit.data.reading.faults import Fault
 from ambkit.data.reading.reader import Reading
 from ambkit.data.record import Record
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line, Points, Rule, Span
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line, Points, Rule, Span
 
 Array = NDArray[np.float64]
 

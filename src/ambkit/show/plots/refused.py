@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from ambkit.base.escaping import markdown, one_line
 from ambkit.data.reading.clock import examine
 from ambkit.data.reading.refusals import Refused
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line
 from ambkit.show.plots.reading import axis_of, missing_spans, steps_panel
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Heatmap, Item, Note, Points, Rule
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Heatmap, Item, Note, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.fuzzy.choice import RuleChoice

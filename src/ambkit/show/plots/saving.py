@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ambkit.base.errors import AmbkitError
-from ambkit.show.report.figure import Figure
+from ambkit.result.report.figure import Figure
 
 ENDINGS = (".png", ".svg", ".html")
 """What `save_figure` can write."""
@@ -16,7 +16,7 @@ ENDINGS = (".png", ".svg", ".html")
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
     """Draw a figure into one file."""
     from ambkit.base import files
-    from ambkit.show.report import static
+    from ambkit.result.report import static
 
     path = Path(path)
     ending = path.suffix.lower()
@@ -33,9 +33,9 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
 def _page(figure: Figure, picture: Any) -> str:
     from importlib.metadata import version
 
-    from ambkit.show.report.blocks import Chapter, FigureBlock, Report
-    from ambkit.show.report.markup import plain
-    from ambkit.show.report.page import render_page
+    from ambkit.result.report.blocks import Chapter, FigureBlock, Report
+    from ambkit.result.report.markup import plain
+    from ambkit.result.report.page import render_page
 
     report = Report(
         title=plain(figure.title),

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from ambkit.base.units import engineering
 from ambkit.judge.loop.margins import grid
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Band, Item, Line, Points, Rule
 from ambkit.show.plots.assessment import (
     LOOKS,
     NYQUIST_IMAGINARY,
@@ -18,8 +20,6 @@ from ambkit.show.plots.assessment import (
     near,
     zone_lines,
 )
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Band, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.judge.loop.measured import MeasuredSensitivity

@@ -8,11 +8,11 @@ import numpy as np
 
 from ambkit.base.escaping import markdown
 from ambkit.machine.bearing import Bearing
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Item, Line, Rule
 from ambkit.show.plots.filters import whole_noise
 from ambkit.show.plots.looks import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY
 from ambkit.show.plots.machine import machine_figure
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Item, Line, Rule
 
 if TYPE_CHECKING:
     from ambkit.simulation.run import Run

@@ -13,10 +13,10 @@ from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.bench import Bench, Standing, Sweep
 from ambkit.judge.comparison.contenders import Contender
 from ambkit.judge.comparison.criteria import CRITERIA, Criterion
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
-from ambkit.show.report.markup import symbols
-from ambkit.show.report.style import OF_KINDS
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
+from ambkit.result.report.markup import symbols
+from ambkit.result.report.style import OF_KINDS
 
 if TYPE_CHECKING:
     from ambkit.judge.comparison.cases import Trial

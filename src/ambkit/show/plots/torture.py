@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.judge.faults.campaign import BASELINE, SETTINGS, recovery_text
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Cells
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Cells
 
 if TYPE_CHECKING:
     from ambkit.judge.faults.campaign import Torture

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.escaping import markdown
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Heatmap, Item, Line
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Heatmap, Item, Line
 
 if TYPE_CHECKING:
     from ambkit.fuzzy.expert import Expert

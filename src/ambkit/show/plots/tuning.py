@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line, Points, Rule
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ambkit.base.escaping import markdown
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Heatmap, Item, Line
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Heatmap, Item, Line
 
 TIME = Axis("time", "s")
 FREQUENCY = Axis("frequency", "Hz")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ambkit.show.notebook.card import Card
+from ambkit.result.card import Card
 from ambkit.workflow.campaign import pictures
 from ambkit.workflow.campaign.parts import UNITS
 from ambkit.workflow.campaign.report import said, share

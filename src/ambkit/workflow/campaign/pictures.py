@@ -16,7 +16,7 @@ from ambkit.workflow.campaign.parts import UNITS, limit_of
 from ambkit.workflow.campaign.varied import OneOf
 
 if TYPE_CHECKING:
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
     from ambkit.workflow.campaign.machines import Machines
     from ambkit.workflow.campaign.sensitivities import Indices
 

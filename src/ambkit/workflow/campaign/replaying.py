@@ -11,7 +11,7 @@ from ambkit.simulation.many import Planned
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
     from ambkit.simulation.many_machines import PlannedMachine
     from ambkit.simulation.run import Run
     from ambkit.workflow.campaign.plan import Plan

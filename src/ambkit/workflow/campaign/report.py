@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ambkit.base.errors import AmbkitError, ExtraMissing
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
-from ambkit.show.report.blocks import (
+from ambkit.result.report.blocks import (
     Block,
     Cell,
     Chapter,
@@ -34,7 +34,7 @@ DRIVEN = 3
 
 def write(campaign: Machines, path: str | os.PathLike[str]) -> None:
     """Write the page."""
-    from ambkit.show.report.page import write_page
+    from ambkit.result.report.page import write_page
 
     if not len(campaign):
         raise AmbkitError(f"{campaign.folder}: no part is finished yet")

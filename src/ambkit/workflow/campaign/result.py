@@ -12,7 +12,7 @@ from ambkit.workflow.campaign.statistics import Share
 from ambkit.workflow.campaign.store import Folder
 
 if TYPE_CHECKING:
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
     from ambkit.workflow.campaign.replaying import Replayed
     from ambkit.workflow.campaign.sensitivities import Indices
 

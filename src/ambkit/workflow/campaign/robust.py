@@ -28,7 +28,7 @@ from ambkit.workflow.campaign.study import Study, load
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.show.report.figure import Figure
+    from ambkit.result.report.figure import Figure
 
 Array = NDArray[np.float64]
 

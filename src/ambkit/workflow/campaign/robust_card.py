@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ambkit.show.notebook.card import Card, value
+from ambkit.result.card import Card, value
 
 if TYPE_CHECKING:
     from ambkit.workflow.campaign.robust import Robust

@@ -12,8 +12,8 @@ from ambkit.base import files
 from ambkit.base.progress import shown_in_notebooks
 
 if TYPE_CHECKING:
-    from ambkit.show.report.blocks import Report
-    from ambkit.show.report.summary import SummaryRow
+    from ambkit.result.report.blocks import Report
+    from ambkit.result.report.summary import SummaryRow
     from ambkit.workflow.reproduction.study import Part, Study
 
 
@@ -30,7 +30,7 @@ def reproduce(
     out: str | Path, *, seed: int = 0, progress: Callable[[str], None] = lambda _message: None
 ) -> Outcome:
     """Reproduce the paper's tables and figures, and judge them."""
-    from ambkit.show.report.page import write_report
+    from ambkit.result.report.page import write_report
     from ambkit.workflow.reproduction.study import Study
 
     folder = Path(out)
@@ -53,7 +53,7 @@ def _report(study: Study, parts: list[Part], rows: list[SummaryRow], seed: int) 
     """Put the chapters together."""
     from importlib.metadata import version
 
-    from ambkit.show.report.blocks import Report
+    from ambkit.result.report.blocks import Report
     from ambkit.workflow.reproduction.study import SEEDS
 
     return Report(

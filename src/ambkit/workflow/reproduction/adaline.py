@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.identification.online.adaline import Adaline, AdalineResult
-from ambkit.show.report.blocks import Chapter, Equation, FigureBlock, Text
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Line, Rule
+from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Text
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Line, Rule
 from ambkit.simulation.run import Run
 from ambkit.workflow.reproduction.study import SEEDS, TIME, Part, Study, mean_row, reached, row
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from ambkit.estimate.estimate import Estimate
 from ambkit.judge.comparison import rmse
 from ambkit.machine.magnets import evaluate_stiffness
-from ambkit.show.report.blocks import Chapter, FigureBlock, Text
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line, Rule
+from ambkit.result.report.blocks import Chapter, FigureBlock, Text
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line, Rule
 from ambkit.simulation.run import Run
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.reproduction.study import (

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine import paper
-from ambkit.show.report.blocks import Chapter, TableBlock, Text
+from ambkit.result.report.blocks import Chapter, TableBlock, Text
 from ambkit.simulation.run import simulate_run
 from ambkit.workflow.reproduction.sampling import fast_sensor, lead
 from ambkit.workflow.reproduction.study import SEEDS, STEP_TIME, Part, Study, mean_row, row

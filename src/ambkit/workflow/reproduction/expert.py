@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine import paper
 from ambkit.machine.stiffness import ForceFunction
-from ambkit.show.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Heatmap, Line
+from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Heatmap, Line
 from ambkit.workflow.reproduction.study import CURRENT, POSITION, Part, Study, reached, row
 from ambkit.workflow.reproduction.tables import widths_csv
 

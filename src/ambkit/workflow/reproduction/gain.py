@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.judge.comparison import Score, compare
-from ambkit.show.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Bars, Line
-from ambkit.show.report.style import style_of
+from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Bars, Line
+from ambkit.result.report.style import style_of
 from ambkit.workflow.reproduction.study import (
     LOAD_TIME,
     SEEDS,

@@ -6,9 +6,9 @@ import numpy as np
 
 from ambkit.estimate.innovations import whiteness
 from ambkit.judge.comparison import rmse
-from ambkit.show.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Line
+from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Line
 from ambkit.workflow.reproduction.study import (
     POSITION,
     SEEDS,

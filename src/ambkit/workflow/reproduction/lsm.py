@@ -9,9 +9,9 @@ from ambkit.identification.online.magnet_constant import identify_online
 from ambkit.machine import paper
 from ambkit.machine.forces.table import ForceTable
 from ambkit.machine.stiffness import stiffness_map
-from ambkit.show.report.blocks import Chapter, Equation, FigureBlock, TableBlock, Text
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Heatmap
+from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, TableBlock, Text
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Heatmap
 from ambkit.workflow.reproduction.study import CURRENT, POSITION, SEEDS, Part, Study, agrees, row
 from ambkit.workflow.reproduction.tables import stiffness_csv
 

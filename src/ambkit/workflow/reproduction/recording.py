@@ -23,10 +23,10 @@ from ambkit.judge.evaluation import LAGS, Evaluation, evaluate
 from ambkit.machine.bearing import GRAVITY, Bearing
 from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel
 from ambkit.machine.stiffness import stiffness_map
-from ambkit.show.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Line, Points, Rule
-from ambkit.show.report.style import style_of
+from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Line, Points, Rule
+from ambkit.result.report.style import style_of
 from ambkit.workflow.reproduction.study import POSITION, TIME, Part, Study, row
 from ambkit.workflow.tuning import tune_disturbance
 

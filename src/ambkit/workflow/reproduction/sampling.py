@@ -13,9 +13,9 @@ from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.judge.comparison import compare
 from ambkit.machine.bearing import Bearing
-from ambkit.show.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Line
+from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Line
 from ambkit.simulation.run import simulate
 from ambkit.workflow.reproduction.study import (
     SEEDS,

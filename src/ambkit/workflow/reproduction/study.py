@@ -18,9 +18,9 @@ from ambkit.machine.bearing import Bearing
 from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel
 from ambkit.machine.paper import INITIAL_WIDTH
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
-from ambkit.show.report.blocks import Chapter
-from ambkit.show.report.items import Axis
-from ambkit.show.report.summary import SummaryRow
+from ambkit.result.report.blocks import Chapter
+from ambkit.result.report.items import Axis
+from ambkit.result.report.summary import SummaryRow
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.simulation.waveforms import Constant, Step

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import NotRequired, TypedDict
 
 from ambkit.base.units import with_error
-from ambkit.show.report import style
+from ambkit.result.report import style
 
 
 class SummaryRow(TypedDict):

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from ambkit.show.report.items import (
+from ambkit.result.report.items import (
     Axis,
     Band,
     Bars,
@@ -20,7 +20,7 @@ from ambkit.show.report.items import (
     Signal,
     Vector,
 )
-from ambkit.show.report.markup import plain
+from ambkit.result.report.markup import plain
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from typing import Any
 
 from ambkit.base.escaping import one_line
 from ambkit.base.units import figure, typeset
-from ambkit.show.notebook.drawing import plot
-from ambkit.show.report.figure import Figure
-from ambkit.show.report.static import light
-from ambkit.show.report.static_items import WIDTH
+from ambkit.result.drawing import plot
+from ambkit.result.report.figure import Figure
+from ambkit.result.report.static import light
+from ambkit.result.report.static_items import WIDTH
 
 LONGEST = 300
 """Characters of a cell or a note; a description may have thousands."""

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.show.report import style
-from ambkit.show.report.decimate import decimate
-from ambkit.show.report.figure import Panel
-from ambkit.show.report.formula import label_html
-from ambkit.show.report.items import (
+from ambkit.result.report import style
+from ambkit.result.report.decimate import decimate
+from ambkit.result.report.figure import Panel
+from ambkit.result.report.formula import label_html
+from ambkit.result.report.items import (
     Axis,
     Band,
     Bars,

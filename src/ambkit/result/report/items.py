@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.show.report.style import style_of
+from ambkit.result.report.style import style_of
 
 Vector = NDArray[np.float64]
 

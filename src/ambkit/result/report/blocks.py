@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ambkit.show.report.figure import Figure
-from ambkit.show.report.summary import SummaryRow
+from ambkit.result.report.figure import Figure
+from ambkit.result.report.summary import SummaryRow
 
 Cell = str | float | int | None
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ambkit.show.report.summary import SummaryRow, number, ours, runs, tally, verdict_of
+from ambkit.result.report.summary import SummaryRow, number, ours, runs, tally, verdict_of
 
 if TYPE_CHECKING:
     from rich.console import Console

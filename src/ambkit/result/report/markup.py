@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from ambkit.show.report.formula import mathml
+from ambkit.result.report.formula import mathml
 
 if TYPE_CHECKING:
     from markdown_it import MarkdownIt

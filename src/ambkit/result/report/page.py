@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from ambkit.base import escaping, files
-from ambkit.show.report import interactive, static
-from ambkit.show.report.blocks import (
+from ambkit.result.report import interactive, static
+from ambkit.result.report.blocks import (
     Block,
     Cell,
     Chapter,
@@ -24,13 +24,13 @@ from ambkit.show.report.blocks import (
     TableBlock,
     Text,
 )
-from ambkit.show.report.figure import Figure
-from ambkit.show.report.formula import mathml
-from ambkit.show.report.interactive_items import BUCKETS
-from ambkit.show.report.items import Line
-from ambkit.show.report.markup import inline, markdown, plain
-from ambkit.show.report.static import Picture
-from ambkit.show.report.summary import COLOURS, VERDICTS, number, ours, runs, tally, verdict_of
+from ambkit.result.report.figure import Figure
+from ambkit.result.report.formula import mathml
+from ambkit.result.report.interactive_items import BUCKETS
+from ambkit.result.report.items import Line
+from ambkit.result.report.markup import inline, markdown, plain
+from ambkit.result.report.static import Picture
+from ambkit.result.report.summary import COLOURS, VERDICTS, number, ours, runs, tally, verdict_of
 
 _TEMPLATES = Path(__file__).parent / "templates"
 HEAVY = 1_000_000

@@ -5,7 +5,7 @@ draws all figures of a `Report` and puts them, with texts, formulas and tables, 
 that works without the net.
 """
 
-from ambkit.show.report.blocks import (
+from ambkit.result.report.blocks import (
     Block,
     Chapter,
     Equation,
@@ -15,8 +15,8 @@ from ambkit.show.report.blocks import (
     TableBlock,
     Text,
 )
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import (
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import (
     Axis,
     Band,
     Bars,
@@ -29,8 +29,8 @@ from ambkit.show.report.items import (
     Rule,
     Span,
 )
-from ambkit.show.report.page import write_report
-from ambkit.show.report.summary import SummaryRow
+from ambkit.result.report.page import write_report
+from ambkit.result.report.summary import SummaryRow
 
 __all__ = [
     "Axis",

@@ -60,7 +60,7 @@ def _span(line: NDArray[np.float64]) -> float:
 
 
 def _unpacked(array: dict[str, Any]) -> NDArray[np.float64]:
-    """Return what `ambkit.show.report.interactive_items.packed` made."""
+    """Return what `ambkit.result.report.interactive_items.packed` made."""
     numbers = np.frombuffer(base64.b64decode(array["bdata"]), f"<{array['dtype']}")
     return np.asarray(numbers, dtype=np.float64)
 

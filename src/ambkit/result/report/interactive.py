@@ -11,10 +11,10 @@ import math
 from pathlib import Path
 from typing import Literal
 
-from ambkit.show.report import style
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.formula import label_html
-from ambkit.show.report.interactive_items import (
+from ambkit.result.report import style
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.formula import label_html
+from ambkit.result.report.interactive_items import (
     Json,
     annotation,
     decorations_of,
@@ -22,8 +22,8 @@ from ambkit.show.report.interactive_items import (
     shown_place,
     traces_of,
 )
-from ambkit.show.report.items import Axis, Cells, Heatmap, Item, Note, Vector
-from ambkit.show.report.steps import shorten
+from ambkit.result.report.items import Axis, Cells, Heatmap, Item, Note, Vector
+from ambkit.result.report.steps import shorten
 
 SANS = "-apple-system, 'Segoe UI', Roboto, 'Noto Sans', Ubuntu, 'Liberation Sans', sans-serif"
 

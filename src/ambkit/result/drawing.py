@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.interactive import describe
-from ambkit.show.report.markup import plain
-from ambkit.show.report.static import draw, draw_into, drawn_as_on_paper
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.interactive import describe
+from ambkit.result.report.markup import plain
+from ambkit.result.report.static import draw, draw_into, drawn_as_on_paper
 
 
 def plot(figure: Figure, *, ax: Any = None, panel: int | str = 0, static: bool = False) -> Any:

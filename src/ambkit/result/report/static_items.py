@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.show.report import style
-from ambkit.show.report.decimate import decimate
-from ambkit.show.report.figure import Panel
-from ambkit.show.report.items import (
+from ambkit.result.report import style
+from ambkit.result.report.decimate import decimate
+from ambkit.result.report.figure import Panel
+from ambkit.result.report.items import (
     Band,
     Bars,
     Cells,

@@ -3,7 +3,7 @@
 Only the object interface is used, no global state is touched. The layout is laid out by hand in
 inches: constrained layout would draw every figure twice.
 
-There are two back ends, this and `ambkit.show.report.interactive`, for no library makes one of the
+There are two back ends, this and `ambkit.result.report.interactive`: no library makes one of the
 other without loss. Of matplotlib, ``plotly.tools.mpl_to_plotly`` refused two of the tests' six
 figures and drew coloured cells and maps as plain lines and points; mpld3 0.5 shows no formulas and
 no legends, a map with its colours in the wrong places, and rules on logarithmic axes beside the
@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base import files
-from ambkit.show.report import style
-from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.markup import plain
-from ambkit.show.report.static_items import WIDTH, draw_item, legend_handle
+from ambkit.result.report import style
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.markup import plain
+from ambkit.result.report.static_items import WIDTH, draw_item, legend_handle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
