@@ -12,14 +12,13 @@ from ambkit import Bearing, Record, stiffness_map
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import cost, export_c
-from ambkit.export.pil import path
 from ambkit.export.tabulate import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.magnets import MagnetModel
 from ambkit.simulation.run import simulate
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.simulation.waveforms import Step
-from firmware import harness
+from firmware import harness, path
 
 BEARING = Bearing.preset("zittau_axial")
 SAMPLES = 2000

@@ -25,7 +25,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ambkit.export.c import unseen
+import unseen
 
 INCLUDES = ("-I.", "-Icore/include", "-Icore", "-Iselftest")
 JUDGE = """#include "{0}_selftest.h"

@@ -12,6 +12,7 @@ from typing import Any
 import mutants
 import numpy as np
 import pytest
+import unseen
 from export_cases import SAME_BITS, STRICT, program, understood
 
 from ambkit import Bearing, ExtendedKalmanFilter, KalmanFilter, Scenario, Step
@@ -20,7 +21,7 @@ from ambkit.cli.main import main
 from ambkit.data.rig_units import Inputs, Scaling
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Status
-from ambkit.export.c import CExport, export_c, unseen
+from ambkit.export.c import CExport, export_c
 from ambkit.simulation.control import Controller
 from ambkit.simulation.imposed import Faults, Imposed
 from ambkit.simulation.run import simulate, simulate_run

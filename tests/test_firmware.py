@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ambkit import Bearing
+from ambkit import Bearing, KalmanFilter, Scenario
 from ambkit.cli.kinds import NAMES
 from ambkit.cli.main import main
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CYCLES_PER_INSTRUCTION, Cost, cost, export_c
+from ambkit.export.c.model import states
+from ambkit.export.pil import boards, build
 from ambkit.machine.magnets import MagnetModel
-from firmware import harness, measure
+from firmware import harness, measure, path
 
 MISSING = harness.missing_tools()
 pytestmark = [
@@ -106,6 +108,18 @@ def test_a_wrong_expectation_in_the_self_test_is_found(case: measure.Case, tmp_p
 def test_no_double_no_heap_no_stdio_no_variables(case: measure.Case) -> None:
     assert harness.borrowed(case.firmware) <= HELPERS
     assert harness.size(case.firmware).variables == 0
+
+
+def test_a_controller_has_a_bound_on_any_path(tmp_path: Path) -> None:
+    made = export_c(measure.BEARING, None, tmp_path / "c", prefix="rig", scenario=Scenario(),
+                    telemetry=True).folder  # fmt: skip
+    fields = [state.field for state in states(KalmanFilter(measure.BEARING).states)]
+    image = build.firmware(made, "axis", fields, boards.QEMU_BOARD, tmp_path / "qemu")
+    # The state and the output; the first words of the state lead to what it works by.
+    works_by = {(0, 4 * k): "rig_control" for k in range(3)}
+    found = path.bound(image, "rig_step", objects=0b101, points=works_by)
+    assert found.instructions is not None, found.why
+    assert 1500 < found.instructions < 8000
 
 
 def test_double_helpers_would_be_found(tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from ambkit.export.pil import path
 from ambkit.export.pil.boards import ARM, QEMU_BOARD
-from ambkit.export.pil.registers import LR, SP, State
+from firmware import path
+from firmware.registers import LR, SP, State
 
 pytestmark = pytest.mark.skipif(
     shutil.which(f"{ARM}gcc") is None, reason="gcc-arm-none-eabi is not installed"

@@ -19,7 +19,7 @@ from ambkit.cli.main import main
 from ambkit.data.rig_units import Inputs, Scaling
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.export.c import export_c
-from ambkit.export.pil import boards, build, path, pil
+from ambkit.export.pil import boards, build, pil
 from ambkit.export.pil.processor import Processor
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.scenario import PID
@@ -99,9 +99,6 @@ def test_a_whole_machine_is_flown_with_the_bits_of_the_simulation(
         "OFF", "WAITING", "LIFTING", "FLYING", "LANDING", "OFF",
     ]  # fmt: skip
     assert found.stack_seen <= (found.built.stack or 0)
-    if flight.speed is None:  # what follows the speed clears memory, in loops that data end
-        assert found.bound.instructions is not None, found.bound.why
-        assert found.instructions <= found.most < found.bound.instructions
 
 
 @pytest.mark.long
@@ -109,7 +106,6 @@ def test_a_whole_machine_is_flown_with_the_bits_of_the_simulation(
 def test_other_bits_of_a_machine_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     contract = tuple(f.replace("contract=off", "contract=fast") for f in build.FLAGS)
     monkeypatch.setattr(build, "FLAGS", contract)
-    monkeypatch.setattr(path, "bound", lambda *_, **__: path.Bound(None, "not asked for"))
     found = pil(Machine.preset("tum_mlps"), scenario=FLOWN["readings"][0])
     assert not found.passed
     assert min(found.unequal, found.selftest) > 100
@@ -197,8 +193,7 @@ def test_a_record_has_the_same_bits_at_every_stage(tmp_path: Path) -> None:
     assert flying.sum() > 800
     assert found.worst < 0.2 * BEARING.rotor.travel_limit
     assert found.stack_seen <= (found.built.stack or 0) < 2000
-    assert found.bound.instructions is not None, found.bound.why
-    assert found.instructions <= found.most < found.bound.instructions < 8000
+    assert 500 < found.instructions <= found.most < 2000
     assert found.built.variables == 0
 
 
@@ -226,11 +221,10 @@ def test_the_command_says_it(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     told = json.loads(capsys.readouterr().out)
     assert told["passed"] is True
     assert told["samples"] == 2001
-    assert told["bound"]["instructions"] > told["most"]
     assert ambkit.Record.load(out).t.size == 2001
     text = page.read_text(encoding="utf-8")
     assert "Every number that the processor gave is Python" in text
-    assert f"{told['bound']['instructions']}" in text
+    assert f"{told['instructions']}, the most seen {told['most']}" in text
 
 
 @pytest.mark.long

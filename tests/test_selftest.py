@@ -14,10 +14,11 @@ from pathlib import Path
 
 import mutants
 import pytest
+import unseen
 from export_cases import BEARING, SAME_BITS, program
 
 from ambkit import Machine
-from ambkit.export.c import CExport, export_c, unseen
+from ambkit.export.c import CExport, export_c
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 Exported = Callable[..., CExport]

@@ -93,10 +93,10 @@ def _figures(found: Pil) -> list[Figure]:
     from ambkit.show.pages.pil import axis_figure, cost_figure
     from ambkit.show.plots.simulation import simulation_figure
 
-    counted, most = found.answers["instructions"], found.bound.instructions
+    counted = found.answers["instructions"]
     if found.run is None:
-        return [axis_figure(found.record, found.frames, counted, most)]
-    return [simulation_figure(found.run), cost_figure(found.record.t, counted, most)]
+        return [axis_figure(found.record, found.frames, counted)]
+    return [simulation_figure(found.run), cost_figure(found.record.t, counted)]
 
 
 def _rows(found: Pil, T: float) -> list[tuple[str, str]]:
@@ -110,7 +110,6 @@ def _rows(found: Pil, T: float) -> list[tuple[str, str]]:
     else:
         flight = f"{found.unequal_flight} of {found.samples} samples differ from simulate's"
     built = found.built
-    bound = found.bound.instructions or f"no bound: {found.bound.why}"
     return [
         ("bits", f"{found.unequal} numbers differ from Python's, of {found.samples} samples"),
         ("telemetry", f"{found.unequal_frames} numbers differ from what it answered"),
@@ -121,7 +120,6 @@ def _rows(found: Pil, T: float) -> list[tuple[str, str]]:
         ("off the reference in flight, rms", engineering(found.rms, "m", 3)),
         ("samples on a stop in flight", f"{found.touched}"),
         ("instructions a step", f"{found.instructions}, the most seen {found.most}"),
-        ("instructions a step, at most on any path", f"{bound}"),
         (
             f"time of the most seen at {engineering(CLOCK, 'Hz')}, {CYCLES_PER_INSTRUCTION} cycles "
             "an instruction assumed",

@@ -121,7 +121,6 @@ def of_several(
             "bias": data.array(np.array([each.bias_current for each in magnets]), precision),
             "two_sided": ", ".join(str(each.type == "two-sided").lower() for each in magnets),
             "let_turn": data.struct(of.let_turn, precision, {}) if of.let_turn else "",
-            "has": _has(controller, flight, of),
         },
         "speed": data.number(machine.speed, precision),
         "sequence": {
@@ -142,16 +141,6 @@ def of_several(
             "taken_with": data.array(tested.taken_with, precision),
             "marks": data.array(machine_scenes.marks_of(tested), precision),
         },
-    }  # fmt: skip
-
-
-def _has(controller: Controller, flight: Flight, of: Structs) -> dict[str, bool]:
-    """Return what decides which lines of the core's controllers run (`unseen.Has`)."""
-    gains = any(f"of_{key}" in of.arrays for key in _GAINS)
-    return {
-        "alone": flight.control.type == "decentralised" and not gains and not of.let_turn,
-        "fed": controller.fed, "gains": gains, "let_turn": bool(of.let_turn),
-        "tracking": all(p["T_t"] > 0 for p in of.pids),
     }  # fmt: skip
 
 

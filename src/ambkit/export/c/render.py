@@ -233,6 +233,7 @@ def render(
         "CMakeLists.txt": "CMakeLists.txt",
         "README.md": "README.md",
         "misra.txt": "misra.txt",
+        "selftest/COVERAGE.md": "COVERAGE.md",
     }
     if shown:
         made |= {file.format(name): template for file, template in proof.TEMPLATES.items()}
@@ -253,10 +254,6 @@ def render(
         file: templates.get_template(f"{template}.j2").render(context)
         for file, template in made.items()
     }
-    visited = templates.get_template("COVERAGE.md.j2")
-    texts["selftest/COVERAGE.md"] = visited.render(
-        context | selftest.blind(estimator, context, texts)
-    )
     return Content(dict(sorted(texts.items())), sources, context["configuration"])
 
 

@@ -1,4 +1,4 @@
-"""What the self-test's files say: vectors, what it asks of which states, and what it cannot see."""
+"""What the self-test's files say: vectors, and what it asks of which states."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.export.c import data, unseen, vectors
+from ambkit.export.c import data, vectors
 from ambkit.export.c.data import CPrecision
 
 if TYPE_CHECKING:
@@ -82,30 +82,3 @@ def stops(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
         name: ", ".join("{" + data.array(row, precision, "") + "}" for row in at)
         for name, at in sides.items()
     }
-
-
-def blind(
-    estimator: Estimator, context: dict[str, Any], texts: dict[str, str]
-) -> dict[str, list[tuple[str, str]]]:
-    """Return what the self-test is known not to see, and not to run; of `is_plain` alone."""
-    if not is_plain(estimator):
-        return {"unseen": [], "not_run": []}
-    flying = {name: text for name, text in texts.items() if not name.startswith(("self", "proof"))}
-    one, controlled = estimator.whole is None, context["flown"] is not None
-    rounded = bool(np.any(estimator.core.parameters["set"]["step"]))
-    said = unseen.told(flying, unseen.lists(not one, controlled, rounded))
-    has = None if one else machine_has(estimator, context)
-    return {"unseen": said, "not_run": [] if has is None else unseen.not_run(flying, has)}
-
-
-def machine_has(estimator: Estimator, context: dict[str, Any]) -> unseen.Has:
-    """Return what decides which lines of a machine's export run."""
-    direct = any(array["name"] == "model_B_u_column" for array in context["arrays"]) and bool(
-        estimator.engine.model.B_u.any()
-    )
-    known = estimator.core.parameters["set"]
-    rising, rounded = bool(np.any(known["rise"])), bool(np.any(known["step"]))
-    plain = unseen.Has(len(estimator.states), direct, rising, rounded=rounded)
-    if not context["controlled"]:
-        return plain
-    return plain._replace(controlled=True, **context["controller"]["has"])

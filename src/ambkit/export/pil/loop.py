@@ -13,7 +13,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.data.telemetry import read_telemetry
 from ambkit.export.c.exporter import export_c, made
 from ambkit.export.c.model import states
-from ambkit.export.pil import boards, build, path
+from ambkit.export.pil import boards, build
 from ambkit.export.pil.build import AXIS_STATES, PREFIX
 from ambkit.export.pil.processor import Processor
 from ambkit.export.pil.result import Pil, judged, others_sent
@@ -72,18 +72,13 @@ def pil(
         fields = [state.field for state in states(estimator.states)][:AXIS_STATES]
         image = build.firmware(export, "axis", fields, boards.QEMU_BOARD, folder / "qemu")
         built = build.size(export, PREFIX, for_board, folder / "board")
-        # The state and the output; the first words of the state lead to what it works by.
-        works_by = {(0, 4 * k): f"{PREFIX}_control" for k in range(3)}
-        bound = path.bound(image, f"{PREFIX}_step", objects=0b101, points=works_by)
         (folder / "pipes").mkdir()
         with Processor(image, folder / "pipes", 1, 1, AXIS_STATES) as processor:
             greeting = processor.greeting
             record = _fly(bearing, flown, estimator, processor)
             told = processor.answers
         frames = read_telemetry(folder / "pipes" / "frames", export / "telemetry.json")
-    return _judged(
-        bearing, flown, estimator, record, told, greeting, for_board, built, bound, frames
-    )
+    return _judged(bearing, flown, estimator, record, told, greeting, for_board, built, frames)
 
 
 def _from_rest(scenario: Scenario) -> Scenario:
@@ -112,7 +107,6 @@ def _judged(
     greeting: np.void,
     board: boards.Board,
     built: build.Built,
-    bound: path.Bound,
     frames: Record,
 ) -> Pil:
     sequence = scenario.sequence
@@ -136,6 +130,6 @@ def _judged(
     return judged(
         told, greeting, off=x - record["r"][:, None], moved=x, travel=bearing.rotor.travel_limit,
         record=record, run=None, unequal=unequal, unequal_flight=flight, frames=frames,
-        unequal_frames=others_sent(told, frames, names, coils=True), bound=bound,
+        unequal_frames=others_sent(told, frames, names, coils=True),
         board=board.about, built=built,
     )  # fmt: skip

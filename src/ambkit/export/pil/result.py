@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.export.pil import build, path
+from ambkit.export.pil import build
 from ambkit.simulation.sequence import Mode
 
 if TYPE_CHECKING:
@@ -39,7 +39,6 @@ class Pil:
     touched: int  #: Samples on a stop while it flew.
     instructions: int  #: Of a step, in the median and the most seen.
     most: int
-    bound: path.Bound  #: Of a step at most, along any path through what qemu runs.
     stack_seen: int  #: Bytes that a step has used.
     state: int  #: Bytes of an instance.
     run: Run | None  #: Of a machine, the simulation that it answered to.
@@ -56,8 +55,7 @@ class Pil:
         """Return all but the records and the answers."""
         left = ("record", "answers", "frames", "run")
         told = {k: each for k, each in vars(self).items() if k not in left}
-        told |= {"passed": self.passed, "built": self.built._asdict()}
-        return told | {"bound": self.bound._asdict()}
+        return told | {"passed": self.passed, "built": self.built._asdict()}
 
 
 def others_sent(told: NDArray[np.void], frames: Record, names: list[str], coils: bool) -> int:

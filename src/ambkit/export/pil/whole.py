@@ -13,7 +13,7 @@ from ambkit.data.signals import signal
 from ambkit.data.telemetry import read_telemetry
 from ambkit.export.c.exporter import export_c
 from ambkit.export.c.model import states
-from ambkit.export.pil import build, path
+from ambkit.export.pil import build
 from ambkit.export.pil.boards import QEMU_BOARD, Board
 from ambkit.export.pil.build import PREFIX
 from ambkit.export.pil.processor import Processor
@@ -45,8 +45,6 @@ def fly_whole(
         fields = [state.field for state in states(estimator.states)]
         image = build.firmware(export, "whole", fields, QEMU_BOARD, folder / "qemu")
         built = build.size(export, f"{PREFIX}_control", board, folder / "board")
-        works_by = {(0, 4 * k): f"{PREFIX}_control" for k in range(3)}
-        bound = path.bound(image, f"{PREFIX}_control_step", objects=0b10111, points=works_by)
         run = simulate_machine(machine, flown, estimator=estimator)
         y = np.column_stack([run.record[signal("y", r.name)] for r in machine.readings])
         r = np.column_stack([run.record[signal("r", axis.name)] for axis in machine.axes])
@@ -66,7 +64,7 @@ def fly_whole(
     return judged(
         told, greeting, off=s - r, moved=s, travel=travel, record=run.record, run=run,
         unequal=int(others.sum()), unequal_flight=int((others > 0).sum()), frames=frames,
-        unequal_frames=others_sent(told, frames, names, coils=False), bound=bound,
+        unequal_frames=others_sent(told, frames, names, coils=False),
         board=board.about, built=built,
     )  # fmt: skip
 

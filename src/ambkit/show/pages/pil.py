@@ -13,7 +13,7 @@ from ambkit.base.escaping import markdown
 from ambkit.data.record import Record
 from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, Report, TableBlock
 from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line, Points, Rule
+from ambkit.result.report.items import Axis, Line, Points
 from ambkit.show.plots.looks import CURRENT, POSITION, TIME
 
 _COUNT = Axis("instructions of a step")
@@ -58,9 +58,7 @@ def write_pil(
     write_page(report, path)
 
 
-def axis_figure(
-    flight: Record, frames: Record, instructions: NDArray[np.uint32], bound: int | None
-) -> Figure:
+def axis_figure(flight: Record, frames: Record, instructions: NDArray[np.uint32]) -> Figure:
     """Show the flight of one axis, and its instructions."""
     # instructions (n,)
     t = flight.t
@@ -88,26 +86,21 @@ def axis_figure(
                     for name, look in zip(coils, looks, strict=False)
                 ],
             ),
-            _cost(t, instructions, bound),
+            _cost(t, instructions),
         ],
     )  # fmt: skip
 
 
-def cost_figure(
-    t: NDArray[np.float64], instructions: NDArray[np.uint32], bound: int | None
-) -> Figure:
+def cost_figure(t: NDArray[np.float64], instructions: NDArray[np.uint32]) -> Figure:
     """Show the instructions alone."""
     # t (n,) [s]; instructions (n,)
     caption = "Counted in some of the samples."
-    panel = _cost(t, instructions, bound)
+    panel = _cost(t, instructions)
     return Figure(id="cost", title="Instructions", caption=caption, panels=[panel])
 
 
-def _cost(t: NDArray[np.float64], instructions: NDArray[np.uint32], bound: int | None) -> Panel:
+def _cost(t: NDArray[np.float64], instructions: NDArray[np.uint32]) -> Panel:
     counted = instructions > 0
-    items: list[Item] = [
-        Points(t[counted], instructions[counted].astype(float), signal="estimate", label="counted")
-    ]
-    if bound is not None:
-        items.append(Rule(float(bound), signal="limit", label="at most on any path"))
-    return Panel(TIME, _COUNT, items)
+    shown = instructions[counted].astype(float)
+    points = Points(t[counted], shown, signal="estimate", label="counted")
+    return Panel(TIME, _COUNT, [points])

@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 from ambkit.base.errors import AmbkitError
 from ambkit.export.pil.boards import ARM
-from ambkit.export.pil.registers import LR, PC, SP, State, Unknown
-from ambkit.export.pil.thumb import CONDITIONS, Instruction, execute, register
+from firmware.registers import LR, PC, SP, State, Unknown
+from firmware.thumb import CONDITIONS, Instruction, execute, register
 
 MOST_ROUNDS = 5000
 """Rounds of a loop after which it is taken for one whose end depends on data."""

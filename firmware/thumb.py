@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ambkit.export.pil.registers import LR, MASK, PC, SP, Flags, State, Unknown
+from firmware.registers import LR, MASK, PC, SP, Flags, State, Unknown
 
 _NAMES = {f"r{i}": i for i in range(16)} | {
     "sb": 9, "sl": 10, "fp": 11, "ip": 12, "sp": SP, "lr": LR, "pc": PC,

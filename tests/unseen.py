@@ -1,7 +1,6 @@
 """What a self-test cannot see, and why: faults that change nothing, and lines that do not run.
 
-COVERAGE.md of an export has what is in its own sources. ``tests/mutants.py`` plants faults in the
-operators; what its tests let live must be in these lists.
+``tests/mutants.py`` plants faults in the operators; what its tests let live must be in these lists.
 """
 
 from __future__ import annotations
@@ -399,23 +398,6 @@ def lists(of_machine: bool, controlled: bool, rounded: bool) -> tuple[Unseen, ..
     return known if rounded else known + UNROUNDED
 
 
-def told(sources: dict[str, str], known: tuple[Unseen, ...]) -> list[tuple[str, str]]:
-    """Return the lines that make no difference, of those that stand in the sources, and why."""
-    return [
-        (": ".join(filter(None, (each.function, each.text))), each.why)
-        for each in known
-        if any(name.endswith(each.file) and each.text in text for name, text in sources.items())
-    ]
-
-
-def not_run(sources: dict[str, str], has: Has) -> list[tuple[str, str]]:
-    """Return what does not run in the self-test of a machine, and why: a function, or its line."""
-    return [
-        (f"{each.function}: {each.text}" if each.text else each.function, each.why)
-        for each in NOT_RUN
-        if each.of(has)
-        and any(
-            name.endswith(each.file) and f"{each.function}(" in text and each.text in text
-            for name, text in sources.items()
-        )
-    ]
+def not_run(has: Has) -> list[NotRun]:
+    """Return what does not run in the self-test of a machine."""
+    return [each for each in NOT_RUN if each.of(has)]
