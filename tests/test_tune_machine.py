@@ -1,6 +1,7 @@
 """Filters of whole machines, tuned by records or truth, below a peak of the sensitivity."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -83,6 +84,21 @@ def test_what_cannot_be_tuned_is_refused(record):
     one = ambkit.simulate(ambkit.Bearing.preset("zittau_axial"))
     with pytest.raises(AmbkitError, match="the record has no y_"):
         ambkit.tune(TUM, one, "linear")
+
+
+def test_one_expert_is_kept_for_all_bearings(tmp_path, capsys, monkeypatch):
+    """The filter's file names the expert that it was tuned with, and reads it back."""
+    monkeypatch.chdir(tmp_path)
+    ambkit.train(TUM.alone("A1"), weights=True).save("expert.json")
+    with pytest.raises(SystemExit) as left:
+        main(["tune", "tum_mlps", "--estimator", "adaptive", "--expert", "expert.json",
+              "--evaluations", "1", "--runs", "1", "--max-sensitivity", "2",
+              "--out", "filter.toml"])  # fmt: skip
+    assert not left.value.code, capsys.readouterr().err
+    read = ambkit.FilterFile.load("filter.toml")
+    assert {Path(each.file).name for each in read.magnets.values()} == {"expert.json"}
+    assert list(read.magnets) == [each.name for each in TUM.bearing]
+    assert len(read.make().magnet.models) == 4
 
 
 @pytest.mark.parametrize(("arguments", "code", "said"), [

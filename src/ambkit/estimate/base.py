@@ -201,8 +201,8 @@ class Estimator(Copyable):
             The file.
         bearing, magnet : path, optional
             The files of its bearing (or a preset's name) and of the expert or force map that it
-            asks. Where they are not given and needed, they are written beside `path`, as
-            ``NAME.bearing.toml`` and ``NAME.expert.json``.
+            asks, the same for all bearings. Where they are not given and needed, they are written
+            beside `path`, as ``NAME.bearing.toml`` and ``NAME.expert.json``.
 
         Raises
         ------

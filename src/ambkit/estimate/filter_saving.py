@@ -96,9 +96,9 @@ def save(
     if bearing is None:
         bearing = path.with_suffix(".bearing.toml" if single else ".machine.toml")
         known.save(bearing)
-    if magnet is not None and not single:
-        raise NoFile(f"{path}: what a filter of several axes asks is written beside it")
     asked: str | os.PathLike[str] | Mapping[str, Path] | None = magnet
+    if magnet is not None and not single:  # one file, for all bearings
+        asked = dict.fromkeys((each.name for each in estimator.machine.bearing), Path(magnet))
     if magnet is None and not _asks_its_own(estimator):
         asked = (
             _written_beside(path, estimator.magnet) if single
