@@ -8,35 +8,6 @@ struct LoopState {
   amb_loop_state state{};
 };
 
-// A controller in Python, or behind it: a function of y [m], r [m] and whether to fly, that says
-// control current [A], control signal [V], whether it is on, and the mode.
-using Told = nb::typed<nb::tuple, amb_real, amb_real, bool, int>;
-using Asked = nb::typed<nb::callable, Told(amb_real, amb_real, bool)>;
-
-struct Elsewhere {
-  nb::callable asked;
-  nb::object failed; // what it raised, which ends the run when the GIL is there
-  static amb_real ask(void *self, amb_real y, amb_real r, bool fly, amb_control_output *flown)
-  {
-    auto &at = *static_cast<Elsewhere *>(self);
-    *flown = amb_control_output{};
-    flown->mode = AMB_OFF;
-    nb::gil_scoped_acquire acquire;
-    if (at.failed.is_valid())
-      return 0;
-    try {
-      const auto said = nb::cast<nb::tuple>(at.asked(y, r, fly));
-      flown->iu[0] = nb::cast<amb_real>(said[0]);
-      flown->on = nb::cast<bool>(said[2]);
-      flown->mode = static_cast<amb_flight_mode>(nb::cast<int>(said[3]));
-      return nb::cast<amb_real>(said[1]);
-    } catch (nb::python_error &error) {
-      at.failed = nb::borrow(error.value());
-      return 0;
-    }
-  }
-};
-
 #if defined(AMB_MODEL_LOOPS)
 // An estimator, and the model that turns with the rotor.
 struct Turning {
@@ -66,18 +37,13 @@ Named simulate(const nb::dict &given, const Samples &r, const Samples &load, con
                Control *control, const std::optional<Samples> &speed,
                const std::optional<Samples> &base, std::optional<size_t> off,
                const std::optional<Samples> &scale, const std::optional<Named> &faults, bool beside,
-               const std::optional<Samples> &fly, const std::optional<Asked> &elsewhere,
-               LoopState *went, const std::optional<Vector> &start)
+               const std::optional<Samples> &fly, LoopState *went,
+               const std::optional<Vector> &start)
 {
   LoopOf of(given, estimator, control);
   amb_loop &loop = of.loop;
   const size_t p = of.axes(), m = of.sensors(), n = samples_of(r, p, "r");
   of.check_start(place, current, integral);
-  Elsewhere asked{elsewhere ? nb::callable(*elsewhere) : nb::callable(), {}};
-  if (elsewhere)
-    same_length(1, p, "a controller that is elsewhere, in axes,");
-  loop.elsewhere = elsewhere ? &Elsewhere::ask : nullptr;
-  loop.where = &asked;
   const std::optional<Faults> wrong =
       faults ? std::optional<Faults>(std::in_place, *faults, beside, n, of) : std::nullopt;
   amb_loop_input input{};
@@ -114,7 +80,7 @@ Named simulate(const nb::dict &given, const Samples &r, const Samples &load, con
   History history(estimator ? n : 0, sizes, estimator != nullptr, estimator && estimator->scales());
   const amb_parts &coil = loop.plant.amplifier[0];
   const bool volts = p == 1 && coil.voltage > 0, both = volts && coil.pair;
-  const bool whole = control != nullptr || elsewhere;
+  const bool whole = control != nullptr;
   Fresh<amb_real> first({volts ? n : 0}), second({both ? n : 0});
   Fresh<unsigned short> status({n});
   Fresh<unsigned char> mode({whole ? n : 0}), usable({whole ? n : 0});
@@ -142,10 +108,6 @@ Named simulate(const nb::dict &given, const Samples &r, const Samples &load, con
   {
     nb::gil_scoped_release release;
     amb_loop_run(&loop, &input, &state, estimator ? estimator->state() : nullptr, &out);
-  }
-  if (asked.failed.is_valid()) {
-    PyErr_SetObject(reinterpret_cast<PyObject *>(asked.failed.type().ptr()), asked.failed.ptr());
-    throw nb::python_error();
   }
   nb::dict d;
   d["X"] = X.array;
@@ -183,14 +145,14 @@ void bind_loop(nb::module_ &m)
         nb::arg("speed").none() = nb::none(), nb::arg("base").none() = nb::none(),
         nb::arg("off").none() = nb::none(), nb::arg("scale").none() = nb::none(),
         nb::arg("faults").none() = nb::none(), nb::arg("beside") = false,
-        nb::arg("fly").none() = nb::none(), nb::arg("elsewhere").none() = nb::none(),
-        nb::arg("state").none() = nb::none(), nb::arg("start").none() = nb::none(),
+        nb::arg("fly").none() = nb::none(), nb::arg("state").none() = nb::none(),
+        nb::arg("start").none() = nb::none(),
         nb::sig("def simulate(loop: dict[str, Any], *, r: Any, load: Any, noise_u: Any, noise_y: "
                 "Any, place: Any, current: Any, integral: Any, hovers: bool = True, estimator: "
                 "Estimator | None = None, model: Model | None = None, control: Control | None = "
                 "None, speed: Any = None, base: Any = None, off: int | None = None, scale: Any = "
                 "None, faults: dict[str, Any] | None = None, beside: bool = False, fly: Any = "
-                "None, elsewhere: Any = None, state: LoopState | None = None, start: Any = None) "
+                "None, state: LoopState | None = None, start: Any = None) "
                 "-> dict[str, Any]"),
         "A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an "
         "empty one at first, the next call goes on where this one ends. The start, of all states "

@@ -1,10 +1,5 @@
 #include "loop.h"
 
-static bool is_whole(const amb_loop *loop)
-{
-  return loop->control != NULL || loop->elsewhere != NULL;
-}
-
 static size_t axes(const amb_loop *loop)
 {
   return (size_t)loop->plant.axes;
@@ -14,10 +9,6 @@ static size_t axes(const amb_loop *loop)
 static void control(const amb_loop *loop, amb_loop_state *s, void *estimator,
                     const amb_loop_sample *sample, const amb_real told[])
 {
-  if (loop->elsewhere != NULL) {
-    s->u[0] = loop->elsewhere(loop->where, s->y[0], sample->r[0], sample->fly, &s->flown);
-    return;
-  }
   const amb_real speed = sample->speed != NULL ? sample->speed[0] : 0;
   for (size_t c = 0; c < axes(loop); c++)
     s->control.u[c] = told[c];
@@ -55,7 +46,7 @@ static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
   amb_real iu[AMB_CONTROLS];
   s->sampled = true;
   s->status = AMB_OK;
-  if (is_whole(loop)) {
+  if (loop->control != NULL) {
     control(loop, s, estimator, sample, told);
     return;
   }
@@ -83,7 +74,7 @@ static bool act(const amb_loop *loop, amb_loop_state *s, const amb_loop_sample *
                          .speed = sample->speed != NULL ? sample->speed[0] : own,
                          .next = sample->speed != NULL ? sample->speed[1] : own,
                          .scale = sample->scale,
-                         .off = sample->off || (is_whole(loop) && !s->flown.on)};
+                         .off = sample->off || (loop->control != NULL && !s->flown.on)};
   for (size_t c = 0; c < axes(loop); c++) {
     const amb_real left = share != NULL ? share[c] : 1;
     s->demanded[c] = amb_clamp(loop->k_ui[c] * (s->u[c] + sample->noise_u[c]),

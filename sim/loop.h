@@ -6,11 +6,6 @@
 #include "ambkit/estimator_run.h"
 #include "plant.h"
 
-/* The controller of an axis that is elsewhere, such as in a processor in the loop: it is given a
- * sample and says what it demands (`iu`, `on`, `mode`); returns its control signal [V]. */
-typedef amb_real amb_elsewhere(void *where, amb_real y, amb_real r, bool fly,
-                               amb_control_output *flown);
-
 typedef struct amb_loop {
   amb_plant plant;
   amb_real T;             /* sampling time [s] */
@@ -23,10 +18,8 @@ typedef struct amb_loop {
   amb_pid pid;            /* of one axis ... */
   const amb_controllers *controllers; /* ... or, in its place, these; or NULL */
   const amb_control
-      *control;             /* all of what flies, with this estimator, in the place of both; or
-                             * NULL. Where it is off, magnets have no current, not even the bias. */
-  amb_elsewhere *elsewhere; /* in its place; or NULL */
-  void *where;
+      *control; /* all of what flies, with this estimator, in the place of both; or
+                 * NULL. Where it is off, magnets have no current, not even the bias. */
   void (*turn)(void *model, amb_real before, amb_real after); /* tells the estimator's model the
                                                                  speeds of two samples, or NULL */
   void *model;

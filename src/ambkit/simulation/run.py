@@ -109,11 +109,6 @@ class Run(Drawn):
         return None if found is None else int(found)
 
 
-Elsewhere = Callable[[float, float, bool], tuple[float, float, bool, int]]
-"""Measurement [m], reference [m], whether to fly: control current [A] and signal [V] that are
-demanded, whether there are currents, and the mode."""
-
-
 def _adds_noise(bearing: Bearing) -> bool:
     """Whether a sensor adds its noise, and neither rounds it nor has more of it at some places."""
     return bearing.sensor.quantisation is None and not bearing.sensor.noise_rise
@@ -209,7 +204,6 @@ class Loop:
         estimator: Estimator | None = None,
         magnet: MagnetModel | None = None,
         imposed: Imposed | None = None,
-        elsewhere: Elsewhere | None = None,
         sampled: Sampled | None = None,
     ) -> None:
         of_type(Bearing, bearing=bearing)
@@ -253,7 +247,6 @@ class Loop:
         self._start = float(reference[0]) if hover else 0.0
         balance = bearing.weight + self._law.bias_force + float(disturbance[0])
         self._held = hover_current(bearing, self._plant, self._start, balance) if hover else 0.0
-        self._elsewhere = elsewhere
         self._whole = scenario.sequence is not None or needs_states(scenario.controller)
         self._fly = None if scenario.sequence is None else scenario.sequence.fly(t)
 
@@ -319,7 +312,7 @@ class Loop:
             else {k: given(each) for k, each in faults.series.items()},
             "beside": faults is not None and faults.beside,
             "fly": None if self._fly is None else given(self._fly),
-        } | self._whole_controller(loop)
+        } | self._whole_controller()
         numbers = ("place", "current", "integral")
         return told | {name: np.array([told[name]], precision) for name in numbers}
 
@@ -339,9 +332,9 @@ class Loop:
             "coil": None if self._coil is None else core.Law(**self._coil),
         }
 
-    def _whole_controller(self, loop: dict[str, Any]) -> dict[str, Any]:
+    def _whole_controller(self) -> dict[str, Any]:
         """Return what a core is told of a controller that is more than a PID, if it is."""
-        if self.estimator is None or not (self._whole or self._elsewhere):
+        if self.estimator is None or not self._whole:
             return {}
         scenario = self.scenario
         controller = Controller.of_axis(
@@ -351,9 +344,6 @@ class Loop:
         lies: dict[str, Any] = {} if hovers else {"hovers": False, "current": 0.0}
         if not hovers and self._place is None:
             lies["place"] = float(controller.down[0])
-        if self._elsewhere is not None:
-            loop["feedback_estimate"] = False
-            return lies | {"elsewhere": self._elsewhere, "estimator": None}
         integral = controller.integral(self._held, self._start)
         return lies | {"control": controller.in_core(), "integral": integral}
 
@@ -378,8 +368,6 @@ class Loop:
         if self._faults is not None and end < n:
             raise ValueError(f"a loop with faults runs in one go; until must be None, is {until!r}")
         here = slice(self._at, end)
-        if self._elsewhere is not None:
-            estimator = None
         if self._at == 0 and estimator is not None:
             estimator.reset(self.start)
         core = core_module(precision) if estimator is None else estimator.engine.core

@@ -14,8 +14,6 @@ HERE = Path(__file__).parent / "c"
 FLAGS = ("-std=c99", "-fno-common", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections")
 PREFIX = "rig"
 """Of what the loop calls."""
-AXIS_STATES = 4
-"""Of one axis, that it tells at most."""
 _CALLS = ("init", "step", "take_over")
 
 
@@ -29,8 +27,9 @@ class Built(NamedTuple):
     compiler: str
 
 
-def size(export: Path, name: str, board: Board, into: Path) -> Built:
+def size(export: Path, board: Board, into: Path, several: bool) -> Built:
     """Compile an export for a board, and say what it takes."""
+    name = f"{PREFIX}_control" if several else PREFIX
     into.mkdir(parents=True, exist_ok=True)
     if not board.compiler.startswith(ARM):
         return _elsewhere(export, board, into)
@@ -80,12 +79,12 @@ def compiled(export: Path, board: Board, into: Path, *flags: str) -> list[Path]:
     return made
 
 
-def firmware(export: Path, plant: str, means: list[str], board: Board, into: Path) -> Path:
+def firmware(export: Path, means: list[str], board: Board, into: Path, several: bool) -> Path:
     """Link an export with the loop, for qemu; returns the image."""
     into.mkdir(parents=True, exist_ok=True)
     objects = compiled(export, board, into)
-    shown = ", ".join(f"(out)->{field}" for field in means) + ", 0" * (AXIS_STATES - len(means))
-    defines = [f'-DPLANT="{plant}.h"', f"-DMEANS(out)={{{shown}}}"]
+    shown = ", ".join(f"(out)->{field}" for field in means)
+    defines = [f"-DSEVERAL={several:d}", f"-DSTATES={len(means)}", f"-DMEANS(out)={{{shown}}}"]
     includes = [f"-I{export / at}" for at in (".", "core/include", "core", "selftest")]
     tests = [str(path) for path in sorted((export / "selftest").glob(f"{PREFIX}_*.c"))]
     own = [str(HERE / file) for file in ("startup.c", "semihosting.c", "loop.c")]

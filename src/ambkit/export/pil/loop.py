@@ -1,36 +1,39 @@
-"""Processor in the loop: the exported controller on a Cortex-M4F flies the simulated plant."""
+"""Processor in the loop: an exported controller on a Cortex-M4F flies the simulated plant."""
 
 from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.data.signals import signal
 from ambkit.data.telemetry import read_telemetry
 from ambkit.export.c.exporter import export_c, made
 from ambkit.export.c.model import states
 from ambkit.export.pil import boards, build
-from ambkit.export.pil.build import AXIS_STATES, PREFIX
 from ambkit.export.pil.processor import Processor
 from ambkit.export.pil.result import Pil, judged, others_sent
-from ambkit.export.pil.whole import fly_whole
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Machine, short_form
 from ambkit.simulation.control import Controller
 from ambkit.simulation.flight import Flight
-from ambkit.simulation.run import Loop, simulate_run
+from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
-from ambkit.simulation.sequence import LiftOff
+from ambkit.simulation.sequence import LiftOff, Mode
 
 if TYPE_CHECKING:
-    from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
+    from ambkit.simulation.run import Run
+
+Expected = dict[str, NDArray[Any]]
 
 
 def pil(
@@ -44,92 +47,92 @@ def pil(
     force: bool = False,
 ) -> Pil:
     """Fly a simulated plant by the exported controller, on a Cortex-M4F in qemu."""
+    # The plant is simulated with the controller here, and what its sensors show goes to the
+    # processor, sample by sample. Where that answers the same bits each time, which is what is
+    # judged, the rotor would have moved no otherwise with the processor's own currents.
     if board is not None and board not in boards.BOARDS:
         raise AmbkitError(f'board must be one of {", ".join(boards.BOARDS)}, is "{board}"')
     for_board = boards.QEMU_BOARD if board is None else boards.BOARDS[board]
     boards.check(for_board)
     boards.check(boards.QEMU_BOARD)
-    if isinstance(bearing, Machine):
-        flight = scenario or Flight(duration=1.0)
-        if not isinstance(flight, Flight):
-            raise AmbkitError(f"{bearing.name}: a machine flies a Flight, this is a Scenario")
-        estimator = made(kind, bearing, magnet, filter_file, {"precision": "float32"})
-        return fly_whole(
-            bearing, estimator, flight, for_board,
-            magnet=magnet, kind=kind, filter_file=filter_file, force=force,
-        )  # fmt: skip
-    scenario = scenario or Scenario(duration=1.0)
-    if not isinstance(scenario, Scenario):
-        raise AmbkitError(f"{bearing.name}: one axis flies a Scenario, this is a Flight")
-    flown = _from_rest(scenario)
+    plant = short_form(bearing)
+    several = isinstance(plant, Machine)
+    happening: type[Scenario | Flight] = Flight if several else Scenario
+    given = scenario or happening(duration=1.0)
+    of_type(happening, scenario=given)
+    sequence = given.sequence or LiftOff()
+    flown = given.model_copy(update={"start": "rest", "sequence": sequence})
+    of_flight: dict[str, Any] = {"flight" if several else "scenario": flown}
+    estimator = made(kind, plant, magnet, filter_file, {"precision": "float32"})
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         export = export_c(
-            bearing, magnet, folder / "export", kind=kind, filter_file=filter_file, prefix=PREFIX,
-            scenario=flown, telemetry=True, force=force,
+            plant, magnet, folder / "export", kind=kind, filter_file=filter_file,
+            prefix=build.PREFIX, telemetry=True, force=force,
+            **of_flight,
         ).folder  # fmt: skip
-        estimator = made(kind, bearing, magnet, filter_file, {"precision": "float32"})
-        fields = [state.field for state in states(estimator.states)][:AXIS_STATES]
-        image = build.firmware(export, "axis", fields, boards.QEMU_BOARD, folder / "qemu")
-        built = build.size(export, PREFIX, for_board, folder / "board")
+        fields = [state.field for state in states(estimator.states)]
+        image = build.firmware(export, fields, boards.QEMU_BOARD, folder / "qemu", several)
+        built = build.size(export, for_board, folder / "board", several)
+        fly: Any = simulate_machine if several else simulate_run
+        run: Run = fly(plant, flown, estimator=estimator)
+        machine, record = run.machine, run.record
+        shown = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
+        y = estimator.inputs.y.numbers(shown)
+        r = np.column_stack([record[signal("r", name)] for name in run.axes])
+        flies, speed = sequence.fly(record.t), record.signals.get("speed", np.zeros(len(y)))
         (folder / "pipes").mkdir()
-        with Processor(image, folder / "pipes", 1, 1, AXIS_STATES) as processor:
-            greeting = processor.greeting
-            record = _fly(bearing, flown, estimator, processor)
-            told = processor.answers
+        sizes = y.shape[1], r.shape[1], len(fields)
+        with Processor(image, folder / "pipes", *sizes) as processor:
+            for k in range(len(y)):
+                processor.step(y[k], r[k], fly=flies[k] > 0, speed=speed[k])
+            greeting, told = processor.greeting, processor.answers
         frames = read_telemetry(folder / "pipes" / "frames", export / "telemetry.json")
-    return _judged(bearing, flown, estimator, record, told, greeting, for_board, built, frames)
-
-
-def _from_rest(scenario: Scenario) -> Scenario:
-    update = {"start": "rest", "sequence": scenario.sequence or LiftOff()}
-    return scenario.model_copy(update=update)
-
-
-def _fly(
-    bearing: Bearing, scenario: Scenario, estimator: Estimator, processor: Processor
-) -> Record:
-    numbers = estimator.inputs.y.numbers
-
-    def elsewhere(y: float, r: float, fly: bool) -> tuple[float, float, bool, int]:
-        said = processor.step(numbers(y), r, fly=fly)
-        return float(said["iu"][0]), float(said["u"][0]), bool(said["on"]), int(said["mode"])
-
-    return Loop(bearing, scenario, estimator=estimator, elsewhere=elsewhere).run().record
-
-
-def _judged(
-    bearing: Bearing,
-    scenario: Scenario,
-    estimator: Estimator,
-    record: Record,
-    told: NDArray[np.void],
-    greeting: np.void,
-    board: boards.Board,
-    built: build.Built,
-    frames: Record,
-) -> Pil:
-    sequence = scenario.sequence
-    assert sequence is not None
-    pid = scenario.controller.completed(bearing)
-    controller = Controller.of_axis(bearing, estimator, pid, sequence)
-    raw = estimator.inputs.y.numbers(record["y"]).astype("f4").astype(float)
-    here = controller.run(raw, record["r"], sequence.fly(record.t))
-    unequal = 0
-    for name in ("iu", "u", "status", "mode", "on", "usable"):
-        unequal += int((told[name].ravel() != here[name]).sum())
-    unequal += int((told["coil"][:, 0, : controller.coils] != here["coil"]).sum())
-    columns = min(AXIS_STATES, here["mean"].shape[1])
-    unequal += int((told["mean"][:, :columns] != here["mean"][:, :columns]).sum())
-    flight = None
-    if estimator.inputs.y.gain == 1.0 and not estimator.inputs.y.zero:
-        same = simulate_run(bearing, scenario, estimator=estimator).record
-        flight = int((same["x"] != record["x"]).sum())
-    names = [state.name for state in estimator.states][:AXIS_STATES]
-    x = record["x"][:, None]
+    others = _others(told, _expected(run, estimator, flown, y, r, flies), run)
+    s = np.column_stack([record[run.displacement(name)] for name in run.axes])
+    travel = np.array([axis.bearing.travel_limit for axis in machine.axes])
+    names = [state.name for state in estimator.states]
     return judged(
-        told, greeting, off=x - record["r"][:, None], moved=x, travel=bearing.rotor.travel_limit,
-        record=record, run=None, unequal=unequal, unequal_flight=flight, frames=frames,
-        unequal_frames=others_sent(told, frames, names, coils=True),
-        board=board.about, built=built,
+        told, greeting, off=s - r, moved=s, travel=travel, record=record, run=run,
+        unequal=int(others.sum()), frames=frames,
+        unequal_frames=others_sent(told, frames, names, coils=not several),
+        board=for_board.about, built=built,
     )  # fmt: skip
+
+
+def _expected(
+    run: Run, estimator: Estimator, flown: Scenario | Flight, y: NDArray[np.float64],
+    r: NDArray[np.float64], flies: NDArray[np.float64],
+) -> Expected:  # fmt: skip
+    """Return what the processor is to answer: as simulated, or along a rig's rounded numbers."""
+    record = run.record
+    if isinstance(flown, Scenario) and (estimator.inputs.y.gain != 1 or estimator.inputs.y.zero):
+        pid = flown.controller.completed(estimator.bearing)
+        controller = Controller.of_axis(estimator.bearing, estimator, pid, flown.sequence)
+        rounded = y[:, 0].astype("f4").astype(float)
+        return controller.run(rounded, r[:, 0], flies)
+    assert run.estimate is not None
+    assert run.usable is not None
+    u = np.column_stack([record[signal("u", name)] for name in run.axes])
+    return {"u": u, "mode": record["mode"], "status": run.status, "usable": run.usable,
+            "mean": run.estimate.mean}  # fmt: skip
+
+
+def _others(told: NDArray[np.void], expected: Expected, run: Run) -> NDArray[np.intp]:
+    """Return how many numbers of each sample are others than expected (n,)."""
+    axes, single = run.machine.axes, np.float32
+    n = len(told)
+    gain = np.array([axis.bearing.amplifier.gain for axis in axes], single)
+    magnets = [axis.bearing.magnet for axis in axes]
+    on = np.isin(expected["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING))
+    bias = np.where(on[:, None], np.array([m.bias_current for m in magnets], single), 0)
+    pairs = [m.type == "two-sided" for m in magnets]
+    coil = np.stack([bias + told["iu"], np.where(pairs, bias - told["iu"], 0)], axis=2)
+    others = (told["on"] != on).astype(int)
+    for name in ("mode", "status", "usable"):
+        others += told[name] != expected[name]
+    others += (told["u"] != expected["u"].reshape(n, -1)).sum(1)
+    others += (told["u"] != told["iu"] / gain).sum(1)
+    others += (told["coil"] != coil.astype(single)).sum((1, 2))
+    others += (told["mean"] != expected["mean"]).sum(1)
+    return np.asarray(others)

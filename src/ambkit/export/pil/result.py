@@ -22,16 +22,13 @@ Array = NDArray[np.float64]
 class Pil:
     """What a processor in the loop gave."""
 
-    record: Record  #: The flight: what the plant did while the processor flew it.
+    record: Record  #: Its record: what the plant did.
     #: (n,) All that the processor told, sample by sample: ``processor.answer_of``.
     answers: NDArray[np.void]
     samples: int  #: How many.
     unequal: int  #: Numbers, of all that the processor told, that are not Python's to the last bit.
     frames: Record  #: What its telemetry sent.
     unequal_frames: int  #: Of the same numbers, how many are others there.
-    #: Samples whose place is not the one of the flight that `simulate` gives; None where the rig's
-    #: own numbers go to the processor, which round what the sensor shows.
-    unequal_flight: int | None
     selftest: int  #: What its self-test found wrong.
     modes: tuple[tuple[float, str], ...]  #: (float, str) When it began to do what [s].
     worst: float  #: Largest distance from the reference while it flew, after its first tenth [m].
@@ -41,15 +38,14 @@ class Pil:
     most: int
     stack_seen: int  #: Bytes that a step has used.
     state: int  #: Bytes of an instance.
-    run: Run | None  #: Of a machine, the simulation that it answered to.
+    run: Run  #: The simulation that it answered to.
     board: str  #: What the rest is for.
     built: build.Built  #: Flash, memory and the most stack of the board's build.
 
     @property
     def passed(self) -> bool:
         """Whether all bits are the same."""
-        wrong = self.unequal + self.unequal_frames + self.selftest + (self.unequal_flight or 0)
-        return wrong == 0
+        return self.unequal + self.unequal_frames + self.selftest == 0
 
     def to_dict(self) -> dict[str, Any]:
         """Return all but the records and the answers."""
@@ -78,7 +74,7 @@ def judged(
     *,
     off: Array,
     moved: Array,
-    travel: Array | float,
+    travel: Array,
     **given: Any,
 ) -> Pil:
     """Return what the answers say of flight and cost, with what else there is."""

@@ -10,13 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.escaping import markdown
-from ambkit.data.record import Record
 from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, Report, TableBlock
 from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Line, Points
-from ambkit.show.plots.looks import CURRENT, POSITION, TIME
-
-_COUNT = Axis("instructions of a step")
+from ambkit.result.report.items import Axis, Points
+from ambkit.show.plots.looks import TIME
 
 
 def write_pil(
@@ -58,49 +55,12 @@ def write_pil(
     write_page(report, path)
 
 
-def axis_figure(flight: Record, frames: Record, instructions: NDArray[np.uint32]) -> Figure:
-    """Show the flight of one axis, and its instructions."""
-    # instructions (n,)
-    t = flight.t
-    coils = [name for name in frames.signals if name.startswith("coil_")]
-    looks = ("estimate", "control")
-    return Figure(
-        id="pil",
-        title="Position, currents and instructions",
-        caption="Estimate and currents are those of the telemetry; instructions are counted in "
-        "some of the samples.",
-        panels=[
-            Panel(
-                TIME, POSITION,
-                [
-                    Line(t, flight["y"], signal="measured"),
-                    Line(t, flight["r"], signal="reference"),
-                    Line(t, flight["x"], signal="truth"),
-                    Line(frames.t, frames["x"], signal="estimate"),
-                ],
-            ),
-            Panel(
-                TIME, CURRENT,
-                [
-                    Line(frames.t, frames[name], signal=look, label=name.replace("_", " "))
-                    for name, look in zip(coils, looks, strict=False)
-                ],
-            ),
-            _cost(t, instructions),
-        ],
-    )  # fmt: skip
-
-
 def cost_figure(t: NDArray[np.float64], instructions: NDArray[np.uint32]) -> Figure:
-    """Show the instructions alone."""
+    """Show the instructions."""
     # t (n,) [s]; instructions (n,)
-    caption = "Counted in some of the samples."
-    panel = _cost(t, instructions)
-    return Figure(id="cost", title="Instructions", caption=caption, panels=[panel])
-
-
-def _cost(t: NDArray[np.float64], instructions: NDArray[np.uint32]) -> Panel:
     counted = instructions > 0
     shown = instructions[counted].astype(float)
     points = Points(t[counted], shown, signal="estimate", label="counted")
-    return Panel(TIME, _COUNT, [points])
+    caption = "Counted in some of the samples."
+    panel = Panel(TIME, Axis("instructions of a step"), [points])
+    return Figure(id="cost", title="Instructions", caption=caption, panels=[panel])

@@ -1,9 +1,9 @@
 /* An exported controller on a Cortex-M4F in a loop with a plant elsewhere: sample by sample it
  * takes from one pipe what the sensors show, and gives into another one what it demands.
  *
- * The build says whose it is, with -DPLANT="\"axis.h\"" or "\"whole.h\"", and which fields of its
- * estimates are the states, with -DMEANS(out) (build.py). */
-#include PLANT
+ * The build says with -DSEVERAL whether it is of several axes, with -DSTATES how many states there
+ * are, and with -DMEANS(out) which fields of its estimates they are (build.py). */
+#include "controller.h"
 #include "counting.h"
 #include "semihosting.h"
 #include <stdint.h>

@@ -1,0 +1,56 @@
+/* The exported controller as the loop calls it: of SEVERAL axes with arrays and the speed. */
+#ifndef FIRMWARE_CONTROLLER_H
+#define FIRMWARE_CONTROLLER_H
+
+#if SEVERAL
+#include "rig_control.h"
+#endif
+#include "rig_selftest.h"
+#include "rig_telemetry.h"
+#include <string.h>
+
+#define SENSORS AMB_SENSORS
+#define AXES AMB_CONTROLS
+#include "samples.h"
+
+#if SEVERAL
+#define controller_state rig_control_state
+#define controller_output rig_command
+#define controller_init rig_control_init
+#define controller_step rig_control_step
+#define PARAMETERS                                                                                 \
+  rig_control_state *state, const amb_real y[SENSORS], const amb_real r[AXES], amb_real speed,     \
+      bool fly, rig_command *out
+#define ARGUMENTS(state, s, out) (state), (s)->y, (s)->r, (s)->speed, ((s)->fly != 0U), (out)
+#define ESTIMATES(out) (&(out)->estimates)
+#else
+#define controller_state rig_state
+#define controller_output rig_output
+#define controller_init rig_init
+#define controller_step rig_step
+#define PARAMETERS rig_state *state, amb_real y, amb_real r, bool fly, rig_output *out
+#define ARGUMENTS(state, s, out) (state), (s)->y[0], (s)->r[0], ((s)->fly != 0U), (out)
+#define ESTIMATES(out) (out)
+#endif
+
+static void self_test(greeting *hello)
+{
+  rig_selftest_result found;
+  rig_selftest(&found);
+  hello->unequal = found.unequal;
+  hello->wrong_status = found.wrong_status;
+  hello->wrong = found.wrong;
+#if SEVERAL
+  amb_real largest;
+  hello->unequal += rig_control_selftest(&largest);
+#endif
+}
+
+static void tell_currents(const controller_output *out, answer *said)
+{
+  (void)memcpy(said->coil, &out->coil, sizeof out->coil);
+  (void)memcpy(said->iu, &out->iu, sizeof said->iu);
+  (void)memcpy(said->u, &out->u, sizeof said->u);
+}
+
+#endif
