@@ -44,8 +44,8 @@ def pil(
     """Fly a simulated bearing or machine by its exported controller, on a Cortex-M4F in qemu.
 
     What the sensors of the simulated plant show goes there, sample by sample. Said are whether all
-    bits are Python's, instructions, stack, flash, memory, and how the rotor flew. Exit code 1 where bits
-    differ. Needs gcc-arm-none-eabi and qemu-system-arm.
+    bits are Python's, instructions, stack, flash, memory, and how the rotor flew. Exit code 1 where
+    bits differ. Needs gcc-arm-none-eabi and qemu-system-arm.
 
     For example:
       ambkit pil zittau_axial
