@@ -1,5 +1,9 @@
 """Estimators of machines compared in a case, beside the bound and the raw sensors."""
 
+import json
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -8,6 +12,8 @@ from ambkit.cli.main import main
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import CASES, trials
 from ambkit.machine.machine import as_machine
+from ambkit.simulation.holding import holding
+from ambkit.simulation.machine import simulate_machine
 
 MACHINE = Machine.preset("tum_mlps")
 
@@ -50,7 +56,7 @@ def test_an_axis_as_a_machine_has_the_same_bound():
     [
         (("--case", "wrong-k"), "can be simulated for a machine with one axis only"),
         (("--estimators", "low-pass"), "takes one axis"),
-        (("--report", "out.html"), "leave it out"),
+        (("--steps", "20 um", "--force-map", "map.csv"), "this takes a machine with one"),
     ],
 )
 def test_what_a_machine_cannot_be_compared_in_is_one_sentence(
@@ -61,6 +67,76 @@ def test_what_a_machine_cannot_be_compared_in_is_one_sentence(
     with pytest.raises(SystemExit, match="2"):
         main(["compare", "tum_mlps", "--runs", "1", *chosen, *options])
     assert said in capsys.readouterr().err
+
+
+def test_each_closes_its_own_loop_on_a_machine(tmp_path, monkeypatch, capsys):
+    """A step and a load of the first axis, or a run of one's own; all axes are judged together."""
+    monkeypatch.chdir(tmp_path)
+    found = compare(MACHINE, estimators=["linear"], steps=["20 um"],
+                    load="2 N", duration="40 ms", runs=2)  # fmt: skip
+    score = found.scores["20 µm"]["linear"]
+    happening = found.happenings["20 µm"].scenario
+    assert [each.axis for each in happening.disturbance] == ["A1"]
+    for seed, error in enumerate(score.rmse["f_d"]):
+        run = simulate_machine(
+            MACHINE, happening.replace(seed=seed), estimator=KalmanFilter(MACHINE)
+        )
+        wrong = [run.estimate[f"f_d_{a}"] - run.record[f"f_d_{a}"] for a in run.axes]
+        assert error == pytest.approx(np.sqrt(np.mean(np.square(wrong))))
+    Path("run.toml").write_text(
+        'duration = "30 ms"\n[[disturbance]]\naxis = "B2"\n[disturbance.force]\n'
+        'type = "step"\namplitude = "2 N"\ntime = "15 ms"\n'
+    )
+    with pytest.raises(SystemExit, match="0"):
+        main(["compare", "tum_mlps", "--estimators", "linear", "--scenario", "run.toml",
+              "--runs", "1", "--plot", "bars.svg", "--json"])  # fmt: skip
+    assert "run.toml" in json.loads(capsys.readouterr().out)["cases"]
+
+
+def test_an_estimator_of_one_s_own_takes_all_readings(tmp_path):
+    (tmp_path / "my.py").write_text(
+        "from ambkit import KalmanFilter\n"
+        "class Mine:\n"
+        "    def __init__(self, machine):\n"
+        "        self.kalman = KalmanFilter(machine)\n"
+        "    def reset(self, mean, std):\n"
+        "        self.kalman.reset(mean, std)\n"
+        "        self.next = lambda y, u: self.kalman.update(y)\n"
+        "    def step(self, y, u):\n"
+        "        found, self.next = self.next(y, u), self.kalman.step\n"
+        "        return found\n"
+        "class Short:\n"
+        "    def step(self, y, u):\n"
+        "        return y\n"
+    )
+    found = compare(MACHINE, "model", ["linear", f"{tmp_path}/my.py:Mine"], runs=1).bench.best
+    for name in ("x", "v", "f_d", "delay"):
+        assert found["Mine"].mean(name) == found["linear"].mean(name)
+    with pytest.raises(
+        AmbkitError, match=r"shape \(8,\); it must return the 20 numbers x, y, th_x"
+    ):
+        compare(MACHINE, "model", [f"{tmp_path}/my.py:Short"], runs=1)
+
+
+def test_a_machine_with_other_magnets_keeps_its_controllers():
+    """As the report's errors by a wrong magnet constant need it."""
+    case = replace(CASES["step"], magnet_constant=1.2)
+    (trial,) = trials(case, MACHINE, 1, 0)
+    for own, nominal in zip(trial.plant.bearing, MACHINE.bearing, strict=True):
+        assert own.magnet.magnet_constant == pytest.approx(1.2 * nominal.magnet.magnet_constant)
+    pids = holding(MACHINE, "estimate").pids
+    assert [pid.kp for pid in trial.scenario.control.pid.values()] == [pid.kp for pid in pids]
+
+
+@pytest.mark.long
+def test_the_whole_comparison_of_a_machine_is_a_page(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit, match="0"):
+        main(["compare", "tum_mlps", "--estimators", "linear", "--runs", "1",
+              "--report", "out.html"])  # fmt: skip
+    page = Path("out.html").read_text()
+    assert "The limit" in page
+    assert "along A1" in page
 
 
 def test_all_kinds_are_those_that_take_several_axes():

@@ -19,6 +19,7 @@ from ambkit.cli.options import (
     Plot,
     file_option,
     find_bearing,
+    find_plant,
     quantity,
     read_quantities,
 )
@@ -26,6 +27,8 @@ from ambkit.cli.options import (
 if TYPE_CHECKING:
     from ambkit.judge.comparison import Score
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.forces.surface import ForceSurface
+    from ambkit.machine.machine import Machine
     from ambkit.workflow.comparing import LoopScores
 
 CASES = (
@@ -97,7 +100,8 @@ def compare(
         str | None,
         typer.Option(
             metavar="LENGTHS",
-            help='In place of a case: steps of the reference, such as "0.1 mm,0.3 mm".',
+            help="In place of a case: steps of the first axis's reference, such as "
+            '"0.1 mm,0.3 mm".',
         ),
     ] = None,
     load: Annotated[
@@ -105,7 +109,7 @@ def compare(
         typer.Option(
             parser=quantity("N"),
             metavar="FORCE",
-            help="In place of a case: load after half of the run.",
+            help="In place of a case: load on the first axis after half of the run.",
         ),
     ] = None,
     duration: Annotated[
@@ -150,6 +154,7 @@ def compare(
       ambkit compare zittau_axial --case paper --plot matrix.png --report comparison.html
       ambkit compare my.toml --estimators linear,extended --tune 40 --save-filters filters/
       ambkit compare tum_mlps --case model --estimators linear,extended
+      ambkit compare tum_mlps --estimators linear,extended --steps "20 um,40 um"
       ambkit compare zittau_axial --steps "0.1 mm,0.3 mm,0.5 mm" --load "3 N" --plot bars.png
     """
     own = {"--scenario": scenario, "--steps": steps, "--load": load, "--duration": duration}
@@ -174,13 +179,15 @@ def compare(
         raise AmbkitError(
             f"{given[0]} is in place of a case, and does not go with {clash[0]}{hint}"
         )
+    from ambkit.cli.kinds import surface_in
+
     chosen = "linear,adaptive,closed-law" if estimators is None else estimators
     _in_own_loops(
-        find_bearing(bearing),
+        find_plant(bearing),
         names(known(chosen)),
         scenario_file=scenario,
         expert=expert,
-        force_map=force_map,
+        true=None if force_map is None else surface_in(force_map, find_bearing(bearing)),
         steps=steps,
         load=load,
         duration=duration,
@@ -192,12 +199,12 @@ def compare(
 
 
 def _in_own_loops(
-    plant: Bearing,
+    plant: Bearing | Machine,
     chosen: list[str],
     *,
     scenario_file: Path | None,
     expert: Path | None,
-    force_map: Path | None,
+    true: ForceSurface | None,
     steps: str | None,
     load: float | None,
     duration: float | None,
@@ -208,21 +215,19 @@ def _in_own_loops(
 ) -> None:
     """Each closes its own loop, against the same noise, with the same Q and R."""
     from ambkit.cli import output
-    from ambkit.cli.kinds import factories, surface_in
+    from ambkit.cli.kinds import factories
     from ambkit.show import plots
-    from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.comparing import compare_in_loops, happenings
 
     what = happenings(
         plant,
-        None if scenario_file is None else Scenario.load(scenario_file),
+        scenario_file,
         steps=None if steps is None else read_quantities(steps, "m", "--steps"),
         load=load,
         duration=duration,
         name=str(scenario_file),
     )
     built = factories(chosen, plant, expert)
-    true = None if force_map is None else surface_in(force_map, plant)
     with output.progress("comparing", len(what) * len(built) * seeds) as done:
         found = compare_in_loops(plant, what, built, runs=seeds, seed=seed, plant=true, done=done)
     by = "scenario" if found.steps is None else "step"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,8 @@ from ambkit.judge.comparison.cases import CASES, Case
 from ambkit.judge.comparison.seeds import Score, compare
 from ambkit.judge.comparison.spread import Spread
 from ambkit.judge.comparison.study import Study, across, pieces_of, study
+from ambkit.machine.bank import alone_of
+from ambkit.simulation.flight import Flight
 from ambkit.workflow.estimators import USUAL, factories
 from ambkit.workflow.simulating import scenario_for
 
@@ -101,15 +104,15 @@ def compare_in_all(
 class Happening:
     """What happens to the loops that are compared."""
 
-    scenario: Scenario  #: The run; its seed is replaced.
+    scenario: Scenario | Flight  #: The run; its seed is replaced.
     #: Step of the reference [m]; None where it is the user's own scenario, without one.
     step: float | None = None
     load: float | None = None  #: Load after half of the run [N], if one was put in.
 
 
 def happenings(
-    bearing: Bearing,
-    scenario: Scenario | None = None,
+    bearing: Bearing | Machine,
+    scenario: Scenario | Flight | str | os.PathLike[str] | None = None,
     *,
     steps: Iterable[Given] | None = None,
     load: Given | None = None,
@@ -122,20 +125,22 @@ def happenings(
     if steps is not None:
         heights = [in_si("steps", height, "m") for height in steps]
     elif scenario is None:
-        heights = [share * bearing.rotor.travel_limit for share in HEIGHTS]
-    return {
-        name if height is None else engineering(height, "m", digits=4): Happening(
-            scenario_for(bearing, scenario, duration=duration, step=height, load=load), height, load
-        )
-        for height in heights
-    }
+        heights = [share * alone_of(bearing)[0].rotor.travel_limit for share in HEIGHTS]
+    found = {}
+    for height in heights:
+        run = scenario_for(bearing, scenario, duration=duration, step=height, load=load)
+        if isinstance(run, Flight) and run.feedback is None:  # each closes its own loop
+            run = run.replace(feedback="estimate")
+        at = name if height is None else engineering(height, "m", digits=4)
+        found[at] = Happening(run, height, load)
+    return found
 
 
 @dataclass(frozen=True)
 class LoopScores(Shown):
     """Estimators, each in its own loop, over the same seeds."""
 
-    bearing: Bearing  #: The plant, and what the estimators know.
+    bearing: Bearing | Machine  #: The plant, and what the estimators know.
     happenings: Mapping[str, Happening]  #: What happened, by name.
     #: (mapping of str to Score) By the same names, and by estimator.
     scores: Mapping[str, Mapping[str, Score]]
@@ -161,7 +166,7 @@ class LoopScores(Shown):
 
 
 def compare_in_loops(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     what: Mapping[str, Happening],
     estimators: Iterable[str] | Mapping[str, Callable[[], Estimator]] = USUAL,
     *,

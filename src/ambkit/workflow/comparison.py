@@ -7,12 +7,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from ambkit.base.asked import Given, of_type
+from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
 from ambkit.judge.comparison.cases import Case
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.map_of import surface_in
 from ambkit.machine.forces.surface import ForceSurface
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Machine, short_form
+from ambkit.simulation.flight import Flight
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.comparing import (
     RUNS,
@@ -51,7 +53,8 @@ def compare(  # type: ignore[overload-overlap]
 ) -> Study: ...  # fmt: skip
 @overload
 def compare(
-    bearing: Bearing, *, scenario: Scenario | str | os.PathLike[str] | None = ...,
+    bearing: Bearing | Machine, *,
+    scenario: Scenario | Flight | str | os.PathLike[str] | None = ...,
     steps: Iterable[Given] | None = ..., load: Given | None = ..., duration: Given | None = ...,
     estimators: Iterable[str] | Mapping[str, Callable[[], Estimator]] | None = ..., runs: int = ...,
     seed: int = ..., magnets: Mapping[str, MagnetModel] | None = ..., force_map: Map = ...,
@@ -68,7 +71,7 @@ def compare(
     spread: Given | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
     force_map: Map = None,
-    scenario: Scenario | str | os.PathLike[str] | None = None,
+    scenario: Scenario | Flight | str | os.PathLike[str] | None = None,
     steps: Iterable[Given] | None = None,
     load: Given | None = None,
     duration: Given | None = None,
@@ -102,13 +105,13 @@ def compare(
         What kinds know of the magnet, in place of what would be learned, such as
         ``{"adaptive": Expert.load("expert.json")}``.
     force_map : path or ForceSurface, optional
-        The plant's true magnet, such as points of iu, x and f_mag: one's own iron.
-    scenario : Scenario or path, optional
+        The plant's true magnet, such as points of iu, x and f_mag: one's own iron; of one axis.
+    scenario : Scenario, Flight or path, optional
         One's own run in place of a case.
     steps : iterable of float or str, optional
-        In place of a case: steps of the reference [m], such as ``"0.1 mm"``.
+        In place of a case: steps of the first axis's reference [m], such as ``"0.1 mm"``.
     load, duration : float or str, optional
-        In place of a case: load after half of the run [N], and its length [s].
+        In place of a case: load on the first axis after half of the run [N], and its length [s].
     whole : bool
         Whether the errors by step, wrong k and the limit are wanted, for a report.
     save_filters : path, optional
@@ -139,23 +142,15 @@ def compare(
     of_type(Bearing, Machine, bearing=bearing)
     if case is not None:
         of_type(str, Case, case=case)
-    true = force_map
-    if isinstance(true, str | os.PathLike):
-        of_type(Bearing, bearing=bearing)
-        assert isinstance(bearing, Bearing)
-        true = surface_in(true, bearing)
+    true = _surface(force_map, bearing)
     own = {"scenario": scenario, "steps": steps, "load": load, "duration": duration}
     given = [name for name, value in own.items() if value is not None]
     if given:
-        of_type(Bearing, bearing=bearing)
-        assert isinstance(bearing, Bearing)
         of_cases = {"case": case, "tune": tune or None, "spread": spread, "whole": whole or None,
                     "save_filters": save_filters}  # fmt: skip
         clash = [name for name, value in of_cases.items() if value is not None]
         if clash:
             raise ValueError(f"{given[0]} is in place of a case, and does not go with {clash[0]}")
-        if isinstance(scenario, str | os.PathLike):
-            scenario = Scenario.load(scenario)
         what = happenings(bearing, scenario, steps=steps, load=load, duration=duration)
         built: Mapping[str, Callable[[], Estimator]] = (
             estimators
@@ -178,3 +173,14 @@ def compare(
     if save_filters is not None:
         write_filters(found, save_filters)
     return found
+
+
+def _surface(force_map: Map, bearing: Bearing | Machine) -> ForceSurface | None:
+    """Return the plant's true magnet."""
+    if force_map is None:
+        return None
+    machine = short_form(bearing)
+    if isinstance(machine, Machine):
+        axes = len(machine.axes)
+        raise AmbkitError(f"force_map is the magnet of one axis, and {machine.name} has {axes}")
+    return surface_in(force_map, machine) if isinstance(force_map, str | os.PathLike) else force_map

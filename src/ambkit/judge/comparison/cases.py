@@ -25,13 +25,15 @@ from ambkit.machine.bank import alone_of, slowest_time, weights_of
 from ambkit.machine.bearing import GRAVITY, Bearing
 from ambkit.machine.machine import as_machine, short_form
 from ambkit.machine.magnets import magnet_of, own_time
+from ambkit.simulation.controllers import Control
 from ambkit.simulation.flight import Disturbance, Flight, Reference
+from ambkit.simulation.holding import holding
 from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.many import Many, Planned, simulate_many
 from ambkit.simulation.many_machines import PlannedMachine, simulate_machines
 from ambkit.simulation.run import samples, simulate
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.scenario import GAINS, PID, Scenario
 from ambkit.simulation.waveforms import Constant, Recorded, Sequence, Sine, Step
 
 if TYPE_CHECKING:
@@ -154,7 +156,7 @@ def each_trial(case: Case, bearing: Bearing | Machine, runs: int, seed: int) -> 
 
 def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
     """Make the records of a machine, each axis with what happens to it held alone."""
-    special = case.spread != CERTAIN, case.magnet_constant != 1.0, case.saturates, case.correlation
+    special = case.spread != CERTAIN, case.drift, case.saturates, case.correlation
     if any(special) or case.magnet is not None:
         raise AmbkitError(
             f"case {case.name}: its plant is not the described one, which can be simulated for a "
@@ -165,6 +167,12 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
         machine = machine.replace(unbalance=[], sensor=sensors)
     known, T = KalmanFilter(machine), machine.sampling_time
     names = [axis.name for axis in machine.axes]
+    plant, control = machine, Control()
+    if case.magnet_constant != 1.0:  # the controllers know the described one
+        plant = _with_constant(machine, case.magnet_constant)
+        pids = zip(names, holding(machine, "estimate").pids, strict=True)
+        gains = {name: {key: getattr(pid, key) for key in GAINS} for name, pid in pids}
+        control = Control(pid={name: PID(**each) for name, each in gains.items()})
     for run in range(runs):
         each = [case.scenario(axis, LOAD) for axis in alone_of(machine)]
         duration = max(of.duration for of in each)
@@ -179,16 +187,28 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
                     times=tuple(t.tolist()), values=tuple(mean.tolist())
                 )
         flight = Flight.model_construct(
-            duration=duration, seed=1000 * seed + run, feedback="estimate",
+            duration=duration, seed=1000 * seed + run, feedback="estimate", control=control,
             reference=tuple(Reference.model_construct(axis=name, position=of.reference)
                             for name, of in zip(names, each, strict=True)),
             disturbance=tuple(Disturbance.model_construct(axis=name, force=load)
                               for name, load in loads.items()),
         )  # fmt: skip
-        record = simulate_machine(machine, flight, estimator=known).record
+        record = simulate_machine(plant, flight, estimator=known).record
         truth = {signal("f_d", name): walk for name, walk in walks.items()}
         record = replace(record, signals={**record.signals, **truth})
-        yield Trial(machine, flight, None, None, record)
+        yield Trial(plant, flight, None, None, record)
+
+
+def _with_constant(machine: Machine, factor: float) -> Machine:
+    """Return a machine with all magnet constants times a factor."""
+    bearings = []
+    for each in machine.bearing:
+        changes = each.magnet.with_constant(factor * each.magnet.magnet_constant)
+        own = {key.removeprefix("magnet__"): value for key, value in changes.items()}
+        magnet = each.magnet.model_dump(exclude_none=True) | own
+        magnet = {key: value for key, value in magnet.items() if value is not None}
+        bearings.append(each.model_dump(exclude_none=True) | {"magnet": magnet})
+    return machine.replace(bearing=bearings)
 
 
 def loaded(machine: Machine, runs: int, seed: int) -> list[Trial]:

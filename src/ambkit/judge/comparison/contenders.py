@@ -172,11 +172,6 @@ def load_class(text: str) -> tuple[str, Callable[..., Any]]:
 def _of_user(name: str, make: Callable[..., Any], bearing: Any) -> Contender:
     import inspect
 
-    if not as_machine(bearing).single:
-        raise AmbkitError(
-            f"{name}: step(y, u) of an estimator of one's own takes one reading; {bearing.name} "
-            f"has {len(as_machine(bearing).readings)}"
-        )
     try:
         takes = len(inspect.signature(make).parameters)
     except (TypeError, ValueError):
@@ -196,19 +191,16 @@ def _of_user(name: str, make: Callable[..., Any], bearing: Any) -> Contender:
     return Contender(name, name, build, in_loop=False)
 
 
-STATES = 4
-"""What an estimator of the user returns, the first states of every bearing: x, v, f_d, x_m."""
-
-
 @dataclass
 class PythonEstimator:
     """An object with ``step(y, u)``, run along a record sample by sample."""
 
     #: ``step(y, u)`` takes the measured position [m] and the control signal that acted since the
-    #: last sample [V], and returns x [m], v [m/s], f_d [N], x_m [m]. What it does not estimate is
-    #: NaN. If it has ``reset(mean, std)``, it is told where it starts, as all others are.
+    #: last sample [V], of several axes arrays of them, and returns the first states of the linear
+    #: filter up to the sensors', of one axis x [m], v [m/s], f_d [N], x_m [m]. What it does not
+    #: estimate is NaN. If it has ``reset(mean, std)``, it gets its start, as all others do.
     wrapped: Any
-    bearing: Bearing  #: What is filtered.
+    bearing: Bearing | Machine  #: What is filtered.
     name: str  #: Its name.
 
     def __post_init__(self) -> None:
@@ -217,26 +209,37 @@ class PythonEstimator:
 
     def run(self, record: Record, *, covariance: bool = False) -> Estimate:
         """Run along a record; at the first sample, u is the record's first."""
-        y, u = record["y"].tolist(), record["u"].tolist()
         other = KalmanFilter(self.bearing)
+        view = other.view
+        last = max(k for k, state in enumerate(other.states) if state.role == "sensor")
+        states = other.states[: last + 1]
+        y, u = view.signals(record)
         if callable(getattr(self.wrapped, "reset", None)):
-            first = record["y"][0]
-            start = other.at_rest(first / self.bearing.sensor.gain, first)
-            self.wrapped.reset(start[:STATES], np.array(other.default_std()[:STATES]))
-        mean = np.empty((len(y), STATES))
-        acted = [u[0], *u[:-1]]
+            start, std = other.at_first(y), np.array(other.default_std())
+            self.wrapped.reset(start[: len(states)], std[: len(states)])
+        mean = np.empty((len(y), len(states)))
+        readings, acted = (each.tolist() if view.single else list(each) for each in (y, u))
+        acted = [acted[0], *acted[:-1]]
         for k in range(len(y)):
             try:
-                x, v, f_d, x_m = self.wrapped.step(y[k], acted[k])
-                mean[k] = x, v, f_d, x_m
+                found = np.asarray(self.wrapped.step(readings[k], acted[k]), float)
+                if found.shape != (len(states),):
+                    raise ValueError(f"it returned an array of shape {found.shape}")
             except Exception as error:
+                names = ", ".join(state.name for state in states)
                 raise AmbkitError(
                     f"{self.name}: step(y, u) at sample {k}: {type(error).__name__}: {error}; it "
-                    "must return the four numbers x, v, f_d, x_m"
+                    f"must return the {len(states)} numbers {names}"
                 ) from error
-        unknown: NDArray[np.float64] = np.full(len(y), np.nan)
+            mean[k] = found
+        unknown: NDArray[np.float64] = np.full(y.shape, np.nan)
+        stiffness: NDArray[np.float64] = np.full(u.shape, np.nan)
         status = np.full(len(y), Status.OK, dtype=np.uint16)
+        axes, measured = (
+            () if view.single else tuple(each.name for each in of)
+            for of in (view.machine.axes, view.machine.readings)
+        )
         return Estimate(
-            record.t, mean, unknown, unknown, unknown, unknown, status, None, self.name,
-            other.states[:STATES],
+            record.t, mean, unknown, unknown, stiffness, stiffness, status, None, self.name,
+            states, axes=axes, readings=measured,
         )  # fmt: skip

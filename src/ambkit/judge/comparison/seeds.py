@@ -14,7 +14,12 @@ from ambkit.base.asked import of_type
 from ambkit.base.showing import Shown
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
+from ambkit.judge.comparison.criteria import errors_along, rms
+from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine, as_machine
+from ambkit.simulation.flight import Flight
+from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 
@@ -31,7 +36,7 @@ EVALUATED = {"x": "m", "v": "m/s", "f_d": "N"}
 class Score:
     """How one estimator did over several seeds."""
 
-    #: ``x`` [m], ``v`` [m/s], ``f_d`` [N]: root mean square errors, one per seed, (seeds,).
+    #: ``x`` [m], ``v`` [m/s], ``f_d`` [N]: root mean square errors over all axes, (seeds,).
     rmse: Mapping[str, Array]
     nis: Array  #: (seeds,) Mean normalised innovation squared; 1 where model and noise are right.
     touched: int = 0  #: Runs in which the rotor touched a stop.
@@ -64,8 +69,8 @@ def rmse(estimate: Estimate, record: Record, signal: str) -> float:
 
 
 def compare(
-    bearing: Bearing,
-    scenario: Scenario,
+    bearing: Bearing | Machine,
+    scenario: Scenario | Flight,
     estimators: Mapping[str, Callable[[], Estimator]],
     seeds: Sequence[int],
     *,
@@ -74,16 +79,19 @@ def compare(
     done: Callable[[], None] = lambda: None,
 ) -> Scores:
     """Monte Carlo over seeds: every estimator closes its own loop against the same noise."""
-    of_type(Bearing, bearing=bearing)
-    of_type(Scenario, scenario=scenario)
+    of_type(Bearing, Machine, bearing=bearing)
+    of_type(Scenario, Flight, scenario=scenario)
 
     def one(name: str, seed: int) -> tuple[list[float], float, bool]:
-        run = simulate_run(
-            bearing, scenario.model_copy(update={"seed": seed}), estimator=estimators[name](),
-            magnet=magnet,
-        )  # fmt: skip
+        estimator, happening = estimators[name](), scenario.model_copy(update={"seed": seed})
+        if isinstance(happening, Flight):
+            run = simulate_machine(as_machine(bearing), happening, estimator=estimator)
+        else:
+            axis = alone_of(bearing)[0]
+            run = simulate_run(axis, happening, estimator=estimator, magnet=magnet)
         assert run.estimate is not None  # an estimator was given
-        errors = [rmse(run.estimate, run.record, signal) for signal in EVALUATED]
+        wrong = errors_along(run.estimate, run.record, estimator.view)
+        errors = [rms(wrong[signal]) for signal in EVALUATED]
         done()
         touched = run.record.meta["stop_touched"] > 0
         return errors, float(run.estimate.nis[1:].mean()), touched

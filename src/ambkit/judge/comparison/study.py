@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.comparison.bench import Bench, Benches, Sweep, bench, pieces, sweep
@@ -108,11 +107,6 @@ def study(
     """Compare estimators in one case, and in rows of cases around it."""
     case = CASES[case] if isinstance(case, str) else case
     names = suited(names, bearing)
-    if whole and not as_machine(bearing).single:
-        raise AmbkitError(
-            "the report shows errors by the step of a single reference and by a wrong magnet "
-            f"constant; {bearing.name} has {len(as_machine(bearing).axes)} axes: leave it out"
-        )
     threads = threads or os.cpu_count() or 1
     given = dict(magnets or {})
     known = learned(case, bearing, [name for name in names if name not in given]) | given

@@ -259,8 +259,8 @@ def _limit(study: Study) -> Chapter:
         blocks=[
             Text(
                 "The bound of Tichavský, Muravchik and Nehorai (1998) needs the inverse of the "
-                "process noise, which does not exist here: noise enters four states through the "
-                "control signal and the disturbance only. It is therefore taken in the state at "
+                "process noise, which does not exist here: noise enters the states through the "
+                "control signals and the disturbances only. It is therefore taken in the state at "
                 "the start and these noises, with the inequality of van Trees (1968), the "
                 "Jacobians along true runs, and expectations over several of them. The load is a "
                 "random walk with the variance that the filters assume, all noise is white, the "

@@ -9,10 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.escaping import label
+from ambkit.data.signals import signal as name_of
 from ambkit.estimate.registry import KINDS
+from ambkit.estimate.view import View
 from ambkit.judge.comparison.bench import Bench, Standing, Sweep
 from ambkit.judge.comparison.contenders import Contender
 from ambkit.judge.comparison.criteria import CRITERIA, Criterion
+from ambkit.machine.machine import as_machine
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
 from ambkit.result.report.markup import symbols
@@ -186,28 +189,32 @@ def efficiency_figure(bench: Bench) -> Figure:
 def run_figure(trial: Trial, field: Mapping[str, Contender], bench: Bench) -> Figure:
     """Show one run: position, and the disturbance force as the estimators see it."""
     record, time = trial.record, Axis("time", "s")
+    view = View(as_machine(trial.plant))
+    axis = view.machine.axes[0].name
+    load, of = name_of("f_d", axis), f" along {label(axis)}" if axis else ""
+    readings = np.array([record[name_of("y", each.name)] for each in view.machine.readings])
     told: list[Item] = []
     start = len(record) // 25
     for name, style in _looks(list(field)):
         estimate = field[name].build(**bench.best[name].values).run(record)
         # The start in the dark would flatten all that follows.
-        told.append(Line(record.t[start:], estimate.f_d[start:], signal=style, label=name))
+        told.append(Line(record.t[start:], estimate[load][start:], signal=style, label=name))
     shown = np.concatenate([item.y for item in told if isinstance(item, Line)])
     low, high = np.nanpercentile(shown, [0.1, 99.9])
-    low, high = min(low, record["f_d"].min()), max(high, record["f_d"].max())
+    low, high = min(low, record[load].min()), max(high, record[load].max())
     margin = 0.08 * (high - low)
-    force = Axis(r"$F_\mathrm{St}$", "N", limits=(float(low - margin), float(high + margin)))
+    force = Axis(rf"$F_\mathrm{{St}}${of}", "N", limits=(float(low - margin), float(high + margin)))
     return Figure(
         id="run",
         title="One run, and what the estimators see in it",
         caption="Above, where the rotor is; below, the disturbance force, which no sensor sees.",
         panels=[
-            Panel(time, Axis("displacement $x$", "mm", 1e3), [
-                Line(record.t, record["y"], signal="measured"),
-                Line(record.t, record["r"], signal="reference"),
-                Line(record.t, record["x"], signal="truth"),
+            Panel(time, Axis(f"displacement $x${of}", "mm", 1e3), [
+                Line(record.t, (view.H @ view.shown)[0] @ readings, signal="measured"),
+                Line(record.t, record[name_of("r", axis)], signal="reference"),
+                Line(record.t, record[name_of("s", axis) if axis else "x"], signal="truth"),
             ]),
-            Panel(time, force, [*told, Line(record.t, record["f_d"], signal="truth")]),
+            Panel(time, force, [*told, Line(record.t, record[load], signal="truth")]),
         ],
         panel_height=2.2,
     )  # fmt: skip
