@@ -16,7 +16,7 @@ import sys
 
 import numpy as np
 
-from ambkit import AmbkitError, Machine, MachineJudgement, judge_machine
+from ambkit import AmbkitError, Judgement, Machine, judge_states
 from ambkit.machine import presets
 from ambkit.simulation.waveforms import Constant, Ramp
 
@@ -33,7 +33,7 @@ HEAD = (
 )
 
 
-def mean_of(judged: MachineJudgement, ratios: np.ndarray, *starts: str) -> float:
+def mean_of(judged: Judgement, ratios: np.ndarray, *starts: str) -> float:
     """Return the mean over the quantities whose names start so; NaN where there is none."""
     found = [r for q, r in zip(judged.quantities, ratios, strict=True) if q.startswith(starts)]
     return float(np.mean(found)) if found else float("nan")
@@ -49,12 +49,12 @@ def row(name: str, turns: str, seeds: int) -> tuple[str, bool]:
     duration = 0.5 if turns == "run-up" else 0.3
     one = machine.replace(speed=0.0, unbalance=[]) if turns == "at rest" else machine
     keys = {"seeds": seeds, "duration": duration, "settled": 0.1, "load": load}
-    plain = judge_machine(one, ("extended",), speed=None if turns == "at rest" else speed, **keys)
+    plain = judge_states(one, ("extended",), speed=None if turns == "at rest" else speed, **keys)
     by_bound = plain.efficiency("extended")
     figures = [mean_of(plain, by_bound, start) for start in ("s_", "v_", "f_d_", "i_")]
     nees = [float(plain.nees["extended"].mean())]
     if turns != "at rest":  # where unbalance does nothing, and runout is an offset
-        whole = judge_machine(
+        whole = judge_states(
             machine, ("extended",), speed=speed, synchronous=("unbalance", "runout"),
             balance=BALANCED, finer=True, **keys,
         )  # fmt: skip

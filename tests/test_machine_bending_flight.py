@@ -10,7 +10,7 @@ import pytest
 from machine_cases import Array, directions
 from test_machine_flight import CORE, LOADS, at_rest, released
 
-from ambkit import Flight, Machine, judge_machine, simulate_machine
+from ambkit import Flight, Machine, judge_states, simulate_machine
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.machine.bank import alone_of
@@ -260,6 +260,6 @@ def test_a_run_up_is_followed_by_the_filter() -> None:
 def test_judged_with_more_modes_and_residual_shapes() -> None:
     """Four modes and residual shapes: 52 states in the core, as good as can be."""
     one = flexible(rotor__modes_up_to=1200.0, rotor__residual=True)
-    judged = judge_machine(one, ("extended",), seeds=6, duration=0.2)
+    judged = judge_states(one, ("extended",), seeds=6, duration=0.2)
     assert judged.efficiency("extended").mean() > 0.9
     assert 0.85 < judged.nees["extended"].mean() < 1.15

@@ -10,6 +10,7 @@ from machine_cases import PRESETS, RIGID_AND_LONG, machine, uncoupled
 
 from ambkit import (
     AmbkitError,
+    Bearing,
     ExtendedKalmanFilter,
     FilterNoise,
     KalmanFilter,
@@ -19,7 +20,7 @@ from ambkit import (
 )
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.machine import judge_machine
+from ambkit.judge.comparison.states import judge_states
 from ambkit.machine.bank import Bank, alone_of, weights_of
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import magnet_of
@@ -39,7 +40,7 @@ def test_filters_are_as_good_as_can_be(name: str, speed: float) -> None:
     """20 seeds, vague starts: in all quantities together and in each, the bound; and honest."""
     load = 0.03 if name == "tum_mlps_flexible" else 0.1  # a shaft of 8 mm
     one = Machine.preset(name).replace(speed=speed)
-    judged = judge_machine(one, ("extended",), seeds=20, load=load)
+    judged = judge_states(one, ("extended",), seeds=20, load=load)
     efficiency = judged.efficiency("extended")
     assert efficiency.mean() > 0.95
     assert efficiency.min() > 0.85  # of one quantity over 2 s, which is no more than its spread
@@ -51,7 +52,7 @@ def test_filters_are_as_good_as_can_be(name: str, speed: float) -> None:
 
 def test_over_a_run_up_unbalance_and_runout_are_as_good_as_with_finer_steps() -> None:
     """By the paired ratio to ten steps in a sample, on the same noise."""
-    judged = judge_machine(
+    judged = judge_states(
         Machine.preset("tum_mlps"), ("extended",), seeds=2, duration=0.3, speed=Ramp(slope=1500.0),
         synchronous=("unbalance", "runout"), balance=0.2, finer=True,
     )  # fmt: skip
@@ -59,6 +60,16 @@ def test_over_a_run_up_unbalance_and_runout_are_as_good_as_with_finer_steps() ->
     assert judged.paired("extended").min() > 0.95
     assert 0.7 < judged.nees["extended"].mean() < 1.3
     assert "paired" in judged.to_dict()
+
+
+def test_a_single_axis_is_judged_by_the_same_text() -> None:
+    """Also with an amplifier that lags, whose current is a state."""
+    axis = Bearing.preset("zittau_axial").replace(amplifier__bandwidth="1 kHz")
+    judged = judge_states(axis, ("extended",), seeds=6, finer=True)
+    assert judged.quantities == ("s", "v", "f_d", "i")
+    assert judged.efficiency("extended") == pytest.approx(1.0, abs=0.12)
+    assert judged.paired("extended") == pytest.approx(1.0, abs=0.01)
+    assert judged.errors["raw sensor"][:, 0].mean() > 3 * judged.errors["extended"][:, 0].mean()
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -72,11 +83,11 @@ def test_every_preset_over_a_run_up(name: str, turns: bool) -> None:
     if turns:
         # Of 3 seeds of the flexible one, one quantity is 0.82 by chance; of 16 none is below 0.99.
         seeds = 16 if name == "tum_mlps_flexible" else 3
-        judged = judge_machine(one, ("extended",), seeds=seeds, balance=0.2, finer=True,
+        judged = judge_states(one, ("extended",), seeds=seeds, balance=0.2, finer=True,
                                synchronous=("unbalance", "runout"), **keys)  # fmt: skip
         assert judged.paired("extended").min() > 0.95
     else:
-        judged = judge_machine(one, ("extended",), seeds=10, **keys)
+        judged = judge_states(one, ("extended",), seeds=10, **keys)
         assert judged.efficiency("extended").mean() > 0.95
         assert 0.9 < judged.nees["extended"].mean() < 1.1
 
@@ -237,4 +248,4 @@ def test_a_record_of_something_else_is_told() -> None:
 def test_a_rotor_that_lands_is_not_judged() -> None:
     """Of a backup bearing the models know nothing."""
     with pytest.raises(AmbkitError, match="comes into a backup bearing"):
-        judge_machine(machine(), seeds=1, load=3.0)
+        judge_states(machine(), seeds=1, load=3.0)

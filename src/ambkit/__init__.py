@@ -41,9 +41,9 @@ if TYPE_CHECKING:
     from ambkit.identification.online.adaline import Adaline as Adaline
     from ambkit.identification.online.magnet_constant import identify_online as identify_online
     from ambkit.identification.online.rls import RecursiveLeastSquares as RecursiveLeastSquares
+    from ambkit.judge.comparison.states import Judgement as Judgement
+    from ambkit.judge.comparison.states import judge_states as judge_states
     from ambkit.judge.faults import torture as torture
-    from ambkit.judge.machine import MachineJudgement as MachineJudgement
-    from ambkit.judge.machine import judge_machine as judge_machine
     from ambkit.machine.bearing import Bearing as Bearing
     from ambkit.machine.machine import Machine as Machine
     from ambkit.machine.magnets import ClosedLaw as ClosedLaw
@@ -121,7 +121,7 @@ _HOME = {
     "identification.online.magnet_constant": ["identify_online"],
     "identification.online.rls": ["RecursiveLeastSquares"],
     "judge.faults": ["torture"],
-    "judge.machine": ["MachineJudgement", "judge_machine"],
+    "judge.comparison.states": ["Judgement", "judge_states"],
     "machine.bearing": ["Bearing"],
     "machine.machine": ["Machine"],
     "machine.magnets": ["ClosedLaw", "ConstantStiffness", "SaturatingLaw", "magnet_of"],

@@ -1,33 +1,35 @@
-"""Estimators of a whole machine, judged by simulated truth beside the bound and the raw sensors."""
+"""Estimators judged state by state where the truth follows their model, beside the bound."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.asked import names_in
+from ambkit.base.asked import names_in, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.data.signals import signal
 from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.registry import kind_called, learned_magnet
-from ambkit.judge import machine_reference
+from ambkit.estimate.view import several
+from ambkit.judge.comparison.criteria import normalised_errors, rows_along
+from ambkit.judge.comparison.finer import FINER, finer_filter, run_finer, settled_bound
+from ambkit.judge.evaluation import true_signal
 from ambkit.machine.bank import alone_of, weights_of
+from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine, as_machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import Runout
-from ambkit.models.parts.rotor import velocity_of
 from ambkit.models.parts.synchronous import unbalance_planes
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import simulate_machine
-from ambkit.simulation.run import Run
 
 if TYPE_CHECKING:
+    from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
-    from ambkit.estimate.estimate import Estimate
-    from ambkit.machine.machine import Machine
     from ambkit.simulation.waveforms import Signal
 
 Array = NDArray[np.float64]
@@ -39,14 +41,15 @@ WITHIN = 8
 
 
 @dataclass(frozen=True)
-class MachineJudgement:
-    """Errors of estimators of a whole machine, over seeds, after they have settled.
+class Judgement:
+    """Errors of estimators, over seeds, after they have settled.
 
     Attributes
     ----------
     quantities : tuple of str
-        ``s_A1`` displacement at an axis [m], ``v_A1`` its velocity [m/s], ``f_d_A1`` load [N],
-        and ``i_A1`` current where the amplifier lags [A]; of unbalance and runout the states.
+        ``s_A1`` displacement at an axis [m], ``v_A1`` its velocity [m/s], ``f_d_A1`` disturbance
+        force [N], and ``i_A1`` current where the amplifier lags [A], without the name of a single
+        axis; of unbalance and runout the states.
     errors : mapping
         Of each contender, root mean square errors (seeds, quantities), each in its unit; those of
         the raw sensor are NaN where it says nothing.
@@ -92,7 +95,7 @@ class MachineJudgement:
             No finer filter was asked for.
         """
         if self.finer is None:
-            raise ValueError("no finer filter was run: judge_machine(..., finer=True)")
+            raise ValueError("no finer filter was run: judge_states(..., finer=True)")
         own = np.mean(self.errors[contender] ** 2, axis=0)
         return np.asarray(np.mean(self.finer**2, axis=0) / own)
 
@@ -114,8 +117,8 @@ class MachineJudgement:
         )
 
 
-def judge_machine(
-    machine: Machine,
+def judge_states(
+    bearing: Bearing | Machine,
     kinds: Sequence[str] = ("linear", "extended"),
     *,
     seeds: int = 20,
@@ -127,19 +130,19 @@ def judge_machine(
     synchronous: Sequence[str] = (),
     balance: float = 1.0,
     finer: bool = False,
-) -> MachineJudgement:
-    """Judge estimators of a machine whose truth follows their model.
+) -> Judgement:
+    """Judge estimators of a machine whose truth follows their model, state by state.
 
-    The loads are random walks that come to a share of what the magnets have to spare, with the
-    growth that the filters assume, the noise is that of the machine. Unbalance and runout are left
-    out where the filters do not know them; where they do, they are drawn anew for each run, as
-    large as the filters expect. The filters start from their first readings, with their usual
-    doubt.
+    The disturbance forces are random walks that come to a share of what the magnets have to spare,
+    with the growth that the filters assume, the noise is that of the machine. Unbalance and runout
+    are left out where the filters do not know them; where they do, they are drawn anew for each
+    run, as large as the filters expect. The filters start from their first readings, with their
+    usual doubt.
 
     Parameters
     ----------
-    machine : Machine
-        The whole machine.
+    bearing : Bearing or Machine
+        The machine.
     kinds : sequence of str
         Of ``ambkit.estimate.registry.KINDS``.
     seeds : int
@@ -165,8 +168,11 @@ def judge_machine(
     ------
     AmbkitError
         A run comes into a backup bearing, of which the model knows nothing.
+    TypeError
+        `bearing` is no machine.
     """
-    plain = _known(machine, synchronous)
+    of_type(Bearing, Machine, bearing=bearing)
+    plain = _known(as_machine(bearing), synchronous)
     noise = FilterNoise(disturbance=_growth(plain, duration, load))
     filters = {
         kind: kind_called(kind).make(
@@ -176,11 +182,10 @@ def judge_machine(
     }
     first = next(iter(filters.values()))
     drawn = {s.name: balance * s.size for s in first.states if s.role in ("unbalance", "runout")}
-    other = machine_reference.finer(first) if finer else None
+    other = finer_filter(first) if finer else None
     for each in [*filters.values(), *([other] if other else [])]:
         each.start_std = dict(drawn)
     W, quantities = _quantities(first)
-    judged = np.array([k for k, q in enumerate(quantities) if q.startswith(("s_", "v_", "f_d_"))])
     T = plain.sampling_time
     start = round(settled / T)
     errors: dict[str, list[Array]] = {name: [] for name in (*filters, RAW)}
@@ -189,31 +194,29 @@ def judge_machine(
     finest: list[Array] = []
     for seed in range(first_seed, first_seed + seeds):
         turned, rotor = _drawn(plain, drawn, seed)
-        run, walks = _flown(turned, first, seed, Flight(duration=duration, seed=seed, speed=speed))
-        if run.samples_at_the_stop:
+        record = _flown(turned, first, seed, Flight(duration=duration, seed=seed, speed=speed))
+        if record.meta["stop_touched"]:
             raise AmbkitError(
                 f"{plain.name}: with loads of {load:g} of what the magnets have to spare the rotor "
                 f"comes into a backup bearing (seed {seed}); judge with less load"
             )
-        angle = _angle(run.record["speed"], T)
-        truth = np.column_stack([
-            _state_of(rotor, name, angle) if name in drawn else _truth(run, walks, name)
-            for name in quantities
-        ])[start:]  # fmt: skip
+        truth = (_true_states(first, record, rotor) @ W.T)[start:]
         for name, estimator in filters.items():
-            estimate = estimator.run(run.record, covariance=True)
-            assert estimate.covariance is not None
+            estimate = estimator.run(record, covariance=True)
             wrong = (estimate.mean @ W.T)[start:] - truth
             errors[name].append(np.sqrt(np.mean(wrong**2, axis=0)))
-            nees[name].append(_nees(wrong, estimate, W, start, judged))
-        errors[RAW].append(_raw(plain, first, run, quantities, truth, start))
+            squares = normalised_errors(estimate, record, first.view)[start:]
+            nees[name].append(float(np.mean(squares)) / (3 * len(first.view.alone)))
+        errors[RAW].append(_raw(first, record, truth, start))
         if not bounds or synchronous:
-            bounds.append(machine_reference.bound(first, run.record, W, start))
+            bounds.append(settled_bound(first, record, W, start))
         if other:
-            delay = plain.delay or 0.0
-            fine = machine_reference.run_finer(other, run.record, delay)
-            finest.append(_finer_errors(other, fine, quantities, truth, start))
-    return MachineJudgement(
+            fine = run_finer(other, record, plain.delay or 0.0)
+            rows, names = _quantities(other)
+            rows = np.array([rows[names.index(name)] for name in quantities])
+            said = (fine.mean[::FINER] @ rows.T)[start:]
+            finest.append(np.sqrt(np.mean((said - truth) ** 2, axis=0)))
+    return Judgement(
         quantities,
         {name: np.array(each) for name, each in errors.items()},
         np.sqrt(np.mean(np.square(bounds), axis=0)),
@@ -236,6 +239,8 @@ def _drawn(
     machine: Machine, sizes: Mapping[str, float], seed: int
 ) -> tuple[Machine, dict[str, complex]]:
     """Return the machine with unbalance and runout of its own, and these by states, at angle 0."""
+    if not sizes:
+        return machine, {}
     rng = np.random.default_rng([seed, 41])
     rotor: dict[str, complex] = {}
     for name, size in sizes.items():
@@ -266,16 +271,6 @@ def _state_of(rotor: Mapping[str, complex], name: str, angle: Array) -> Array:
     return np.asarray(turned.real if name.endswith(("_x", "_c")) else turned.imag)
 
 
-def _finer_errors(
-    other: Estimator, estimate: Estimate, quantities: tuple[str, ...], truth: Array, start: int
-) -> Array:
-    W, names = _quantities(other)
-    rows = [W[names.index(name)] if name in names else np.full(W.shape[1], np.nan)
-            for name in quantities]  # fmt: skip
-    said = estimate.mean[:: machine_reference.FINER] @ np.array(rows).T
-    return np.asarray(np.sqrt(np.mean((said[start:] - truth) ** 2, axis=0)))
-
-
 def _growth(machine: Machine, duration: float, load: float) -> float:
     """Return how fast the variance of a load grows [N^2/s]."""
     spare = []
@@ -286,71 +281,52 @@ def _growth(machine: Machine, duration: float, load: float) -> float:
     return float((load * min(spare)) ** 2 / duration)
 
 
-def _flown(machine: Machine, filters: Estimator, seed: int, flight: Flight) -> tuple[Run, Array]:
-    """Return a run, and the loads at its samples: what acts is their mean until the next one."""
+def _flown(machine: Machine, filters: Estimator, seed: int, flight: Flight) -> Record:
+    """Return a run, with the loads at its samples: what acts is their mean until the next one."""
     T, n = machine.sampling_time, round(flight.duration / machine.sampling_time) + 1
     rng = np.random.default_rng([seed, 14])
-    growth = np.sqrt(T / WITHIN * np.array(filters.variances.disturbance))
+    growth = np.sqrt(T / WITHIN * np.array(several(filters.variances.disturbance)))
     walks = np.cumsum(rng.normal(0.0, growth, (n * WITHIN, len(growth))), axis=0)
     parts = walks.reshape(n, WITHIN, -1)
-    return simulate_machine(machine, flight, disturbance=parts.mean(axis=1)), parts[:, 0]
+    record = simulate_machine(machine, flight, disturbance=parts.mean(axis=1)).record
+    names = [signal("f_d", axis.name) for axis in machine.axes]
+    return replace(
+        record, signals={**record.signals, **dict(zip(names, parts[:, 0].T, strict=True))}
+    )
 
 
 def _quantities(estimator: Estimator) -> tuple[Array, tuple[str, ...]]:
     """Return what is judged as rows (quantities, states), and names."""
-    whole, states = estimator.whole, estimator.states
-    assert whole is not None
-    names = [axis.name for axis in whole.machine.axes]
-    rows, quantities = [], []
-    for label, block in zip("sv", whole.along_axes(states), strict=True):
-        rows.append(block)
-        quantities += [f"{label}_{name}" for name in names]
-    for roles in (("disturbance force",), ("current",), ("unbalance", "runout")):
-        for k, state in enumerate(states):
-            if state.role in roles:
-                rows.append(np.eye(len(states))[k : k + 1])
-                quantities.append(state.name)
-    return np.concatenate(rows), tuple(quantities)
+    view, states = estimator.view, estimator.states
+    names = [signal(what, axis.name) for what in ("s", "v", "f_d") for axis in view.machine.axes]
+    own = [
+        k for roles in (("current",), ("unbalance", "runout"))
+        for k, state in enumerate(states) if state.role in roles
+    ]  # fmt: skip
+    rows = np.concatenate([*rows_along(states, view), np.eye(len(states))[own]])
+    return rows, (*names, *(states[k].name for k in own))
 
 
-def _truth(run: Run, walks: Array, quantity: str) -> Array:
-    record, (label, _, axis) = run.record, quantity.rpartition("_")
-    if label == "f_d":
-        return walks[:, [each.name for each in run.machine.axes].index(axis)]
-    if label == "v":
-        at = next(each for each in run.machine.axes if each.name == axis)
-        forms = at.line.form.items()
-        return np.asarray(sum(value * record[f"q_{velocity_of(q)}"] for q, value in forms))
-    return np.asarray(record[{"i": signal("iu", axis)}.get(label, quantity)])
+def _true_states(estimator: Estimator, record: Record, rotor: Mapping[str, complex]) -> Array:
+    """Return the truth of an estimator's states (n, states); 0 where nobody judges it."""
+    angle = _angle(record["speed"], estimator.bearing.sampling_time)
+    found = np.zeros((len(record), len(estimator.states)))
+    for k, state in enumerate(estimator.states):
+        if state.role in ("unbalance", "runout"):
+            found[:, k] = _state_of(rotor, state.name, angle)
+        elif state.role == "current":
+            found[:, k] = record["iu" + state.name[1:]]
+        elif (truth := true_signal(record, state.name)) is not None:
+            found[:, k] = truth
+    return found
 
 
-def _nees(wrong: Array, estimate: Estimate, W: Array, start: int, judged: Array) -> float:
-    """Return the mean normalised error squared of s, v and f_d, over their number."""
-    assert estimate.covariance is not None
-    n = W.shape[1]
-    rows, columns = np.triu_indices(n)
-    found = []
-    for k in range(0, len(wrong), 20):  # neighbours say the same
-        P = np.zeros((n, n))
-        P[rows, columns] = estimate.covariance[start + k]
-        P = P + np.triu(P, 1).T
-        part = W[judged] @ P @ W[judged].T
-        size = np.sqrt(np.diag(part))
-        e = wrong[k, judged] / size
-        found.append(e @ np.linalg.solve(part / np.outer(size, size), e) / len(judged))
-    return float(np.mean(found))
-
-
-def _raw(
-    machine: Machine, estimator: Estimator, run: Run, quantities: tuple[str, ...],
-    truth: Array, start: int,
-) -> Array:  # fmt: skip
+def _raw(estimator: Estimator, record: Record, truth: Array, start: int) -> Array:
     """Return the errors of the displacements that explain the readings best."""
-    whole = estimator.whole
-    assert whole is not None
-    y, _ = whole.signals(run.record)
-    shown = (y @ (whole.H @ whole.shown).T)[start:]
-    found = np.full(len(quantities), np.nan)
-    p = len(machine.axes)
+    view = estimator.view
+    y = np.column_stack([record[signal("y", r.name)] for r in view.machine.readings])
+    shown = (y @ (view.H @ view.shown).T)[start:]
+    found = np.full(truth.shape[1], np.nan)
+    p = len(view.alone)
     found[:p] = np.sqrt(np.mean((shown - truth[:, :p]) ** 2, axis=0))
     return found
