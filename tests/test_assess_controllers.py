@@ -16,7 +16,6 @@ from ambkit.simulation.machine import simulate_machine
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.campbell import stiffnesses
 from ambkit.workflow.sweeping import _MachineRig
-from ambkit.workflow.verdict import facts
 
 TUM = Machine.preset("tum_mlps")
 TILT = Control(type="translation and tilt")
@@ -112,8 +111,8 @@ def test_what_is_said_of_controllers():
     found = ambkit.assess(TUM, "linear", TILT)
     assert list(found.controllers) == ["x", "y", "th_x", "th_y"]
     assert found.to_dict()["control"]["type"] == "translation and tilt"
-    assert facts(found, "linear")["control"] == "translation and tilt"
-    assert "kp, ki, kd of x, y" in facts(found, "linear")
+    assert found.facts["control"] == "translation and tilt"
+    assert "kp, ki, kd of x, y" in found.facts
     assert found.of.static_compliance() > 0
     assert list(found.shares()) == ["as it is", "sensor", "filter"]
     regulated = ambkit.assess(TUM, "linear", LQG)

@@ -11,6 +11,7 @@ import ambkit
 from ambkit import Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.result.page import write_result
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint
@@ -19,7 +20,6 @@ from ambkit.simulation.machine import simulate_machine
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.balance import unbalance_forces
 from ambkit.workflow.over_speed import assess_over_speed
-from ambkit.workflow.verdict import verdict, write_verdict
 
 RPM = math.pi / 30
 UFU = Machine.preset("ufu_rig")
@@ -247,18 +247,15 @@ def test_lqg_of_a_machine_stands_beside_the_loops():
 def test_the_verdict_on_a_machine(tmp_path):
     found = ambkit.assess(UFU, "linear")
     over = assess_over_speed(UFU, "linear", fastest="6000 rpm", count=3)
-    lines = verdict(found, "linear", over)
-    assert all(line.good is not False for line in lines)
-    said = {line.what.strip(): line.found for line in lines}
-    assert said["largest singular value"].startswith(f"{found.loops['linear'].largest[0]:.3f}")
-    assert said["balance quality grade of the unbalance (ISO 21940-11)"] == "G 0.423"
-    write_verdict(found, tmp_path / "v.html", over=over)
+    assert all(row.kept is not False for row in [*found.rows, *over.rows])
+    rows = {row.key: row for row in found.rows if row.of == "linear"}
+    assert rows["largest_singular_value"].value == found.loops["linear"].largest[0]
+    assert "The unbalance is of balance quality grade G 0.423." in found.notes
+    write_result([found, over], tmp_path / "v.html", signed=True)
     page = (tmp_path / "v.html").read_text(encoding="utf-8")
     for words in ("Verdict on the loop of ufu_rig", "All that has a limit keeps it", "reviewed by",
                   "closed loop over speed", "from rest to 6000 rpm", "21940-11"):  # fmt: skip
         assert words in page
-    with pytest.raises(AmbkitError, match="over speed is of ufu_rig, fed by linear; the verdict"):
-        write_verdict(found, tmp_path / "v.html", MEASUREMENT, over)
 
 
 def test_the_verdict_says_which_axis_misses():
@@ -266,9 +263,9 @@ def test_the_verdict_says_which_axis_misses():
         UFU.unbalance[0].model_copy(update={"amount": 3e-3}),
     )})  # fmt: skip
     found = ambkit.assess(heavy)
-    kept = {line.what: line.good for line in verdict(found, MEASUREMENT)}
-    assert kept["greatest displacement (ISO 14839-2)"] is False
-    assert kept["check: Bode's integral of ln|det S|"] is True
+    rows = {row.key: row for row in found.rows if row.of == MEASUREMENT}
+    assert rows["displacement"].kept is False
+    assert rows["bode_holds"].value is True
 
 
 def test_voltage_and_copper_of_a_machine():

@@ -7,7 +7,7 @@ from ambkit.workflow.assessing import MEASUREMENT
 
 
 @pytest.mark.parametrize(("arguments", "said"), [
-    (["ufu_rig"], "Each axis with all other loops closed"),
+    (["ufu_rig", "--verbose"], "Each axis with all other loops closed"),
     pytest.param(
         ["ufu_rig", "--filter", "none", "--over-speed", "3000 rpm"], "to 3000 rpm",
         marks=pytest.mark.long,

@@ -144,7 +144,7 @@ def test_assess_takes_it(arguments, folder, capsys, monkeypatch):
 
 @pytest.mark.parametrize(("arguments", "code", "said"), [
     (["check", "f.toml"], 0, "ok, filter: linear, for tum_mlps"),
-    (["assess", "tum_mlps", "--filter", "f.toml", "--controller", "flight.toml"], 0, "Bode"),
+    (["assess", "tum_mlps", "--filter", "f.toml", "--controller", "flight.toml"], 0, "margin, up"),
     (["assess", "tum_mlps", "--filter", "f.toml", "--synchronous", "runout"], 2,
      "says itself what it estimates"),
     (["assess", "zittau_axial", "--filter", "f.toml"], 2, "this filter is of tum_mlps, a machine"),

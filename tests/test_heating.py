@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 import ambkit
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.loop.heating import heating
-from ambkit.workflow.verdict import verdict
 
 COIL = {"thermal_resistance": "2 K/W", "time_constant": "20 min", "ambient": "313.15 K",
         "temperature_limit": "403.15 K"}  # fmt: skip
@@ -81,18 +80,17 @@ def test_the_verdict_says_how_warm_coils_are():
     d = found.loops["linear"].demands
     squares = [(WARM.magnet.bias_current + side * found.point.iu) ** 2 for side in (1, -1)]
     assert d.heating.temperature == pytest.approx(heating(WARM, squares).temperature, rel=1e-3)
-    lines = {line.what: line for line in verdict(found, "linear")}
-    assert lines["coil temperature"].found == f"{d.heating.celsius:.1f} °C"
-    assert lines["coil temperature"].limit == "below 130.0 °C"
-    assert lines["coil temperature"].good
-    assert any("until the limit" in what for what in lines)
+    rows = {row.key: row for row in found.rows if row.of == "linear"}
+    assert rows["coil_temperature"].text() == f"{d.heating.celsius:.1f} °C"
+    assert rows["coil_temperature"].limit() == "below 130.0 °C"
+    assert rows["coil_temperature"].kept
+    assert rows["time_to_coil_temperature_limit"].value == d.heating.until_limit
     away = ambkit.assess(WARM.replace(coil__thermal_resistance="60 K/W"))
-    lines = {line.what: line for line in verdict(away, "measurement")}
-    assert lines["coil temperature"].found.startswith("runs away")
-    assert lines["coil temperature"].good is False
+    hot = next(row for row in away.rows if row.key == "coil_temperature")
+    assert hot.text() == "runs away"
+    assert hot.kept is False
     unknown = ambkit.assess(ambkit.Bearing.preset("zittau_axial"))
-    lines = {line.what: line for line in verdict(unknown, "measurement")}
-    assert "thermal_resistance" in lines["coil temperature"].found
+    assert any("thermal_resistance" in note for note in unknown.notes)
 
 
 def test_a_run_up_warms_the_coils_of_a_machine():

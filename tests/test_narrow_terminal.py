@@ -49,8 +49,8 @@ def narrow(monkeypatch):
     [
         ("presets", ["zittau_axial", "tum_mlps_flexible", "hindawi_2011"]),
         ("rotor tum_mlps", ["2045 rpm", "33.57 Hz"]),
-        (f"assess zittau_axial --filter {FILTERS}", ["steady-state", "0.01272972"]),
-        ("assess tum_mlps --filter linear", ["0.15813124", "2044.8 rpm", "416.7 g mm"]),
+        (f"assess zittau_axial --verbose --filter {FILTERS}", ["steady-state", "0.01272972"]),
+        ("assess tum_mlps --verbose --filter linear", ["0.15813124", "2044.8 rpm", "416.7 g mm"]),
         ("simulate zittau_axial --duration 50ms", []),
         (f"torture zittau_axial --estimators {FILTERS} --faults knock,outage-1ms", []),
         (f"compare zittau_axial --estimators {FILTERS} --runs 1", FILTERS.split(",")),

@@ -16,7 +16,6 @@ from ambkit.simulation.linear.pieces import Orbit, WorkPoint, plant
 from ambkit.simulation.machine import simulate_machine
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.orbiting import on_orbit
-from ambkit.workflow.verdict import facts
 
 TUM = Machine.preset("tum_mlps").replace(speed="6000 rpm")
 GAP = TUM.bearing[0].magnet.air_gap
@@ -89,8 +88,8 @@ def test_what_is_said_of_an_orbit():
     found = ambkit.assess(TUM, "linear", orbit=0.1 * GAP)
     loop = found.loops["linear"]
     assert loop.integral.holds
-    assert loop.to_dict()["orbit"][0] == pytest.approx(0.1 * GAP, rel=1e-4)
-    assert "along the orbit of" in facts(found, "linear")
+    assert found.to_dict()["loops"]["linear"]["orbit"][0] == pytest.approx(0.1 * GAP, rel=1e-4)
+    assert "along the orbit of" in found.facts
     far = max(at.demands.displacement for at in loop.axes.values())
     assert far == pytest.approx(0.1 * GAP, rel=0.05)
     own = ambkit.assess(TUM, orbit=True).loops[MEASUREMENT]

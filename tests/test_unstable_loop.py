@@ -15,7 +15,6 @@ from ambkit.result.report import static
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.assessment import Assessment
-from ambkit.workflow.verdict import verdict, write_verdict
 
 PLANTS = {
     "axis": lambda: assess(Bearing.preset("zittau_axial"), "linear", SHAKY),
@@ -58,13 +57,13 @@ def test_it_is_drawn(found: Assessment) -> None:
 
 
 def test_it_is_told_and_written(found: Assessment, tmp_path: Path) -> None:
-    data = found.to_dict()["loops"][MEASUREMENT]["unstable_poles"]
-    assert data[0]["time_to_double"] == pytest.approx(math.log(2) / data[0]["growth"])
-    lines = verdict(found, "linear")
-    assert lines[0].good is False
-    assert "doubles in" in lines[1].found
-    write_verdict(found, tmp_path / "v.html")
-    assert "Not kept: stability" in (tmp_path / "v.html").read_text(encoding="utf-8")
+    pole = found.to_dict()["loops"][MEASUREMENT]["unstable_poles"]["1"]
+    assert pole["time_to_double"] == pytest.approx(math.log(2) / pole["growth"])
+    assert found.rows[0].kept is False
+    assert any(row.name == "doubles in" for row in found.rows)
+    found.page(tmp_path / "v.html")
+    page = (tmp_path / "v.html").read_text(encoding="utf-8")
+    assert "Not kept: zone, the worse of stability" in page
 
 
 def test_the_command_prints_it(call: Any, tmp_path: Path) -> None:

@@ -12,10 +12,10 @@ from ambkit import Bearing, KalmanFilter, Scenario, Sine
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.machine import presets
+from ambkit.result.page import write_result
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.run import simulate
-from ambkit.workflow.verdict import verdict, write_verdict
 
 ZITTAU = Bearing.preset("zittau_axial")
 LATE = ZITTAU.replace(
@@ -118,29 +118,29 @@ def test_zones_are_by_the_share_of_the_clearance(share, zone):
 
 def test_the_verdict_says_what_is_kept_and_what_not(tmp_path):
     good = ambkit.assess(LATE, "linear")
-    lines = verdict(good, "linear")
-    assert all(line.good is not False for line in lines)
-    write_verdict(good, tmp_path / "v.html")
+    assert all(row.kept is not False for row in good.rows)
+    write_result([good], tmp_path / "v.html", signed=True)
     page = (tmp_path / "v.html").read_text(encoding="utf-8")
     for said in ("Verdict on the loop of late", "All that has a limit keeps it", "reviewed by",
-                 "an aid, not a certificate".capitalize(), "14839-2"):  # fmt: skip
+                 "an aid, not a certificate", "14839-2"):  # fmt: skip
         assert said in page
     far = ambkit.assess(LATE, "linear", x=0.5 * LATE.rotor.travel_limit)
-    kept = {line.what: line.good for line in verdict(far, "linear")}
-    assert kept["greatest displacement (ISO 14839-2)"] is False
-    assert kept["peak of the sensitivity (ISO 14839-3)"] == (far.loops["linear"].peak < 3)
+    kept = {row.key: row.kept for row in far.rows if row.of == "linear"}
+    assert kept["displacement"] is False
+    assert kept["verdict"] is False
+    assert kept["peak"] == (far.loops["linear"].peak < 3)
+    assert "not kept: zone" in far.finding
     assert len(good.capacity_figure().panels) == 3
     assert len(ambkit.assess(ZITTAU).capacity_figure().panels) == 2
 
 
-def test_what_is_not_there_has_no_verdict_and_what_falls_keeps_nothing(tmp_path):
-    found = ambkit.assess(LATE, "linear")
-    with pytest.raises(AmbkitError, match="no loop is fed by observer; there are measurement, lin"):
-        write_verdict(found, tmp_path / "v.html", "observer")
+def test_what_falls_keeps_nothing(tmp_path):
     weak = ambkit.assess(LATE, controller=ambkit.PID(kp=100.0, ki=0.0, kd=1.0))
     assert weak.loops["measurement"].demands is None
-    write_verdict(weak, tmp_path / "v.html")
-    assert "Not kept: stability" in (tmp_path / "v.html").read_text(encoding="utf-8")
+    weak.page(tmp_path / "v.html")
+    assert "Not kept: zone, the worse of stability" in (tmp_path / "v.html").read_text(
+        encoding="utf-8"
+    )
     with pytest.raises(AmbkitError, match="nothing to draw"):
         weak.capacity_figure()
 

@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from ambkit.machine.magnets import magnet_of as magnet_of
     from ambkit.machine.stiffness import StiffnessMap as StiffnessMap
     from ambkit.machine.stiffness import stiffness_map as stiffness_map
+    from ambkit.result.result import Result as Result
     from ambkit.simulation.flight import Flight as Flight
     from ambkit.simulation.machine import simulate_machine as simulate_machine
     from ambkit.simulation.many import Planned as Planned
@@ -126,6 +127,7 @@ _HOME = {
     "machine.machine": ["Machine"],
     "machine.magnets": ["ClosedLaw", "ConstantStiffness", "SaturatingLaw", "magnet_of"],
     "machine.stiffness": ["StiffnessMap", "stiffness_map"],
+    "result.result": ["Result"],
     "simulation.flight": ["Flight"],
     "simulation.machine": ["simulate_machine"],
     "simulation.many": ["Planned", "simulate_many"],
@@ -198,8 +200,6 @@ _BEHIND = {
         "study": "judge.comparison.study.Study",
     },
     "workflow.cards": {
-        "assessed_log": "workflow.assessing_log.AssessedLog",
-        "assessment": "workflow.assessment.Assessment",
         "loop_scores": "workflow.comparing.LoopScores",
         "design": "workflow.designing.Design",
         "machine_design": "workflow.designing_machine.MachineDesign",
@@ -207,7 +207,6 @@ _BEHIND = {
         "identified": "workflow.identifying.Identified",
         "lifted_off": "workflow.identifying.LiftedOff",
         "injection": "workflow.injection.Injection",
-        "over_speed": "workflow.over_speed.OverSpeed",
         "swept": "workflow.sweeping.Sweep",
         "trade_off": "workflow.trading_off.TradeOff",
         "tuned": "workflow.tuned_filter.Tuned",

@@ -9,7 +9,6 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.assess_sweep import deliver_sweep
-from ambkit.cli.assess_tables import tables, tables_over_speed
 from ambkit.cli.kinds import NAMES, known
 from ambkit.cli.loop_query import LoopQuery, read_query
 from ambkit.cli.options import (
@@ -20,6 +19,7 @@ from ambkit.cli.options import (
     Plot,
     Synchronous,
     To,
+    Verbose,
     file_option,
     quantity,
     read_quantities,
@@ -27,7 +27,6 @@ from ambkit.cli.options import (
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.workflow.assessing_log import AssessedLog
     from ambkit.workflow.over_speed import OverSpeed
 
 
@@ -154,6 +153,7 @@ def assess(
         ),
     ] = None,
     plot: Plot = None,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Say how far the loop is from the limit of stability, with the filter in it.
@@ -200,13 +200,13 @@ def assess(
         from ambkit.cli.logs import load_log
 
         record = load_log(Path(target), channel_map, begin, end)
-        _deliver_log(record, query, before, plot, json)
+        _deliver_log(record, query, before, plot, json, verbose)
     elif amplitudes is not None:
         deliver_sweep(query, amplitudes, stepped, plot, json, axis=axis, orbit=along)
     elif fastest is not None and report is None:
-        _deliver_over_speed(query, fastest, along, plot, json)
+        _deliver_over_speed(query, fastest, along, plot, json, verbose)
     else:
-        _deliver_loops(query, fastest, plot, report, json, orbit=along, lqg=lqg, hinf=hinf)
+        _deliver_loops(query, fastest, plot, report, json, verbose, orbit=along, lqg=lqg, hinf=hinf)
 
 
 def _along(orbit: str | None) -> bool | float:
@@ -228,88 +228,59 @@ def _over_speed(query: LoopQuery, fastest: float | None, orbit: bool | float) ->
 
 
 def _deliver_over_speed(
-    query: LoopQuery, fastest: float, orbit: bool | float, plot: Path | None, json: bool
+    query: LoopQuery,
+    fastest: float,
+    orbit: bool | float,
+    plot: Path | None,
+    json: bool,
+    verbose: bool,
 ) -> None:
     from ambkit.cli import output
-    from ambkit.show import plots
 
     query.check_one("--over-speed")
     over = _over_speed(query, fastest, orbit)
-    drawn = [(plot, lambda path: plots.save_figure(over.figure(), path))]
-    output.deliver(over.to_dict(), tables_over_speed(over), drawn, as_json=json)
+    output.deliver_result(over, as_json=json, verbose=verbose, plot=plot)
 
 
 def _deliver_loops(
     query: LoopQuery, fastest: float | None, plot: Path | None, report: Path | None, json: bool,
-    **options: Any,
+    verbose: bool, **options: Any,
 ) -> None:  # fmt: skip
     from ambkit.cli import output
-    from ambkit.show import plots
+    from ambkit.result.page import write_result
     from ambkit.workflow.assessing import assess as assessed
-    from ambkit.workflow.verdict import write_verdict
 
-    over = None
+    over: list[OverSpeed] = []
     if report is not None:
         query.check_one("--report")
         if query.machine.rotor.type != "mass":
-            over = _over_speed(query, fastest, options["orbit"])
+            over = [_over_speed(query, fastest, options["orbit"])]
     found = assessed(
         query.machine, query.filters, query.controller, x=query.x, load=query.load, **options
     )
-    output.deliver(
-        found.to_dict(),
-        tables(found),
-        [
-            (plot, lambda path: plots.save_figure(found.figure(), path)),
-            (report, lambda path: write_verdict(found, path, over=over)),
-        ],
+    output.deliver_result(
+        found,
+        [(report, lambda path: write_result([found, *over], path, signed=True))],
         as_json=json,
+        verbose=verbose,
+        plot=plot,
     )
 
 
 def _deliver_log(
-    record: Record, query: LoopQuery | None, before: bool, plot: Path | None, json: bool
+    record: Record,
+    query: LoopQuery | None,
+    before: bool,
+    plot: Path | None,
+    json: bool,
+    verbose: bool,
 ) -> None:
     from ambkit.cli import output
-    from ambkit.show import plots
-    from ambkit.workflow.assessing_log import BASIS, assess_log
+    from ambkit.workflow.assessing_log import assess_log
 
     model: dict[str, Any] = {}
     if query is not None:
         model = {"bearing": query.machine, "filter": query.filters, "controller": query.controller,
                  "x": query.x, "load": query.load}  # fmt: skip
     found = assess_log(record, logged="before" if before else "after", **model)
-    output.deliver(
-        found.to_dict(),
-        [*_of_log(found), BASIS],
-        [(plot, lambda path: plots.save_figure(found.figure(), path))],
-        as_json=json,
-    )
-
-
-def _of_log(found: AssessedLog) -> list[Any]:
-    """Return tables of what a record told, and of how the models meet it."""
-    from ambkit.cli.output import table, value
-
-    m, (low, high) = found.measured, found.interval
-    rows = [
-        ["zone of ISO 14839-3", found.zone],
-        [f"  peak of |S| to {value(found.top, 'Hz')}", f"{found.peak:.3f}"],
-        ["  at", value(found.peak_frequency, "Hz")],
-        ["  at all frequencies together, 95 %", f"{low:.3f} to {high:.3f}"],
-        ["frequencies", f"{len(m.frequency)}, {value(m.frequency[0], 'Hz', 3)} to "
-                        f"{value(m.frequency[-1], 'Hz', 3)}"],
-        ["periods", f"{m.periods}" if m.periods > 1 else "none: local polynomials"],
-        ["coherence, least", f"{m.coherence.min():.3f}"],
-    ]  # fmt: skip
-    shown = [table("Measured sensitivity", ["", ""], rows)]
-    if found.model is not None:
-        met = [
-            [name, each.zone, f"{each.peak:.3f}" if each.stable else "–",
-             f"{100 * found.deviation[name]:.2g} %", f"{100 * found.within[name]:.0f} %"]
-            for name, each in found.model.loops.items()
-        ]  # fmt: skip
-        heads = ["controller fed by", "zone", "peak of |S|", "median distance",
-                 "within the 95 % intervals"]  # fmt: skip
-        shown.append(table(f"Models of {found.name}", heads, met))
-    return shown
+    output.deliver_result(found, as_json=json, verbose=verbose, plot=plot)

@@ -100,6 +100,7 @@ Force = Annotated[
     typer.Option("--force", help="Export it also where it is judged that it must not fly."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, in SI units, for machines.")]
+Verbose = Annotated[bool, typer.Option("--verbose", help="Print all figures.")]
 Plot = Annotated[
     Path | None, file_option("Draw a picture: .png, .svg or .html.", PICTURES, "--plot")
 ]

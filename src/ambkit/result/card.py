@@ -14,6 +14,8 @@ from ambkit.result.drawing import plot
 from ambkit.result.report.figure import Figure
 from ambkit.result.report.static import light
 from ambkit.result.report.static_items import WIDTH
+from ambkit.result.stated import Stated
+from ambkit.result.tables import tables
 
 LONGEST = 300
 """Characters of a cell or a note; a description may have thousands."""
@@ -30,7 +32,7 @@ class Card:
 
     title: str  #: What it is; like all texts here as it stands, not yet escaped.
     rows: Sequence[Sequence[str]]  #: The table: in each row first what it tells.
-    figure: Figure  #: The picture.
+    figure: Figure | None  #: The picture.
     headers: Sequence[str] = ()  #: Over the columns; none where a row is a name and a value.
     notes: Sequence[str] = ()  #: Sentences below the table.
 
@@ -42,13 +44,14 @@ class Card:
                 '<div class="tex2jax_ignore mathjax_ignore">',
                 self._table(),
                 *(f"<p>{_text(note)}</p>" for note in self.notes),
-                image(self.figure),
+                *([] if self.figure is None else [image(self.figure)]),
                 "</div>",
             ]
         )
 
     def plot(self, *, ax: Any, panel: int | str, static: bool) -> Any:
         """Draw the picture, see :meth:`ambkit.base.showing.Shown.plot`."""
+        assert self.figure is not None
         return plot(self.figure, ax=ax, panel=panel, static=static)
 
     def _table(self) -> str:
@@ -87,3 +90,10 @@ def _text(text: str) -> str:
 def value(number: Any, unit: str, digits: int = 4) -> str:
     """Print a value with its unit for a table; a dash where there is none."""
     return typeset(figure(number, unit, digits))
+
+
+def card_of(result: Stated) -> Card:
+    """Describe a result by its first table."""
+    first = next(tables(result, verbose=False))
+    rows = [[name, *map(typeset, cells)] for name, *cells in first.rows]
+    return Card(result.finding, rows, next(iter(result.figures()), None), first.headers)

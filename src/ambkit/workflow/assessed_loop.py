@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -42,37 +41,6 @@ class AssessedAxis:
     def zone(self) -> str:
         """Zone A to D."""
         return zone_of(self.peak)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
-        m, d = self.margins, self.demands
-        return {
-            "zone": self.zone,
-            "peak": self.peak,
-            "peak_frequency": self.peak_frequency,
-            "current_noise": self.current_noise,
-            "position_noise": self.position_noise,
-            "peak_to_half_the_sampling_rate": m.peak,
-            "peak_to_half_the_sampling_rate_at": m.peak_frequency,
-            "complementary_peak": m.complementary_peak,
-            "gain_margin_up": m.gain_up,
-            "gain_margin_down": m.gain_down,
-            "phase_margin": m.phase,
-            "delay_margin": m.delay,
-            "disk_margin": m.disk,
-            "crossover": m.crossover,
-            "bandwidth": m.bandwidth,
-            "displacement": d.displacement,
-            "displacement_zone": d.zone,
-            "clearance": d.clearance,
-            "current": d.current,
-            "copper_loss": d.copper_loss,
-            "coil_temperature": None if d.heating is None else d.heating.temperature,
-            "coil_temperature_limit": None if d.heating is None else d.heating.limit,
-            "static_load": list(d.capacity.static),
-            "least_load": d.capacity.least[0],
-            "least_load_at": d.capacity.least[1],
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,45 +109,6 @@ class AssessedLoop:
         """The worse of the zones of the peak and of the displacement, A to D, or unstable."""
         d = self.demands
         return self.zone if d is None else max(self.zone, d.zone)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI: of the worst axis, and of several of each."""
-        poles = self.loop.closed.poles()
-        with np.errstate(divide="ignore"):
-            rates = np.log(np.abs(poles)) / self.loop.T
-        found: dict[str, Any] = {
-            "stable": self.stable,
-            "verdict": self.verdict,
-            "zone": self.zone,
-            "peak": self.peak,
-            "peak_frequency": self.peak_frequency,
-            "slowest_pole": float(rates.max()),
-            "current_noise": self.current_noise,
-            "position_noise": self.position_noise,
-            "bode_integral": self.integral.integral,
-            "bode_poles": self.integral.poles,
-            "bode_holds": self.integral.holds,
-            "poles": [[float(at.real), float(at.imag)] for at in poles],
-        }
-        if not self.stable:
-            found["unstable_poles"] = [
-                {"frequency": each.frequency, "growth": each.growth,
-                 "time_to_double": each.doubling if math.isfinite(each.doubling) else None}
-                for each in self.unstable_poles
-            ]  # fmt: skip
-        orbit = self.of.point.orbit
-        if orbit is not None:
-            found["orbit"] = [float(each) for each in np.abs(orbit.x)]
-        if self.loop.axes > 1:
-            found |= {
-                "axes": {name: each.to_dict() for name, each in self.axes.items()},
-                "largest_singular_value": self.largest[0],
-                "largest_singular_value_at": self.largest[1],
-                "worst_axis": None if self.worst is None else self.worst.name,
-            }
-        elif self.worst is not None:
-            found |= self.worst.to_dict()
-        return found
 
 
 def assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:

@@ -15,7 +15,7 @@ from ambkit.machine.machine import Machine
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessed_loop import AssessedLoop, assessed
-from ambkit.workflow.assessment import Assessment
+from ambkit.workflow.assessment import HINF, LQG, Assessment
 from ambkit.workflow.given import given_estimators, given_load
 from ambkit.workflow.orbiting import on_orbit
 
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 
 MEASUREMENT = "measurement"
 """What the loop is called whose controller is fed by the measurement."""
-
-LQG, HINF = "LQG", "H-infinity"
-"""What the loops of the linear-quadratic-Gaussian and of the H-infinity controller are called."""
 
 
 @one_thread()

@@ -10,7 +10,7 @@ import numpy as np
 
 from ambkit.base.asked import Given, of_type
 from ambkit.base.errors import RecordError
-from ambkit.base.showing import Shown
+from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.view import View
@@ -19,8 +19,12 @@ from ambkit.judge.loop.measured import Logged, MeasuredSensitivity, measured_sen
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import Complex
+from ambkit.result.result import Result
+from ambkit.result.row import At, Row, put
+from ambkit.result.stated import Section
 from ambkit.workflow.assessing import assess
 from ambkit.workflow.assessment import Assessment
+from ambkit.workflow.assessment_rows import of_loop
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
@@ -33,8 +37,12 @@ BASIS = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class AssessedLog(Shown):
+MODELS = ("models",)
+"""Section of the loops of the model."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AssessedLog(Result):
     """A measured sensitivity, and what is said of it."""
 
     measured: MeasuredSensitivity  #: What the record tells.
@@ -80,28 +88,63 @@ class AssessedLog(Shown):
         for name, each in () if self.model is None else self.model.loops.items():
             yield name, each.loop.of_axis(self.axis, self.measured.frequency)
 
-    def __repr__(self) -> str:
+    @property
+    def title(self) -> str:
+        """Of what."""
+        return f"Measured sensitivity{f' of {self.name}' if self.name else ''}"
+
+    @property
+    def finding(self) -> str:
+        """The zone, and the peak with its interval."""
         low, high = self.interval
         return (
-            f"<AssessedLog: zone {self.zone}, peak {self.peak:.3g} ({low:.3g} to {high:.3g}) at "
-            f"{self.peak_frequency:.4g} Hz>"
+            f"Measured sensitivity: zone {self.zone}, peak {self.peak:.3f} ({low:.3f} to "
+            f"{high:.3f}) at {engineering(self.peak_frequency, 'Hz', 4)}."
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all figures as plain data, in SI."""
+    @property
+    def rows(self) -> list[Row]:
+        """What the record tells, and how the models meet it."""
+        m, top = self.measured, engineering(self.top, "Hz", 4)
+        found = [
+            Row("zone", "zone of ISO 14839-3", self.zone),
+            Row("peak", f"  peak of |S| to {top}", self.peak, "|S|", interval=self.interval,
+                at=At("peak_frequency", self.peak_frequency)),
+            Row("frequencies", "frequencies", len(m.frequency)),
+            Row("range_measured", "  of them", (float(m.frequency[0]), float(m.frequency[-1])),
+                "Hz", 3),
+            Row("periods", "periods (1 or none: local polynomials)", m.periods),
+            Row("least_coherence", "coherence, least", float(m.coherence.min())),
+        ]  # fmt: skip
+        loops = {} if self.model is None else self.model.loops
+        for name, loop in loops.items():
+            rest = [row for row in of_loop(loop) if row.key not in ("zone", "peak")]
+            found += put([
+                Row("zone", "zone", loop.zone),
+                Row("peak", "peak of |S|", loop.peak, "|S|"),
+                Row("deviation", "median distance", self.deviation[name], "%"),
+                Row("within", "within the 95 % intervals", self.within[name], "%"),
+                *put(rest, detail=True),
+            ], section=MODELS, of=name)  # fmt: skip
+        return found
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        return {(): Section("Measured sensitivity"), MODELS: Section(f"Models of {self.name}")}
+
+    @property
+    def notes(self) -> list[str]:
+        """What all of it is."""
+        return [BASIS]
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """The sensitivity, with its interval, over the frequency."""
         m, (low, high) = self.measured, self.measured.interval()
         L, spread = m.open_loop()
-        within, deviation = self.within, self.deviation
-        models: Mapping[str, Any] = {} if self.model is None else self.model.to_dict()["loops"]
         return {
-            "basis": BASIS,
-            "zone": self.zone,
-            "peak": self.peak,
-            "peak_frequency": self.peak_frequency,
-            "peak_low": self.interval[0],
-            "peak_high": self.interval[1],
             "range": self.top,
-            "periods": m.periods,
             "freedom": m.freedom,
             "frequency": m.frequency.tolist(),
             "sensitivity": np.abs(m.sensitivity).tolist(),
@@ -110,11 +153,11 @@ class AssessedLog(Shown):
             "coherence": m.coherence.tolist(),
             "open_loop": [[float(at.real), float(at.imag)] for at in L],
             "open_loop_std": spread.tolist(),
-            "models": {
-                name: each | {"within": within[name], "deviation": deviation[name]}
-                for name, each in models.items()
-            },
         }
+
+    def figures(self) -> list[Figure]:
+        """Return the sensitivity."""
+        return [self.figure()]
 
     def figure(self) -> Figure:
         """Return S with its interval and zones, the open loop, and the coherence as a picture."""

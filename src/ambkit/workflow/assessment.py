@@ -7,14 +7,22 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from ambkit.base.showing import Shown
+import numpy as np
+
+from ambkit.base import units
+from ambkit.base.units import engineering
 from ambkit.data.signals import by_name
 from ambkit.judge.loop.loop_of import ZONES, LoopOf, ideal_pieces
 from ambkit.machine.machine import Machine, short_form
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 from ambkit.simulation.linear.pieces import WorkPoint
 from ambkit.simulation.scenario import PID
+from ambkit.workflow import assessment_rows as rows
 from ambkit.workflow.assessed_loop import AssessedLoop
-from ambkit.workflow.balance import Grade, of_grades, unbalance_forces
+from ambkit.workflow.balance import Grade, grade_of, of_grades, unbalance_forces
+from ambkit.workflow.separation import BASIS as BASIS_OF_MARGINS
 from ambkit.workflow.separation import Separation, separations
 
 if TYPE_CHECKING:
@@ -27,8 +35,34 @@ BASIS = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Assessment(Shown):
+NEEDED = (
+    "give the amplifier's resistance, and under [coil] its thermal_resistance and temperature_limit"
+)
+"""What the temperature of coils is computed from."""
+
+LQG, HINF = "LQG", "H-infinity"
+"""Names of the loops of controllers that are designed as an optimum."""
+
+CRITICAL, GRADES, PIECES = ("critical_speeds",), ("balance_grades",), ("pieces",)
+"""Sections of an assessment, beside its loops."""
+
+
+def _axes(loop: str) -> tuple[str, ...]:
+    return ("loops", loop, "axes")
+
+
+def _poles(loop: str) -> tuple[str, ...]:
+    return ("loops", loop, "unstable_poles")
+
+
+def _poles_and_orbit(loop: AssessedLoop) -> dict[str, Any]:
+    orbit = loop.of.point.orbit
+    poles = [[float(pole.real), float(pole.imag)] for pole in loop.loop.closed.poles()]
+    return {"poles": poles} | ({} if orbit is None else {"orbit": np.abs(orbit.x).tolist()})
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Assessment(Result):
     """Loops of a machine and its controllers, assessed."""
 
     of: LoopOf  #: Plant, controllers and work point.
@@ -72,41 +106,131 @@ class Assessment(Shown):
         """End of the range that the zones are taken from [Hz]."""
         return self.of.top
 
-    def __repr__(self) -> str:
-        said = ", ".join(
-            f"{name}: zone {each.verdict}, peak {each.peak:.3g} at {each.peak_frequency:.4g} Hz"
-            if each.stable
-            else f"{name}: unstable"
-            for name, each in self.loops.items()
-        )
-        return f"<Assessment of {self.bearing.name}: {said}>"
+    @property
+    def last(self) -> str:
+        """By what the controllers are fed in the last of the loops."""
+        return list(self.loops)[-1]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all figures as plain data, in SI."""
-        found: dict[str, Any] = {
+    @property
+    def title(self) -> str:
+        """Of what machine."""
+        return f"Verdict on the loop of {self.machine.name}"
+
+    @property
+    def finding(self) -> str:
+        """Zone and peak of each loop, and whether the last one keeps its limits."""
+        each = ", ".join(
+            f"{name}: zone {one.verdict}, peak {one.peak:.3f} at "
+            f"{engineering(one.peak_frequency, 'Hz', 4)}" if one.stable else f"{name}: unstable"
+            for name, one in self.loops.items()
+        )  # fmt: skip
+        missed = [
+            row.name.strip() for row in self.rows
+            if row.kept is False and (row.of == self.last or row.section == CRITICAL)
+        ]  # fmt: skip
+        kept = f"not kept: {', '.join(missed)}" if missed else "all limits kept"
+        return f"{self.machine.name}, controller fed by {each}; {kept}."
+
+    @cached_property
+    def rows(self) -> list[Row]:
+        """Figures of the loops, of each axis, of critical speeds and balance quality grades."""
+        found = []
+        for name, loop in self.loops.items():
+            found += put(rows.of_loop(loop), section=("loops",), of=name)
+        for name, loop in self.loops.items():
+            axes = loop.axes if len(loop.axes) > 1 else {}
+            for each, axis in axes.items():
+                found += put(rows.of_axis(axis, loop.of), section=_axes(name), of=each, detail=True)
+            found += put(rows.of_unstable_poles(loop.unstable_poles), section=_poles(name))
+        for apart in self.separations:
+            found += rows.of_separation(apart)
+        for grade in self.grades():
+            found += put(rows.of_grade(grade), section=GRADES)
+        for name in self.loops:
+            if name not in (LQG, HINF):
+                found += put(rows.of_pieces(self.shares(name)), section=PIECES, of=name)
+        return found
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        machine, turning = self.machine, units.rpm(self.machine.speed, 6)
+        several = len(self.of.axes) > 1
+        at = f"{turning}, the worst of its axes" if several else rows.held_at(self.of)
+        whole: dict[tuple[str, ...], Section] = {
+            ("loops",): Section(f"{machine.name} at {at}, controllers fed by"),
+            CRITICAL: Section(f"Separation of {turning} from critical speeds ({BASIS_OF_MARGINS})",
+                              across=True),
+            GRADES: Section(f"Unbalance of grades of ISO 21940-11 at {turning}, angles as bad as "
+                            "can be", across=True),
+            PIECES: Section("Peak of |S|, all else as it is, controllers fed by"),
+        }  # fmt: skip
+        for name in self.loops:
+            whole[_axes(name)] = Section(
+                f"Each axis with all other loops closed, controllers fed by {name}"
+            )
+            whole[_poles(name)] = Section(
+                f"Unstable poles of the closed loop, controllers fed by {name}", across=True
+            )
+        return whole
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What the last loop holds for."""
+        return rows.facts_of(self.loops[self.last], self.of, self.estimators.get(self.last))
+
+    @property
+    def notes(self) -> list[str]:
+        """The bound, what is not known, how the controllers were chosen, and what all of it is."""
+        notes, several = [], len(self.of.axes) > 1
+        S, T = ("the largest singular value of S", "that of T") if several else (
+            "the peak of |S|", "that of |T|"
+        )  # fmt: skip
+        if self.least[0] > 1:
+            notes.append(
+                f"No linear controller brings {S} below {self.least[0]:.3f} here, nor {T} below "
+                f"{self.least[1]:.3f}, for the unstable pole{'s' if several else ''} and the dead "
+                "time."
+            )
+        if any(one.demands.heating is None for o in self.loops.values() for one in o.axes.values()):
+            notes.append(f"The temperature of coils is not known: {NEEDED}.")
+        wrong = [name for name, each in self.loops.items() if not each.integral.holds]
+        if wrong:
+            notes.append(f"The check does not hold, as in an unstable loop: {', '.join(wrong)}.")
+        fed: list[Any] = [None] * ("measurement" in self.loops) + list(self.estimators.values())[:1]
+        notes += [each for each in dict.fromkeys(map(self.of.choice, fed)) if each]
+        own = grade_of(self.machine)
+        if own is not None:
+            notes.append(f"The unbalance is of balance quality grade G {1e3 * own:.3g}.")
+        return [*notes, *self.plain(), BASIS]
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Poles, gains and the work point."""
+        estimator = self.estimators.get(self.last)
+        pids = {name: pid.model_dump(mode="json") for name, pid in self.controllers.items()}
+        names = [axis.name for axis in self.machine.axes]
+        return {
             "basis": BASIS,
+            "machine": self.machine.name,
+            "speed": self.machine.speed,
             "range": self.top,
             "half_the_sampling_rate": 0.5 / self.machine.sampling_time,
             "least_peak": self.least[0],
             "least_complementary_peak": self.least[1],
-            "loops": {name: each.to_dict() for name, each in self.loops.items()},
             "plain_control": self.plain(),
-        }
-        names = [axis.name for axis in self.machine.axes]
-        pids = {name: pid.model_dump(mode="json") for name, pid in self.controllers.items()}
-        return found | {
-            "machine": self.machine.name,
-            "speed": self.machine.speed,
-            "control": self.of.control_for(self.estimators.get(list(self.loops)[-1])).model_dump(
-                mode="json"
-            ),
+            "control": self.of.control_for(estimator).model_dump(mode="json"),
             "controllers": pids,
             "controller": next(iter(pids.values()), None),
             "control_current": by_name(names, self.of.point.iu.tolist()),
             "displacement": by_name(names, self.of.point.x.tolist()),
-            "balance_grades": [each._asdict() for each in self.grades()],
-            "critical_speeds": [each.to_dict() for each in self.separations],
+            "loops": {name: _poles_and_orbit(one) for name, one in self.loops.items()},
         }
+
+    def figures(self) -> list[Figure]:
+        """Return margins and loads of the last loop."""
+        stable = self.loops[self.last].stable
+        return [self.figure(), *([self.capacity_figure()] if stable else [])]
 
     @cached_property
     def separations(self) -> list[Separation]:

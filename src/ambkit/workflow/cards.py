@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from ambkit.base import units
 from ambkit.base.units import engineering
 from ambkit.judge.comparison.seeds import EVALUATED
 from ambkit.result.card import Card, value
@@ -14,19 +13,14 @@ from ambkit.show.plots.design import design_figure
 from ambkit.show.plots.filters import filter_figure
 from ambkit.show.plots.identification import lift_off_figure
 from ambkit.show.plots.maximum_likelihood import identified_figure
-from ambkit.workflow.assessing_log import BASIS as LOG_BASIS
-from ambkit.workflow.assessment import BASIS
 
 if TYPE_CHECKING:
-    from ambkit.workflow.assessing_log import AssessedLog
-    from ambkit.workflow.assessment import Assessment
     from ambkit.workflow.comparing import LoopScores
     from ambkit.workflow.designing import Design
     from ambkit.workflow.designing_machine import MachineDesign
     from ambkit.workflow.filtering import Filtering
     from ambkit.workflow.identifying import Identified, LiftedOff
     from ambkit.workflow.injection import Injection
-    from ambkit.workflow.over_speed import OverSpeed
     from ambkit.workflow.sweeping import Sweep
     from ambkit.workflow.trading_off import TradeOff
     from ambkit.workflow.tuned_filter import Tuned
@@ -124,52 +118,6 @@ def loop_scores(of: LoopScores) -> Card:
         f"{len(of.seeds)} runs"
     )
     return loops(of.scores, title)
-
-
-def assessment(of: Assessment) -> Card:
-    """Describe loops by their zones and margins."""
-    rows = []
-    for name, each in of.loops.items():
-        m = each.margins
-        told = ["–"] * 3 if m is None else [
-            f"{each.peak:.3f}", f"{math.degrees(m.phase):.1f}°", value(m.delay, "s", 3)
-        ]  # fmt: skip
-        d = each.demands
-        far = "–" if d is None else f"{100 * d.displacement / d.clearance:.2g} %"
-        rows.append([name, each.verdict, *told, value(each.current_noise, "A", 3), far])
-    heads = ["fed by", "zone", "peak of |S|", "phase margin", "delay margin", "current by noise",
-             "displacement, of the clearance"]  # fmt: skip
-    least = [f"No linear controller is below {of.least[0]:.3f}."] if of.least[0] > 1 else []
-    title = f"Stability margins of {of.bearing.name}"
-    return Card(title, rows, of.figure(), heads, [*least, BASIS])
-
-
-def over_speed(of: OverSpeed) -> Card:
-    """Describe a machine's loop over its speed by the worst of it."""
-
-    def at(share: tuple[float, float]) -> str:
-        return f"{100 * share[0]:.3g} % at {units.rpm(share[1])}"
-
-    peak, speed = of.worst
-    rows = [
-        ("zone", of.zone),
-        ("peak of |S|", f"{peak:.3f} at {units.rpm(speed)}"),
-        ("displacement, of the clearance", at(of.farthest)),
-        ("current, of its limit", at(of.hardest)),
-    ]
-    return Card(f"{of.machine.name} over speed, fed by {of.fed_by}", rows, of.figure(), (), [BASIS])
-
-
-def assessed_log(of: AssessedLog) -> Card:
-    """Describe a measured sensitivity by its zone and interval, and how models meet it."""
-    low, high = of.interval
-    rows = [["measured", of.zone, f"{of.peak:.3f} ({low:.3f} to {high:.3f})", "–"]]
-    rows += [
-        [f"model, fed by {name}", each.zone, f"{each.peak:.3f}", f"{100 * of.within[name]:.0f} %"]
-        for name, each in (() if of.model is None else of.model.loops.items())
-    ]
-    heads = ["", "zone", "peak of |S|", "within the 95 % intervals"]
-    return Card("Measured sensitivity", rows, of.figure(), heads, [LOG_BASIS])
 
 
 def swept(of: Sweep) -> Card:

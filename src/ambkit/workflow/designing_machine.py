@@ -21,6 +21,7 @@ from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.loop.loop_of import ZONE_A, LoopOf, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
+from ambkit.result.page import write_result
 from ambkit.simulation.control_candidates import name_of
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.default_control import default_control
@@ -32,7 +33,6 @@ from ambkit.workflow.design_candidates import exported_filter, tuned_within
 from ambkit.workflow.over_speed import assess_over_speed
 from ambkit.workflow.tuned_filter import BUDGET, RUNS, Tuned
 from ambkit.workflow.tuning_tasks import JUDGED, RAW
-from ambkit.workflow.verdict import write_verdict
 
 if TYPE_CHECKING:
     from ambkit.export.c import CExport
@@ -205,7 +205,7 @@ def design_machine(
     if loop.stable:
         note("looking at one speed after the other")
         over = assess_over_speed(machine, {chosen: estimator}, control)
-        write_verdict(assessed, place / "verdict.html", chosen, over=over)
+        write_result([assessed, over], place / "verdict.html", signed=True)
     step = _overshoot(loop, control)
     judged = judge_adequacy(estimator, machine, Flight(feedback="estimate", control=control))
     fatal = sentences([each for each in judged if each.fatal and each.name != "peak of |S|"])

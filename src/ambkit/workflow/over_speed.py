@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from ambkit.base import units
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Shown
 from ambkit.base.threads import one_thread
 from ambkit.judge.loop.demands import (
+    ROOM,
     SIGMAS,
     Turned,
     orbit,
@@ -25,15 +25,20 @@ from ambkit.judge.loop.demands import (
     voltage,
 )
 from ambkit.judge.loop.heating import heating
-from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
+from ambkit.judge.loop.loop_of import ZONE_A, ZONES, LoopOf, zone_of
 from ambkit.judge.loop.margins import BodeIntegral, bode_integral, grid, highest
 from ambkit.machine.machine import Machine
 from ambkit.machine.placed import Unbalance
+from ambkit.result.result import Result
+from ambkit.result.row import At, Row, put
+from ambkit.result.stated import Section
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessing import MEASUREMENT
+from ambkit.workflow.assessment_rows import of_separation
 from ambkit.workflow.given import given_estimators, given_load
 from ambkit.workflow.orbiting import on_orbit
+from ambkit.workflow.separation import separations
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -52,8 +57,12 @@ UNKNOWN = 1000.0
 """Up to where a machine is looked at that does not turn [rad/s]."""
 
 
-@dataclass(frozen=True, eq=False)
-class OverSpeed(Shown):
+GREATEST = ("greatest",)
+"""Section of the greatest figures."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OverSpeed(Result):
     """A machine's loop at several speeds of rotation."""
 
     machine: Machine  #: The machine.
@@ -127,19 +136,69 @@ class OverSpeed(Shown):
         at = int(np.argmax(each))
         return float(each[at]), float(self.speed[at])
 
-    def __repr__(self) -> str:
+    @property
+    def title(self) -> str:
+        """Of what machine."""
+        return f"Loop of {self.machine.name} over speed"
+
+    @property
+    def finding(self) -> str:
+        """The zone, and the greatest peak."""
         peak, at = self.worst
         return (
-            f"<OverSpeed of {self.machine.name}, fed by {self.fed_by}: zone {self.zone}, peak "
-            f"{peak:.3g} at {units.rpm(at, 4)}>"
+            f"{self.machine.name}, controllers fed by {self.fed_by}, to "
+            f"{units.rpm(float(self.speed[-1]))}: zone {self.zone}, peak {peak:.3f} at "
+            f"{units.rpm(at, 4)}."
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
+    @property
+    def rows(self) -> list[Row]:
+        """The greatest figures over the speed, and the distance from critical speeds."""
+        (peak, at), (far, there), (used, where) = self.worst, self.farthest, self.hardest
+        greatest = [
+            Row("zone", "zone of ISO 14839-3", self.zone),
+            Row("peak", "  peak of |S|, worst axis", peak, "|S|", below=ZONE_A,
+                at=At("peak_speed", at, "rpm")),
+            Row("greatest_singular_value", "  largest singular value of S",
+                float(self.largest.max())),
+            Row("displacement_share", "displacement, of the clearance", far, "%",
+                below=ROOM[0][1], at=At("displacement_speed", there, "rpm")),
+            Row("current_share", "current, of its limit", used, "%", below=1.0,
+                at=At("current_speed", where, "rpm")),
+        ]  # fmt: skip
+        if self.hottest is not None:
+            kelvin, where = self.hottest
+            greatest.append(
+                Row("greatest_coil_temperature", "temperature of a coil", kelvin, "degC",
+                    below=self.temperature_limit, at=At("temperature_speed", where, "rpm"))
+            )  # fmt: skip
+        found = put(greatest, section=GREATEST, of=self.fed_by)
+        for speed, each in self.integrals.items():
+            found += put([
+                Row("integral", "integral", each.integral, digits=9),
+                Row("poles", "ln|p| of the unstable poles", each.poles, digits=9),
+                Row("holds", "they agree", each.holds),
+            ], section=("bode",), of=units.rpm(speed), detail=True)  # fmt: skip
+        for apart in separations(self.machine):
+            found += of_separation(apart)
+        return found
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        end, own = units.rpm(float(self.speed[-1])), units.rpm(self.machine.speed)
+        return {
+            GREATEST: Section(f"{self.machine.name}, a slow run-up from rest to {end}"),
+            ("bode",): Section("Check: Bode's integral of ln|det S|", across=True),
+            ("critical_speeds",): Section(f"Separation of {own} from critical speeds", across=True),
+        }
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """The figures over the speed."""
         return {
             "machine": self.machine.name,
             "fed_by": self.fed_by,
-            "zone": self.zone,
             "axes": list(self.axes),
             "speed": self.speed.tolist(),
             "peaks": self.peaks.tolist(),
@@ -151,11 +210,11 @@ class OverSpeed(Shown):
             "voltage_share": None if self.voltage is None else self.voltage.tolist(),
             "coil_temperature": None if self.temperature is None else self.temperature.tolist(),
             "poles": [[[float(p.real), float(p.imag)] for p in each] for each in self.poles],
-            "bode": [
-                {"speed": at, "integral": each.integral, "poles": each.poles, "holds": each.holds}
-                for at, each in self.integrals.items()
-            ],
         }
+
+    def figures(self) -> list[Figure]:
+        """Return sensitivity over the speed, and the run-up."""
+        return [self.figure(), self.run_up_figure()]
 
     def figure(self) -> Figure:
         """Return sensitivity and modes of the closed loop over the speed as a picture."""

@@ -1,0 +1,83 @@
+"""A result as a page, to be read and, where it is judged, to be signed off."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
+
+from ambkit.base.escaping import markdown
+from ambkit.base.units import typeset
+from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, Report, TableBlock, Text
+from ambkit.result.report.page import write_page
+from ambkit.result.stated import Stated
+from ambkit.result.tables import remarks, tables
+
+INDENT = "\N{NO-BREAK SPACE}" * 3
+"""Before the name of a figure that belongs to the last."""
+
+SIGNED = (
+    "| | name | date | signature |\n|---|---|---|---|\n"
+    "| assessed by | | | |\n| reviewed by | | | |\n"
+)
+"""Where a page is signed."""
+
+
+def write_result(
+    results: Sequence[Stated], path: str | os.PathLike[str], *, signed: bool = False
+) -> None:
+    """Write results on one page, which has the title and the facts of the first."""
+    first = results[0]
+    words = {each.title: " ".join(remarks(each)) for each in results}
+    figures = [FigureBlock(figure) for each in results for figure in each.figures()]
+    report = Report(
+        title=first.title,
+        subtitle="",
+        lead=markdown(first.finding),
+        version=version("ambkit"),
+        chapters=[
+            Chapter("verdict", "Verdict" if signed else "Results", [
+                *([Remark("In short", markdown(short(results)))] if limited(results) else []),
+                *(block for each in results for block in _blocks(each)),
+                *(Remark("Notes", markdown(text)) for text in words.values() if text),
+            ]),
+            *([Chapter("figures", "Figures", figures)] if figures else []),
+            *([Chapter("signed", "Signed off", [Text(SIGNED)])] if signed else []),
+        ],
+        facts=dict(first.facts),
+    )  # fmt: skip
+    write_page(report, path)
+
+
+def limited(results: Sequence[Stated]) -> bool:
+    """Return whether some row has a limit."""
+    return any(row.kept is not None for each in results for row in each.rows)
+
+
+def short(results: Sequence[Stated]) -> str:
+    """Return in a sentence which limits are not kept."""
+    missed = [
+        f"{row.name.strip()} ({row.of})" if row.of else row.name.strip()
+        for each in results
+        for row in each.rows
+        if row.kept is False
+    ]
+    if not missed:
+        return "All that has a limit keeps it."
+    return f"Not kept: {', '.join(missed)}."
+
+
+def _blocks(result: Stated) -> Iterator[TableBlock]:
+    for place, of in enumerate(tables(result)):
+        yield TableBlock(
+            id=f"{type(result).__name__.lower()}-{place}",
+            title=markdown(of.title),
+            headers=[markdown(head) for head in of.headers],
+            rows=[
+                [
+                    f"{INDENT * name.startswith(' ')}{markdown(name)}",
+                    *(markdown(typeset(cell)) for cell in cells),
+                ]
+                for name, *cells in of.rows
+            ],
+        )

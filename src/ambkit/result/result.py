@@ -1,0 +1,181 @@
+"""What a verb returns, and how it is told: by one teller for each form."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base import escaping, files
+from ambkit.base.errors import AmbkitError
+from ambkit.result.plain import plain
+from ambkit.result.row import Row
+from ambkit.result.stated import Stated
+
+if TYPE_CHECKING:
+    import pandas
+
+
+class Result(Stated):
+    """A result: it tells in every form what it states."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {escaping.one_line(self.finding)}>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return rows, by section and by what they are of, and series as plain data, in SI.
+
+        Returns
+        -------
+        dict
+            Finding, notes, rows and series.
+        """
+        found: dict[str, Any] = {"finding": self.finding, "notes": list(self.notes)}
+        for row in self.rows:
+            place = found
+            for name in (*row.section, *([row.of] if row.of else [])):
+                place = place.setdefault(name, {})
+            place |= _stated(row)
+        return _merged(found, self.series)
+
+    def to_json(self) -> str:
+        """Return `to_dict` as JSON; what is not a finite number is null.
+
+        Returns
+        -------
+        str
+            Its text.
+        """
+        return escaping.json_text(plain(self.to_dict()), indent=2, allow_nan=False)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a table with a line for each row, numbers in SI.
+
+        Returns
+        -------
+        pandas.DataFrame
+            With section, key, name, value, unit, error, interval, limit and verdict.
+        """
+        import pandas
+
+        return pandas.DataFrame(
+            {
+                "section": ".".join(row.section), "of": row.of, "key": row.key,
+                "name": row.name.strip(), "symbol": row.symbol, "value": row.value, "unit": row.si,
+                "standard_error": row.error, "low": row.interval and row.interval[0],
+                "high": row.interval and row.interval[1], "at": row.at and row.at.value,
+                "at_unit": row.at and row.at.unit, "limit": row.limit(), "kept": row.kept,
+                "note": row.note,
+            }
+            for row in self.rows
+        )  # fmt: skip
+
+    def to_latex(self) -> str:
+        """Return its tables as LaTeX, which needs the packages booktabs and textcomp.
+
+        Returns
+        -------
+        str
+            One ``tabular`` for each section.
+        """
+        from ambkit.result.latex import latex
+
+        return latex(self)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write it to a file.
+
+        Parameters
+        ----------
+        path : str or path
+            Ends in ``.json``, ``.csv`` or ``.tex``; or ``.html`` for a page.
+
+        Raises
+        ------
+        AmbkitError
+            The file has another ending, or it cannot be written.
+        """
+        ending = Path(path).suffix
+        if ending == ".html":
+            self.page(path)
+        elif ending == ".json":
+            files.write_text(path, self.to_json() + "\n")
+        elif ending == ".csv":
+            files.write_text(path, self.to_pandas().to_csv(index=False))
+        elif ending == ".tex":
+            files.write_text(path, self.to_latex() + "\n")
+        else:
+            raise AmbkitError(f"{path} must end in .json, .csv, .tex or .html")
+
+    def page(self, path: str | os.PathLike[str]) -> None:
+        """Write it as a page, with all its tables and pictures.
+
+        Parameters
+        ----------
+        path : str or path
+            Of the page.
+        """
+        from ambkit.result.page import write_result
+
+        write_result([self], path)
+
+    def plot(self, *, ax: Any = None, panel: int | str = 0, static: bool = False) -> Any:
+        """Draw its main picture: interactive in a notebook, or with matplotlib to go on with.
+
+        Parameters
+        ----------
+        ax : matplotlib axes, or a sequence of such; optional
+            Draw into these: into one the panel that `panel` names, into several the first panels
+            in their order.
+        panel : int or str
+            Number of the panel, or a part of its name such as ``"force"``; for `ax`.
+        static : bool
+            Draw a figure of matplotlib, rather than an interactive one.
+
+        Returns
+        -------
+        plotly Figure, matplotlib axes or ndarray of such (panels,)
+            The interactive figure; `ax` where it is given; else the axes of the figure that was
+            made. Where plotly is not installed, a figure of matplotlib.
+
+        Raises
+        ------
+        AmbkitError
+            There is no such panel, or `ax` is no axes.
+        """
+        from ambkit.result.drawing import plot
+
+        return plot(self.figures()[0], ax=ax, panel=panel, static=static)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the finding, the first table, the main picture."""
+        from ambkit.result.card import card_of
+
+        return card_of(self).html()
+
+
+def _stated(row: Row) -> dict[str, Any]:
+    """Return what a row says, by its keys in JSON."""
+    more = {
+        "standard_error": row.error,
+        "interval_95": row.interval,
+        "limit": row.least if row.least is not None else row.below,
+        "kept": row.kept,
+        "note": row.note or None,
+    }
+    found: dict[str, Any] = {row.key: row.value}
+    if row.at is not None:
+        found[row.at.key] = row.at.value
+    return found | {f"{row.key}_{key}": of for key, of in more.items() if of is not None}
+
+
+def _merged(first: dict[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:
+    for key, value in second.items():
+        if isinstance(value, Mapping) and isinstance(first.get(key), dict):
+            _merged(first[key], value)
+        else:
+            first[key] = value
+    return first

@@ -1,0 +1,142 @@
+"""One figure of merit, stated once: a number in SI, and all that is to be shown with it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from ambkit.base.units import engineering, interval, rpm
+
+Value = float | int | bool | str | tuple[float, float] | None
+
+ZERO = 273.15
+"""0 degrees Celsius [K]."""
+
+
+def decibels(factor: float) -> str:
+    """Return a factor of an amplitude in decibels, as text."""
+    if not 0 < factor < math.inf:
+        return "∞" if factor else "-∞"
+    return f"{20 * math.log10(factor):.1f} dB"
+
+
+class Form(NamedTuple):
+    """How a number of some unit is shown, where engineering notation does not suit."""
+
+    si: str  #: Unit of the number itself.
+    text: Callable[[Any], str]
+
+
+FORMS = {
+    "dB": Form("1", decibels),
+    "|S|": Form("1", lambda v: f"{v:.3f}" if math.isfinite(v) else "unstable"),
+    "deg": Form("rad", lambda v: f"{math.degrees(v):.1f}°"),
+    "%": Form("1", lambda v: f"{100 * v:.3g} %"),
+    "degC": Form("K", lambda v: f"{v - ZERO:.1f} °C" if math.isfinite(v) else "runs away"),
+    "rpm": Form("rad/s", rpm),
+    "g mm": Form("kg m", lambda v: f"{1e6 * v:.4g} g mm"),
+    "mm/s": Form("m/s", lambda v: f"{1e3 * v:.3g}"),
+}
+
+
+class At(NamedTuple):
+    """Where a figure is taken: at which frequency, speed or time."""
+
+    key: str
+    value: float
+    unit: str = "Hz"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure of merit of one thing: of a loop, an axis, an estimator."""
+
+    key: str  #: In JSON.
+    name: str  #: As it is shown; two blanks before the name of one that belongs to the last.
+    value: Value  #: In SI; None where it is not known.
+    unit: str = "1"  #: Of SI, or one of `FORMS`.
+    digits: int = 4
+    of: str = ""  #: What it is of: a column of the table.
+    section: tuple[str, ...] = ()  #: The table that it stands in: its place in JSON.
+    symbol: str = ""
+    error: float | None = None  #: Standard error.
+    interval: tuple[float, float] | None = None  #: Of 95 %.
+    at: At | None = None
+    below: float | str | None = None  #: It is to be below this number; a zone, not worse.
+    least: float | None = None  #: It is to be at least this.
+    note: str = ""
+    detail: bool = False  #: Whether it is shown only to those who ask for more.
+
+    @property
+    def kept(self) -> bool | None:
+        """Whether it keeps its limit; None where there is none, or it is not known."""
+        value: Any = self.value
+        if value is None:
+            return None
+        if self.least is not None:
+            return bool(value >= self.least)
+        if self.below is None:
+            return None
+        return bool(value <= self.below if isinstance(self.below, str) else value < self.below)
+
+    @property
+    def si(self) -> str:
+        """Unit of `value`."""
+        return FORMS[self.unit].si if self.unit in FORMS else self.unit
+
+    def text(self) -> str:
+        """Return the value as it is shown, with its unit and its error."""
+        shown = self.shown(self.value)
+        if self.error is None or not isinstance(self.value, float):
+            return shown
+        number, _, unit = shown.partition(" ")
+        error = engineering(self.error, self.unit, 2, like=self.value).partition(" ")[0]
+        return f"{number} ± {error} {unit}".rstrip()
+
+    def shown(self, value: Value, digits: int | None = None) -> str:
+        """Return a number of this row's unit as text; a dash where there is none."""
+        digits = self.digits if digits is None else digits
+        if isinstance(value, bool):
+            return "yes" if value else "no"
+        if value is None or (isinstance(value, float) and math.isnan(value)):
+            return "–"
+        if isinstance(value, tuple):
+            low, high = value
+            return interval(low, high, self.unit, digits, like=max(value, key=abs))
+        if isinstance(value, str | int):
+            return str(value)
+        if self.unit in FORMS:
+            return FORMS[self.unit].text(value)
+        if math.isinf(value):
+            return "∞" if value > 0 else "-∞"
+        if self.unit == "1":
+            return f"{value:.{digits - 1}f}"
+        return engineering(value, self.unit, digits)
+
+    def limit(self) -> str:
+        """Return its limit as text; empty where there is none."""
+        if self.least is not None:
+            return f"at least {self._round(self.least)}"
+        if isinstance(self.below, str):
+            return self.below
+        return "" if self.below is None else f"below {self._round(self.below)}"
+
+    def _round(self, limit: float) -> str:
+        return f"{limit:g}" if self.unit in ("1", "|S|") else self.shown(limit, 3)
+
+    def place(self) -> str:
+        """Return where it is taken, as text; empty where that is not known."""
+        if self.at is None or not math.isfinite(self.at.value):
+            return ""
+        return Row("", "", self.at.value, self.at.unit, 4).text()
+
+    def confidence(self) -> str:
+        """Return its interval as text; empty where there is none."""
+        return "" if self.interval is None else self.shown(self.interval)
+
+
+def put(rows: list[Row], **where: Any) -> list[Row]:
+    """Return rows of one thing, put into a section and a column."""
+    return [replace(row, **where) for row in rows]

@@ -1,0 +1,75 @@
+"""What a verb returns states this: rows, series and figures. The tellers read nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ambkit.result.row import Row
+
+if TYPE_CHECKING:
+    from ambkit.result.report.figure import Figure
+
+
+class Section(NamedTuple):
+    """How the rows of a section are shown."""
+
+    title: str
+    across: bool = False  #: A line for each thing and a column for each figure, not turned.
+
+
+class Stated:
+    """What a result states, for the tellers."""
+
+    __slots__ = ()
+
+    @property
+    def title(self) -> str:
+        """What it is, and of what."""
+        raise NotImplementedError
+
+    @property
+    def finding(self) -> str:
+        """The main finding, in one sentence."""
+        raise NotImplementedError
+
+    @property
+    def rows(self) -> Sequence[Row]:
+        """The figures of merit."""
+        raise NotImplementedError
+
+    @property
+    def sections(self) -> Mapping[tuple[str, ...], Section]:
+        """How each section of the rows is shown."""
+        return {}
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """What it holds for."""
+        return {}
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Sentences to be read with it."""
+        return ()
+
+    @property
+    def series(self) -> Mapping[str, Any]:
+        """All that is no figure of merit, as it stands in JSON."""
+        return {}
+
+    def figures(self) -> Sequence[Figure]:
+        """Return its pictures, the main one first.
+
+        Returns
+        -------
+        sequence of Figure
+            Empty where there is nothing to see.
+        """
+        return ()
+
+
+def by_section(rows: Sequence[Row]) -> Iterator[tuple[tuple[str, ...], list[Row]]]:
+    """Yield the rows of each section, in the order of their first rows."""
+    for name in dict.fromkeys(row.section for row in rows):
+        yield name, [row for row in rows if row.section == name]
