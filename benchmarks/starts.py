@@ -24,8 +24,8 @@ WITHIN = 0.05
 """Time for it [s]."""
 SENSORS = {"slow": (1e-3, 2e-6), "ordinary": (2e-4, 9.1e-6), "fast": (2e-5, 5e-7)}
 """Lag [s] and noise [m]."""
-WITHOUT = ("low-pass", "observer", "steady-state")
-"""Kinds whose gain is constant."""
+WITHOUT = ("low-pass", "observer", "steady-state", "constant-velocity")
+"""Kinds whose gain is constant, and one with other states."""
 LINEAR = ("linear", "linear-adaptive-noise")
 NEAR = 4.0
 """How many times a variance may be off that of a long run, up or down."""

@@ -144,6 +144,8 @@ def test_no_good_filter_is_accused(plant: Any) -> None:
     for name, kind in KINDS.items():
         if name == "adaptive" or not (axis or (kind.estimator.several_axes and name != "table")):
             continue  # which is trained for seconds
+        if name == "constant-velocity" and not axis:
+            continue  # without the magnets' stiffness it cannot feed every machine's controller
         found = judge_adequacy(kind.make(plant, learned_magnet(name, plant)))
         assert sentences(found) == [], name
         assert not any(each.fatal for each in found)

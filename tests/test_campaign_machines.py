@@ -238,7 +238,7 @@ def test_parts_of_a_machine_are_named_or_counted() -> None:
         wide = changed(machine, nested({f"bearing.{name}.magnet.air_gap": 1e-3}))
         assert wide.bearing[1].magnet.air_gap == 1e-3
         assert wide.bearing[0] == machine.bearing[0]
-    with pytest.raises(AmbkitError, match="known there: A, B"):
+    with pytest.raises(AmbkitError, match="known here: A, B"):
         key_in(machine, "bearing.C.place")
 
 
@@ -310,7 +310,7 @@ def test_a_machine_that_cannot_be_is_told() -> None:
         ("rotor.mass", "sampling_time", "cannot vary: it is the controller's"),
         ("rotor.mass", "flight.duration", "cannot vary: it is one for all runs"),
         ('"s_A1"', '"s_C1"', "there is no signal s_C1; known: s_A1, s_A2"),
-        ("orbit_share = 0.5", 'overshoot = "5 %"', "there is no figure overshoot"),
+        ("orbit_share = 0.5", 'overshoot = "5 %"', "overshoot: unknown key, known here"),
         ('"linear", "extended"', '"linear", "nobody"', "there is no estimator"),
         ('"tum_mlps"', '"zittau_axial"', "flight: is of several axes; a machine with one axis"),
     ],

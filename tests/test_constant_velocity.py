@@ -104,3 +104,50 @@ def test_refusals_name_parameter_limit_and_value():
     with pytest.raises(ValueError, match="truth must have the shape of y"):
         tune(np.arange(9.0), T, truth=np.zeros(8))
     assert all(np.isnan(a).all() for a in ConstantVelocityFilter(T, 1.0, 1.0).run([np.nan] * 3))
+
+
+# ---- the kind of estimator ----
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_the_kind_is_the_textbook_filter(precision):
+    """Full matrices beside the C, from its start on: mean, covariance and innovations."""
+    bearing = ambkit.Bearing.preset("zittau_axial").replace(sensor__gain=1.07)
+    record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.2, seed=3))
+    kf = ambkit.ConstantVelocity(bearing, acceleration="5 m^2/s^3", precision=precision)
+    estimate = kf.run(record, covariance=True)
+    assert [state.name for state in kf.states] == ["x", "v", "f_d"]
+    F, H = np.array([[1, T], [0, 1]]), np.array([1.07, 0])
+    Q = 5 * np.array([[T**3 / 3, T**2 / 2], [T**2 / 2, T]])
+    R = bearing.sensor.noise_variance
+    X, P = np.array([record["y"][0] / 1.07, 0]), np.diag(np.square(kf.default_std()[:2]))
+    for k, y in enumerate(record["y"]):
+        if k:
+            X, P = F @ X, F @ P @ F.T + Q
+        S = H @ P @ H + R
+        near = 1e-9 if precision == "float64" else 1e-3
+        assert estimate.innovation[k] == pytest.approx(y - H @ X, abs=near * np.sqrt(S))
+        assert estimate.innovation_variance[k] == pytest.approx(S, rel=near)
+        K = P @ H / S
+        X, P = X + K * (y - H @ X), P - np.outer(K, H @ P)
+        assert (np.abs(estimate.mean[k, :2] - X) <= near * np.sqrt(np.diag(P))).all()
+    assert (estimate["f_d"] == 0).all()
+    np.testing.assert_allclose(kf.covariance[2, 2], kf.default_std()[2] ** 2, rtol=1e-3)
+
+
+def test_the_kind_takes_a_machine():
+    machine = ambkit.Machine.preset("tum_mlps")
+    record = ambkit.simulate_machine(machine, ambkit.Flight(duration=0.2, seed=3)).record
+    estimate = ambkit.ConstantVelocity(machine).run(record)
+    H = estimate.mean[500:, :4] @ ambkit.KalmanFilter(machine).view.C[:, :4].T
+    readings = np.column_stack([record[f"y_{r.name}"] for r in machine.readings])[500:]
+    assert np.std(H - readings) < 1.2 * np.sqrt(machine.readings[0].sensor.noise_variance)
+    assert np.isfinite(estimate.mean).all()
+
+
+def test_the_kind_says_what_it_does_not_take():
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    with pytest.raises(ValueError, match="acceleration must be greater than 0 m"):
+        ambkit.ConstantVelocity(bearing, acceleration=-1.0)
+    with pytest.raises(ValueError, match="estimates nothing synchronous"):
+        ambkit.ConstantVelocity(ambkit.Machine.preset("tum_mlps"), synchronous=["unbalance"])

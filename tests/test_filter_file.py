@@ -139,7 +139,7 @@ HEAD = 'kind = "extended"\nsampling_time = "0.1 ms"\n'
     (HEAD + '[bearing]\nfile = "gone.toml"\n', "4: bearing.file: "),
     (HEAD + '[bearing]\npreset = "zittau_axial"\nfile = "x.toml"\n', "give either file or preset"),
     (HEAD + 'bearing.preset = "zittau_axial"\n[options]\nmemory = "1 s"\n',
-     "5: options.memory: the extended has no such option; it has: none"),
+     "5: options.memory: unknown key, known here: none, of the extended"),
     ('kind = "augmented"\nsampling_time = "0.25 ms"\nbearing.preset = "zittau_axial"\n[options]\n'
      "wander = 0.02\n", "5: options.wander: 0.02 has no unit, write it like"),
     (HEAD + 'bearing.preset = "zittau_axial"\n[inputs.y]\nunit = "N"\n',
@@ -161,7 +161,7 @@ def test_a_file_that_changed_since_is_refused(tmp_path: Path, expert: ambkit.Exp
 def test_a_start_that_cannot_be(tmp_path: Path) -> None:
     text = HEAD + 'bearing.preset = "zittau_axial"\n[start]\nq = "1 m"\n'
     (tmp_path / "f.toml").write_text(text)
-    with pytest.raises(AmbkitError, match=r"start\.q: there is no such state; there are x, v"):
+    with pytest.raises(AmbkitError, match=r"start\.q: unknown key, known here: x, v"):
         Estimator.load(tmp_path / "f.toml")
 
 

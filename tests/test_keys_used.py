@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +13,9 @@ import pytest
 from iron import TWO_SIDED as IRON
 
 import ambkit
-from ambkit import Scenario
+from ambkit import AmbkitError, Scenario
+from ambkit.base.escaping import toml_text
+from ambkit.workflow.inspection import _documents, kind_of_toml
 
 RICH = IRON.replace(
     name="rich", speed="6000 rpm", delay="0.03 ms", magnet__eddy_current_lag="0.2 ms",
@@ -62,3 +68,46 @@ def test_no_number_is_left_out() -> None:
         if getattr(part, name) in (None, ())
     }
     assert absent == {"coil", "force_map", "force_channels", "force_scale"}
+
+
+# ---- keys that nothing reads ----
+
+FILES = [
+    *(Path(ambkit.__file__).parent / "machine" / "presets").rglob("*.toml"),
+    *(Path(__file__).parents[1] / "examples").rglob("*.toml"),
+    *(Path(__file__).parent / "data").rglob("*.toml"),
+]
+
+
+def tables(data: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Yield the path of each table, in lists too."""
+    if isinstance(data, dict):
+        yield at
+    for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+        if isinstance(value, dict | list):
+            yield from tables(value, (*at, key))
+
+
+@pytest.fixture(scope="module")
+def a_filter(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path: Path = tmp_path_factory.mktemp("filter") / "filter.toml"
+    kf = ambkit.AugmentedKalmanFilter(ambkit.Bearing.preset("zittau_axial"), wander=0.02)
+    kf.origin = {"options.wander": "by hand"}
+    kf.save(path)
+    return path
+
+
+@pytest.mark.parametrize("path", [*FILES, None], ids=lambda p: p.stem if p else "filter")
+def test_a_key_that_nothing_reads_is_an_error(path: Path | None, a_filter: Path) -> None:
+    path = path or a_filter
+    data = tomllib.loads(path.read_text(encoding="utf-8"))
+    document = _documents()[kind_of_toml(path)]
+    for at in tables(data):
+        wrong: Any = copy.deepcopy(data)
+        table = wrong
+        for key in at:
+            table = table[key]
+        of_own_names = {"signals": {"zzz": 1}, "origin": "by hand"}  # tables that may have any key
+        table["zzz"] = of_own_names.get(at[-1], 1) if at else 1
+        with pytest.raises(AmbkitError, match=r"\.toml:\d+: .*zzz: unknown key, "):
+            document.from_toml(toml_text(wrong), path.name, path.parent)

@@ -42,14 +42,15 @@ def test_it_follows_the_rotor_and_finds_the_load(kind: Kind, precision: str) -> 
     estimate = kind.make(BEARING, precision=precision).run(RECORD)
     late = RECORD.t > 0.5
     assert np.abs(estimate.x - RECORD["x"])[late].max() < 4e-5
-    assert estimate.f_d[late].mean() == pytest.approx(2.0, abs=0.6)
+    if kind.name != "constant-velocity":  # which estimates no force
+        assert estimate.f_d[late].mean() == pytest.approx(2.0, abs=0.6)
 
 
 @kinds
 def test_step_by_step_is_the_whole_record(kind: Kind) -> None:
     estimator = kind.make(BEARING)
     whole = estimator.run(RECORD)
-    estimator.reset([RECORD["y"][0] / BEARING.sensor.gain, 0, 0, RECORD["y"][0]])
+    estimator.reset(estimator.at_first(RECORD["y"]))
     estimator.update(RECORD["y"][0])
     for k in range(1, 400):
         mean = estimator.step(RECORD["y"][k], RECORD["u"][k - 1])
@@ -99,7 +100,7 @@ def test_faults_are_told_and_forgotten(kind: Kind, fault: Fault) -> None:
         u[during] = fault.u(u[during])
     calm = kind.make(BEARING).run(RECORD)
     estimator = kind.make(BEARING)
-    estimator.reset([y[0], 0, 0, y[0]])
+    estimator.reset(estimator.at_first(y))
     estimator.update(y[0])
     told, means = Status.OK, [estimator.mean]
     for k in range(1, len(y)):

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.adaptive_noise import AdaptiveNoise as AdaptiveNoise
     from ambkit.estimate.base import Estimator as Estimator
     from ambkit.estimate.batch import run_many as run_many
+    from ambkit.estimate.constant_velocity import ConstantVelocity as ConstantVelocity
     from ambkit.estimate.estimate import Estimate as Estimate
     from ambkit.estimate.estimate import Status as Status
     from ambkit.estimate.filter_file import FilterFile as FilterFile
@@ -103,6 +104,7 @@ _HOME = {
     "estimate.adaptive_noise": ["AdaptiveNoise"],
     "estimate.base": ["Estimator"],
     "estimate.batch": ["run_many"],
+    "estimate.constant_velocity": ["ConstantVelocity"],
     "estimate.estimate": ["Estimate", "Status"],
     "estimate.filter_file": ["FilterFile"],
     "estimate.kalman": [

@@ -28,7 +28,9 @@ from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine, as_machine
 from ambkit.machine.magnets import MagnetModel, Precision
 from ambkit.models.linear import LinearSystem
+from ambkit.models.machine import machine_parts
 from ambkit.models.model import Descriptor, Model
+from ambkit.models.plan import Part
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -88,6 +90,7 @@ class Estimator(Copyable):
     estimates_noise = True  # whether sensor noise with a memory is among its states
     several_axes = True  # whether it takes a whole machine
     by_model = True  # whether it predicts by the machine's model
+    predicts = "force held, all else exact"  # from a sample to the next, for the export's README
     smooths = False  # whether mean and covariance follow the model that the smoother goes back by
     #: What its steady-state gain follows from: a Riccati equation with the stiffnesses through the
     #: origin, or with the tangents; or the gain is constant. None: it has no steady state.
@@ -128,7 +131,7 @@ class Estimator(Copyable):
         self.precision = precision
         self.engine = Engine(
             machine, precision, as_printed=as_printed, noise=self.estimates_noise,
-            synchronous=synchronous,
+            synchronous=synchronous, parts=self._parts,
         )  # fmt: skip
         self.variances: Any = self.view.variances(noise)
         forces = self.view.known_forces(self.magnet, weight=gravity == "known")
@@ -238,6 +241,11 @@ class Estimator(Copyable):
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         """Return the core's estimator of this kind."""
         raise NotImplementedError
+
+    @property
+    def _parts(self) -> Callable[..., list[Part]]:
+        """What returns the parts of a machine that its model has."""
+        return machine_parts
 
     def reset(
         self,

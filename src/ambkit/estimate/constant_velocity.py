@@ -9,12 +9,99 @@ current, no lag of the sensor; it has one figure to tune.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.base.asked import Given, in_si
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.machine.bank import alone_of, bank_of
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.machine import as_machine
+from ambkit.machine.magnets import ConstantStiffness, own_time
+from ambkit.models.parts.free import free_parts
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
+    from ambkit.machine.magnets import MagnetModel
+    from ambkit.models.plan import Part
+
 Array = NDArray[np.float64]
+
+
+def usual_acceleration(bearing: Bearing | Machine) -> float:
+    """Return the intensity of an acceleration of 1 g over the rotor's own time [m^2/s^3]."""
+    # Singer 1970; Bar-Shalom, Li and Kirubarajan 2001, eq. 8.2.2-11: 2 sigma^2 tau.
+    return 2 * GRAVITY**2 * min(own_time(axis) for axis in alone_of(bearing))
+
+
+def no_force_of(bearing: Bearing | Machine) -> MagnetModel:
+    """Return magnets without force."""
+    machine = as_machine(bearing)
+    return bank_of([ConstantStiffness(0.0, 0.0)] * len(machine.axes), machine)
+
+
+class ConstantVelocity(KalmanFilter):
+    """Kalman filter of position and velocity that knows no force: white acceleration alone.
+
+    It is the naive filter that one with a model has to beat. It knows neither magnet, weight and
+    currents nor the sensor's lag. Its disturbance force is zero, with the variance of the start.
+
+    Parameters
+    ----------
+    bearing : Bearing or Machine
+        What is filtered.
+    magnet : optional
+        Not used.
+    acceleration : float or str, optional
+        Intensity of the white acceleration [m^2/s^3]. Default: ``2 g^2`` times the plant's own
+        time ``sqrt(m/k_s)``.
+    **options
+        As for :class:`KalmanFilter`, without gravity and synchronous.
+
+    Raises
+    ------
+    ValueError
+        `acceleration` is not positive and finite, or there are synchronous states.
+
+    References
+    ----------
+    Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
+    ch. 6.2.
+    """
+
+    name = "constant-velocity Kalman filter"
+    estimates_noise = False
+    by_model = False
+    predicts = "constant velocity, and white acceleration"
+
+    def __init__(
+        self,
+        bearing: Bearing | Machine,
+        magnet: MagnetModel | None = None,
+        *,
+        acceleration: Given | None = None,
+        **options: Any,
+    ) -> None:
+        given = in_si("acceleration", acceleration, "m^2/s^3")
+        self.acceleration = usual_acceleration(bearing) if given is None else given
+        if not 0 < self.acceleration < math.inf:
+            raise ValueError(
+                f"acceleration must be greater than 0 m^2/s^3 and finite, got {given!r}"
+            )
+        if options.get("synchronous"):
+            raise ValueError(f"{self.name}: it knows no force, and estimates nothing synchronous")
+        known = options | {"gravity": "disturbance"}
+        super().__init__(bearing, no_force_of(bearing), **known)
+
+    @property
+    def _parts(self) -> Callable[..., list[Part]]:
+        return partial(free_parts, acceleration=self.acceleration)
+
 
 DECADES = (-14, 4)
 """Range of the search, in decades of ``q T^3 / R``."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, core_module
 from ambkit.models.axis import paper_pattern, printed
-from ambkit.models.machine import machine_model, machine_parts
+from ambkit.models.compose import compose
+from ambkit.models.machine import machine_parts
 from ambkit.models.model import Model, compressed_rows
 from ambkit.models.parts import SYNCHRONOUS
-from ambkit.models.plan import Plan
+from ambkit.models.plan import Part, Plan
 from ambkit.models.roles import ENUMERATORS, ROLES
 
 Array = NDArray[np.float64]
@@ -70,9 +71,11 @@ class Engine:
         as_printed: bool = False,
         noise: bool = True,
         synchronous: Sequence[str] = (),
+        parts: Callable[..., list[Part]] = machine_parts,
     ) -> None:
         self.machine = machine
         self.precision = precision
+        self._parts = partial(parts, noise=noise, synchronous=tuple(synchronous))
         self.turned = False  # whether the core's model has been at another speed
         self._nodes: dict[int, tuple[Array, Array]] = {}  # by number of steps
         self.as_printed, self.noise, self.synchronous = as_printed, noise, tuple(synchronous)
@@ -85,7 +88,7 @@ class Engine:
         if as_printed and not machine.single:
             raise ValueError(f"eq. 19 as printed has one axis; {machine.name} has several")
         plan = Plan(machine.sampling_time)
-        for part in machine_parts(machine, noise=noise, synchronous=synchronous):
+        for part in self._parts(machine):
             plan.add(part)
         self.states, self.noises = tuple(plan.states), tuple(plan.noises)
         self.built_in = self._built_in(plan)
@@ -144,12 +147,7 @@ class Engine:
         # They are kept, as one run of a campaign after the other asks for the same nodes.
         if number not in self._nodes:
             there = self.machine.model_copy(update={"speed": number * step})
-            still, faster = (
-                machine_model(
-                    there, noise=self.noise, synchronous=self.synchronous, speeding=speeding
-                )
-                for speeding in (0.0, GROWTH)
-            )
+            still, faster = (self._model(there, speeding=speeding) for speeding in (0.0, GROWTH))
             own = numbers(still)
             by_growth = np.zeros_like(own)
             grown = (faster.L - still.L)[still.pattern["L"] > 0] / GROWTH
@@ -167,8 +165,11 @@ class Engine:
     @cached_property
     def model(self) -> Model:
         """The model as data, sampled when it is first asked for."""
-        model = machine_model(self.machine, noise=self.noise, synchronous=self.synchronous)
+        model = self._model(self.machine)
         return printed(model) if self.as_printed else model
+
+    def _model(self, machine: Machine, **more: float) -> Model:
+        return compose(self._parts(machine, **more), machine.sampling_time, name="machine")
 
 
 def check_room(core: ModuleType, plan: Plan, name: str) -> None:

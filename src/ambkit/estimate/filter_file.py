@@ -44,7 +44,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base import units
 from ambkit.base.asked import in_si
-from ambkit.base.config import Document, Read
+from ambkit.base.config import Document, Read, unknown_key
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Description, Line, Name
 from ambkit.base.errors import AmbkitError
@@ -116,6 +116,10 @@ class FilterFile(Document):
         if version > FORMAT:
             yield "format", f"is {version}, and this ambkit reads up to {FORMAT}: use a newer one"
         yield from _of_options(read("kind"), read("options"))
+        keys = cls.model_fields
+        for name in read("origin") if isinstance(read("origin"), dict) else ():
+            if name.partition(".")[0] not in keys:
+                yield f"origin.{name}", unknown_key(name, keys)
         bearing, machine = read("bearing"), read("machine")
         if bearing is None and machine is None:
             yield "bearing", "missing: a table with preset or file; or [machine] of several axes"
@@ -257,8 +261,7 @@ def _of_options(kind: Any, given: Any) -> Iterator[tuple[str, str]]:
         return
     for name, value in given.items() if isinstance(given, dict) else ():
         if name not in known:
-            has = ", ".join(known) or "none"
-            yield f"options.{name}", f"the {kind} has no such option; it has: {has}"
+            yield f"options.{name}", f"{unknown_key(name, known)}, of the {kind}"
             continue
         try:
             _option(value, known[name])
@@ -333,7 +336,7 @@ def _start(given: Mapping[str, str], made: Estimator) -> dict[str, float]:
     found = {}
     for name, text in given.items():
         if name not in known:
-            raise ValueError(f"start.{name}: there is no such state; there are {', '.join(known)}")
+            raise ValueError(f"start.{name}: {unknown_key(name, known)}")
         std = units.parse(text, known[name])
         if not (math.isfinite(std) and std > 0):
             raise ValueError(f"start.{name}: must be finite and greater than 0, is {text}")

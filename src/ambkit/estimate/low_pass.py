@@ -47,6 +47,7 @@ class LowPass(Estimator):
     name = "low-pass and derivative"
     steady = "constant"
     by_model = False
+    predicts = "no model: exponential averages"
     estimates_noise = False
     several_axes = False
 

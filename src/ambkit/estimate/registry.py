@@ -122,6 +122,7 @@ class Kind:
     #: Around the class comes an :class:`ambkit.AdaptiveNoise` with these options.
     finds_noise: Mapping[str, Any] | None = None
     ratios: tuple[str, ...] = ()  #: Options that are numbers without a unit, and not tuned.
+    given: str = ""  #: The class of magnet by which it is told from others of its class.
 
     def make(
         self, bearing: Bearing | Machine, magnet: MagnetModel | None = None, **options: Any
@@ -169,6 +170,18 @@ def _law(bearing: Bearing | Machine) -> MagnetModel:
     return laws_of(bearing)
 
 
+def _no_force(bearing: Bearing | Machine) -> MagnetModel:
+    from ambkit.estimate.constant_velocity import no_force_of
+
+    return no_force_of(bearing)
+
+
+def _acceleration(bearing: Bearing) -> float:
+    from ambkit.estimate.constant_velocity import usual_acceleration
+
+    return usual_acceleration(bearing)
+
+
 def _poles(factor: float) -> Callable[[Bearing], float]:
     def value(bearing: Bearing) -> float:
         from ambkit.estimate.observer import unstable_pole
@@ -191,6 +204,14 @@ KINDS = {
             ),
         ),
         Kind(
+            "constant-velocity", "Kalman filter, constant velocity",
+            "constant_velocity.ConstantVelocity", PAPER, _no_force,
+            (
+                Tunable("noise.measurement", "m^2", _noise("measurement")),
+                Tunable("acceleration", "m^2/s^3", _acceleration, decades=4.0),
+            ),
+        ),
+        Kind(
             "observer", "extended state observer",
             "observer.ExtendedStateObserver", _OBSERVER, _constant,
             (Tunable("bandwidth", "rad/s", _poles(8), decades=1.0),),
@@ -202,11 +223,11 @@ KINDS = {
         ),
         Kind(
             "table", "Kalman filter, stiffness table",
-            "kalman.AdaptiveKalmanFilter", PAPER, None,
+            "kalman.AdaptiveKalmanFilter", PAPER, None, given="StiffnessMap",
         ),
         Kind(
             "adaptive", "adaptive Kalman filter, fuzzy expert",
-            "kalman.AdaptiveKalmanFilter", PAPER, None,
+            "kalman.AdaptiveKalmanFilter", PAPER, None, given="Expert",
         ),
         Kind(
             "closed-law", "Kalman filter, closed law",
@@ -295,12 +316,9 @@ def kind_of(estimator: Estimator) -> str:
     magnet: Any = estimator.magnet
     if isinstance(magnet, Bank):  # the axes of a machine are asked alike
         magnet = magnet.models[0]
-    asked = {"Expert": "adaptive", "StiffnessMap": "table"}.get(type(magnet).__name__)
-    if asked in found:
-        return str(asked)
     if not found:
         raise AmbkitError(f"the {estimator.name} is of no kind that a file can name")
-    return found[-1]
+    return next((k for k in found if KINDS[k].given == type(magnet).__name__), found[-1])
 
 
 def learned_magnet(name: str, bearing: Bearing | Machine) -> MagnetModel | None:

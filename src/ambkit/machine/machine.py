@@ -36,7 +36,7 @@ from ambkit.machine.placed import (
     Unbalance,
 )
 from ambkit.machine.placing import beyond_the_rotor, loose, unseen
-from ambkit.machine.rotors.described import MatrixRotor, ShaftRotor
+from ambkit.machine.rotors.described import OfMatrices
 from ambkit.machine.rotors.modes import Bending
 
 
@@ -80,7 +80,7 @@ class Machine(Document):
 
     def model_post_init(self, context: Any, /) -> None:
         """Choose how many bending modes are kept, where the rotor does not fix it."""
-        if isinstance(self.rotor, ShaftRotor | MatrixRotor) and self.rotor.modes_up_to is None:
+        if isinstance(self.rotor, OfMatrices) and self.rotor.modes_up_to is None:
             chosen = self.rotor.with_modes_for(self.sampling_time, self.speed)
             self.__dict__["rotor"] = chosen
 

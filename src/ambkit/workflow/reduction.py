@@ -14,7 +14,7 @@ from ambkit.base.units import engineering
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import grid, highest
-from ambkit.machine.rotors.described import MatrixRotor, ShaftRotor
+from ambkit.machine.rotors.described import OfMatrices
 from ambkit.machine.rotors.whirl import (
     BEYOND,
     WhirlError,
@@ -189,7 +189,7 @@ def reduction(machine: Machine) -> Reduction | None:
     # sensitivity of the default loop with so many modes that further ones change nothing that is
     # told. The controllers are those tuned with the modes kept, in both.
     rotor, bending = machine.rotor, machine.bending
-    if not isinstance(rotor, ShaftRotor | MatrixRotor) or bending is None:
+    if not isinstance(rotor, OfMatrices) or bending is None:
         return None
     T, speed, every = machine.sampling_time, machine.speed, rotor.every_mode
     f = every.frequency / (2 * math.pi)

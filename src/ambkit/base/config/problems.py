@@ -74,10 +74,17 @@ def in_words(model: type[BaseModel], error: Mapping[str, Any]) -> Problem:
 def _unknown(model: type[BaseModel], problem: Problem) -> Problem:
     """Name the table to which an unknown key belongs, or the nearest key of the same table."""
     *around, name = problem.path
-    near = _nearest(str(name), list(model.model_fields))
-    text = f"did you mean {near}?" if near else f"known here: {', '.join(model.model_fields)}"
-    meant = (*around, near or "")
-    return _find_home(model, problem._replace(text=f"unknown key, {text}", meant=meant))
+    keys = list(model.model_fields)
+    meant = (*around, _nearest(str(name), keys) or "")
+    return _find_home(model, problem._replace(text=unknown_key(str(name), keys), meant=meant))
+
+
+def unknown_key(name: str, keys: Iterable[str]) -> str:
+    """Say that nothing reads a key, and which key is the nearest that is read."""
+    near = _nearest(name, list(keys))
+    return "unknown key, " + (
+        f"did you mean {near}?" if near else f"known here: {', '.join(keys) or 'none'}"
+    )
 
 
 def _of_tables(model: type[BaseModel], path: Path) -> bool:

@@ -275,11 +275,9 @@ def _turning(
 
 def _sampled(estimator: Estimator) -> str:
     """Say which model of a sample it predicts with."""
-    if not estimator.by_model:
-        return "no model: exponential averages"
     if estimator.engine.as_printed:
         return "position held (eq. 19 as the paper prints it): estimates are ahead of the rotor"
-    return "force held, all else exact"
+    return estimator.predicts
 
 
 def _assumed(estimator: Estimator) -> dict[str, str]:

@@ -29,7 +29,7 @@ Frequency = Annotated[float, Quantity("Hz", "1 kHz", above=0)]
 Gravity = Literal["-x", "-z", "none"]
 
 
-class _OfMatrices(Part):
+class OfMatrices(Part):
     """A rotor whose modes are computed from its matrices."""
 
     gravity: Gravity = "-x"
@@ -138,7 +138,7 @@ class _OfMatrices(Part):
         return {k: v for k, v in data.items() if v is not None and v != () and v is not False}
 
 
-class ShaftRotor(_OfMatrices):
+class ShaftRotor(OfMatrices):
     """A rotor by a table of its shaft: sections one after the other, and discs on them."""
 
     # All places of its machine are measured from where the shaft begins.
@@ -202,7 +202,7 @@ def _of_shaft(
     return beam.assemble(beam.divided(sections, [d.place for d in discs]), discs)
 
 
-class MatrixRotor(_OfMatrices):
+class MatrixRotor(OfMatrices):
     """A rotor by matrices M, K, G and perhaps D of the free rotor at nodes, in a file."""
 
     # All places of its machine are measured from where the file's places are.
@@ -252,7 +252,7 @@ def _is_wrong(highest: float | None) -> bool:
     return highest is not None and math.isnan(highest)
 
 
-def _no_mode(rotor: ShaftRotor | MatrixRotor, key: str) -> Iterator[tuple[str, str]]:
+def _no_mode(rotor: OfMatrices, key: str) -> Iterator[tuple[str, str]]:
     """Yield that a rotor is not free, that no body is like that, or that no mode is kept."""
     try:
         squares, _ = rotor.matrices.free_modes
@@ -271,7 +271,7 @@ def _no_mode(rotor: ShaftRotor | MatrixRotor, key: str) -> Iterator[tuple[str, s
         yield "modes_up_to", f"must be {limit}; is {engineering(rotor.modes_up_to, 'Hz')}"
 
 
-def _ratios(described: ShaftRotor | MatrixRotor) -> dict[str, float | None]:
+def _ratios(described: OfMatrices) -> dict[str, float | None]:
     return {key: getattr(described, key) for key in ("damping_ratio", "internal_damping_ratio")}
 
 

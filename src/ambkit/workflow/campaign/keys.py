@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
-from ambkit.base.config.problems import quantity_of
+from ambkit.base.config.problems import quantity_of, unknown_key
 from ambkit.base.config.quantities import Quantity, SignalIn
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.bearing import Magnet, magnet_constant
@@ -41,8 +41,7 @@ def key_in(model: BaseModel, key: str) -> Key:
             continue
         if not isinstance(here, BaseModel) or step not in type(here).model_fields:
             known = list(type(here).model_fields) if isinstance(here, BaseModel) else []
-            about = f"; known there: {', '.join(known)}" if known else ""
-            raise AmbkitError(f"there is no key {key} to vary{about}")
+            raise AmbkitError(f"there is no key {key} to vary: {unknown_key(step, known)}")
         field = type(here).model_fields[step]
         place = next((mark for mark in field.metadata if isinstance(mark, SignalIn)), place)
         quantity, here = quantity_of(field), getattr(here, step)
@@ -74,7 +73,7 @@ def _part(parts: tuple[Any, ...], step: str, key: str) -> Any:
         if step in _called(each, at):
             return each
     known = [_called(each, at)[0] for at, each in enumerate(parts)]
-    raise AmbkitError(f"there is no key {key} to vary; known there: {', '.join(known)}")
+    raise AmbkitError(f"there is no key {key} to vary: {unknown_key(step, known)}")
 
 
 def _called(part: Any, at: int) -> tuple[str, ...]:

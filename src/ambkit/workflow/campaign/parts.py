@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ambkit.base import units
-from ambkit.base.config import Part
+from ambkit.base.config import Part, unknown_key
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Line, Name
 from ambkit.data.signals import signal
@@ -91,7 +91,7 @@ def limit_of(name: str, given: float | str, plant: Any) -> float:
     """Return a limit of a figure in SI."""
     known = UNITS if plant is None else [*figures_of(plant), "peak_S"]
     if name not in known:
-        raise ValueError(f"there is no figure {name}; there are {', '.join(known)}")
+        raise ValueError(unknown_key(name, known))
     unit = UNITS[name]
     if isinstance(given, str):
         return units.parse(given, unit)

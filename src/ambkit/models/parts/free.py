@@ -1,0 +1,72 @@
+"""A rotor of which no force is known, but white acceleration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ambkit.data.signals import signal
+from ambkit.models.parts.amplifier import Amplifier
+from ambkit.models.parts.magnet import MagnetPlace
+from ambkit.models.parts.rotor import Rotor
+from ambkit.models.parts.sensor import Sensor
+from ambkit.models.parts.typical import Typical
+from ambkit.models.plan import Part, Plan
+
+FORGOTTEN = 0.5
+"""After so long [s] a disturbance force that grows by twice the weight in 1/sqrt(s) is as large as
+the weight: so its variance stays what it is at the start."""
+
+
+@dataclass(frozen=True)
+class UnknownForce:
+    """A force that pushes nothing: its estimate stays zero, its variance that of the start."""
+
+    size: float
+    """Typical force [N]."""
+    name: str = "f_d"
+    """Name of the state."""
+
+    @classmethod
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[UnknownForce]:
+        """Return that of each axis."""
+        return [
+            cls(s.force, signal("f_d", a.name)) for a, s in zip(machine.axes, sizes, strict=True)
+        ]
+
+    def declare(self, plan: Plan) -> None:
+        """Add the state and its noise."""
+        plan.state(self.name, "N", self.size, "disturbance force")
+        plan.rate(self.name, self.name, -1 / FORGOTTEN)
+        plan.noise(self.name, "N", self.size, {self.name: 1 / plan.T}, walk=False)
+
+
+@dataclass(frozen=True)
+class WhiteAcceleration:
+    """White acceleration of every coordinate (Bar-Shalom, Li and Kirubarajan 2001, ch. 6.2)."""
+
+    intensity: float
+    """Of a displacement [m^2/s^3]; of other coordinates in the ratio of their velocities."""
+
+    def declare(self, plan: Plan) -> None:
+        """Add a noise for each velocity."""
+        driven = [s for s in plan.states if s.role in ("velocity", "bending velocity")]
+        typical = max(s.size for s in driven)
+        for state in driven:
+            size = self.intensity**0.5 * state.size / typical
+            plan.noise(f"a_{state.name}", f"{state.unit}/s^0.5", size, {state.name: 1.0},
+                       walk=False)  # fmt: skip
+
+
+def free_parts(machine: Any, acceleration: float, **_: Any) -> list[Part]:
+    """Return a machine's rotor, magnets and sensors without what lags, and without its forces."""
+    sizes = [Typical.of(machine.alone(axis.name)) for axis in machine.axes]
+    return [
+        *Rotor.of(machine, sizes),
+        *MagnetPlace.of(machine, sizes),
+        *UnknownForce.of(machine, sizes),
+        WhiteAcceleration(acceleration),
+        *(replace(each, lag=None) for each in Sensor.of(machine, sizes)),
+        *(replace(each, bandwidth=None) for each in Amplifier.of(machine, sizes)),
+    ]
