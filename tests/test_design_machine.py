@@ -69,7 +69,7 @@ def run(arguments, capsys):
 
 
 @pytest.mark.parametrize(("arguments", "code", "said"), [
-    (["assess", "d/filter.toml", "--controller", "d/flight.toml"], 0, "Bode"),
+    (["assess", "d/filter.toml", "--controller", "d/flight.toml"], 0, "phase"),
     (["simulate", "d/machine.toml", "--scenario", "d/flight.toml", "--estimator", "d/filter.toml",
       "--duration", "20 ms"], 0, "RMSE"),
     (["check", "d/flight.toml"], 0, "ok, flight"),

@@ -81,8 +81,8 @@ def test_recordings_of_flights_give_a_bearing_on_the_command_line(tmp_path, monk
               "--working-point", "10 mm", "--out", "law.toml", "--plot", "law.png"])  # fmt: skip
     assert ended.value.code == 0
     told = capsys.readouterr().out
-    assert "5 used, 1 left out" in told
-    assert "still.csv   it does not fly up" in told
+    assert "points left out" in told
+    assert "still.csv: it does not fly up" in told
     found = Bearing.load("law.toml").magnet
     assert found.magnet_constant == pytest.approx(CONSTANT, rel=0.1)
     assert found.air_gap == pytest.approx(10e-3 + OFFSET, rel=0.05)

@@ -196,7 +196,7 @@ def test_trade_off_is_a_curve_from_which_to_pick() -> None:
     assert tight.peak < 0.9 * untuned < wide.peak < 1.2 * untuned
     assert wide.errors["f_d"] < tight.errors["f_d"]
     assert len(found.figure().panels) == 2
-    points = found.to_dict()["points"]
+    points = found.to_dict()["points"].values()
     assert [each["reached"] for each in points] == [False, True, True]
     assert f"below {ceilings[1]:g}" in repr(found)
     with pytest.raises(AmbkitError, match="none keeps the peak"):
@@ -217,5 +217,5 @@ def test_no_peak_is_computed_that_nobody_asked_for(monkeypatch: pytest.MonkeyPat
     found = ambkit.tune(BEARING, kind="linear", runs=1, budget=6)
     assert len(computed) <= 2  # of the untuned and of the tuned filter, for the warning
     told = found.to_dict()
-    assert found.peaks[0] == told["untuned_peak"] > 1
+    assert found.peaks[0] == told["loop"]["untuned"]["peak"] > 1
     assert len(found.peaks) == len(found.trace) == 6

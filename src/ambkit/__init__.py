@@ -207,17 +207,9 @@ _BEHIND = {
         "machine_design": "workflow.designing_machine.MachineDesign",
         "filtering": "workflow.filtering.Filtering",
         "identified": "workflow.identifying.Identified",
-        "lifted_off": "workflow.identifying.LiftedOff",
-        "injection": "workflow.injection.Injection",
-        "swept": "workflow.sweeping.Sweep",
-        "trade_off": "workflow.trading_off.TradeOff",
-        "tuned": "workflow.tuned_filter.Tuned",
     },
     "workflow.campaign.card": {
         "card": "workflow.campaign.result.Campaign",
-    },
-    "workflow.campaign.robust_card": {
-        "card": "workflow.campaign.robust.Robust",
     },
 }
 late_binding.bind(_BEHIND)

@@ -24,8 +24,6 @@ def deliver_sweep(
 ) -> None:
     """Sweep the simulated loop, and print how far it is from the linear one."""
     from ambkit.cli import output
-    from ambkit.judge.loop.loop_of import zone_of
-    from ambkit.show import plots
     from ambkit.workflow.sweeping import sweep
 
     sizes = read_quantities(amplitudes, "m", "--sweep")
@@ -36,18 +34,4 @@ def deliver_sweep(
             kind="stepped-sine" if stepped else "multisine", x=query.x, load=query.load,
             orbit=orbit,
         )  # fmt: skip
-    rows = [
-        [output.value(each.amplitude, "m"), f"{each.peak:.3f}", zone_of(each.peak),
-         f"{100 * each.deviation:.2g} %", "yes" if each.limited else "no"]
-        for each in found.swept
-    ]  # fmt: skip
-    model = found.model
-    rows.append(["linear model", f"{model.peak:.3f}", model.zone, "–", "–"])
-    heads = ["amplitude", "peak of |S|", "zone", "from the model, at most", "at a limit"]
-    title = f"{found.name}, controller fed by {found.loop.name}: {found.kind} of the simulated loop"
-    output.deliver(
-        found.to_dict(),
-        [output.table(title, heads, rows)],
-        [(plot, lambda path: plots.save_figure(found.figure(), path))],
-        as_json=json,
-    )
+    output.deliver_result(found, as_json=json, plot=plot)

@@ -78,30 +78,4 @@ def deliver_injections(
     files: list[Any] = [(named(out, one), one.file().save) for one in found]
     files += [(named(plot, one), partial(drawn, one)) for one in found]
     data = found[0].to_dict() if len(found) == 1 else {one.axis: one.to_dict() for one in found}
-    output.deliver(data, [_injected(one) for one in found], files, as_json=json)
-
-
-def _injected(found: Injection) -> Any:
-    """Return the table of an experiment for the sensitivity."""
-    import numpy as np
-
-    from ambkit.cli.output import table, value
-
-    record, limits = found.record, found.limits
-    current, far = (float(np.abs(record[name]).max()) for name in ("iu", "x"))
-    low, high = found.expected.peak_interval()
-    rows = [
-        ["duration", f"{value(record.t[-1], 's')}, {len(record)} samples"],
-        ["period", f"{value(found.period, 's')}, {found.periods} times"],
-        ["frequencies", f"{len(found.excitation.frequencies)}, {value(found.band[0], 'Hz', 3)} to "
-                        f"{value(found.band[1], 'Hz', 3)}"],
-        ["added to the measurement, greatest", value(found.amplitude, "m")],
-        ["control current, greatest",
-         f"{value(current, 'A', like=limits.current)} of {value(limits.current, 'A')}"],
-        ["displacement, greatest",
-         f"{value(far, 'm', like=limits.displacement)} of {value(limits.displacement, 'm')}"],
-        ["peak of |S|, expected", f"{low:.3f} to {high:.3f}"],
-        ["half width of the 95 % interval, median", f"{100 * np.median(found.error):.2g} %"],
-        ["  at worst", f"{100 * np.max(found.error):.2g} %"],
-    ]  # fmt: skip
-    return table(f"Sensitivity of {found.name}: multisine", ["", ""], rows)
+    output.deliver(data, (each for one in found for each in output.told(one)), files, as_json=json)

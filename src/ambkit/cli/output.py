@@ -80,7 +80,7 @@ def deliver_result(
         (report, lambda path: write_result([result], path)),
         *files,
     ]
-    deliver(result.to_dict(), _told(result, verbose=verbose), drawn, as_json=as_json)
+    deliver(result.to_dict(), told(result, verbose=verbose), drawn, as_json=as_json)
 
 
 def _save_figure(result: Result, path: Path) -> None:
@@ -89,7 +89,7 @@ def _save_figure(result: Result, path: Path) -> None:
     save_figure(result.figures()[0], path)
 
 
-def _told(result: Result, *, verbose: bool) -> Iterator[Table | str]:
+def told(result: Result, *, verbose: bool = False) -> Iterator[Table | str]:
     """Yield what a terminal shows: the finding, the tables, the notes."""
     from ambkit.result.tables import remarks, tables
 

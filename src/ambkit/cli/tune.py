@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,8 +23,6 @@ from ambkit.cli.tune_robust import tune_robust
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.data.rig_units import Inputs
-    from ambkit.workflow.trading_off import TradeOff
-    from ambkit.workflow.tuned_filter import Tuned
 
 
 def tune(
@@ -145,7 +142,6 @@ def tune(
     from ambkit.cli.loop_query import control_of
     from ambkit.cli.options import arguments_of_the_user
     from ambkit.machine.machine import as_machine
-    from ambkit.show import plots
     from ambkit.workflow.trading_off import trade_off
     from ambkit.workflow.tuned_filter import tune as tuned
 
@@ -199,8 +195,7 @@ def tune(
                 known, peaks, records, estimator, controller=pid, magnet=magnet, runs=runs,
                 budget=evaluations, seed=seed, done=done,
             )  # fmt: skip
-        drawn = [(plot, lambda path: plots.save_figure(traded.figure(), path))]
-        output.deliver(traded.to_dict(), [_traded(traded)], drawn, as_json=json)
+        output.deliver_result(traded, as_json=json, plot=plot)
         return
     with arguments_of_the_user(), output.progress("tuning", evaluations) as done:
         found = tuned(
@@ -211,17 +206,12 @@ def tune(
             source="" if simulated else ", ".join(Path(p).name for p in target) + span,
             runs=runs, budget=evaluations, seed=seed, done=done,
         )  # fmt: skip
-    output.deliver(
-        found.to_dict(),
-        _tables(found, known.name),
-        [
-            (out, lambda path: found.save(path, bearing=name, magnet=expert)),
-            (plot, lambda path: plots.save_figure(found.figure(), path)),
-        ],
+    output.deliver_result(
+        found,
+        [(out, lambda path: found.save(path, bearing=name, magnet=expert))],
         as_json=json,
+        plot=plot,
     )
-    for warning in found.warnings:
-        output.note(f"note: {warning}")
     output.say_adequacy(found.adequacy)
 
 
@@ -230,20 +220,6 @@ def _peaks(text: str) -> list[float]:
         return [float(part) for part in text.split(",")]
     except ValueError:
         raise AmbkitError(f"--trade-off takes numbers with commas, is {text!r}") from None
-
-
-def _traded(found: TradeOff) -> Any:
-    from ambkit.cli.output import table, value
-
-    rows = [
-        [f"{each.ceiling:g}", f"{each.peak:.3f}", each.zone, value(each.errors["x"], "m", 3),
-         value(each.errors["f_d"], "N", 3)]
-        if each.tuned is not None
-        else [f"{each.ceiling:g}", "not reached", "–", "–", "–"]
-        for each in found.points
-    ]  # fmt: skip
-    heads = ["to stay below", "peak of |S|", "zone", "error of x", "error of f_d"]
-    return table(f"{found.kind} for {found.bearing.name}, in simulated runs", heads, rows)
 
 
 def _load(
@@ -268,41 +244,3 @@ def _shown(time: float | None) -> str:
     from ambkit.base.units import engineering
 
     return "its end" if time is None else engineering(time, "s")
-
-
-def _in_the_loop(found: Tuned) -> list[str]:
-    from ambkit.judge.loop.loop_of import zone_of
-
-    if math.isnan(found.peak):
-        return []
-    peak, untuned = found.peak, found.untuned_peak
-    below = "" if found.max_sensitivity is None else f", to stay below {found.max_sensitivity:g}"
-    return [
-        f"Peak of |S| in the loop: {peak:.3f}, zone {zone_of(peak)}{below}; untuned {untuned:.3f}."
-    ]
-
-
-def _tables(found: Tuned, bearing: str) -> list[Any]:
-    from ambkit.base.units import engineering
-    from ambkit.cli import output
-
-    def number(value: float, unit: str) -> str:
-        return engineering(value, unit, digits=4)
-
-    rows = [
-        [r.name, number(r.default, r.unit), number(found.values[r.name], r.unit),
-         f"{number(r.low, r.unit)} to {number(r.high, r.unit)}"]
-        for r in found.free
-    ]  # fmt: skip
-    name = found.estimator.name
-    how = f"{len(found.trace)} evaluations, by {found.by}"
-    return [
-        output.table(f"{name} for {bearing}: {how}", ["", "untuned", "tuned", "bounds"], rows),
-        output.table(
-            "On data that it was not tuned on",
-            ["", "untuned", "tuned"],
-            [[what, f"{a:.4g}", f"{b:.4g}"] for what, (a, b) in found.unseen.items()],
-        ),
-        found.outcome,
-        *_in_the_loop(found),
-    ]

@@ -104,6 +104,8 @@ class Row:
             return "–"
         if isinstance(value, tuple):
             low, high = value
+            if self.unit in FORMS:
+                return f"{self.shown(low)} to {self.shown(high)}"
             return interval(low, high, self.unit, digits, like=max(value, key=abs))
         if isinstance(value, str | int):
             return str(value)

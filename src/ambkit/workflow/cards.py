@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 from ambkit.base.units import engineering
 from ambkit.judge.comparison.seeds import EVALUATED
 from ambkit.result.card import Card, value
-from ambkit.show.notebook.results import FOUND, K, loops, parameters, with_spread
+from ambkit.show.notebook.results import FOUND, loops, parameters
 from ambkit.show.plots.design import design_figure
 from ambkit.show.plots.filters import filter_figure
-from ambkit.show.plots.identification import lift_off_figure
 from ambkit.show.plots.maximum_likelihood import identified_figure
 
 if TYPE_CHECKING:
@@ -19,11 +18,7 @@ if TYPE_CHECKING:
     from ambkit.workflow.designing import Design
     from ambkit.workflow.designing_machine import MachineDesign
     from ambkit.workflow.filtering import Filtering
-    from ambkit.workflow.identifying import Identified, LiftedOff
-    from ambkit.workflow.injection import Injection
-    from ambkit.workflow.sweeping import Sweep
-    from ambkit.workflow.trading_off import TradeOff
-    from ambkit.workflow.tuned_filter import Tuned
+    from ambkit.workflow.identifying import Identified
 
 
 def identified(of: Identified) -> Card:
@@ -34,55 +29,6 @@ def identified(of: Identified) -> Card:
     notes += [f"{check.name}: {check.verdict}" for check in of.validation]
     figure = identified_figure(found, of.validation)
     return Card(title, parameters(found), figure, FOUND, notes)
-
-
-def lifted_off(of: LiftedOff) -> Card:
-    """Describe a bearing from the points at which its rotor lifts off."""
-    fit, errors = of.fit, of.fit.standard_errors
-    rows = [
-        ("magnet constant", with_spread(fit.magnet_constant, errors["magnet_constant"], K)),
-        ("offset of the gap", with_spread(fit.gap_offset, errors["gap_offset"], "m")),
-        ("residual, rms", value(fit.residual_rms, "A")),
-        ("points", f"{len(fit.points)}, {len(fit.left_out)} left out"),
-    ]
-    if of.working_point is not None:
-        magnet = of.bearing.magnet
-        rows.append(("air gap", value(magnet.air_gap, "m")))
-        rows.append(("bias current", value(magnet.bias_current, "A")))
-    return Card(f"Lift-off of {of.bearing.name}", rows, lift_off_figure(fit))
-
-
-def tuned(of: Tuned) -> Card:
-    """Describe a tuning by what it found, and what that gained."""
-    rows = [
-        [each.name, value(each.default, each.unit), value(of.values[each.name], each.unit)]
-        for each in of.free
-        if each.name in of.values
-    ]
-    rows += [_figures(name, *pair) for name, pair in of.unseen.items()]
-    title = f"Tuning of the {of.estimator.name} for {of.estimator.bearing.name}"
-    notes = [of.outcome, *of.warnings]
-    return Card(title, rows, of.figure(), ["", "untuned", "tuned"], notes)
-
-
-def _figures(name: str, untuned: float, tuned: float) -> list[str]:
-    """Print figures of a tuning, whose unit stands behind their name or belongs to the signal."""
-    what, _, unit = name.removesuffix("]").partition(" [")
-    unit = unit or EVALUATED.get(name.removeprefix("error of "), "1")
-    return [what, value(untuned, unit), value(tuned, unit)]
-
-
-def trade_off(of: TradeOff) -> Card:
-    """Describe filters that were tuned below ceilings by their errors."""
-    rows = [
-        [f"{each.ceiling:g}", "–" if each.tuned is None else f"{each.peak:.3f}", each.zone,
-         *(value(error, EVALUATED[name]) for name, error in each.errors.items())]
-        for each in of.points
-    ]  # fmt: skip
-    rows = [[*row, *["–"] * (5 - len(row))] for row in rows]
-    heads = ["ceiling", "peak of |S|", "zone", "error of x", "error of f_d"]
-    title = f"{of.bearing.name}, {of.kind} filter: what margin costs"
-    return Card(title, rows, of.figure(), heads)
 
 
 def filtering(of: Filtering) -> Card:
@@ -118,30 +64,6 @@ def loop_scores(of: LoopScores) -> Card:
         f"{len(of.seeds)} runs"
     )
     return loops(of.scores, title)
-
-
-def swept(of: Sweep) -> Card:
-    """Describe a sweep by its peaks, and how far it is from the linear model."""
-    rows = [
-        [value(each.amplitude, "m"), f"{each.peak:.3f}", f"{100 * each.deviation:.2g} %",
-         "yes" if each.limited else "no"]
-        for each in of.swept
-    ]  # fmt: skip
-    heads = ["amplitude", "peak of |S|", "from the model, at most", "at a limit"]
-    title = f"{of.name}, fed by {of.loop.name}: {of.kind} of the simulated loop"
-    return Card(title, rows, of.figure(), heads)
-
-
-def injection(of: Injection) -> Card:
-    """Describe an experiment for the sensitivity by its size, and what it would tell."""
-    low, high = of.expected.peak_interval()
-    rows = [
-        ("added to the measurement, greatest", value(of.amplitude, "m")),
-        ("frequencies", f"{len(of.excitation.frequencies)}"),
-        ("period", f"{value(of.period, 's')}, {of.periods} times"),
-        ("peak of |S|, expected", f"{low:.3f} to {high:.3f}"),
-    ]
-    return Card(f"Experiment for the sensitivity of {of.name}", rows, of.figure())
 
 
 def machine_design(of: MachineDesign) -> Card:

@@ -31,11 +31,15 @@ from ambkit.machine.axes import axis_named, isolated, with_axis
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine, as_machine, short_form
 from ambkit.machine.stiffness import work_points
+from ambkit.result.result import Result
+from ambkit.result.row import Row
+from ambkit.result.stated import Section
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.identification.corpus.corpus import Corpus
     from ambkit.identification.forces.lift_off import LiftOff
+    from ambkit.result.report.figure import Figure
 
 
 RAISED = made_by(
@@ -341,8 +345,8 @@ def identify(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class LiftedOff(Shown):
+@dataclass(frozen=True, eq=False, repr=False)
+class LiftedOff(Result):
     """A bearing from the points at which its rotor lifts off."""
 
     #: With the constant that was found, and the air gap and bias current of the working point; as
@@ -350,21 +354,62 @@ class LiftedOff(Shown):
     bearing: Bearing
     fit: LiftOffFit  #: The law through the points.
     working_point: float | None  #: Distance at x = 0 [m].
+    names: Sequence[str] = ()  #: Of the recordings; none of a table of points.
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
-        fit, magnet = self.fit, self.bearing.magnet
-        data: dict[str, Any] = {
-            "magnet_constant": fit.magnet_constant,
-            "gap_offset": fit.gap_offset,
-            "standard_errors": dict(fit.standard_errors),
-            "residual_rms": fit.residual_rms,
-            "points": len(fit.points),
-            "left_out": dict(fit.left_out),
-        }
+    @property
+    def title(self) -> str:
+        """Of what bearing."""
+        return f"Lift-off of {self.bearing.name}"
+
+    @property
+    def finding(self) -> str:
+        """The magnet constant."""
+        return f"{self.bearing.name}: magnet constant {self.rows[0].text()}."
+
+    @property
+    def rows(self) -> list[Row]:
+        """The law through the points, and the working point."""
+        fit, magnet, errors = self.fit, self.bearing.magnet, self.fit.standard_errors
+        found = [
+            Row("magnet_constant", "magnet constant k", fit.magnet_constant, "N m^2/A^2",
+                error=errors["magnet_constant"], symbol="k"),
+            Row("gap_offset", "gap offset z_off", fit.gap_offset, "m", error=errors["gap_offset"],
+                symbol="z_off"),
+            Row("residual_rms", "current left unexplained, rms", fit.residual_rms, "A"),
+            Row("points", "points", len(fit.points)),
+            Row("points_left_out", "points left out", len(fit.left_out)),
+        ]  # fmt: skip
         if self.working_point is not None:
-            data |= {"air_gap": magnet.air_gap, "bias_current": magnet.bias_current}
-        return data
+            at = engineering(self.working_point, "m", 4)
+            found += [
+                Row("air_gap", f"air gap at {at}", magnet.air_gap, "m"),
+                Row("bias_current", "bias current there", magnet.bias_current, "A"),
+            ]
+        return found
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Title of the table."""
+        return {(): Section("F = k (i / (z + z_off))²")}
+
+    @property
+    def notes(self) -> list[str]:
+        """Why points are left out."""
+        return [
+            f"{self.names[run - 1] if self.names else f'run {run}'}: {why}"
+            for run, why in sorted(self.fit.left_out.items())
+        ]
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """The points that are left out."""
+        return {"left_out": dict(self.fit.left_out)}
+
+    def figures(self) -> list[Figure]:
+        """Return the points and the law through them."""
+        from ambkit.show.plots.identification import lift_off_figure
+
+        return [lift_off_figure(self.fit)]
 
 
 def check_lifts_off(bearing: Bearing) -> None:
@@ -386,6 +431,7 @@ def identify_by_lift_off(
     *,
     gap_range: tuple[Given, Given] = (0.0, math.inf),
     working_point: Given | None = None,
+    names: Sequence[str] = (),
 ) -> LiftedOff:
     """Fit the law of a one-sided magnet to the points at which its rotor lifts off."""
     check_lifts_off(bearing)
@@ -393,11 +439,11 @@ def identify_by_lift_off(
     working_point = in_si("working_point", working_point, "m")
     fit = fit_lift_off(points, bearing.rotor.mass, gap_range=(near, far))
     if working_point is None:
-        return LiftedOff(bearing, fit, None)
+        return LiftedOff(bearing, fit, None, names)
     gap, bias = fit.working_point(working_point)
     found = bearing.replace(
         **bearing.magnet.with_constant(fit.magnet_constant),
         magnet__air_gap=gap,
         magnet__bias_current=bias,
     )
-    return LiftedOff(found, fit, working_point)
+    return LiftedOff(found, fit, working_point, names)

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.showing import Shown
+from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.identification.excitation import Limits
 from ambkit.identification.excitation.signals import Excitation
 from ambkit.judge.loop.measured import MeasuredSensitivity
+from ambkit.result.result import Result
+from ambkit.result.row import Row
+from ambkit.result.stated import Section
 
 if TYPE_CHECKING:
     from ambkit.result.report.figure import Figure
@@ -24,8 +27,8 @@ PERIODS = 10
 """Of the signal: the first is left out, as the loop settles in it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Injection(Shown):
+@dataclass(frozen=True, eq=False, repr=False)
+class Injection(Result):
     """An experiment for the sensitivity, and what it would tell."""
 
     name: str  #: Of the bearing, or of the machine and its axis.
@@ -67,28 +70,58 @@ class Injection(Shown):
         name = signal("injected", self.axis) if self.axis else "injected"
         return Record(self.record.t, {name: self.added}, {name: "m"}, meta={"source": source})
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
-        expected, (low, high) = self.expected, self.expected.peak_interval()
-        return {
-            "bearing": self.name,
-            "kind": self.excitation.kind,
-            "band": list(self.band),
-            "lines": len(self.excitation.frequencies),
-            "period": self.period,
-            "periods": self.periods,
-            "amplitude": self.amplitude,
-            "crest_factor": self.excitation.crest_factor,
-            "samples": len(self.record),
-            "limit_current": self.limits.current,
-            "limit_displacement": self.limits.displacement,
-            "greatest_current": float(np.abs(self.record["iu"]).max()),
-            "greatest_displacement": float(np.abs(self.record["x"]).max()),
-            "expected_peak": expected.peak,
-            "expected_peak_low": low,
-            "expected_peak_high": high,
-            "expected_error": float(np.median(self.error)),
-        }
+    @property
+    def title(self) -> str:
+        """Of what loop."""
+        return f"Experiment for the sensitivity of {self.name}"
+
+    @property
+    def finding(self) -> str:
+        """What it would tell."""
+        low, high = self.expected.peak_interval()
+        return (
+            f"{self.name}: adding {engineering(self.amplitude, 'm', 4)} to the measurement tells "
+            f"the peak of |S|: {low:.3f} to {high:.3f} expected."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        """Signal, limits and what is expected."""
+        record, limits, expected = self.record, self.limits, self.expected
+        current, far = (float(np.abs(record[name]).max()) for name in ("iu", "x"))
+        return [
+            Row("duration", "duration", float(record.t[-1]), "s"),
+            Row("samples", "  samples", len(record)),
+            Row("period", "period", self.period, "s"),
+            Row("periods", "  how often", self.periods),
+            Row("lines", "frequencies", len(self.excitation.frequencies)),
+            Row("band", "  of them", self.band, "Hz", 3),
+            Row("amplitude", "added to the measurement, greatest", self.amplitude, "m"),
+            Row("crest_factor", "  crest factor", self.excitation.crest_factor, digits=3),
+            Row("greatest_current", "control current, greatest", current, "A",
+                below=limits.current),
+            Row("greatest_displacement", "displacement, greatest", far, "m",
+                below=limits.displacement),
+            Row("expected_peak", "peak of |S|, expected", expected.peak, "|S|",
+                interval=expected.peak_interval()),
+            Row("expected_error", "half width of the 95 % interval, median",
+                float(np.median(self.error)), "%"),
+            Row("greatest_expected_error", "  at worst", float(np.max(self.error)), "%"),
+        ]  # fmt: skip
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Title of the table."""
+        return {(): Section(f"Sensitivity of {self.name}: {self.excitation.kind}")}
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Of what it is."""
+        return {"bearing": self.name, "kind": self.excitation.kind}
+
+    def figures(self) -> list[Figure]:
+        """Return the experiment."""
+        return [self.figure()]
 
     def figure(self) -> Figure:
         """Return the experiment over time, and the error that is expected, as a picture."""

@@ -12,15 +12,18 @@ from numpy.typing import NDArray
 
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Shown
 from ambkit.base.threads import one_thread
+from ambkit.base.units import engineering
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation.signals import sparse_multisine
-from ambkit.judge.loop.loop_of import ZONES
+from ambkit.judge.loop.loop_of import ZONES, zone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import Complex
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.flight import Disturbance as Load
 from ambkit.simulation.flight import Flight, Injection
@@ -85,8 +88,12 @@ class Swept:
         return float(np.abs(self.sensitivity).max())
 
 
-@dataclass(frozen=True, eq=False)
-class Sweep(Shown):
+SWEPT = ("amplitudes",)
+"""Section of a sweep."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(Result):
     """A loop swept at several amplitudes, beside its linear model."""
 
     bearing: Bearing | Machine  #: The plant.
@@ -95,13 +102,6 @@ class Sweep(Shown):
     loop: AssessedLoop  #: The linear model.
     swept: tuple[Swept, ...]  #: One for each amplitude.
     top: float  #: End of the range that the zones are taken from [Hz].
-
-    def __repr__(self) -> str:
-        said = ", ".join(
-            f"{1e6 * each.amplitude:.3g} µm: peak {each.peak:.3g}, off by {each.deviation:.2g}"
-            for each in self.swept
-        )
-        return f"<Sweep of {self.name}, {self.loop.name}: {said}>"
 
     @property
     def name(self) -> str:
@@ -115,32 +115,66 @@ class Sweep(Shown):
         """What the linear model says of the axis."""
         return list(self.loop.axes.values())[self.axis]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all figures as plain data, in SI."""
+    @property
+    def title(self) -> str:
+        """Of what loop."""
+        return f"{self.name}, controller fed by {self.loop.name}: {self.kind} of the simulated loop"
+
+    @property
+    def finding(self) -> str:
+        """How far the loop is from its linear model."""
+        farthest = max(each.deviation for each in self.swept)
+        return f"{self.title}: at most {100 * farthest:.2g} % from the linear model."
+
+    @property
+    def rows(self) -> list[Row]:
+        """Peaks at each amplitude, and that of the model."""
+        found = []
+        for each in self.swept:
+            found += put([
+                Row("amplitude", "amplitude", each.amplitude, "m", detail=True),
+                Row("peak", "peak of |S|", each.peak, "|S|"),
+                Row("zone", "zone", zone_of(each.peak)),
+                Row("deviation", "from the model, at most", each.deviation, "%"),
+                Row("limited", "at a limit", each.limited),
+            ], section=SWEPT, of=engineering(each.amplitude, "m", 4))  # fmt: skip
+        return [*found, *put([
+            Row("peak", "peak of |S|", self.model.peak, "|S|"),
+            Row("zone", "zone", self.model.zone),
+        ], section=SWEPT, of="linear model")]  # fmt: skip
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Title of the table."""
+        return {SWEPT: Section(self.title, across=True)}
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """The sensitivity over the frequency."""
         return {
             "bearing": self.name,
             "kind": self.kind,
             "fed_by": self.loop.name,
-            "amplitudes": [
-                {
-                    "amplitude": each.amplitude,
+            "amplitudes": {
+                engineering(each.amplitude, "m", 4): {
                     "frequency": each.frequency.tolist(),
                     "sensitivity": np.abs(each.sensitivity).tolist(),
                     "model": np.abs(each.model).tolist(),
-                    "peak": each.peak,
-                    "deviation": each.deviation,
-                    "limited": each.limited,
                 }
                 for each in self.swept
-            ],
+            },
         }
+
+    def figures(self) -> list[Figure]:
+        """Return the sweeps."""
+        return [self.figure()]
 
     def figure(self) -> Figure:
         """Return the sweeps over the model's curve, and how far they are from it, as a picture."""
         from ambkit.show.plots.sensitivity import sweep_figure
 
         return sweep_figure(
-            f"{self.name}, controller fed by {self.loop.name}: {self.kind} of the simulated loop",
+            self.title,
             self.loop.loop,
             self.axis,
             [(each.amplitude, each.frequency, each.sensitivity, each.model) for each in self.swept],

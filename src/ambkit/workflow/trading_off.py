@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, Any
 from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
-from ambkit.base.showing import Shown
+from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.judge.loop.loop_of import OutOfReachError, zone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.tuned_filter import BUDGET, RUNS, Tuned, tune
@@ -43,39 +46,70 @@ class Traded:
         return "–" if self.tuned is None else zone_of(self.peak)
 
 
-@dataclass(frozen=True, eq=False)
-class TradeOff(Shown):
+POINTS = ("points",)
+"""Section of a trade-off."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TradeOff(Result):
     """Filters of one kind, from much margin of the loop to little."""
 
     bearing: Bearing | Machine  #: What is filtered.
     kind: str  #: Of the filters.
     points: tuple[Traded, ...]  #: By their ceilings.
 
-    def __repr__(self) -> str:
-        said = ", ".join(
-            f"below {each.ceiling:g}: {each.errors['f_d']:.3g} N"
-            for each in self.points if each.tuned is not None
-        )  # fmt: skip
-        return f"<TradeOff of {self.kind} for {self.bearing.name}: {said}>"
+    @property
+    def title(self) -> str:
+        """Of what filter."""
+        return f"{self.kind} for {self.bearing.name}, tuned in simulated runs"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
-        return {
-            "bearing": self.bearing.name,
-            "kind": self.kind,
-            "points": [
-                {
-                    "ceiling": each.ceiling,
-                    "reached": each.tuned is not None,
-                    "peak": each.peak,
-                    "zone": each.zone,
-                    "kept": each.tuned is not None and each.tuned.kept,
-                    "values": {} if each.tuned is None else dict(each.tuned.values),
-                    "errors": each.errors,
-                }
-                for each in self.points
-            ],
-        }
+    @property
+    def finding(self) -> str:
+        """What the margin costs."""
+        each = ", ".join(
+            f"{engineering(one.errors['f_d'], 'N', 3)} below {one.ceiling:g}"
+            if one.tuned is not None else f"none below {one.ceiling:g}"
+            for one in self.points
+        )  # fmt: skip
+        return f"{self.kind} for {self.bearing.name}, error of f_d by the peak of |S|: {each}."
+
+    @property
+    def rows(self) -> list[Row]:
+        """Peak and errors under each ceiling."""
+        found = []
+        for one in self.points:
+            reached = one.tuned is not None
+            errors = [
+                Row(f"error_{name}", f"error of {name}", one.errors.get(name), unit, 3)
+                for name, unit in SIGNALS.items()
+            ]
+            found += put([
+                Row("ceiling", "to stay below", one.ceiling, digits=3, detail=True),
+                Row("reached", "reached", reached),
+                Row("peak", "peak of |S|", one.peak if reached else None, "|S|"),
+                Row("zone", "zone", one.zone),
+                *errors,
+                Row("tuned_kept", "tuned", one.tuned is not None and one.tuned.kept, detail=True),
+            ], section=POINTS, of=f"below {one.ceiling:g}")  # fmt: skip
+        return found
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Title of the table."""
+        return {POINTS: Section(self.title, across=True)}
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """What was tuned to what."""
+        values = {
+            f"below {one.ceiling:g}": {"values": dict(one.tuned.values)}
+            for one in self.points if one.tuned is not None
+        }  # fmt: skip
+        return {"bearing": self.bearing.name, "kind": self.kind, "points": values}
+
+    def figures(self) -> list[Figure]:
+        """Return errors over the peak."""
+        return [self.figure()]
 
     def figure(self) -> Figure:
         """Return errors over the peak of abs(S) as a picture."""

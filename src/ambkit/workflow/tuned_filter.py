@@ -7,29 +7,33 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.asked import all_of_type, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
-from ambkit.base.showing import Shown
 from ambkit.base.threads import one_thread
 from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.filter_saving import made_by, origin_of
-from ambkit.estimate.registry import kind_called, learned_magnet
+from ambkit.estimate.registry import FILTER_SUFFIX, kind_called, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
+from ambkit.judge.comparison.seeds import EVALUATED
 from ambkit.judge.comparison.tuning import Tried, search
 from ambkit.judge.loop.loop_of import LoopOf, OutOfReachError, zone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
+from ambkit.result.result import Result
+from ambkit.result.row import Row
+from ambkit.result.stated import Section
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.linear.settled import tells
 from ambkit.simulation.scenario import PID, Scenario
-from ambkit.workflow.tuning_tasks import JUDGED, By, ByLikelihood, ByTruth
+from ambkit.workflow.tuning_tasks import JUDGED, RAW, By, ByLikelihood, ByTruth
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -53,8 +57,15 @@ AT_THE_END = 0.02
 """Share of the range, in its logarithm, within which a value has run into its end."""
 
 
-@dataclass(frozen=True, eq=False)
-class Tuned(Shown):
+UNITS = EVALUATED | {RAW.removeprefix("error of "): "m"}
+"""Of the errors of a tuning, by what errs."""
+
+VALUES, UNSEEN = ("values",), ("unseen",)
+"""Sections of a tuning."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tuned(Result):
     """A filter, what it was tuned by, and what that gained."""
 
     #: The filter to take: tuned, or as it was where that fits the unseen data better.
@@ -90,8 +101,11 @@ class Tuned(Shown):
         bearing: str | os.PathLike[str] | None = None,
         magnet: str | os.PathLike[str] | None = None,
     ) -> None:
-        """Write the filter; see :meth:`ambkit.Estimator.save`."""
-        self.estimator.save(path, bearing=bearing, magnet=magnet)
+        """Write the filter, see :meth:`ambkit.Estimator.save`; or the result, by the ending."""
+        if Path(path).suffix == FILTER_SUFFIX:
+            self.estimator.save(path, bearing=bearing, magnet=magnet)
+        else:
+            super().save(path)
 
     @cached_property
     def _loop(self) -> LoopOf:
@@ -146,27 +160,80 @@ class Tuned(Shown):
             self.peaks, self.max_sensitivity,
         )  # fmt: skip
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
+    @property
+    def title(self) -> str:
+        """Of what filter."""
+        return f"Tuning of the {self.estimator.name} for {self.estimator.machine.name}"
+
+    @property
+    def finding(self) -> str:
+        """Which filter is taken, and its peak in the loop."""
+        if math.isnan(self.peak):
+            return f"{self.title}: {self.outcome}"
+        below = "" if self.max_sensitivity is None else f", to stay below {self.max_sensitivity:g}"
+        return (
+            f"{self.title}: {self.outcome} Peak of |S| in the loop: {self.peak:.3f}, zone "
+            f"{zone_of(self.peak)}{below}; untuned {self.untuned_peak:.3f}."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        """What was tuned, and the figures on data that it was not tuned on."""
+        found = [
+            Row(each.name, each.name, value, each.unit, of=of, section=VALUES)
+            for of, values in (("untuned", {}), ("tuned", self.values))
+            for each in self.free
+            for value in [float(values.get(each.name, each.default))]
+        ]  # fmt: skip
+        for name, pair in self.unseen.items():
+            what, _, unit = name.removesuffix("]").partition(" [")
+            unit = unit or UNITS.get(name.removeprefix("error of "), "1")
+            for of, figure in zip(("untuned", "tuned"), pair, strict=True):
+                found.append(Row(name, what, figure, unit, of=of, section=UNSEEN))
+        peaks = (("untuned", self.untuned_peak), ("taken", self.peak))
+        return found + [
+            Row("peak", "peak of |S|", None if math.isnan(peak) else peak, "|S|", of=of,
+                section=("loop",), below=self.max_sensitivity if of == "taken" else None,
+                detail=True)
+            for of, peak in peaks
+        ]  # fmt: skip
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        how = f"{len(self.trace)} evaluations, by {self.by}"
+        return {
+            VALUES: Section(f"{self.estimator.name} for {self.estimator.machine.name}: {how}"),
+            UNSEEN: Section("On data that it was not tuned on"),
+            ("loop",): Section("In the loop"),
+        }
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is odd about the result."""
+        return self.warnings
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """All that was tried, and within which bounds."""
         peaks = [self.known_peaks] if self.known_peaks else []
         return {
             "bearing": self.estimator.machine.name,
             "kind": self.kind,
             "by": self.by,
             "kept": self.kept,
-            "values": dict(self.values),
             "bounds": {r.name: {"low": r.low, "high": r.high, "default": r.default,
                                 "unit": r.unit} for r in self.free},
-            "unseen": {name: {"untuned": a, "tuned": b} for name, (a, b) in self.unseen.items()},
             "trace": [{"cost": each.cost} | ({"peak": known[0]} if known else {})
                       | dict(each.values)
                       for each, *known in zip(self.trace, *peaks, strict=True)],
-            "peak": self.peak,
-            "untuned_peak": self.untuned_peak,
             "max_sensitivity": self.max_sensitivity,
-            "warnings": list(self.warnings),
             "adequacy": [each.to_dict() for each in self.adequacy],
         }  # fmt: skip
+
+    def figures(self) -> list[Figure]:
+        """Return all that was tried."""
+        return [self.figure()]
 
 
 @one_thread()

@@ -15,12 +15,15 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError, ExtraMissing
 from ambkit.base.escaping import markdown
-from ambkit.base.showing import Shown
-from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.base.units import engineering
+from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.contenders import Range, contender_of_kind
 from ambkit.judge.loop.loop_of import ZONE_A
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.workflow.campaign.compute import fly
 from ambkit.workflow.campaign.plan import Plan
@@ -68,8 +71,8 @@ class Tried(NamedTuple):
     """Whether it keeps the peak below its ceiling, and enough rotors away from their stops."""
 
 
-@dataclass(frozen=True, eq=False)
-class Robust(Shown):
+@dataclass(frozen=True, eq=False, repr=False)
+class Robust(Result):
     """A search over controllers and filters, each flown with all machines of a study."""
 
     plan: Plan  #: The study.
@@ -82,13 +85,6 @@ class Robust(Shown):
     taken: int  #: Which was taken: the one with the least error among those that are allowed.
     estimator: Estimator  #: Its filter, which knows the nominal bearing.
     controller: PID | None  #: Its controller; a machine's are those of its flight.
-
-    def __repr__(self) -> str:
-        before, after = self.tried[0], self.tried[self.taken]
-        return (
-            f"<Robust {self.kind} for {self.plan.study.name}: error {before.error:.3g} -> "
-            f"{after.error:.3g} N, peak {before.peak:.3g} -> {after.peak:.3g}>"
-        )
 
     @cached_property
     def adequacy(self) -> list[Finding]:
@@ -103,22 +99,68 @@ class Robust(Shown):
         """Whether nothing that was tried is better in both error and peak (n,)."""
         return pareto([(each.error, each.peak) for each in self.tried])
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all figures as plain data, in SI."""
-        front = self.front
+    @property
+    def title(self) -> str:
+        """Of what study."""
+        return f"{self.kind} for {self.plan.study.name}: {100 * self.quantile:g} % are no worse"
+
+    @property
+    def finding(self) -> str:
+        """What was gained."""
+        before, after = self.tried[0], self.tried[self.taken]
+        return (
+            f"{self.title}: error of f_d {engineering(before.error, 'N', 3)} untuned, "
+            f"{engineering(after.error, 'N', 3)} tuned; peak of |S| {before.peak:.3f} and "
+            f"{after.peak:.3f}."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        """What was tuned, and what that gained; and the Pareto front."""
+        found = []
+        for of, one in (("untuned", self.tried[0]), ("tuned", self.tried[self.taken])):
+            found += put([
+                *(Row(each.name, each.name, float(one.values.get(each.name, each.default)),
+                      each.unit) for each in self.free),
+                Row("error", "error of f_d", one.error, "N"),
+                Row("peak", "peak of |S|", one.peak, "|S|", below=self.max_sensitivity),
+            ], section=("values",), of=of)  # fmt: skip
+        best = [one for one, on in zip(self.tried, self.front, strict=True) if on]
+        for place, one in enumerate(sorted(best, key=lambda each: each.peak), 1):
+            found += put([
+                Row("peak", "peak of |S|", one.peak, "|S|"),
+                Row("error", "error of f_d", one.error, "N"),
+                Row("allowed", "allowed", one.allowed),
+            ], section=("front",), of=str(place))  # fmt: skip
+        return found
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        return {
+            ("values",): Section(self.title),
+            ("front",): Section("Nothing is better in both", across=True),
+        }
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """All that was tried, and within which bounds."""
         return {
             "study": self.plan.study.name,
             "kind": self.kind,
             "quantile": self.quantile,
             "max_sensitivity": self.max_sensitivity,
             "taken": self.taken,
-            "values": dict(self.tried[self.taken].values),
             "bounds": {r.name: {"low": r.low, "high": r.high, "default": r.default,
                                 "unit": r.unit} for r in self.free},
             "tried": [each._asdict() | {"values": dict(each.values), "front": bool(on)}
-                      for each, on in zip(self.tried, front, strict=True)],
+                      for each, on in zip(self.tried, self.front, strict=True)],
             "adequacy": [each.to_dict() for each in self.adequacy],
         }  # fmt: skip
+
+    def figures(self) -> list[Figure]:
+        """Return the Pareto front."""
+        return [self.figure()]
 
     def figure(self) -> Figure:
         """Return the Pareto front as a picture."""
@@ -132,7 +174,10 @@ class Robust(Shown):
         )  # fmt: skip
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the filter, and beside it a bearing's controller as NAME.scenario.toml."""
+        """Write the filter, and beside it its controller; or the result, by the ending."""
+        if Path(path).suffix != FILTER_SUFFIX:
+            super().save(path)
+            return
         study = self.plan.study
         self.estimator.save(path, bearing=study.nominal)
         if self.controller is not None:
