@@ -196,7 +196,7 @@ design = ambkit.design(
     anyway=True,
     prefix="grinder",
 )
-found = ambkit.Bearing.load(place / "design" / "found.toml")
+found = ambkit.Bearing.load(place / "design" / "machine.toml")
 weaker = 1 - found.magnet.magnet_constant / my.magnet.magnet_constant
 print(
     f"The magnet is {100 * weaker:.1f} % weaker than drawn, the delay {1e3 * found.delay:.4f} ms."

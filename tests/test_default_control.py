@@ -26,7 +26,7 @@ from ambkit.simulation.flight import Flight
 from ambkit.simulation.holding import ENOUGH
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.waveforms import Ramp
-from ambkit.workflow.designing_machine import control_for
+from ambkit.workflow.design_control import control_for
 
 BEARING = """
 [[bearing]]

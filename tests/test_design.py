@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 import subprocess
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from ambkit.cli.app import app
 from ambkit.data.channelmap import ChannelMap, inputs_of
 from ambkit.show.pages.maximum_likelihood import annotated_toml
 from ambkit.workflow import design_candidates
+from ambkit.workflow.design_control import objections_to_loop
 from ambkit.workflow.designing import Design, design
 from ambkit.workflow.identifying import identified_filter
 
@@ -96,11 +97,13 @@ def test_the_filter_is_nearly_as_good_as_one_that_was_told_everything(rig: Any) 
 
 def test_it_says_which_filter_to_fly_and_why(rig: Any) -> None:
     folder, found = rig
-    assert found.why.startswith("Fly the extended Kalman filter: on records that it was not tuned")
+    assert found.why.startswith("Fly the extended Kalman filter with decentralised PID control: ")
+    assert "On records that it was not tuned on it predicts" in found.why
     assert found.objections == ()
     page = (folder / "out" / "design.html").read_text()
     assert "Fly the extended Kalman filter" in page
-    assert set(found.made) >= {"found.toml", "filter.toml", "c", "design.html", "candidates"}
+    assert set(found.made) >= {"machine.toml", "scenario.toml", "filter.toml", "verdict.html", "c",
+                               "controller", "design.html", "candidates"}  # fmt: skip
 
 
 def test_the_c_gives_python_s_bits_on_the_rig_s_own_numbers(rig: Any, tmp_path: Path) -> None:
@@ -173,9 +176,11 @@ def test_a_filter_out_of_zone_a_is_not_exported_unasked(rig: Any) -> None:
     _, found = rig
     assert all(1 < each.peak < 3 for each in found.candidates)
     assert found.to_dict()["candidates"][0]["peak"] == found.candidates[0].peak
-    risky = dataclasses.replace(found.chosen, peak=3.52)
-    (objection,) = design_candidates.objections_to(risky, found.raw)
+    risky = cast(Any, SimpleNamespace(stable=True, peak=3.52))
+    (objection,) = objections_to_loop(risky, None)
     assert "the peak of |S| is 3.52, zone B of ISO 14839-3" in objection
+    (objection,) = objections_to_loop(found.loop, 1.5)
+    assert "is to be below 1.5" in objection
 
 
 def test_the_command_is_the_function(rig: Any, monkeypatch: Any) -> None:

@@ -21,8 +21,10 @@ from ambkit.base.asked import in_si
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison import compare
 from ambkit.judge.comparison.bench import Benches
+from ambkit.machine.machine import as_machine
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Heatmap
+from ambkit.simulation.controllers import Control
 from ambkit.workflow.comparing import LoopScores, compare_in_case
 from ambkit.workflow.design_candidates import Candidate
 from ambkit.workflow.designing import Design
@@ -43,7 +45,9 @@ def shown() -> dict[str, Any]:
 
     scores = compare(BEARING, SCENARIO, {"linear": lambda: KalmanFilter(BEARING)}, [0])
     study = compare_in_case(BEARING, "paper", ["linear"], runs=1)
-    candidate = Candidate("linear", Path("a.toml"), True, {}, {"x": 3e-6, "v": 2e-3, "f_d": 0.5}, 1)
+    errors = {"x": 3e-6, "v": 2e-3, "f_d": 0.5}
+    candidate = Candidate("linear", Path("a.toml"), True, "truth", {}, errors, 9e-6, 3e-6)
+    assessed = ambkit.assess(BEARING, "linear")
     one_sided = Bearing.preset("inteco_ml")
     injection = ambkit.design_injection(BEARING, ambkit.Scenario(duration=1.0))
     points = [
@@ -55,9 +59,10 @@ def shown() -> dict[str, Any]:
         ambkit.identify_online(RECORD, BEARING), learn_online(RECORD, BEARING),
         ambkit.filter(BEARING, RECORD, ["linear"], settling="5 ms"),
         ambkit.tune(BEARING, kind="linear", budget=2, runs=1),
-        Design(Path("d"), (candidate,), candidate, 9e-6, "Fly it.", ("It is slow.",), None, {}),
+        Design(Path("d"), as_machine(BEARING), Control(), (candidate,), candidate, assessed, 0.1,
+               ("It is slow.",), None, {}),
         identify_by_lift_off(one_sided, points),
-        ambkit.assess(BEARING, "linear"), ambkit.sweep(BEARING, "linear", amplitudes=["1 um"]),
+        assessed, ambkit.sweep(BEARING, "linear", amplitudes=["1 um"]),
         ambkit.trade_off(BEARING, [2.2], kind="linear", budget=2, runs=1),
         injection, ambkit.assess_log(injection.record, BEARING, "linear"),
     ]  # fmt: skip

@@ -77,7 +77,6 @@ if TYPE_CHECKING:
     from ambkit.workflow.campbell import campbell as campbell
     from ambkit.workflow.comparison import compare as compare
     from ambkit.workflow.designing import design as design
-    from ambkit.workflow.designing_machine import design_machine as design_machine
     from ambkit.workflow.expert import train as train
     from ambkit.workflow.filtering import filter as filter
     from ambkit.workflow.harmonics import harmonics as harmonics
@@ -154,7 +153,6 @@ _HOME = {
     "workflow.campaign.study": ["Study"],
     "workflow.campbell": ["campbell"],
     "workflow.designing": ["design"],
-    "workflow.designing_machine": ["design_machine"],
     "workflow.expert": ["train"],
     "workflow.filtering": ["filter"],
     "workflow.harmonics": ["harmonics"],
@@ -204,7 +202,6 @@ _BEHIND = {
     "workflow.cards": {
         "loop_scores": "workflow.comparing.LoopScores",
         "design": "workflow.designing.Design",
-        "machine_design": "workflow.designing_machine.MachineDesign",
         "filtering": "workflow.filtering.Filtering",
         "identified": "workflow.identifying.Identified",
     },

@@ -192,7 +192,7 @@ def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:
 def designed_whole(machine: ambkit.Machine) -> None:
     """A whole machine's controllers and filter."""
     with TemporaryDirectory() as folder:
-        found = ambkit.design_machine(machine, [], folder, kinds=["linear"], runs=1, budget=1)
+        found = ambkit.design(machine, [], folder, kinds=["linear"], runs=1, budget=1)
         assert_type(found.loop.peak, float)
         assert_type(found.why, str)
 

@@ -14,7 +14,6 @@ from ambkit.cli.options import Json, MapFile, find_plant
 
 if TYPE_CHECKING:
     from ambkit.workflow.designing import Design
-    from ambkit.workflow.designing_machine import MachineDesign
 
 
 def design(
@@ -38,8 +37,8 @@ def design(
         list[Path] | None,
         typer.Argument(
             metavar="LOG",
-            help="Runs in closed loop: any format. Of several axes none is needed: the filter is "
-            "then tuned on simulated flights.",
+            help="Runs in closed loop: any format. Without any the filter is tuned on simulated "
+            "runs.",
             show_default=False,
         ),
     ] = None,
@@ -54,7 +53,7 @@ def design(
             callback=lambda text: text and known(text),
             metavar="NAMES",
             help=f"Some of {', '.join(NAMES)}.",
-            show_default="linear,extended, of one axis adaptive too",
+            show_default="linear,extended,adaptive",
         ),
     ] = None,
     free: Annotated[
@@ -92,23 +91,22 @@ def design(
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of all that is drawn.")] = 0,
     json: Json = False,
 ) -> None:
-    """Go from logs to the filter to fly: identify, train, tune, judge, export.
+    """Go from a machine and its logs to what flies: identify, tune, judge, export.
 
-    The folder gets found.toml, expert.json, filter.toml, the C in c/, and design.html, which says
-    which filter to fly and why. A second call goes on where the first was interrupted.
-
-    Of several axes controllers and filter are chosen on the margins of the loop: the folder gets
-    flight.toml, filter.toml, verdict.html, and both as C. 'ambkit identify' comes before it.
+    A machine with one axis is identified from its logs; of several 'ambkit identify --axis' comes
+    before. Controllers are chosen on the margins of the loop, and a filter is tuned in it. The
+    folder gets machine.toml, scenario.toml with the controllers, filter.toml, verdict.html,
+    design.html, which says which filter to fly and why, the filter as C in c/, and with its
+    controllers in controller/. A second call goes on where the first was interrupted.
 
     For example:
       ambkit design run.csv --bearing my.toml --out design/
       ambkit design log.mat --channels rig.toml --bearing my.toml --validate other.mat --out design/
       ambkit design --bearing tum_mlps --max-sensitivity 2 --out design/
-      ambkit assess design/filter.toml --controller design/flight.toml
+      ambkit assess design/filter.toml --controller design/scenario.toml
     """
     from ambkit.cli import output
     from ambkit.cli.options import arguments_of_the_user
-    from ambkit.workflow.designing import Design
     from ambkit.workflow.designing import design as designed
 
     plant = find_plant(bearing)
@@ -120,8 +118,7 @@ def design(
             free=None if free is None else free.replace(" ", "").split(","),
             max_sensitivity=max_sensitivity if math.isfinite(max_sensitivity) else None,
         )  # fmt: skip
-    tables = _of_filters(found) if isinstance(found, Design) else _of_loop(found)
-    output.deliver(found.to_dict(), [*tables, found.why], as_json=json)
+    output.deliver(found.to_dict(), [*_tables(found), found.why], as_json=json)
     for said in (*found.objections, *found.notes):
         output.note(f"note: {said}")
     output.note(f"wrote {found.folder}: {', '.join(found.made)}")
@@ -130,28 +127,11 @@ def design(
         raise typer.Exit(1)
 
 
-def _of_filters(found: Design) -> list[Any]:
-    """Return the filters that were tried for one axis."""
+def _tables(found: Design) -> list[Any]:
+    """Return controllers, the filters that were tried, and the loop."""
     from ambkit.cli import output
     from ambkit.estimate.registry import KINDS
     from ambkit.workflow.tuning_tasks import AHEAD
-
-    rows = [
-        [KINDS[c.kind].label,
-         *(output.value(c.unseen[figure], "m", 3) for figure in AHEAD.values()),
-         output.value(c.errors["x"], "m", 3), output.value(c.errors["f_d"], "N", 3),
-         f"{100 * c.efficiency:.0f} %", "–" if math.isnan(c.peak) else f"{c.peak:.2f}"]
-        for c in found.candidates
-    ]  # fmt: skip
-    heads = ["", "1 step ahead", "10 steps ahead", "error of x", "of f_d", "x: of the bound",
-             "peak of |S|"]  # fmt: skip
-    return [output.table("Unseen records, and simulated runs", heads, rows)]
-
-
-def _of_loop(found: MachineDesign) -> list[Any]:
-    """Return controllers, filters and the loop of several axes."""
-    from ambkit.cli import output
-    from ambkit.estimate.registry import KINDS
 
     gains = [
         [name, output.value(pid.kp, "A/m", 3), output.value(pid.ki, "A/(m s)", 3),
@@ -159,19 +139,27 @@ def _of_loop(found: MachineDesign) -> list[Any]:
          f"{pid.setpoint_weight:g}"]
         for name, pid in found.control.pid.items()
     ]  # fmt: skip
+    steps = {f"{n} step{'s' if n > 1 else ''} ahead": figure for n, figure in AHEAD.items()}
+    steps = {head: each for head, each in steps.items() if each in found.chosen.unseen}
+    tried = [
+        [KINDS[c.kind].label, "tuned" if c.kept else "untuned",
+         *(output.value(c.unseen[figure], "m", 3) for figure in steps.values()),
+         output.value(c.errors["x"], "m", 3), output.value(c.errors["f_d"], "N", 3),
+         "–" if math.isnan(c.efficiency) else f"{100 * c.efficiency:.0f} %",
+         "–" if math.isnan(c.peak) else f"{c.peak:.3f}"]
+        for c in found.candidates
+    ]  # fmt: skip
     loops = [
         [f"fed by {name}", each.zone, f"{each.peak:.3f}", f"{each.largest[0]:.3f}",
          output.value(each.current_noise, "A", 3)]
         for name, each in found.assessed.loops.items() if each.stable
     ]  # fmt: skip
-    tried = [
-        [KINDS[kind].label, "tuned" if each.kept else "untuned", f"{each.peak:.3f}"]
-        for kind, each in found.tuned.items()
-    ]
-    heads = ["axis", "kp", "ki", "kd", "derivative filter", "set-point weight"]
-    seen = ["these controllers", "zone", "peak of |S|", "largest singular value", "noise's current"]
+    of_gains = ["", "kp", "ki", "kd", "derivative filter", "set-point weight"]
+    of_tried = ["", "", *steps, "error of x", "of f_d", "x: of the bound", "peak of |S|"]
+    of_loops = ["these controllers", "zone", "peak of |S|", "largest singular value",
+                "noise's current"]  # fmt: skip
     return [
-        *([output.table(f"Controllers of {found.machine.name}", heads, gains)] if gains else []),
-        output.table("Filters that were tried", ["", "", "peak of |S|"], tried),
-        output.table("The loop", seen, loops),
+        *([output.table(f"Controllers of {found.machine.name}", of_gains, gains)] if gains else []),
+        output.table("Filters that were tried, on what they were not tuned on", of_tried, tried),
+        output.table("The loop", of_loops, loops),
     ]

@@ -16,7 +16,6 @@ from ambkit.show.plots.maximum_likelihood import identified_figure
 if TYPE_CHECKING:
     from ambkit.workflow.comparing import LoopScores
     from ambkit.workflow.designing import Design
-    from ambkit.workflow.designing_machine import MachineDesign
     from ambkit.workflow.filtering import Filtering
     from ambkit.workflow.identifying import Identified
 
@@ -66,25 +65,12 @@ def loop_scores(of: LoopScores) -> Card:
     return loops(of.scores, title)
 
 
-def machine_design(of: MachineDesign) -> Card:
-    """Describe the design of a machine by the gains of its axes, and what their loop comes to."""
-    rows = [
-        [name, *(value(getattr(pid, key), unit, 3) for key, unit in _GAINS.items())]
-        for name, pid in of.control.pid.items()
-    ]
-    notes = [of.why, *of.objections, f"All of it lies in {of.folder}."]
-    figure = of.assessed.figure(of.chosen)
-    return Card(f"Design of {of.machine.name}", rows, figure, ["", *_GAINS], notes)
-
-
-_GAINS = {"kp": "A/m", "ki": "A/(m s)", "kd": "A s/m", "derivative_filter": "s"}
-
-
 def design(of: Design) -> Card:
     """Describe a design by those that were tried, and why one is to fly."""
     rows = [
         [c.kind, *(value(c.errors[s], unit, 3) for s, unit in EVALUATED.items()),
-         f"{100 * c.efficiency:.0f} %", "tuned" if c.kept else "untuned"]
+         "–" if math.isnan(c.efficiency) else f"{100 * c.efficiency:.0f} %",
+         "tuned" if c.kept else "untuned"]
         for c in of.candidates
     ]  # fmt: skip
     heads = ["", *(f"error of {s}" for s in EVALUATED), "of what is possible", ""]
@@ -92,8 +78,8 @@ def design(of: Design) -> Card:
     figure = design_figure(
         [c.kind for c in of.candidates],
         [c.errors for c in of.candidates],
-        of.raw,
-        f"The {of.chosen.kind} filter is chosen; the sensor alone errs by "
-                 f"{engineering(of.raw, 'm', 3)}",
+        of.chosen.raw,
+        f"The {of.chosen.kind} filter is chosen; the sensors alone err by "
+                 f"{engineering(of.chosen.raw, 'm', 3)}",
     )  # fmt: skip
     return Card(f"Design: the {of.chosen.kind} filter", rows, figure, heads, notes)

@@ -8,10 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.registry import KINDS
+from ambkit.estimate.view import several
 from ambkit.judge.adequacy import judge_adequacy
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.bench import bench
@@ -20,18 +23,21 @@ from ambkit.judge.comparison.contenders import Contender
 from ambkit.judge.comparison.criteria import SETTLING
 from ambkit.judge.comparison.tuning import SIGNALS, errors
 from ambkit.judge.load_following import STEP, load_capacity
-from ambkit.judge.loop.loop_of import OutOfReachError, zone_of
-from ambkit.machine.magnets import own_time
+from ambkit.judge.loop.loop_of import OutOfReachError
+from ambkit.machine.bank import slowest_time
+from ambkit.machine.machine import short_form
+from ambkit.simulation.flight import Flight
 from ambkit.workflow.stages import read_json
 from ambkit.workflow.tuned_filter import Tuned, tune
 from ambkit.workflow.tuning import default_disturbance
-from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
+from ambkit.workflow.tuning_tasks import AHEAD, JUDGED, RAW, By
 
 if TYPE_CHECKING:
+    from ambkit.estimate.noise import Variances
     from ambkit.export.c import CExport
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.flight import Flight
+    from ambkit.simulation.scenario import Scenario
 
 RUNS = 20
 """Simulated runs that a filter is judged in."""
@@ -42,8 +48,9 @@ FAR_FROM_BOUND = 0.8
 AS_LIKELY = 3e-3
 """Difference of log likelihood a sample within which the records do not tell two filters apart."""
 
-AS_GOOD = 0.02
-"""Relative difference of errors within which the simpler of two kinds is taken."""
+AS_GOOD, AS_GOOD_BY_TRUTH = 0.02, 0.01
+"""Relative difference of errors within which the simpler of two kinds is taken, of filters tuned on
+records and of those tuned on simulated runs."""
 
 
 @dataclass(frozen=True)
@@ -53,19 +60,23 @@ class Candidate:
     kind: str  #: Of the filter.
     file: Path  #: The filter.
     kept: bool  #: Whether tuning was of use.
-    unseen: Mapping[str, float]  #: Figures on records that it was not tuned on, see `Tuned`.
-    #: Root mean square errors of ``x`` [m], ``v`` [m/s], ``f_d`` [N] in simulated runs of the
-    #: bearing that was found, with the noise that this filter assumes, under a step of `load`.
+    by: By  #: What it was tuned by.
+    unseen: Mapping[str, float]  #: Figures on data that it was not tuned on, see `Tuned`.
+    #: Root mean square errors of ``x`` [m], ``v`` [m/s], ``f_d`` [N] over all axes in simulated
+    #: runs; of a filter tuned on records with the noise that it assumes, under a step of `load`.
     errors: Mapping[str, float]
-    efficiency: float  #: Bound of the position's error over that error; 1 is what nobody exceeds.
-    #: Peak of abs(S) in the loop with the default controller [1]; NaN where it cannot be told.
+    raw: float  #: What the sensors err by in such runs [m].
+    #: Error of the position [m] that filters are told apart by: where the force wanders as a filter
+    #: assumes, whatever process noise it was tuned to.
+    wandering: float
+    #: Bound of the position's error over that error; 1 is what nobody exceeds. NaN of a filter
+    #: tuned on simulated runs, whose load is no random walk.
+    efficiency: float = math.nan
+    #: Peak of abs(S) in the loop with the design's controllers [1]; NaN where it cannot be told.
     peak: float = math.nan
     #: Step of the disturbance force in these runs [N]: half the load capacity, or less where the
     #: rotor met a stop.
     load: float = math.nan
-    #: Error of the position [m] where the force wanders as the filter assumes: kinds are told apart
-    #: by it, whatever process noise each was tuned to.
-    wandering: float = math.nan
 
 
 def tuned_within(ceiling: float | None, *arguments: Any, **options: Any) -> Tuned:
@@ -77,16 +88,17 @@ def tuned_within(ceiling: float | None, *arguments: Any, **options: Any) -> Tune
 
 
 def exported_filter(
-    plant: Bearing | Machine, place: Path, precision: str, prefix: str | None,
-    flight: Flight | None = None,
+    plant: Bearing | Machine, place: Path, folder: str, precision: str, prefix: str | None,
+    run: Scenario | Flight | None = None,
 ) -> CExport:  # fmt: skip
-    """Return the design's filter as C, with a flight the whole controller; it is judged before."""
+    """Return the design's filter as C, with a run its controllers too; it is judged before."""
     from ambkit.export.c import export_c
 
     file = FilterFile.load(place / "filter.toml")
+    happening: dict[str, Any] = {"flight" if isinstance(run, Flight) else "scenario": run}
     return export_c(
-        plant, file.asked(), place / "c", filter_file=file, flight=flight, prefix=prefix,
-        precision="double" if precision == "double" else "float", force=True,
+        plant, file.asked(), place / folder, filter_file=file, prefix=prefix,
+        precision="double" if precision == "double" else "float", force=True, **happening,
     )  # fmt: skip
 
 
@@ -96,6 +108,7 @@ def of_tuning(tuned: Tuned) -> dict[str, Any]:
     unseen = {name: pair[taken] for name, pair in tuned.unseen.items()}
     return {
         "kept": tuned.kept,
+        "by": tuned.by,
         "unseen": unseen,
         "warnings": list(tuned.warnings),
         "peak": None if math.isnan(tuned.peak) else tuned.peak,
@@ -103,35 +116,54 @@ def of_tuning(tuned: Tuned) -> dict[str, Any]:
 
 
 def judged(path: Path, seed: int) -> dict[str, Any]:
-    """Judge a filter in runs of its own bearing, with noise as it assumes it."""
+    """Judge a filter in runs of its own machine, with noise as it assumes it."""
     # Its errors are those under a step of the stated disturbance force; its efficiency, for which
     # there is a bound, is that with a load that wanders as it assumes.
     file = FilterFile.load(path)
     made = file.make()
-    usual = made.variances
-    plant = made.bearing.replace(
-        sensor__noise_variance=usual.measurement, amplifier__noise_variance=usual.control
-    )
-    walks = usual.disturbance / default_disturbance(plant)
-    case = replace(CASES["model"], walks=walks)
+    usual, view = made.variances, made.view
+    plant = _with_noise(made.machine, usual)
+    own = several(default_disturbance(plant))
+    walks = float(np.mean(np.divide(several(usual.disturbance), own)))
     field = {file.kind: Contender(file.kind, file.kind, file.make)}
-    found = bench(plant, case, field, runs=RUNS, seed=seed)
+    found = bench(plant, replace(CASES["model"], walks=walks), field, runs=RUNS, seed=seed)
     load, errors = _under_a_load(plant, file, seed)
-    gain = plant.sensor.gain
+    shown = (view.H @ view.shown) ** 2 @ several(usual.measurement)
     return {
         "errors": errors,
         "wandering": found.default[file.kind].mean("x"),
         "load": load,
         "efficiency": found.efficiency(file.kind, "x"),
-        "raw": math.sqrt(usual.measurement) / abs(gain),
+        "raw": math.sqrt(float(np.mean(shown))),
     }
 
 
-def _under_a_load(plant: Bearing, file: FilterFile, seed: int) -> tuple[float, dict[str, float]]:
+def _with_noise(machine: Machine, variances: Variances) -> Bearing | Machine:
+    """Return a machine with the noise that a filter assumes, of each sensor and amplifier."""
+    R = {r.sensor.name: v for r, v in _reversed(machine.readings, variances.measurement)}
+    Q = {axis.bearing.name: v for axis, v in _reversed(machine.axes, variances.control)}
+    sensors = [s.model_copy(update={"noise_variance": R[s.name]}) for s in machine.sensor]
+    bearings = [
+        b.model_copy(update={
+            "amplifier": b.amplifier.model_copy(update={"noise_variance": Q[b.name]})
+        })
+        for b in machine.bearing
+    ]  # fmt: skip
+    return short_form(machine.replace(sensor=sensors, bearing=bearings))
+
+
+def _reversed(of: Sequence[Any], values: Any) -> list[tuple[Any, float]]:
+    """Return readings or axes with their values, the last first."""
+    return list(zip(of, several(values), strict=True))[::-1]
+
+
+def _under_a_load(
+    plant: Bearing | Machine, file: FilterFile, seed: int
+) -> tuple[float, dict[str, float]]:
     """Return the stated load [N], and a filter's errors under a step of it."""
     # Where the rotor meets a stop in each run it is a half, a quarter, an eighth of that.
-    load = STEP * load_capacity(plant)[0]
-    first = round(SETTLING * own_time(plant) / plant.sampling_time)
+    load = STEP * min(load_capacity(plant))
+    first = round(SETTLING * slowest_time(plant) / plant.sampling_time)
     for share in (1.0, 0.5, 0.25, 0.125):
         made = trials(load_case(share * load), plant, RUNS, seed)
         flown = [each for each in made if not each.lost]
@@ -144,12 +176,16 @@ def _under_a_load(plant: Bearing, file: FilterFile, seed: int) -> tuple[float, d
 def candidate_in(place: Path, kind: str) -> Candidate:
     """Return a candidate as its files in a folder have it."""
     tuning = read_json(place / f"candidates/{kind}.json")
-    judged = read_json(place / f"candidates/{kind}.judged.json")
+    unseen = tuning["unseen"]
+    if tuning["by"] == "likelihood":
+        found = read_json(place / f"candidates/{kind}.judged.json")
+    else:  # it was judged by simulated truth when it was tuned
+        errors = {signal: unseen[f"error of {signal}"] for signal in SIGNALS}
+        found = {"errors": errors, "raw": unseen[RAW], "wandering": errors["x"]}
     peak = math.nan if tuning["peak"] is None else tuning["peak"]
     return Candidate(
-        kind, place / f"candidates/{kind}.toml", tuning["kept"], tuning["unseen"],
-        judged["errors"], judged["efficiency"], peak, judged["load"],
-        judged["wandering"],
+        kind, place / f"candidates/{kind}.toml", tuning["kept"], tuning["by"], unseen,
+        peak=peak, **found,
     )  # fmt: skip
 
 
@@ -157,6 +193,10 @@ def best_of(candidates: Sequence[Candidate]) -> Candidate:
     """Return who errs least among those that unseen records like best; of equals the simplest."""
     # Where a rotor hardly moves, its records do not tell the kinds apart; simulated truth does.
     order = list(KINDS)
+    if candidates[0].by == "truth":
+        least = min(c.unseen[JUDGED["truth"]] for c in candidates)
+        limit = least + AS_GOOD_BY_TRUTH * abs(least)
+        return next(c for c in candidates if c.unseen[JUDGED["truth"]] <= limit)
     unlikely = {c.kind: c.unseen[JUDGED["likelihood"]] for c in candidates}
     least = min(unlikely.values())
     likely = [c for c in candidates if unlikely[c.kind] <= least + AS_LIKELY]
@@ -165,46 +205,42 @@ def best_of(candidates: Sequence[Candidate]) -> Candidate:
     return min(equal, key=lambda c: order.index(c.kind))
 
 
-def objections_to(chosen: Candidate, raw: float) -> list[str]:
+def objections_to(chosen: Candidate) -> list[str]:
     """Return what speaks against flying a candidate."""
     said = []
-    if not chosen.wandering < raw:
-        error, sensor = (engineering(v, "m", digits=3) for v in (chosen.wandering, raw))
-        said.append(f"its position errs by {error}, and that of the raw sensor by {sensor}")
+    if not chosen.wandering < chosen.raw:
+        error, sensor = (engineering(v, "m", digits=3) for v in (chosen.wandering, chosen.raw))
+        said.append(f"its position errs by {error}, and that of the raw sensors by {sensor}")
     if chosen.efficiency < FAR_FROM_BOUND:
         said.append(
             f"its position reaches {100 * chosen.efficiency:.0f} % of the bound, less than "
             f"{100 * FAR_FROM_BOUND:.0f} %"
         )
-    if zone_of(chosen.peak) != "A" and not math.isnan(chosen.peak):
-        said.append(
-            f"in the loop with the default controller the peak of |S| is {chosen.peak:.3g}, zone "
-            f"{zone_of(chosen.peak)} of ISO 14839-3: another controller may leave more margin"
-        )
     return said
 
 
-def adequacy_of(chosen: Candidate) -> list[Finding]:
+def adequacy_of(chosen: Candidate, run: Scenario | Flight) -> list[Finding]:
     """Return whether a candidate may fly, with NIS on records that it was not tuned on."""
     made = FilterFile.load(chosen.file).make()
-    return judge_adequacy(made, nis=chosen.unseen.get("nis", math.nan))
+    return judge_adequacy(made, None, run, chosen.unseen.get("nis", math.nan))
 
 
-def why_fly(chosen: Candidate, candidates: Sequence[Candidate], raw: float) -> str:
-    """Return which filter to fly and why, in a sentence."""
-    x, f_d = chosen.errors["x"], chosen.errors["f_d"]
-    others = [c for c in candidates if c is not chosen]
+def evidence_for(chosen: Candidate, candidates: Sequence[Candidate]) -> str:
+    """Return what speaks for a candidate, in a sentence."""
+    x, f_d = engineering(chosen.errors["x"], "m", 3), engineering(chosen.errors["f_d"], "N", 3)
+    raw = engineering(chosen.raw, "m", 3)
+    errors = f"in position and {f_d} in the disturbance force; the raw sensors err by {raw}."
+    if chosen.by == "truth":
+        return f"In simulated runs that it was not tuned on it errs by {x} {errors}"
 
     def ahead(candidate: Candidate) -> str:
         return engineering(candidate.unseen[AHEAD[10]], "m", digits=3)
 
+    others = [c for c in candidates if c is not chosen]
     beside = "".join(f", the {KINDS[c.kind].label} {ahead(c)}" for c in others)
     return (
-        f"Fly the {KINDS[chosen.kind].label}: on records that it was not tuned on it foretells "
-        f"the position 10 samples ahead to {ahead(chosen)} rms"
-        f"{beside}; in simulated runs of this bearing, under a step of the disturbance force of "
-        f"{engineering(chosen.load, 'N', digits=3)}, it errs by {engineering(x, 'm', digits=3)} "
-        f"in position, {100 * chosen.efficiency:.0f} % of what is possible, and "
-        f"{engineering(f_d, 'N', digits=3)} in the disturbance force, where the raw sensor errs by "
-        f"{engineering(raw, 'm', digits=3)}."
+        f"On records that it was not tuned on it predicts the position 10 samples ahead to "
+        f"{ahead(chosen)} rms{beside}. In simulated runs, under a step of the disturbance force of "
+        f"{engineering(chosen.load, 'N', 3)}, it errs by {x}, {100 * chosen.efficiency:.0f} % of "
+        f"what is possible, {errors}"
     )

@@ -1,10 +1,11 @@
-"""From logs to the filter to fly: identified, trained, tuned, judged, exported; resumable."""
+"""From a machine and its logs to what flies: identified, tuned, judged, exported; resumable."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,31 +19,42 @@ from ambkit.data.reading import load_filled
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.registry import KINDS, kind_called
-from ambkit.fuzzy.expert import Expert
-from ambkit.fuzzy.training import train
 from ambkit.judge.adequacy import sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.evaluation import evaluate
 from ambkit.judge.loop.loop_of import ZONE_A
 from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine, short_form
+from ambkit.machine.machine import Machine, as_machine, short_form
+from ambkit.result.page import write_result
 from ambkit.show.pages.design import write_design
 from ambkit.show.pages.maximum_likelihood import annotated_toml
 from ambkit.show.plots.filters import filter_figure
+from ambkit.simulation.control_candidates import name_of
+from ambkit.simulation.controllers import Control
+from ambkit.simulation.scenario import GAINS
+from ambkit.workflow.assessing import assess
 from ambkit.workflow.design_candidates import (
     Candidate,
     adequacy_of,
     best_of,
     candidate_in,
+    evidence_for,
     exported_filter,
     judged,
     objections_to,
     of_tuning,
     tuned_within,
-    why_fly,
 )
-from ambkit.workflow.designing_machine import MachineDesign, design_machine
+from ambkit.workflow.design_control import (
+    control_for,
+    control_in,
+    controller_of,
+    objections_to_loop,
+    overshoot_of,
+    run_of,
+)
 from ambkit.workflow.identifying import identified_filter, identify
+from ambkit.workflow.over_speed import assess_over_speed
 from ambkit.workflow.stages import Stages, read_json, write_json
 from ambkit.workflow.tuned_filter import BUDGET, RUNS
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
@@ -50,42 +62,71 @@ from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.export.c import CExport
+    from ambkit.workflow.assessed_loop import AssessedLoop
+    from ambkit.workflow.assessment import Assessment
 
 KINDS_TRIED = ("linear", "extended", "adaptive")
 """Who is tried where nobody says it: without, with the exact, and with a learned stiffness."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Design(Shown):
-    """A filter to fly, and why."""
+    """Controllers and a filter to fly, and why."""
 
     folder: Path  #: Where all of it lies.
+    machine: Machine  #: The machine, as the records tell it where it was identified.
+    control: Control  #: The controllers, with all their gains.
     candidates: tuple[Candidate, ...]  #: Who was tried.
     chosen: Candidate  #: Who is to fly.
-    raw: float  #: What the sensor errs by in the same simulated runs [m].
-    why: str  #: Which filter to fly and why, in a sentence.
+    #: The loop with it, and the one with the same controllers on the measurement.
+    assessed: Assessment
+    overshoot: float  #: Of a step of a reference, of all axes the greatest [1].
     objections: tuple[str, ...]  #: What speaks against flying it; empty if nothing does.
     exported: CExport | None  #: The C; None where objections kept it from being written.
     made: Mapping[str, str]  #: Its files in the folder, and what they are.
     notes: tuple[str, ...] = ()  #: What is to be known of what was identified.
     adequacy: tuple[Finding, ...] = ()  #: Whether the chosen filter may fly.
 
+    @property
+    def loop(self) -> AssessedLoop:
+        """The loop with the chosen filter."""
+        return self.assessed.loops[self.chosen.kind]
+
+    @property
+    def why(self) -> str:
+        """Which filter is to fly and why, and what the loop comes to."""
+        structure = name_of(self.control.model_copy(update={"pid": {}}))
+        return (
+            f"Fly the {KINDS[self.chosen.kind].label} with {structure} control: the "
+            f"peak of |S| is {self.loop.peak:.4g}, zone {self.loop.zone} of ISO 14839-3, and a "
+            f"step overshoots by {100 * max(0.0, self.overshoot):.2g} %. "
+            f"{evidence_for(self.chosen, self.candidates)}"
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
         return {
             "folder": str(self.folder),
+            "machine": self.machine.name,
             "chosen": self.chosen.kind,
             "why": self.why,
             "objections": list(self.objections),
             "adequacy": [each.to_dict() for each in self.adequacy],
             "notes": list(self.notes),
-            "raw_sensor": self.raw,
+            "peak": self.loop.peak,
+            "zone": self.loop.zone,
+            "overshoot": self.overshoot,
+            "control": {"type": self.control.type, "cross_feedback": self.control.cross_feedback,
+                        "gain_scheduling": self.control.gain_scheduling},
+            "controllers": {name: {key: getattr(pid, key) for key in sorted(GAINS)}
+                            for name, pid in self.control.pid.items()},
+            "raw_sensor": self.chosen.raw,
             "exported": self.exported is not None,
             "files": list(self.made),
             "candidates": [
-                {"kind": c.kind, "file": str(c.file), "kept": c.kept, "unseen": dict(c.unseen),
-                 "errors": dict(c.errors), "efficiency": c.efficiency, "peak": c.peak,
-                 "load": c.load}
+                {"kind": c.kind, "file": str(c.file), "kept": c.kept, "by": c.by,
+                 "unseen": dict(c.unseen), "errors": dict(c.errors), "efficiency": c.efficiency,
+                 "peak": c.peak, "load": c.load}
                 for c in self.candidates
             ],
         }  # fmt: skip
@@ -109,28 +150,32 @@ def design(
     runs: int = RUNS,
     budget: int = BUDGET,
     note: Callable[[str], None] = lambda _text: None,
-) -> Design | MachineDesign:
+) -> Design:
     """Go from what is known of a machine, and its logs, to what flies, as C.
 
-    Of one axis the bearing is identified and a filter chosen. Each stage writes its files into the
-    folder and is not repeated while what it was made from stays as it was: ``found.toml`` and
-    ``identified.toml``, ``expert.json``, a filter of each kind, ``filter.toml``, ``c/``,
-    ``design.html``. Of several axes controllers and filter are chosen, see `design_machine`.
+    A machine with one axis is identified from its logs first. Its controllers are those that
+    `ambkit.simulation.default_control` chooses for an estimate, on the margins over its speed
+    range. Each kind of filter is tuned in the loop with them below `max_sensitivity`, by the logs
+    or without any by simulated runs, and judged on what it was not tuned on and by simulated truth.
+    Each stage writes its files into the folder and is not repeated while what it was made from
+    stays as it was: ``machine.toml``, ``scenario.toml`` with the controllers, a filter of each
+    kind, ``filter.toml``, ``verdict.html``, ``design.html``, and as C the filter in ``c/`` and the
+    filter with its controllers in ``controller/``.
 
     Parameters
     ----------
     bearing : Bearing or Machine
         What is known already.
     logs : sequence of path
-        Records of the loop; of several axes there may be none.
+        Records of the loop; without any the filters are tuned on simulated runs.
     folder : path
         Where all of it goes.
     channels : path, optional
-        Channel map of the logs; the exported C takes the log's own numbers.
+        Channel map of the logs; the exported C of a single axis takes the log's own numbers.
     validate : sequence of path, optional
         Logs to judge by; without them the second half of each log.
     kinds : sequence of str, optional
-        Estimators that are tried; by default `KINDS_TRIED`, of several axes linear and extended.
+        Estimators that are tried; by default `KINDS_TRIED`.
     free : sequence of str, optional
         What is identified; by default what a record usually tells.
     max_sensitivity : float, optional
@@ -140,7 +185,7 @@ def design(
     precision, prefix : str
         Of the exported C.
     anyway : bool
-        Export also what is worse than the raw sensor, far from the bound, or out of zone A.
+        Export also what is worse than the raw sensors, far from the bound, or out of zone A.
     seed, runs, budget : int
         Of all that is drawn; simulated runs and evaluations of each kind, see `ambkit.tune`.
     note : callable
@@ -148,176 +193,220 @@ def design(
 
     Returns
     -------
-    Design or MachineDesign
+    Design
         What was chosen, and why.
 
     Raises
     ------
     AmbkitError
         A log cannot be read, a kind is unknown, no controller was found that holds the rotor, or
-        the folder cannot be written.
+        the folder cannot be written; or `free` is given and there is no log, or several axes.
     """
     of_type(Bearing, Machine, bearing=bearing)
-    bearing = short_form(bearing)
-    if isinstance(bearing, Machine):
-        if free is not None:
-            raise AmbkitError(
-                f"what is identified is of one axis, and {bearing.name} has {len(bearing.axes)}: "
-                "'ambkit identify --axis' does it first"
-            )
-        return design_machine(
-            bearing, logs, folder, channels=channels, validate=validate, kinds=kinds,
-            max_sensitivity=max_sensitivity, precision=precision, prefix=prefix, anyway=anyway,
-            seed=seed, runs=runs, budget=budget, note=note,
-        )  # fmt: skip
-    if not logs:
-        raise AmbkitError("a machine with one axis is designed from its logs: give at least one")
+    given = as_machine(bearing)
+    if free is not None and not (logs and given.single):
+        raise AmbkitError(
+            f"a design identifies a machine with one axis from its logs; {given.name} has "
+            f"{len(given.axes)}, and there are {len(logs)} logs: see 'ambkit identify --axis'"
+        )
     kinds = KINDS_TRIED if kinds is None else names_in(kinds=kinds)
     for kind in kinds:
         kind_called(kind)
-    place = files.make_folder(folder)
-    stages = Stages(place)
-    read = [*map(Path, logs), *map(Path, validate)]
-    sources = [files.sha256(path) for path in read] + ([files.sha256(channels)] if channels else [])
-    note("identifying")
-    stages.make(
-        "identify",
-        [bearing.to_toml(), sorted(free or []), [p.name for p in read], *sources],
-        ("found.toml", "identified.toml", "identified.json"),
-        lambda: _identified(bearing, logs, channels, free, place),
-    )
-    identified = Estimator.load(place / "identified.toml")
-    found, inputs = identified.bearing, identified.inputs
-    if "adaptive" in kinds:
-        note("training the expert")
-        stages.make(
-            "train", [found.to_toml()], ("expert.json",),
-            lambda: train(found, weights=True).save(place / "expert.json"),
-        )  # fmt: skip
-    by_inputs = None if channels is None else ChannelMap.load(channels).with_inputs(inputs)
-    records: list[Record] = []
-    others: list[Record] = []
-    candidates = []
+    work = _Work(given, logs, validate, channels, files.make_folder(folder), note)
+    work.identify(free)
+    control = work.choose_controllers()
     for kind in kinds:
-        note(f"tuning the {kind} filter")
-        name = f"candidates/{kind}.toml"
-
-        def make(kind: str = kind, name: str = name) -> None:
-            if not records:
-                records.extend(load_filled(path, by_inputs) for path in logs)
-                others.extend(load_filled(path, by_inputs) for path in validate)
-            expert = place / "expert.json" if kind == "adaptive" else None
-            magnet = None if expert is None else Expert.load(expert)
-
-            tuned = tuned_within(
-                max_sensitivity, found, records, kind, validate=others, inputs=inputs, seed=seed,
-                magnet=magnet, runs=runs, budget=budget,
-                source=", ".join(Path(path).name for path in logs),
-            )  # fmt: skip
-            files.make_folder(place / "candidates")
-            tuned.save(place / name, bearing=place / "found.toml", magnet=expert)
-            write_json(place / f"candidates/{kind}.json", of_tuning(tuned))
-
-        made_from = [found.to_toml(), kind, seed, files.sha256(place / "identified.toml"), *sources]
-        made_from.append(max_sensitivity)
-        if kind == "adaptive":
-            made_from.append(files.sha256(place / "expert.json"))
-        stages.make(f"tune {kind}", made_from, (name, f"candidates/{kind}.json"), make)
-        note(f"judging the {kind} filter")
-        told = f"candidates/{kind}.judged.json"
-        stages.make(
-            f"judge {kind}", [files.sha256(place / name), seed, "under a load"], (told,),
-            lambda name=name, told=told: write_json(  # type: ignore[misc]
-                place / told, judged(place / name, seed)
-            ),
-        )  # fmt: skip
-        candidates.append(candidate_in(place, kind))
+        work.tune(
+            kind, control, max_sensitivity=max_sensitivity, seed=seed, runs=runs, budget=budget
+        )
+        work.judge(kind, seed)
+    place, found = work.place, work.found
+    candidates = [candidate_in(place, kind) for kind in kinds]
     chosen = best_of(candidates)
-    raw = read_json(place / f"candidates/{chosen.kind}.judged.json")["raw"]
-    adequacy = tuple(adequacy_of(chosen))
-    fatal = sentences([each for each in adequacy if each.fatal])
-    objections = (*objections_to(chosen, raw), *fatal)
-    notes = tuple(read_json(place / "identified.json")["notes"])
-    notes += tuple(sentences([each for each in adequacy if not each.fatal]))
-    why = why_fly(chosen, candidates, raw)
-    Estimator.load(chosen.file).save(
-        place / "filter.toml",
-        bearing=place / "found.toml",
-        magnet=place / "expert.json" if chosen.kind == "adaptive" else None,
-    )
+    estimator = Estimator.load(chosen.file)
+    estimator.save(place / "filter.toml", bearing=place / "machine.toml")
+    note("assessing the loop")
+    controller = controller_of(found, control)
+    assessed = assess(found, {chosen.kind: estimator}, controller)
+    loop = assessed.loops[chosen.kind]
+    if loop.stable:
+        pages: list[Any] = [assessed]
+        if found.rotor.type != "mass":
+            note("looking at one speed after the other")
+            pages.append(assess_over_speed(found, {chosen.kind: estimator}, controller))
+        write_result(pages, place / "verdict.html", signed=True)
+    run = run_of(found, control)
+    adequacy = tuple(adequacy_of(chosen, run))
+    fatal = [each for each in adequacy if each.fatal and each.name != "peak of |S|"]
+    objections = (
+        *objections_to_loop(loop, max_sensitivity), *objections_to(chosen), *sentences(fatal)
+    )  # fmt: skip
     exported = None
     if anyway or not objections:
         note("exporting")
-        exported = exported_filter(found, place, precision, prefix)
+        known = short_form(found)
+        exported = exported_filter(known, place, "c", precision, prefix)
+        exported_filter(known, place, "controller", precision, prefix, run)
     made = {name: what for name, what in FILES.items() if (place / name).exists()}
-    note("drawing")
-    record = records[-1] if records else load_filled(logs[-1], by_inputs)
-    _report(place, found.name, why, (objections, notes), candidates, record, made)
     made["design.html"] = FILES["design.html"]
-    return Design(
-        place, tuple(candidates), chosen, raw, why, objections, exported, made, notes, adequacy
-    )
+    notes = (*work.notes, *sentences([each for each in adequacy if not each.fatal]))
+    design = Design(
+        place, found, control, tuple(candidates), chosen, assessed, overshoot_of(loop),
+        objections, exported, made, notes, adequacy,
+    )  # fmt: skip
+    note("drawing")
+    _report(design, work.last_record())
+    return design
 
 
 FILES = {
-    "found.toml": "the bearing, as the records tell it, with standard errors",
+    "machine.toml": "the machine, as the records tell it where it was identified",
     "identified.toml": "the filter of what was identified, with the offsets of the log",
-    "expert.json": "the fuzzy expert, trained from the bearing that was found",
+    "scenario.toml": "the controllers, with all their gains",
     "candidates": "the filters that were tried, tuned, and their figures",
     "filter.toml": "the filter to fly",
-    "c": "the same as C, for the controller",
+    "verdict.html": "the verdict on the loop, to be signed off",
+    "c": "the filter as C, for the controller",
+    "controller": "filter and controllers as C, from readings to currents",
     "design.html": "the report",
 }
 
 
-def _report(
-    place: Path,
-    name: str,
-    why: str,
-    said: tuple[Sequence[str], Sequence[str]],
-    candidates: Sequence[Candidate],
-    record: Record,
-    made: Mapping[str, str],
-) -> None:
-    headers = [
-        "log likelihood a sample",
-        "mean NIS",
-        "1 step ahead [µm]",
-        "10 steps [µm]",
-        "error of $x$ [µm]",
-        "of $v$ [mm/s]",
-        "of $F_{St}$ [N]",
-        "bound over error of $x$",
-        "peak of |S|",
-    ]
-    rows = {
-        KINDS[c.kind].label: [
-            -c.unseen[JUDGED["likelihood"]], c.unseen["nis"],
-            1e6 * c.unseen[AHEAD[1]], 1e6 * c.unseen[AHEAD[10]],
-            1e6 * c.errors["x"], 1e3 * c.errors["v"], c.errors["f_d"], c.efficiency, c.peak,
-        ]
-        for c in candidates
-    }  # fmt: skip
-    evaluated = {KINDS[c.kind].name: evaluate(Estimator.load(c.file), record) for c in candidates}
+class _Work:
+    """The stages of a design, and what they found."""
+
+    def __init__(
+        self, given: Machine, logs: Sequence[Any], validate: Sequence[Any], channels: Any,
+        place: Path, note: Callable[[str], None],
+    ) -> None:  # fmt: skip
+        self.given = self.found = given
+        self.logs, self.validate, self.channels = logs, validate, channels
+        self.place, self.note, self.stages = place, note, Stages(place)
+        self.inputs: Inputs | None = None
+        self.notes: tuple[str, ...] = ()
+        read = [*map(Path, logs), *map(Path, validate), *([channels] if channels else [])]
+        self.sources = [files.sha256(path) for path in read]
+
+    def identify(self, free: Sequence[str] | None) -> None:
+        """Identify a single axis from its logs; others stay as they were given."""
+        if not (self.logs and self.given.single):
+            self.given.save(self.place / "machine.toml")
+            return
+        self.note("identifying")
+        names = [Path(path).name for path in (*self.logs, *self.validate)]
+        self.stages.make(
+            "identify",
+            [self.given.to_toml(), sorted(free or []), names, *self.sources],
+            ("machine.toml", "identified.toml", "identified.json"),
+            lambda: _identified(self.given, self.logs, self.channels, free, self.place),
+        )
+        identified = Estimator.load(self.place / "identified.toml")
+        self.found, self.inputs = identified.machine, identified.inputs
+        self.notes = tuple(read_json(self.place / "identified.json")["notes"])
+
+    def choose_controllers(self) -> Control:
+        """Return the controllers, which are written down."""
+        self.note("choosing the controllers")
+        path = self.place / "scenario.toml"
+        self.stages.make(
+            "control", [self.found.to_toml()], (path.name,),
+            lambda: run_of(self.found, control_for(self.found)).save(path),
+        )  # fmt: skip
+        return control_in(path, self.found)
+
+    @cached_property
+    def records(self) -> tuple[list[Record], list[Record]]:
+        """The logs, and those to judge by."""
+        channels = self.channels
+        if channels is not None and self.inputs is not None:
+            channels = ChannelMap.load(channels).with_inputs(self.inputs)
+        logs, others = (
+            [load_filled(path, channels) for path in of] for of in (self.logs, self.validate)
+        )
+        return logs, others
+
+    def last_record(self) -> Record | None:
+        """Return the last log; None without any."""
+        return self.records[0][-1] if self.logs else None
+
+    def tune(self, kind: str, control: Control, **options: Any) -> None:
+        """Tune a kind in the loop, and write it down."""
+        self.note(f"tuning the {kind} filter")
+        name, place = f"candidates/{kind}.toml", self.place
+
+        def make() -> None:
+            logs, others = self.records
+            tuned = tuned_within(
+                options["max_sensitivity"], short_form(self.found), logs, kind, validate=others,
+                controller=controller_of(self.found, control), inputs=self.inputs,
+                seed=options["seed"], runs=options["runs"], budget=options["budget"],
+                source=", ".join(Path(path).name for path in self.logs),
+            )  # fmt: skip
+            files.make_folder(place / "candidates")
+            tuned.save(place / name, bearing=place / "machine.toml")
+            write_json(place / f"candidates/{kind}.json", of_tuning(tuned))
+
+        known = [place / each for each in ("machine.toml", "scenario.toml", "identified.toml")]
+        made_from = [files.sha256(path) for path in known if path.exists()]
+        self.stages.make(
+            f"tune {kind}", [kind, options, *made_from, *self.sources],
+            (name, f"candidates/{kind}.json"), make,
+        )  # fmt: skip
+
+    def judge(self, kind: str, seed: int) -> None:
+        """Judge a filter that was tuned on records by simulated truth."""
+        place, name = self.place, f"candidates/{kind}.judged.json"
+        if not self.logs:
+            return
+        self.note(f"judging the {kind} filter")
+        file = place / f"candidates/{kind}.toml"
+        self.stages.make(
+            f"judge {kind}", [files.sha256(file), seed, "under a load"], (name,),
+            lambda: write_json(place / name, judged(file, seed)),
+        )  # fmt: skip
+
+
+def _report(of: Design, record: Record | None) -> None:
+    figures: dict[str, Callable[[Candidate], float]] = {
+        "peak of |S|": lambda c: c.peak,
+        "error of $x$ [µm]": lambda c: 1e6 * c.errors["x"],
+        "of $v$ [mm/s]": lambda c: 1e3 * c.errors["v"],
+        r"of $F_\mathrm{St}$ [N]": lambda c: c.errors["f_d"],
+    }
+    if record is not None:
+        figures = {
+            "log likelihood a sample": lambda c: -c.unseen[JUDGED["likelihood"]],
+            "mean NIS": lambda c: c.unseen["nis"],
+            "1 step ahead [µm]": lambda c: 1e6 * c.unseen[AHEAD[1]],
+            "10 steps [µm]": lambda c: 1e6 * c.unseen[AHEAD[10]],
+            "bound over error of $x$": lambda c: c.efficiency,
+        } | figures
+    rows = {KINDS[c.kind].label: [each(c) for each in figures.values()] for c in of.candidates}
+    along = None
+    if record is not None:
+        evaluated = {
+            KINDS[c.kind].name: evaluate(Estimator.load(c.file), record) for c in of.candidates
+        }
+        along = filter_figure(record, evaluated)
     write_design(
-        place / "design.html", name, why, *said, rows, headers,
-        filter_figure(record, evaluated), {**made, "design.html": FILES["design.html"]},
+        of.folder / "design.html", of.machine.name, of.why, of.objections, of.notes, rows,
+        list(figures), along, of.made,
     )  # fmt: skip
 
 
 def _identified(
-    bearing: Bearing,
+    machine: Machine,
     logs: Sequence[str | os.PathLike[str]],
     channels: str | os.PathLike[str] | None,
     free: Sequence[str] | None,
     place: Path,
 ) -> None:
     records = [load_filled(path, channels) for path in logs]
-    found = identify(bearing, records, free=free)
+    found = identify(short_form(machine), records, free=free)
     inputs = Inputs() if channels is None else inputs_of(ChannelMap.load(channels))
-    files.write_text(place / "found.toml", annotated_toml(found.likelihood, place))
+    files.write_text(place / "machine.toml", annotated_toml(found.likelihood, place))
     source = ", ".join(Path(path).name for path in logs)
     write_json(place / "identified.json", {"notes": found.of_the_zeros})
     identified_filter(found, inputs, source).save(
-        place / "identified.toml", bearing=place / "found.toml"
+        place / "identified.toml", bearing=place / "machine.toml"
     )

@@ -19,7 +19,7 @@ def write_design(
     notes: Sequence[str],
     rows: Mapping[str, Sequence[float]],
     headers: Sequence[str],
-    along: Figure,
+    along: Figure | None,
     made: Mapping[str, str],
 ) -> None:
     """Write the page."""
@@ -34,20 +34,24 @@ def write_design(
             title="Who was tried",
             headers=["", *headers],
             rows=[[label, *values] for label, values in rows.items()],
-            caption="Log likelihood and predictions on records that it was not tuned on; errors in "
-            "simulated runs of the bearing that was found, with the noise and the load that the "
-            "filter assumes.",
+            caption="Log likelihood and predictions are those on records that it was not tuned on. "
+            "Errors are those in simulated runs that it was not tuned on; of a filter tuned on "
+            "records with the noise that it assumes, under a step of the disturbance force.",
         )
     )
     report = Report(
         title=f"A filter for {bearing}",
         subtitle=f"{len(rows)} candidates",
-        lead="Identified from the records, tuned on their likelihood, judged on what was not seen "
-        "and against simulated truth.",
+        lead="Tuned in the loop with the machine's controllers, judged on what was not seen and "
+        "against simulated truth.",
         version=version("ambkit"),
         chapters=[
             Chapter("verdict", "Which filter to fly", verdict),
-            Chapter("along", "Along the record", [FigureBlock(along)]),
+            *(
+                []
+                if along is None
+                else [Chapter("along", "Along the record", [FigureBlock(along)])]
+            ),
             Chapter(
                 "made",
                 "What was made",

@@ -1,0 +1,93 @@
+"""The controllers that a design writes down, and what speaks against the loop with them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.judge.loop.loop_of import LoopOf, zone_of
+from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine, as_machine, short_form
+from ambkit.machine.magnets import own_time
+from ambkit.simulation.controllers import Control
+from ambkit.simulation.default_control import default_control
+from ambkit.simulation.flight import Flight
+from ambkit.simulation.holding import TIMES
+from ambkit.simulation.scenario import GAINS, PID, Scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ambkit.workflow.assessed_loop import AssessedLoop
+
+DIGITS = 3
+"""Of the gains that are written down."""
+
+
+def control_for(bearing: Bearing | Machine) -> Control:
+    """The default controllers of a machine that an estimate feeds, as they are written down."""
+    machine = as_machine(bearing)
+    found = default_control(machine, "estimate")
+    if not found.held:
+        raise AmbkitError(found.summary)
+    control = found.chosen.control
+    plain = control.type == "decentralised" and not control.pid
+    estimator = KalmanFilter(machine)
+    each = LoopOf(machine, None if plain else control).pids(estimator)
+    pids = {
+        name: PID(**{key: float(f"{getattr(pid, key):.{DIGITS}g}") for key in GAINS})  # type: ignore[arg-type]
+        for name, pid in each.items()
+    }
+    return control.model_copy(update={"pid": pids})
+
+
+def controller_of(bearing: Bearing | Machine, control: Control) -> PID | Control:
+    """Return controllers as a loop takes them: of a single axis its PID."""
+    single = as_machine(bearing).single
+    return next(iter(control.pid.values())) if single else control
+
+
+def run_of(bearing: Bearing | Machine, control: Control) -> Scenario | Flight:
+    """Return a run whose controllers the estimate feeds."""
+    controller = controller_of(bearing, control)
+    if isinstance(controller, PID):
+        gains: dict[str, Any] = {key: getattr(controller, key) for key in GAINS}
+        return Scenario(controller=PID(**gains, feedback="estimate"))
+    return Flight(feedback="estimate", control=control)
+
+
+def control_in(path: Any, bearing: Bearing | Machine) -> Control:
+    """Return the controllers in the run that `run_of` made."""
+    if isinstance(short_form(bearing), Machine):
+        return Flight.load(path).control
+    pid = Scenario.load(path).controller
+    gains: dict[str, Any] = {key: getattr(pid, key) for key in GAINS}
+    return Control(type="decentralised", pid={"x": PID(**gains)})
+
+
+def overshoot_of(loop: AssessedLoop) -> float:
+    """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
+    closed, p = loop.loop.closed, len(loop.of.axes)
+    n, m = len(closed.A), loop.loop.measurements
+    samples = max(1, round(30 * max(map(own_time, loop.of.alone)) / loop.loop.T / TIMES))
+    step = np.block([[closed.A, closed.B[:, -p:]], [np.zeros((p, n)), np.eye(p)]])
+    several, state = np.linalg.matrix_power(step, samples), np.eye(n + p)[:, n:]
+    most = 0.0
+    for _ in range(TIMES):
+        state = several @ state
+        most = max(most, float(np.diagonal(closed.C[m : m + p] @ state[:n]).max()) - 1)
+    return most
+
+
+def objections_to_loop(loop: AssessedLoop, ceiling: float | None) -> Sequence[str]:
+    """Return what speaks against flying a loop."""
+    if not loop.stable:
+        return ["the loop is not stable"]
+    if zone_of(loop.peak) != "A":
+        return [f"the peak of |S| is {loop.peak:.3g}, zone {zone_of(loop.peak)} of ISO 14839-3"]
+    if ceiling is not None and loop.peak >= ceiling:
+        return [f"the peak of |S| is {loop.peak:.3g}, and is to be below {ceiling:g}"]
+    return []
