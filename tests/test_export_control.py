@@ -18,7 +18,8 @@ from typer.testing import CliRunner
 from ambkit import AmbkitError, Flight, KalmanFilter, Machine, simulate_machine
 from ambkit.cli.app import app
 from ambkit.export.c import export_c
-from ambkit.export.c.machine_scenes import vectors
+from ambkit.export.c.control_scenes import vectors
+from ambkit.simulation.control import Controller
 from ambkit.simulation.controllers import Control, controllers_of
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.sequence import LiftOff
@@ -60,7 +61,7 @@ def test_currents_are_those_of_the_simulation(name: str, precision: Any, tmp_pat
     one = machine(speed=600.0)
     export_c(one, None, tmp_path / "c", prefix="f", precision=precision, flight=flight, **options)
     told = run(tmp_path / "c")
-    assert "pass: f with its controllers, 980 samples flown: equal to the last bit" in told
+    assert "pass: f with its controllers, 1020 samples flown: equal to the last bit" in told
 
 
 @compiled
@@ -87,7 +88,8 @@ def test_what_is_flown_visits_limits_and_losses() -> None:
     one = machine(speed=600.0)
     kalman = KalmanFilter(one, precision="float32")
     controllers = controllers_of(Plant(one), flight.control, kalman, fastest=one.speed)
-    tested = vectors(kalman, flight, controllers)
+    fed = Controller(Plant(one), kalman, controllers, LiftOff(), True)
+    tested = vectors(fed, flight)
     assert tested.saturated > 20
     assert np.isnan(tested.y).any()
     assert (np.abs(np.diff(tested.r, axis=0)) > 0).any(axis=0).all()

@@ -1,8 +1,4 @@
-"""What the self-test lets a controller live through: readings, references, and when to fly.
-
-The flights are simulated, with what the controller itself demanded; the rest is bent from them.
-Lift-off and landing are quicker than what flies, or a firmware would have to hold seconds of it.
-"""
+"""What the self-test of a controller lives through, as the simulation flies it."""
 
 from __future__ import annotations
 
@@ -12,9 +8,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.simulation.sequence import LiftOff
+from ambkit.data.signals import signal
+from ambkit.estimate.engine import NODE
+from ambkit.estimate.estimate import Status
+from ambkit.export.c.vectors import without_digits
+from ambkit.simulation.control import settling_of
+from ambkit.simulation.flight import Disturbance, Flight, Reference
+from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import Run
+from ambkit.simulation.sequence import Mode
+from ambkit.simulation.waveforms import Constant, Ramp, Step, Sum
 
 if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
     from ambkit.simulation.control import Controller
 
 Array = NDArray[np.float64]
@@ -23,108 +29,307 @@ QUICK: dict[str, Any] = {
     "waiting": 5, "lost": 30, "overloaded": 12, "rise": 0.012, "descent": 0.018, "settling": 17,
 }  # fmt: skip
 """The sequence of the self-test: fields of ``amb_sequence``, and the settling at most."""
+LIFTED, UP = 300, 130
+"""Samples of a flight in the self-test, and from which on the rotor is up."""
+SLOW = 20
+"""Samples of a plant's own time, for each of which a flight takes as many more."""
+TAKEN = 40
+"""Samples of a flight that is taken over."""
+PUSH, PULL = 0.2, 3.0
+"""Loads of the flights, in what an axis can pull with its greatest current."""
+DRAWN, ROUNDED = 4, 256
+"""Flights whose readings are off, and by how many roundings of the travel."""
+PART = 2e-3
+"""Of the greatest current: a tenth of what the self-test lets pass."""
+
+
+class Vectors(NamedTuple):
+    """Flights one after the other, N samples."""
+
+    y: Array  # (N, readings), as the rig has them
+    r: Array  # (N, axes) [m]
+    u: Array  # (N, axes): what the controllers gave [V]
+    speed: Array  # (N,) [rad/s]
+    mode: NDArray[np.uint8]  # (N,): what they were doing
+    fly: NDArray[np.bool_]  # (N,): whether they were told to fly
+    status: NDArray[np.uint16]  # (N,): flags of filter and controllers
+    usable: NDArray[np.bool_]  # (N,): whether the estimate could be used
+    mean: Array  # (N, states), each in its unit
+    amplified: NDArray[np.bool_]  # (N,): samples where rounding is amplified
+    starts: list[int]  # where flights begin at power-on ...
+    taken: list[int]  # ... and where those do that are taken over, ...
+    taken_with: Array  # ... with these currents (axes,) [A]
+    saturated: int  # samples in which a current was at its limit
+
+
+def speeds_of(machine: Machine, flight: Flight) -> tuple[float, float] | None:
+    """The slowest and the fastest rotation of a flight [rad/s]; None at the machine's own."""
+    if flight.speed is None:
+        return None
+    n = max(2, round(flight.duration / machine.sampling_time) + 1)
+    speed = flight.speed.sample(machine.sampling_time * np.arange(n + 1, dtype=float))
+    if bool((speed == machine.speed).all()):
+        return None
+    return float(speed.min()), float(speed.max())
+
+
+def quick(controller: Controller) -> dict[str, Any]:
+    """Return fields of a sequence that firmware need not hold seconds of."""
+    slow, settling = slowness(controller), settling_of(controller.estimator)
+    longer = {key: slow * QUICK[key] for key in ("lost", "overloaded")}
+    slower = {key: QUICK[key] / slow for key in ("rise", "descent")}
+    return QUICK | longer | slower | {"settling": min(settling, QUICK["settling"])}
+
+
+def slowness(controller: Controller) -> int:
+    """Return by how much flights are longer than those of a plant that is fast [1]."""
+    return max(1, settling_of(controller.estimator) // SLOW)
+
+
+def vectors(controller: Controller, flight: Flight) -> Vectors:
+    """Fly what the self-test flies, with the plant of the simulation."""
+    # A step of the reference with a load, and loads beyond what the magnets hold with readings lost
+    # and far away, and references that are none; on all axes in turn, and where the flight's speed
+    # changes up and down with it: from where the rotor lies to where it lies again. Some trip, and
+    # a rotor in flight is taken over.
+    estimator, machine = controller.estimator, controller.plant.machine
+    parts = []
+    for scene in _scenes(controller, flight):
+        run = _flown(controller, scene, scene.readings)
+        record, names = run.record, [axis.name for axis in machine.axes]
+        y = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
+        r, u = (np.column_stack([record[signal(of, name)] for name in names]) for of in "ru")
+        assert run.estimate is not None
+        assert run.usable is not None
+        mode = record["mode"].astype(np.uint8)
+        # From where rounding decides, from where readings are refused of a rotor that has tripped,
+        # and is thrown between its stops, and of several readings from where some are lost.
+        spoilt = (scene.readings != 0).any(axis=1) & (len(machine.readings) > 1)
+        spoilt |= (mode == Mode.TRIPPED) & ((run.status & Status.OUTLIER) != 0)
+        amplified = np.maximum.accumulate(spoilt | _spread(controller, scene, run))
+        # Where float has no digits left before that, all that it says is rounding.
+        amplified |= bool((without_digits(estimator, y, u) & ~amplified).any())
+        fly, speed = scene.fly > 0, record["speed"]
+        part = (y, r, u, speed, mode, fly, run.status, run.usable, run.estimate.mean, amplified)
+        parts.append(_as_read(controller, part))
+    flown = len(parts)
+    taken_with = np.zeros(len(machine.axes))
+    # Of a model that turns the core's controller alone follows no speed.
+    if speeds_of(machine, flight) is None:
+        over, taken_with = _taken_over(controller, parts[0])
+        parts += over
+    starts = np.cumsum([0, *(len(each[0]) for each in parts[:-1])]).tolist()
+    estimator.turning(None, 1)  # what is written of the filter is of the machine's own speed
+    joined = [np.concatenate(each) for each in zip(*parts, strict=True)]
+    gain = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
+    low, high = (
+        np.array([getattr(alone, f"current_{end}") for alone in controller.plant.alone])
+        for end in ("min", "max")
+    )
+    iu = joined[2] * gain
+    full = ((iu >= high * (1 - 1e-6)) | (iu <= low * (1 - 1e-6))).any(axis=1)
+    at = starts[:flown], starts[flown:]
+    return Vectors._make([*joined, *at, taken_with, int(full.sum())])
+
+
+def _as_read(controller: Controller, part: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return a flight as the rig's numbers have it, which are rounded; what is in SI as it is."""
+    inputs, (y, r, _, speed, _, fly, *_, amplified) = controller.estimator.inputs, part
+    raw = inputs.y.numbers(y)
+    if raw is y:
+        return part
+    number = np.dtype(controller.estimator.precision).type
+    raw = raw.astype(number).astype(float)
+    return (raw, *_along(controller, raw, r, speed, fly), amplified)
+
+
+def _along(
+    controller: Controller, y: Array, r: Array, speed: Array, fly: NDArray[np.bool_],
+    taken_with: Array | None = None,
+) -> tuple[Any, ...]:  # fmt: skip
+    """Return what the controller gives along readings (n, m), as `Vectors` has it from `r` on."""
+    estimator = controller.estimator
+    number = np.dtype(estimator.precision).type
+    si, _ = estimator.in_si(y, np.zeros(0))
+    given = (np.ascontiguousarray(each, number) for each in (si, r, fly))
+    told = controller.in_core(**quick(controller)).run(*given, float(speed[0]), taken_with)
+    status, usable = told["status"], told["usable"] > 0
+    return r, told["u"], speed, told["mode"], fly, status, usable, told["mean"]
+
+
+def _flown(controller: Controller, scene: Scene, readings: Array) -> Run:
+    """Return one flight, with this added to its readings (n, m) [m]."""
+    return simulate_machine(
+        controller.plant.machine, scene.flight, estimator=controller.estimator,
+        controllers=controller.law, readings=readings, references=scene.references,
+        from_readings=True, fly=scene.fly, other=quick(controller),
+    )  # fmt: skip
+
+
+def _spread(controller: Controller, scene: Scene, run: Run) -> NDArray[np.bool_]:
+    """Return where flights differ (n,) whose readings differ by no more than rounding makes."""
+    # A compiler that contracts rounds otherwise. A rotor that is thrown between its stops makes of
+    # that another flight, and a reading at the gate another decision.
+    machine = controller.plant.machine
+    least = ROUNDED * min(each.travel_limit for each in machine.bearing)
+    least *= float(np.finfo(controller.estimator.precision).eps)
+    axes = [(signal("u", axis.name), axis.bearing.amplifier) for axis in machine.axes]
+    random, found = np.random.default_rng(0), np.zeros(len(scene.readings), bool)
+    for _ in range(DRAWN):
+        off = least * random.choice([-1.0, 1.0], scene.readings.shape)
+        other = _flown(controller, scene, scene.readings + off)
+        for key, amplifier in axes:
+            away = np.abs(other.record[key] - run.record[key]) * amplifier.gain
+            found |= away > PART * amplifier.current_limit
+        found |= (other.status != run.status) | (other.usable != run.usable)
+        found |= other.record["mode"] != run.record["mode"]
+    return found
+
+
+def _taken_over(
+    controller: Controller, flown: tuple[Any, ...]
+) -> tuple[list[tuple[Any, ...]], Array]:
+    """Flights that are taken over, as `vectors` has them, and the currents that acted then."""
+    # The readings are those of a flight at that time, and go on whatever is demanded now: it lands,
+    # it is overloaded from the first sample on, and its sensors freeze and are lost.
+    machine = controller.plant.machine
+    y, r, u, speed, mode, *_, amplified = flown
+    flying = np.flatnonzero(mode == Mode.FLYING)  # none, where it is overloaded on its way up
+    at = int(flying[10]) if len(flying) > 10 else UP
+    y, r, speed = y[at : at + TAKEN], r[at : at + TAKEN], np.full(TAKEN, speed[at])
+    gain = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
+    taken_with = (gain * u[at - 1]).astype(np.dtype(controller.estimator.precision).type)
+    landing, staying = np.arange(TAKEN) < TAKEN // 2, np.ones(TAKEN, bool)
+    far = 60 * max(each.travel_limit for each in machine.bearing)
+    spread, several, spoilt = np.full(TAKEN, amplified[0]), y.shape[1] > 1, y.copy()
+    spoilt[8:30], spoilt[34:37] = y[8], np.nan
+    over = [
+        (shown, *_along(controller, shown, wanted, speed, fly, taken_with), spread | bad)
+        for shown, wanted, fly, bad in (
+            (y, r, landing, False), (y, r + far, staying, False), (spoilt, r, staying, several)
+        )
+    ]  # fmt: skip
+    return over, taken_with
 
 
 class Scene(NamedTuple):
-    """One run, n samples."""
+    """One flight of the self-test, n samples."""
 
-    name: str
-    y: Array  # (n,), as the rig has it; NaN: lost
-    r: Array  # (n,) [m]
-    fly: Array  # (n,), 1 or 0
-    taken_over: float | None = None  # with this current [A], and not from power-on
-
-
-def scenes(controller: Controller) -> Iterator[Scene]:
-    """Yield the runs for a controller."""
-    up, down = _flown(controller, 1.0), _flown(controller, -1.0)
-    yield _spoilt(controller, up)
-    yield _refused(controller, down)
-    yield _lost(controller, up)
-    yield _overloaded(controller, down)
-    n = 60
-    hovering = _hovering(controller, n)
-    yield Scene("taken over", hovering, np.full(n, 1e-5), np.ones(n), taken_over(controller))
+    flight: Flight
+    readings: Array  # (n, readings): what is added to them [m]; NaN: lost
+    references: Array  # (n, axes): what is added to the references [m]; NaN: none
+    fly: Array  # (n,): whether it is told to fly, 1 or 0
 
 
-def taken_over(controller: Controller) -> float:
-    """Return the current that acts where a rotor is taken over [A]."""
-    return controller.bearing.current_max / 8
+def _scenes(controller: Controller, flight: Flight) -> Iterator[Scene]:
+    machine, slow = controller.plant.machine, slowness(controller)
+    n = LIFTED * slow
+
+    def told(*off: tuple[int, int]) -> Array:
+        fly = np.ones(n)
+        for first, end in off:
+            fly[first * slow : end * slow] = 0.0
+        return fly
+
+    none, well = np.zeros((n, len(machine.axes))), np.zeros((n, len(machine.readings)))
+    # On the way up it is called back, and lands.
+    lands, unwanted = told((0, 8), (100, 106), (230, LIFTED)), none.copy()
+    unwanted[190 * slow, 0] = unwanted[193 * slow, -1] = unwanted[196 * slow, :] = np.nan
+    happening = _happening(machine, flight, 1.0, PUSH, slow)
+    yield Scene(happening, _spoilt(machine, well, slow), unwanted, lands)
+    # It has tripped when it is told not to fly, and lifts again.
+    pulled = _happening(machine, flight, -1.0, PULL, slow)
+    yield Scene(pulled, _lost(machine, well, slow), none, told((200, 210)))
+    unwanted = none.copy()
+    unwanted[180 * slow :: 3] = np.nan
+    yield Scene(pulled, well, unwanted, told())  # a current at its limit trips it
 
 
-def _flown(controller: Controller, sign: float) -> Scene:
-    """Lift-off, a step of the reference and one of the load, a landing that is called off; off."""
-    from ambkit.simulation.run import simulate
-    from ambkit.simulation.scenario import Scenario
-    from ambkit.simulation.waveforms import Sequence, Step
-
-    bearing = controller.bearing
-    T, travel = bearing.sampling_time, bearing.rotor.travel_limit
-    n = 420
-    times = LiftOff(
-        start=8 * T, stop=330 * T, wait=QUICK["waiting"] * T, lift=T / QUICK["rise"],
-        land=T / QUICK["descent"], lost=QUICK["lost"] * T, overload=1.0,
+def _happening(machine: Machine, flight: Flight, sign: float, share: float, slow: int) -> Flight:
+    """Return a flight on all axes in turn: references of a twentieth of the travel, and loads."""
+    # It begins where the rotor lies, as the exported controller does at power-on.
+    T = slow * machine.sampling_time
+    references, loads = [], []
+    for k, axis in enumerate(machine.axes):
+        way = sign * (-1.0 if k % 2 else 1.0)
+        law = axis.bearing.magnet
+        most = 4 * law.magnet_constant * law.bias_current * axis.bearing.amplifier.current_limit
+        force, late = way * share * most / law.air_gap**2, UP + 8 * k
+        push = Step(amplitude=force, time=(50 + late) * T)
+        wanted = Step(amplitude=0.05 * way * axis.bearing.travel_limit, time=(12 + late) * T)
+        references.append(Reference(axis=axis.name, position=wanted))
+        loads.append(Disturbance(axis=axis.name, force=push))
+    return Flight(
+        duration=LIFTED * T - machine.sampling_time, start="rest", feedback=flight.feedback,
+        control=flight.control, reference=tuple(references), disturbance=tuple(loads),
+        seed=flight.seed, speed=_speed(machine, flight, sign), sequence=flight.sequence,
     )  # fmt: skip
-    reference = Sequence(times=(0.0, 170 * T), values=(0.0, sign * travel / 5))
-    load = Step(amplitude=0.2 * sign * abs(bearing.weight or 1.0), time=250 * T)
-    scenario = Scenario(
-        duration=(n - 1) * T, start="rest", sequence=times, reference=reference, disturbance=load,
-        controller=controller.pid, seed=int(sign > 0),
-    )  # fmt: skip
-    record = simulate(bearing, scenario, estimator=controller.estimator)
-    fly = times.fly(record.t)
-    fly[130:136] = 0.0  # on the way up, or just after
-    raw = controller.estimator.inputs.y.numbers(record["y"])
-    name = "a flight, and a step up" if sign > 0 else "a flight, and a step down"
-    return Scene(name, raw, record["r"].copy(), fly)
 
 
-def _spoilt(controller: Controller, scene: Scene) -> Scene:
-    """Readings far away, lost and frozen; references that are no numbers."""
-    y, r = scene.y.copy(), scene.r.copy()
-    numbers = controller.estimator.inputs.y.numbers
-    travel = controller.bearing.sensor.gain * controller.bearing.rotor.travel_limit
-    y[0], y[1] = np.nan, float(numbers(3 * travel))  # before the first that can be one
-    y[190:193] = np.nan, np.inf, -np.inf
-    y[196:199] = numbers(np.array([1e3, -1e3, 2.5]) * travel)
-    y[210:224] = y[210]
-    r[200:203] = np.nan, np.inf, -np.inf
-    return scene._replace(name=f"{scene.name}, with losses and freezing", y=y, r=r)
+def _speed(machine: Machine, flight: Flight, sign: float) -> Sum | None:
+    """Return a speed that grows over two nodes of the model, or falls, within those of a flight."""
+    speeds = speeds_of(machine, flight)
+    if speeds is None:
+        return None
+    low, high = speeds
+    by = min(2 * NODE / machine.sampling_time, high - low)
+    first = low + 0.3 * (high - low - by) if sign > 0 else high - 0.1 * (high - low - by)
+    turned = Ramp(slope=sign * by / (LIFTED * machine.sampling_time))
+    return Sum(parts=(Constant(value=first), turned))
 
 
-def _refused(controller: Controller, scene: Scene) -> Scene:
-    """Told to fly and not to, while it waits; then with a start off the stops' middle."""
-    fly = scene.fly.copy()
-    fly[14:17] = 0.0
-    fly[60:64] = 0.0
-    return scene._replace(name=f"{scene.name}, told to fly and not to", fly=fly)
+def _spoilt(machine: Machine, well: Array, slow: int) -> Array:
+    """Return what is added to the readings: losses, and readings far away."""
+    added, travel = well.copy(), min(each.travel_limit for each in machine.bearing)
+    added[170 * slow : 170 * slow + 4, 0], added[178 * slow, :] = np.nan, np.nan
+    added[184 * slow, -1], added[188 * slow, 0] = 3 * travel, -3 * travel
+    return added
 
 
-def _lost(controller: Controller, scene: Scene) -> Scene:
-    """In flight the sensor is lost until it trips; told to land, and to fly again."""
-    y, fly = scene.y[:330].copy(), scene.fly[:330].copy()
-    y[180:240] = np.nan
-    y[250:270] = scene.y[0]
-    fly[255:262] = 0.0
-    y[262:] = y[20:88]
-    return Scene(f"{scene.name}, the sensor lost until it trips", y, scene.r[:330].copy(), fly)
+def _lost(machine: Machine, well: Array, slow: int) -> Array:
+    """Return readings that begin far away, and of which all are lost until it trips."""
+    added, travel = well.copy(), max(each.travel_limit for each in machine.bearing)
+    added[0], added[1] = 30 * travel, 3 * travel
+    added[145 * slow : 180 * slow] = np.nan
+    return added
 
 
-def _overloaded(controller: Controller, scene: Scene) -> Scene:
-    """A reference so far away that a current stays at its limit until it trips."""
-    n = 280
-    r = scene.r[:n].copy()
-    r[165:168] = 60 * controller.bearing.rotor.travel_limit
-    r[171:] = -60 * controller.bearing.rotor.travel_limit
-    fly = scene.fly[:n].copy()
-    fly[240:245] = 0.0
-    return Scene(f"{scene.name}, overloaded until it trips", scene.y[:n].copy(), r, fly)
+def in_turn(mean: Array) -> Array:
+    """Return of each sample one state (N,), the next one each time."""
+    k = np.arange(len(mean))
+    return np.asarray(mean[k, k % mean.shape[1]])
 
 
-def _hovering(controller: Controller, n: int) -> Array:
-    """A rotor that stays near a place off the middle; the first reading is the start."""
-    bearing = controller.bearing
-    std = float(np.sqrt(controller.estimator.core.parameters["set"]["var_y"][0]))
-    here = 0.1 * bearing.sensor.gain * bearing.rotor.travel_limit
-    near = here + std * np.resize([0.5, -1.0, 0.25, 1.0, -0.75], n)
-    return controller.estimator.inputs.y.numbers(near)
+def also_infinite(values: Array) -> Array:
+    """Return the numbers, of which those that are none are infinite in turn: it is all the same."""
+    found = values.copy()
+    none = np.flatnonzero(np.isnan(values))
+    found.flat[none[1::3]], found.flat[none[2::3]] = np.inf, -np.inf
+    return found
+
+
+def marks_of(tested: Vectors) -> NDArray[np.uint8]:
+    """Return the mode of each sample and the marks that the template of the self-test has (N,)."""
+    found = tested.mode + 8 * tested.fly.astype(np.uint8) + 32 * tested.usable.astype(np.uint8)
+    found[tested.starts] += 16
+    found[tested.taken] += 64
+    found[tested.amplified] += 128
+    return found.astype(np.uint8)
+
+
+def coverage(controller: Controller, tested: Vectors) -> list[tuple[str, str]]:
+    """Return what the samples visit, in words: what, and how much of it."""
+    runs = len(tested.starts) + len(tested.taken)
+    rows = [("samples", f"{len(tested.y)}, in {runs} flights, each from a start")]
+    machine, states = controller.plant.machine, controller.estimator.states
+    of = [(signal("u", axis.name), "V", tested.u[:, k]) for k, axis in enumerate(machine.axes)]
+    of += [(state.name, state.unit, tested.mean[:, k]) for k, state in enumerate(states)]
+    for name, unit, values in of:
+        rows.append((f"`{name}`", f"{values.min():.4g} to {values.max():.4g} {unit}"))
+    for mode in Mode:
+        rows.append((f"`AMB_{mode.name}`", f"{int((tested.mode == mode).sum())} samples"))
+    rows.append(("a current at its limit", f"{tested.saturated} samples"))
+    counts = {flag.name: int(((tested.status & flag) != 0).sum()) for flag in Status}
+    rows += [(f"`AMB_{name}`", f"{count} samples") for name, count in counts.items() if count]
+    never = [f"`AMB_{name}`" for name, count in counts.items() if not count]
+    return [*rows, ("flags that are not raised", ", ".join(never) or "none")]

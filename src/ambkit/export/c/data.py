@@ -75,6 +75,11 @@ def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> st
     return "\n".join([*lines, line.rstrip(", ")])
 
 
+def rows(values: NDArray[Any], precision: CPrecision) -> str:
+    """Write a matrix as an initialiser of an array of arrays."""
+    return ", ".join("{" + array(row, precision, "") + "}" for row in values)
+
+
 def type_of(values: NDArray[Any]) -> str:
     """Return the C type of an array's elements, by its columns."""
     if values.dtype.kind == "u":

@@ -11,9 +11,9 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import calibration, cost, data_file, folder, render
+from ambkit.export.c.control_scenes import speeds_of
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.data import CPrecision, called
-from ambkit.export.c.machine_scenes import speeds_of
 from ambkit.export.c.prefix import checked
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy.expert import Expert
@@ -21,8 +21,9 @@ from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision
 from ambkit.simulation.control import Controller
-from ambkit.simulation.controllers import controllers_of
+from ambkit.simulation.controllers import Control, controllers_of
 from ambkit.simulation.default_control import settled_flight
+from ambkit.simulation.flight import Flight
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.sequence import LiftOff
 
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
 
 MOST_COUNTED = 65535
@@ -111,6 +111,11 @@ def export_c(
         controller = _of_several(estimator, flight)
     if scenario is not None:
         controller, spent = _controller(estimator, scenario, editable=editable), None
+        control = Control(type="lqg" if controller.pid.type == "lqg" else "decentralised")
+        flight = Flight(
+            feedback=controller.pid.feedback, control=control, sequence=controller.sequence,
+            seed=scenario.seed,
+        )  # fmt: skip
     if calibrated:
         if isinstance(bearing, Machine):
             raise AmbkitError(

@@ -16,9 +16,9 @@ from ambkit.export import core
 from ambkit.export.c import (
     calibration,
     control,
+    control_scenes,
     data,
     data_file,
-    machine_scenes,
     model,
     proof,
     selftest,
@@ -94,29 +94,29 @@ def render(
             needed += [f"src/{data.called(inner).source}.c"]
     speeds = None
     if flight is not None and estimator.whole is not None:
-        speeds = machine_scenes.speeds_of(estimator.whole.machine, flight)
+        speeds = control_scenes.speeds_of(estimator.whole.machine, flight)
     of_model = model.in_c(estimator, loops=loops, speeds=speeds)
     needed += [*of_model.sources, *(control.SOURCES if controller is not None else ())]
     needed += calibration.SOURCES if calibrated else ()
     needed += telemetry.SOURCES if framed else ()
-    flown = {}
-    if whole and flight is not None:
-        assert controller is not None
-        flown = control.of_several(controller, flight, name, precision)
+    flown: dict[str, Any] = {}
+    if controller is not None and flight is not None:
+        flown = control.context(controller, flight, name, precision)
     found = core.closure(needed, instead=of_model.instead)
     core_files = {f"core/{file}": text for file, text in found.items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
     more = ("_telemetry",) if framed else ()
-    changed = ("_calibration",) if calibrated else ("_control",) if flown else ()
+    changed = ("_calibration",) if calibrated else ("_control",) if whole and flown else ()
     sources = (*(f"{name}{file}.c" for file in ("", *changed, "_data", *more)), *c_files)
-    of_test = ("selftest", "vectors", *(("control_selftest",) if flown else ()))
+    beside = ("control_selftest", "control_vectors") if whole and flown else ()
+    of_test = ("selftest", "vectors", *beside)
     tests = tuple(f"selftest/{name}_{file}.c" for file in of_test)
     settling, bound = settling_of(estimator), bound_of(estimator)
     if one is None:
         tested = vectors.make(estimator, magnets, settling=settling, bound=bound)
         told = selftest.context(tested, estimator, precision)
     else:
-        told = control.context(one, name, precision)
+        told = {key: flown["in_flight"][key] for key in ("runs", "coverage")}
     bearing = estimator.bearing
     base = "" if in_core is None else in_core.base
     context: dict[str, Any] = {
@@ -143,8 +143,8 @@ def render(
         "selftest_sources": ("selftest/main.c", *tests),
         "bound": (_BOUNDS_OF_MACHINES if whole else _BOUNDS)[precision],
         **{key: told[key] for key in told if key != "arrays"},
-        "flown": None if one is None else told,
-        "controller": None if one is None else {"let_turn": ""} | told,
+        "flown": None if one is None else flown,
+        "controller": None,
         "base_of_calibration": None,
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "given": given,
@@ -175,11 +175,11 @@ def render(
         "shown": selftest.first(estimator, "sensor"),
         "load": selftest.first(estimator, "disturbance force"),
         **selftest.of_roles(estimator),
-        **selftest.stops(estimator, precision),
+        **selftest.stops_in_c(estimator, precision),
         "base": base,
         "covariance": (in_core.covariance if in_core else "") or f"{base}cov",
         **data_file.data_context(estimator, magnet, kind, precision, of_model, editable=editable),
-        "controlled": bool(flown),
+        "controlled": whole and bool(flown),
         "turning": _turning(of_model, speeds, precision),
         "speed_own": data.number(bearing.speed, precision) if whole else "",
         **flown,
@@ -239,8 +239,10 @@ def render(
         made |= {file.format(name): template for file, template in proof.TEMPLATES.items()}
     if controller is not None:
         more_files = calibration.TEMPLATES if calibrated else {}
-        named = {**(control.BESIDE if whole else control.TEMPLATES), **more_files}
-        made |= {file.format(name): template for file, template in named.items()}
+        of = f"{name}_control" if whole else name
+        made |= {file.format(of): template for file, template in control.TEMPLATES.items()}
+        made |= {file.format(name): template for file, template in more_files.items()}
+        made |= {} if whole else {"README.md": "control.md"}
         if calibrated and one is not None:
             described = calibration.described(one, name, precision)
             core_files |= {"calibration.json": described}
@@ -330,13 +332,11 @@ def _configuration(
         "title",
     )  # fmt: skip
     parts = [_described(estimator.bearing), *(context[key] for key in numbers)]
-    if context["flown"]:
-        parts += [repr(context["flown"])]
     if context["several"]:
         parts.append(repr(context["several"]))
     parts += [array["text"] for array in context["arrays"]]
-    if context["controlled"]:
-        parts += [repr(context[key]) for key in ("controller", "sequence", "turning")]
+    if context["controller"]:
+        parts += [repr(context[key]) for key in ("controller", "times", "turning", "in_flight")]
     for part in (*parts, *core_files.values()):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()[:16]

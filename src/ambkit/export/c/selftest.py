@@ -68,17 +68,18 @@ def first(estimator: Estimator, role: str) -> int:
     return next((i for i, state in enumerate(estimator.states) if state.role == role), -1)
 
 
-def stops(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
-    """Return readings that may be a rotor on its stops, and ones that may not, on both sides."""
+def stops(estimator: Estimator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return readings (2, m) that may be a rotor on its stops, and ones that may not."""
     known = estimator.core.parameters
     gain, travel, var_y = (np.asarray(known["set"][k], float) for k in ("K_sen", "travel", "var_y"))
     shown, noise = np.abs(gain) * travel, np.sqrt(var_y + np.asarray(known["rounding"], float))
-    places = {"between": shown + 3.8 * noise, "beyond": shown + 4.2 * noise}
-    sides = {name: np.array([-each, each], float) for name, each in places.items()}
+    between, beyond = (np.array([-at, at]) for at in (shown + 3.8 * noise, shown + 4.2 * noise))
+    return estimator.inputs.y.numbers(between), estimator.inputs.y.numbers(beyond)
+
+
+def stops_in_c(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
+    """Return the same as C."""
+    found = dict(zip(("between", "beyond"), stops(estimator), strict=True))
     if estimator.whole is None:
-        read = estimator.inputs.y.numbers
-        return {name: data.array(read(at.ravel()), precision, "") for name, at in sides.items()}
-    return {
-        name: ", ".join("{" + data.array(row, precision, "") + "}" for row in at)
-        for name, at in sides.items()
-    }
+        return {name: data.array(at.ravel(), precision, "") for name, at in found.items()}
+    return {name: data.rows(at, precision) for name, at in found.items()}

@@ -3,9 +3,10 @@
 #define FIRMWARE_CONTROLLER_H
 
 #if SEVERAL
-#include "rig_control.h"
-#endif
+#include "rig_control_selftest.h"
+#else
 #include "rig_selftest.h"
+#endif
 #include "rig_telemetry.h"
 #include <string.h>
 
@@ -41,8 +42,10 @@ static void self_test(greeting *hello)
   hello->wrong_status = found.wrong_status;
   hello->wrong = found.wrong;
 #if SEVERAL
-  amb_real largest;
-  hello->unequal += rig_control_selftest(&largest);
+  rig_control_selftest(&found);
+  hello->unequal += found.unequal;
+  hello->wrong_status += found.wrong_status;
+  hello->wrong |= found.wrong;
 #endif
 }
 
