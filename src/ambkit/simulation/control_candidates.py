@@ -17,8 +17,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.simulation.controllers import Control, Controllers, controllers_of
-from ambkit.simulation.gains import two_digits, weight_of
-from ambkit.simulation.holding import ENOUGH
+from ambkit.simulation.holding import ENOUGH, two_digits, weight_of
 from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.control import compensator, controllers, fed

@@ -187,7 +187,7 @@ def pids_of(
     control.check_names(names)
     if set(names) <= {n for n, pid in control.pid.items() if pid.model_fields_set >= GAINS}:
         return [control.pid[name] for name in names]
-    usual = holding(machine, feedback).pids
+    usual = [PID(**each.stated) for each in holding(machine, feedback).pids]
     return [
         pid.overlaid(control.pid[name], machine.alone(name)) if name in control.pid else pid
         for name, pid in zip(names, usual, strict=True)

@@ -1,33 +1,52 @@
-"""Controllers that hold a machine, one for each axis, and how well they do."""
+"""Default gains of PIDs that hold a machine, one for each axis, and how well they do."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
+from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.bank import alone_of, weights_of
 from ambkit.machine.hovering import hover_current
-from ambkit.machine.magnets import magnet_of, own_time
+from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
 from ambkit.models.linear import linearised
 from ambkit.models.machine import machine_parts
 from ambkit.models.parts.rotor import velocities_of
-from ambkit.simulation.gains import PEAK, weight_of
 from ambkit.simulation.holding_margins import Sensitivities, sensitivities, shown_along_axes
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.linear.closed import Loop
+from ambkit.simulation.linear.control import compensator, controller
+from ambkit.simulation.linear.pieces import WorkPoint, plant
+from ambkit.simulation.linear.settled import estimator_at
 
 if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
+    from ambkit.models.linear import LinearSystem
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+
+PEAK = 1.8
+"""Of abs(S), at most, where the bearing allows it: a tenth below 2."""
+
+STIFFEST = 4.0
+"""Proportional gain beyond which nothing is looked for, in k_s/k_i."""
+
+RATIOS = (STIFFEST, 3.5, 3.0, 2.6, 2.3, 2.0, 1.8, 1.6, 1.4)
+DAMPINGS = np.arange(1.5, 0.49, -0.05)
+
+FREQUENCIES, TIMES = 300, 300
+"""Points at which peaks and a step are looked at."""
 
 SOFTER = (1.0, 0.75, 0.6, 0.5, 0.4, 0.35)
 """Shares of the proportional gain that are tried where the usual one shakes a bending mode; below
@@ -42,10 +61,9 @@ ENOUGH = 2.0
 """Peak of abs(S) from which on others are looked for."""
 STRIDE, TRIES, UNHELD = 0.2, 250, 1e3
 """Of the search for the lowest peak: its first steps, its evaluations, the cost of what falls."""
-OVERSHOOT, WEIGHTS = 0.13, (0.85, 0.7, 0.55, 0.4, 0.25, 0.0)
-"""Of a step of a reference, at most; and shares of the set-point weight that are tried for it."""
-TIMES = 300
-"""Points at which a step is looked at."""
+OVERSHOOT_ALONE, OVERSHOOT, WEIGHTS = 0.1, 0.13, (0.85, 0.7, 0.55, 0.4, 0.25, 0.0)
+"""Of a step of a reference, at most, of an axis alone where the margins allow it and of a machine;
+and shares of the set-point weight that are tried for the latter."""
 NEARBY, FINER = (0.87, 1.0, 1.15), 2
 """What is tried next to the best of these, and how often."""
 STIFF = 0.4
@@ -56,11 +74,171 @@ LEFT_TO_IT = 0.5
 """Share of its own damping that a controller may take from a bending mode."""
 
 
+class Gains(NamedTuple):
+    """Gains of a PID, as `ambkit.simulation.scenario.PID` has them."""
+
+    kp: float
+    ki: float
+    kd: float
+    derivative_filter: float
+    anti_windup: float
+    setpoint_weight: float
+    feedback: str = "measurement"
+
+    @property
+    def stated(self) -> dict[str, Any]:
+        """The gains by their keys, without what they see."""
+        return {key: value for key, value in self._asdict().items() if key != "feedback"}
+
+
+@lru_cache(maxsize=128)
+def chosen(bearing: Bearing) -> Gains:
+    """Return the stiffest gains that keep the sensitivity below `PEAK` and the step calm."""
+    # Both loops are looked at, as they are sampled and late: fed by the measurement, and by a
+    # linear Kalman filter with its default noise. With the stiffnesses k_i, k_s at the centre and
+    # ``kp = c k_s/k_i`` a loop has the frequency ``w = sqrt((c - 1) k_s/m)``, and with ``kd = 2 D m
+    # w/k_i`` the damping D; integral, derivative filter and tracking time go with w. Of all c, from
+    # high to low, the first is taken with which some D has no peak of abs(S) above `PEAK` and no
+    # overshoot above `OVERSHOOT_ALONE`; where there is none, the c and D of the lowest peak.
+    at = _work_point(bearing)
+    P = plant(bearing, at)
+    P = P.select(["y", "x"], P.inputs[0][:1])
+    E = _estimator(bearing, at)
+    f = _frequencies(bearing)
+    told = P.response(f)[:, 0, 0], None if E is None else E.response(f)
+    lowest, best = math.inf, textbook(bearing)
+    for ratio in RATIOS:
+        candidates = [_gains(bearing, ratio, float(damping)) for damping in DAMPINGS]
+        peaks = _peaks(bearing, candidates, f, *told)
+        for peak, gains in sorted(zip(peaks, candidates, strict=True), key=itemgetter(0)):
+            if peak > PEAK and peak >= lowest:
+                break
+            loops = list(_loops(bearing, gains, P, E))
+            if not all(loop.is_stable for loop in loops):
+                continue
+            if peak <= PEAK and all(
+                overshoot(loop, own_time(bearing)) <= OVERSHOOT_ALONE for loop in loops
+            ):
+                return gains
+            if peak < lowest:
+                lowest, best = float(peak), gains
+    return best
+
+
+def textbook(bearing: Bearing) -> Gains:
+    """Return gains by a rule of thumb: ``kp = 4 k_s/k_i``, D = 0.56, all of the reference to kp."""
+    # A step overshoots by a half: it takes the rotor far out, where filters differ.
+    return _gains(bearing, STIFFEST, 0.56)._replace(setpoint_weight=1.0)
+
+
+def weight_of(bearing: Bearing, kp: float, ki: float, kd: float) -> float:
+    """Return the set-point weight with which the integral does not show in a step."""
+    # The slow pole that the integral brings is then cancelled by the zero that it brings too.
+    # Without an integral the rotor would come to rest at ``kp k_i/(kp k_i - k_s)`` of the
+    # reference, as the magnet pulls the harder the closer the rotor is: the weight takes that back.
+    k, m = ConstantStiffness.of(bearing), bearing.rotor.mass
+    stiffness = k.k_i * kp - k.k_s
+    if not stiffness > 0:
+        return 1.0
+    if not ki > 0:
+        return stiffness / (k.k_i * kp)
+    poles = np.roots([m, k.k_i * kd, stiffness, k.k_i * ki])
+    real = poles[np.abs(poles.imag) <= 1e-9 * np.abs(poles)].real
+    return float(min(1.0, ki / (kp * np.abs(real).min())))
+
+
+def two_digits(value: float) -> float:
+    """Return a gain as it is written down: more of it nobody could tell."""
+    return float(f"{value:.2g}")
+
+
+def _gains(bearing: Bearing, ratio: float, damping: float) -> Gains:
+    k, m = ConstantStiffness.of(bearing), bearing.rotor.mass
+    w = math.sqrt((ratio - 1) * k.k_s / m)
+    kp = two_digits(ratio * k.k_s / k.k_i)
+    ki, kd = two_digits(kp * w / 31), two_digits(2 * damping * m * w / k.k_i)
+    weight = two_digits(weight_of(bearing, kp, ki, kd))
+    return Gains(kp, ki, kd, two_digits(1 / (24 * w)), two_digits(5.2 / w), weight)
+
+
+def _work_point(bearing: Bearing) -> WorkPoint:
+    try:
+        return WorkPoint.hovering(bearing)
+    except AmbkitError:  # it is not held at the centre, but perhaps elsewhere
+        return WorkPoint(0.0, 0.0)
+
+
+def _estimator(bearing: Bearing, at: WorkPoint) -> LinearSystem | None:
+    try:
+        return estimator_at(KalmanFilter(bearing), at)
+    except AmbkitError:  # a model that has no gain to settle to
+        return None
+
+
+def _frequencies(bearing: Bearing) -> NDArray[np.float64]:
+    slowest = 1 / (40 * math.pi * own_time(bearing))
+    highest = 0.5 / bearing.sampling_time
+    return np.geomspace(min(slowest, highest / 2), highest, FREQUENCIES)
+
+
+def _peaks(
+    bearing: Bearing,
+    candidates: list[Gains],
+    f: NDArray[np.float64],
+    P: Complex,
+    E: Complex | None,
+) -> NDArray[np.float64]:
+    """Return the higher peak of abs(S) of both loops for each candidate, stable or not."""
+    # The controller's response is written out, as `controller` has it in states: hundreds are
+    # asked.
+    T, volts = bearing.sampling_time, 1 / bearing.amplifier.gain
+    kp, ki, kd, T_f, *_ = np.array([each[:-1] for each in candidates]).T[:, :, None]
+    z = np.exp(2j * np.pi * f * T)
+    x, v = volts * (kp + ki * T / (z - 1)), volts * kd
+    share = 1 / (T_f + T)
+    slope = share * (1 - 1 / z) / (1 - (1 - T * share) / z)
+    S = [1 / (1 + P * (x + v * slope) / bearing.sensor.gain)]
+    if E is not None:
+        fed = x * E[:, 0, 0] + v * E[:, 1, 0]
+        S.append(1 / (1 + P * fed / (1 + x * E[:, 0, 1] + v * E[:, 1, 1])))
+    return np.asarray(np.abs(S).max(axis=(0, 2)))
+
+
+def _loops(
+    bearing: Bearing, gains: Gains, P: LinearSystem, E: LinearSystem | None
+) -> Iterator[Loop]:
+    """Yield the loop that is fed by the measurement, and the one that is fed by the estimate."""
+    shown = np.array([[1 / bearing.sensor.gain]])
+    yield Loop(P, compensator(controller(gains, bearing), None, shown))
+    if E is not None:
+        fed = gains._replace(feedback="estimate")
+        yield Loop(P, compensator(controller(fed, bearing), E, shown))
+
+
+def overshoot(loop: Loop, own: float, axes: int = 1) -> float:
+    """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
+    # own: of the slowest axis [s]
+    closed, m = loop.closed, loop.measurements
+    return _beyond(closed.A, closed.B[:, -axes:], closed.C[m : m + axes], own / loop.T)
+
+
+def _beyond(A: Array, B: Array, C: Array, own: float) -> float:
+    """Return how far the k-th output goes beyond 1 after a step of the k-th input, at most."""
+    n, p = B.shape
+    step = np.block([[A, B], [np.zeros((p, n)), np.eye(p)]])
+    several = np.linalg.matrix_power(step, max(1, round(30 * own / TIMES)))
+    state, most = np.eye(n + p)[:, n:], 0.0
+    for _ in range(TIMES):
+        state = several @ state
+        most = max(most, float(np.diagonal(C @ state[:n]).max()) - 1)
+    return most
+
+
 @dataclass(frozen=True, eq=False)
 class Holding:
     """Controllers of a machine's axes, and the poles of the loop with them."""
 
-    pids: tuple[PID, ...]  #: Of each axis.
+    pids: tuple[Gains, ...]  #: Of each axis.
     poles: Complex  #: (n,) Of the sampled loop at the machine's speed, with its delay [1/s].
     score: float  #: At most 1, where all is well damped; not above 0 where the rotor is not held.
 
@@ -80,7 +258,7 @@ def holding(
     machine: Machine, feedback: Literal["measurement", "estimate"] = "measurement"
 ) -> Holding:
     """Return controllers for a machine, each axis with its own."""
-    # Each is tuned to its axis alone, see `PID.for_bearing`. Where that shakes a bending mode, by
+    # Each is tuned to its axis alone, see `chosen`. Where that shakes a bending mode, by
     # the loop's delay or a sensor on the other side of a node, softer gains and slower derivatives
     # are tried, the same for all axes, and those are taken that leave most damping: to the rigid
     # body up to `WELL_DAMPED`, to a bending mode up to `LEFT_TO_IT` of its own. Where the peak of
@@ -92,7 +270,7 @@ def holding(
 
 def overshoot_of(
     machine: Machine,
-    pids: Sequence[PID],
+    pids: Sequence[Gains],
     feedback: Literal["measurement", "estimate"] = "measurement",
 ) -> float:
     """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
@@ -102,7 +280,7 @@ def overshoot_of(
 @lru_cache(maxsize=64)
 @one_thread()
 def _held(machine: Machine, feedback: Literal["measurement", "estimate"]) -> Holding:
-    usual = tuple(map(PID.for_bearing, alone_of(machine)))
+    usual = tuple(map(chosen, alone_of(machine)))
     search = _Search(machine, usual, feedback)
     found = Holding(usual, np.zeros(0, complex), 1.0)
     if machine.bending is not None:
@@ -118,7 +296,7 @@ def _held(machine: Machine, feedback: Literal["measurement", "estimate"]) -> Hol
 class _Search:
     """Controllers that are softer, less damped and slower than the usual ones, all axes alike."""
 
-    def __init__(self, machine: Machine, usual: tuple[PID, ...], feedback: str) -> None:
+    def __init__(self, machine: Machine, usual: tuple[Gains, ...], feedback: str) -> None:
         self.machine, self.usual, self.feedback = machine, usual, feedback
         # A velocity is not filtered again.
         self.slower = SLOWER if feedback == "measurement" else (1.0,)
@@ -128,7 +306,7 @@ class _Search:
         """The machine, and what controllers make of it."""
         return _Loop(self.machine, self.feedback)
 
-    def of(self, pids: tuple[PID, ...], p: float, d: float, f: float) -> tuple[PID, ...]:
+    def of(self, pids: tuple[Gains, ...], p: float, d: float, f: float) -> tuple[Gains, ...]:
         """Return controllers with these shares of gains and filter."""
         return tuple(_changed(pid, p, d, f) for pid in pids)
 
@@ -206,7 +384,7 @@ class _Search:
         )  # fmt: skip
         return cost(first), float(found.fun), found.x.reshape(start.shape)
 
-    def _shared(self, logs: Array, of_axis: NDArray[np.intp]) -> tuple[PID, ...]:
+    def _shared(self, logs: Array, of_axis: NDArray[np.intp]) -> tuple[Gains, ...]:
         """Return the usual controllers with shares of given logarithms (bearings, 2 or 3)."""
         every = np.zeros((len(logs), 3))
         every[:, : logs.shape[1]] = logs
@@ -219,7 +397,7 @@ class _Search:
         if found.pids is self.usual:
             return found
         pids = tuple(
-            pid.model_copy(update={"setpoint_weight": weight_of(alone, pid.kp, pid.ki, pid.kd)})
+            pid._replace(setpoint_weight=weight_of(alone, pid.kp, pid.ki, pid.kd))
             for pid, alone in zip(found.pids, alone_of(self.machine), strict=True)
         )
         return replace(found, pids=pids)
@@ -231,18 +409,16 @@ class _Search:
             if self.loop.overshoot(pids) <= OVERSHOOT:
                 break
             pids = tuple(
-                pid.model_copy(update={"setpoint_weight": share * pid.setpoint_weight})
-                for pid in found.pids
+                pid._replace(setpoint_weight=share * pid.setpoint_weight) for pid in found.pids
             )
         return replace(found, pids=pids)
 
 
-def _changed(pid: PID, p: float, d: float, f: float) -> PID:
+def _changed(pid: Gains, p: float, d: float, f: float) -> Gains:
     """Return a PID with shares of its gains; neither poles nor margins need its weight."""
-    return PID(
-        kp=pid.kp * p, ki=pid.ki * p, kd=pid.kd * d,
-        derivative_filter=pid.derivative_filter * f, anti_windup=pid.anti_windup,
-    )  # fmt: skip
+    return pid._replace(
+        kp=pid.kp * p, ki=pid.ki * p, kd=pid.kd * d, derivative_filter=pid.derivative_filter * f
+    )
 
 
 def _hovering(machine: Machine) -> tuple[Array, Array]:
@@ -279,30 +455,24 @@ class _Loop:
         self.own = machine.bending
         self.slowest = math.inf if self.own is None else 0.7 * float(self.own.frequency[0])
 
-    def with_(self, pids: tuple[PID, ...]) -> Holding:
+    def with_(self, pids: tuple[Gains, ...]) -> Holding:
         """Return the loop with controllers."""
         z = np.linalg.eigvals(self._closed(pids)).astype(complex)
         poles = np.log(z[np.abs(z) > math.exp(-3)]) / self.T  # what is gone at once is no motion
         springs = np.array([pid.kp for pid in pids]) * self.k_i / self.k_s - 1
         return Holding(pids, poles, min(self._score(poles), float(springs.min()) / STIFF))
 
-    def overshoot(self, pids: tuple[PID, ...]) -> float:
+    def overshoot(self, pids: tuple[Gains, ...]) -> float:
         """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
         F, n, p = self._closed(pids), len(self.A), len(pids)
         B = np.zeros((len(F), p))
         for k, pid in enumerate(pids):
             B[n + 3 * k, k] = self.T * pid.ki
             B[:n, k] = self.B[:, k] * pid.kp * pid.setpoint_weight
-        samples = max(1, round(30 * max(map(own_time, self.alone)) / self.T / TIMES))
-        step = np.block([[F, B], [np.zeros((p, len(F))), np.eye(p)]])
-        several, state = np.linalg.matrix_power(step, samples), np.eye(len(step))[:, -p:]
-        most = 0.0
-        for _ in range(TIMES):
-            state = several @ state
-            most = max(most, float(np.diagonal(self.seen @ state[:n]).max()) - 1)
-        return most
+        C = np.hstack([self.seen, np.zeros((p, len(F) - n))])
+        return _beyond(F, B, C, max(map(own_time, self.alone)) / self.T)
 
-    def _closed(self, pids: tuple[PID, ...]) -> Array:
+    def _closed(self, pids: tuple[Gains, ...]) -> Array:
         """Return the states' matrix with controllers as ``core/src/controller.c`` has them."""
         n, p, T = len(self.A), len(pids), self.T
         F = np.zeros((n + 3 * p, n + 3 * p))

@@ -10,7 +10,7 @@ from ambkit.base.config import Document, Part, Read
 from ambkit.base.config.quantities import Quantity, SignalIn
 from ambkit.base.config.texts import Name
 from ambkit.machine.bearing import Bearing
-from ambkit.simulation.gains import Gains, chosen, textbook, two_digits, weight_of
+from ambkit.simulation.holding import Gains, chosen, textbook, two_digits, weight_of
 from ambkit.simulation.sequence import LiftOff
 from ambkit.simulation.waveforms import (
     Constant,
@@ -87,7 +87,7 @@ class PID(Part):
 
     @classmethod
     def for_bearing(cls, bearing: Bearing) -> Self:
-        """Return the gains that the margins of a bearing's loop allow, see `gains.chosen`.
+        """Return the gains that the margins of a bearing's loop allow, see `holding.chosen`.
 
         Parameters
         ----------

@@ -18,6 +18,7 @@ from ambkit.simulation.holding import holding
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.result.report.figure import Figure
+    from ambkit.simulation.holding import Gains
     from ambkit.simulation.scenario import PID
 
 Array = NDArray[np.float64]
@@ -103,7 +104,7 @@ def campbell(
     fastest: float | None = None,
     *,
     count: int = 121,
-    pids: Sequence[PID] | None = None,
+    pids: Sequence[PID | Gains] | None = None,
 ) -> Campbell:
     """Return how the poles of a rotor that is controlled go with its speed.
 
@@ -157,11 +158,11 @@ def stiffnesses(machine: Machine) -> list[ConstantStiffness]:
     return [ConstantStiffness.of(machine.alone(axis.name)) for axis in machine.axes]
 
 
-def held(machine: Machine, pids: Sequence[PID] | None = None) -> tuple[Array, Array]:
+def held(machine: Machine, pids: Sequence[PID | Gains] | None = None) -> tuple[Array, Array]:
     """Return A at rest, and what it gains by 1 rad/s, of the rotor on its controllers."""
     of, q2 = continuous(machine), 2 * len(machine.positions)
     A, spin = of.A[:q2, :q2], of.spin[:q2, :q2]
-    pids = holding(machine).pids if pids is None else pids
+    pids = pids or holding(machine).pids
     k_i, k_s = np.array([[k.k_i, k.k_s] for k in stiffnesses(machine)]).T
     kp, kd, slow = np.array([[pid.kp, pid.kd, pid.derivative_filter] for pid in pids]).T
     h, v, b = of.h[:, :q2], of.v[:, :q2], of.push[:q2]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf, zone_of
@@ -15,7 +13,7 @@ from ambkit.machine.magnets import own_time
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.default_control import default_control
 from ambkit.simulation.flight import Flight
-from ambkit.simulation.holding import TIMES
+from ambkit.simulation.holding import overshoot
 from ambkit.simulation.scenario import GAINS, PID, Scenario
 
 if TYPE_CHECKING:
@@ -70,16 +68,7 @@ def control_in(path: Any, bearing: Bearing | Machine) -> Control:
 
 def overshoot_of(loop: AssessedLoop) -> float:
     """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
-    closed, p = loop.loop.closed, len(loop.of.axes)
-    n, m = len(closed.A), loop.loop.measurements
-    samples = max(1, round(30 * max(map(own_time, loop.of.alone)) / loop.loop.T / TIMES))
-    step = np.block([[closed.A, closed.B[:, -p:]], [np.zeros((p, n)), np.eye(p)]])
-    several, state = np.linalg.matrix_power(step, samples), np.eye(n + p)[:, n:]
-    most = 0.0
-    for _ in range(TIMES):
-        state = several @ state
-        most = max(most, float(np.diagonal(closed.C[m : m + p] @ state[:n]).max()) - 1)
-    return most
+    return overshoot(loop.loop, max(map(own_time, loop.of.alone)), len(loop.of.axes))
 
 
 def objections_to_loop(loop: AssessedLoop, ceiling: float | None) -> Sequence[str]:

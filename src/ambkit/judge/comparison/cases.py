@@ -33,7 +33,7 @@ from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.many import Many, Planned, simulate_many
 from ambkit.simulation.many_machines import PlannedMachine, simulate_machines
 from ambkit.simulation.run import samples, simulate
-from ambkit.simulation.scenario import GAINS, PID, Scenario
+from ambkit.simulation.scenario import PID, Scenario
 from ambkit.simulation.waveforms import Constant, Recorded, Sequence, Sine, Step
 
 if TYPE_CHECKING:
@@ -171,8 +171,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
     if case.magnet_constant != 1.0:  # the controllers know the described one
         plant = _with_constant(machine, case.magnet_constant)
         pids = zip(names, holding(machine, "estimate").pids, strict=True)
-        gains = {name: {key: getattr(pid, key) for key in GAINS} for name, pid in pids}
-        control = Control(pid={name: PID(**each) for name, each in gains.items()})
+        control = Control(pid={name: PID(**gains.stated) for name, gains in pids})
     for run in range(runs):
         each = [case.scenario(axis, LOAD) for axis in alone_of(machine)]
         duration = max(of.duration for of in each)
