@@ -345,7 +345,10 @@ def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["tum_mlps", "--calibration"], "calibration is of the whole controller of one axis"),
+        (
+            ["tum_mlps", "--calibration"],
+            "more than noise, gate, mass and k",
+        ),
         (["zittau_axial", "--synchronous", "unbalance"], "--synchronous is of a whole machine"),
         (["zittau_axial", "--editable"], "editable is for a filter alone"),
         (["zittau_axial", "--cost"], "ambkit pil"),

@@ -53,8 +53,9 @@ def check(controller: Controller) -> None:
     called = data.called(estimator)
     if not estimator.engine.built_in or called.has_own or called.has_state:
         raise AmbkitError(
-            f"{estimator.name}: what it works by is made of more than noise, gate, mass and k; "
-            "calibration is for linear, adaptive and extended filters of an axis without parts"
+            f"{estimator.machine.name}, {estimator.name}: what it works by is made of more than "
+            "noise, gate, mass and k; calibration is for linear, adaptive and extended filters of "
+            "an axis without parts"
         )
     if controller.pid.type != "pid":
         raise AmbkitError("calibration has the gains of a PID; this controller has a regulator")

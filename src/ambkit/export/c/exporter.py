@@ -18,7 +18,7 @@ from ambkit.export.c.prefix import checked
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Machine, short_form
 from ambkit.machine.magnets import Precision
 from ambkit.simulation.control import Controller
 from ambkit.simulation.controllers import Control, controllers_of
@@ -78,7 +78,7 @@ def export_c(
     **options: Any,
 ) -> CExport:
     """Write a folder of C99 that compiles alone."""
-    flown_on, bearing = bearing, bearing if filter_file is None else filter_file.plant
+    flown_on, bearing = bearing, short_form(bearing if filter_file is None else filter_file.plant)
     name = checked(prefix, bearing.name)
     for limit in ("frozen_limit", "outlier_limit"):
         if options.get(limit, 0) > MOST_COUNTED:
@@ -91,8 +91,8 @@ def export_c(
     if expert_form == "tabulated":
         if not isinstance(magnet, Expert) or isinstance(bearing, Machine):
             raise AmbkitError(
-                "only an expert can be tabulated, and of one axis; give one, or export the exact "
-                "form"
+                "only an expert can be tabulated, that of a single axis; give one, or export the "
+                "exact form"
             )
         table = tabulate(magnet, bearing, bound=force_bound, precision=options["precision"])
         magnet = table
@@ -117,11 +117,6 @@ def export_c(
             seed=scenario.seed,
         )  # fmt: skip
     if calibrated:
-        if isinstance(bearing, Machine):
-            raise AmbkitError(
-                f"{bearing.name}: calibration is of the whole controller of one axis; "
-                "this is a machine"
-            )
         if controller is None:
             raise AmbkitError("calibration is for a whole controller; give a scenario")
         calibration.check(controller)
@@ -186,7 +181,7 @@ def _controller(estimator: Estimator, scenario: Scenario, *, editable: bool) -> 
     bearing = estimator.bearing
     if isinstance(bearing, Machine):
         raise AmbkitError(
-            f"{bearing.name}: the whole controller is exported of one axis; this is a machine"
+            f"{bearing.name} has {len(bearing.axes)} axes: give its flight, not a scenario"
         )
     if editable:
         raise AmbkitError("editable is for a filter alone, and not for the whole controller")

@@ -21,6 +21,7 @@ from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine, short_form
 from ambkit.simulation.control import Controller, needs_states
 from ambkit.simulation.scenario import PID, Scenario
 
@@ -42,7 +43,7 @@ class FmuExport:
 
 
 def export_fmu(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     magnet: MagnetModel | None,
     out: str | Path,
     *,
@@ -64,7 +65,9 @@ def export_fmu(
     # on an estimator's input is a lost sensor.
     # FMUs are for co-simulation. A plant without a dead time is for model exchange too: its
     # importer integrates it, and its outputs follow at any time.
-    of_type(Bearing, bearing=bearing)
+    axis = short_form(bearing)
+    of_type(Bearing, bearing=axis)
+    assert isinstance(axis, Bearing)
     if kind not in (known := get_args(Kind)):
         raise AmbkitError(f"there is no FMU of kind {kind!r}; known: {', '.join(known)}")
     if precision == "float" and kind not in ("estimator", "whole-controller"):
@@ -77,25 +80,25 @@ def export_fmu(
         filter_ = filter_file.make(magnet=magnet, **of)
     else:
         kind_of_filter = estimator or ("linear" if magnet is None else "adaptive")
-        filter_ = kind_called(kind_of_filter).make(bearing, magnet, **of)
+        filter_ = kind_called(kind_of_filter).make(axis, magnet, **of)
     if kind != "plant":
-        require_adequate(filter_, bearing, scenario, force=force)
+        require_adequate(filter_, axis, scenario, force=force)
     what = scenario or Scenario()
-    what = what.model_copy(update={"controller": what.controller.completed(bearing)})
+    what = what.model_copy(update={"controller": what.controller.completed(axis)})
     match kind:
         case "estimator":
             parts = _estimator(filter_)
         case "plant":
-            parts = _plant(bearing, flown.starts_at(bearing, what))
+            parts = _plant(axis, flown.starts_at(axis, what))
         case "closed-loop":
             parts = _whole_loop(filter_, what) if flown.is_whole(what) else _loop(filter_, what)
         case "controller":
-            parts = _regulator(filter_, what) if flown.is_whole(what) else _pid(bearing, what)
+            parts = _regulator(filter_, what) if flown.is_whole(what) else _pid(axis, what)
         case "whole-controller":
             parts = _whole(filter_, what)
-    made = _content(bearing, kind, fmi, parts, token="")
+    made = _content(axis, kind, fmi, parts, token="")
     token = _token(made.files)
-    made = _content(bearing, kind, fmi, parts, token)
+    made = _content(axis, kind, fmi, parts, token)
     binaries = compiler.binaries(
         made.in_sources, made.model.sources, made.model.identifier, fmi, everywhere=everywhere
     )
