@@ -19,7 +19,7 @@ from ambkit.models import exponential
 from ambkit.models.continuous import continuous, open_loop
 from ambkit.models.machine import machine_model
 from ambkit.simulation.controllers import Control
-from ambkit.simulation.holding import _Search, holding
+from ambkit.simulation.holding import _Search, chosen, holding
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import PID
 from ambkit.simulation.waveforms import Ramp
@@ -175,9 +175,10 @@ def test_the_weight_bends_it_once() -> None:
 def test_a_run_up_passes_the_first_bending_mode() -> None:
     one = flexible(unbalance=[{"place": "364 mm", "amount": "2 g mm"}])
     up = Ramp(slope=300.0, start=0.0)
-    usual = tuple(map(PID.for_bearing, alone_of(one)))
+    usual = tuple(map(chosen, alone_of(one)))
     weak = _Search(one, usual, "measurement").most_damped().pids  # its peak of abs(S) is above 2
-    control = Control(pid={axis.name: pid for axis, pid in zip(one.axes, weak, strict=True)})
+    pids = {a.name: PID(**gains.stated) for a, gains in zip(one.axes, weak, strict=True)}
+    control = Control(pid=pids)
     run = simulate_machine(one, Flight(duration=3.0, speed=up, noise=False, control=control))
     assert run.samples_at_the_stop == 0
     far = np.hypot(run.record["q_m1_x"], run.record["q_m1_y"])
