@@ -15,7 +15,7 @@ import sys
 
 import numpy as np
 
-from ambkit import ExtendedKalmanFilter, Flight, Machine, simulate_machine
+from ambkit import ExtendedKalmanFilter, Machine, Scenario, simulate_machine
 from ambkit.estimate.estimate import Estimate
 from ambkit.machine.parts import Runout
 from ambkit.simulation.waveforms import Ramp
@@ -43,7 +43,7 @@ def machines() -> tuple[Machine, Machine]:
     return dirty, one.replace(unbalance=[])
 
 
-def error(machine: Machine, flight: Flight, *synchronous: str) -> float:
+def error(machine: Machine, flight: Scenario, *synchronous: str) -> float:
     """Return the root mean square error of the loads of one run [N]."""
     record = simulate_machine(machine, flight).record
     found: Estimate = ExtendedKalmanFilter(machine, synchronous=synchronous).run(record)
@@ -62,7 +62,7 @@ def main(seeds: int) -> int:
         ("12,000 rpm", {"duration": 0.5}),
         ("run-up of 2 s", {"duration": 2.2, "speed": Ramp(slope=SERVICE / 2, start=0.0, end=2.0)}),
     ):
-        flights = [Flight(seed=seed, **keys) for seed in range(seeds)]
+        flights = [Scenario(seed=seed, **keys) for seed in range(seeds)]
         both = ("unbalance", "runout")
         found = np.array([error(dirty, each, *both) / error(clean, each) for each in flights])
         spread = f"{found.mean():.3f} ± {found.std(ddof=1):.3f}"

@@ -13,8 +13,8 @@ from ambkit import Machine, Recorded
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.machine import presets
-from ambkit.simulation.flight import Flight, Injection
 from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.scenario import Injection, Scenario
 
 Array = NDArray[np.float64]
 
@@ -162,6 +162,6 @@ def injected(seed: int, axis: str = "B1", noise: bool = True) -> tuple[Machine, 
     t = T * np.arange(len(values))
     signal = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(values.tolist()))
     there = Injection.model_construct(axis=axis, position=signal)
-    flight = Flight(duration=float(t[-1]), noise=noise, seed=seed)
+    flight = Scenario(duration=float(t[-1]), noise=noise, seed=seed)
     still = UFU.model_copy(update={"unbalance": (), "speed": 0.0})
     return still, simulate_machine(still, flight.model_copy(update={"injection": (there,)})).record

@@ -10,9 +10,8 @@ from ambkit import PID, Bearing, KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.scenario import Control, Scenario
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.campbell import stiffnesses
 from ambkit.workflow.sweeping import _MachineRig
@@ -69,7 +68,7 @@ def test_unbalance_is_answered_as_the_simulation_does(control):
     machine = TUM.replace(speed="12000 rpm")
     filter = told(machine, control)
     found = ambkit.assess(machine, filter, control).loops[filter.name]
-    flight = Flight(duration=2.5, noise=False, feedback="estimate", control=control)
+    flight = Scenario(duration=2.5, noise=False, feedback="estimate", control=control)
     record = simulate_machine(machine, flight, estimator=filter).record
     turns = round(0.2 * machine.speed / (2 * math.pi))
     late = slice(-round(turns * 2 * math.pi / machine.speed / machine.sampling_time), None)
@@ -137,12 +136,12 @@ def test_the_static_compliance_is_that_of_the_gains_that_fly():
 
 @pytest.mark.parametrize(("given", "code", "said"), [
     ("lqg", 0, '"type": "lqg"'),
-    ("flight.toml", 0, '"cross_feedback": 0.5'),
+    ("scenario.toml", 0, '"cross_feedback": 0.5'),
     ("nothing", 2, "none of decentralised, translation and tilt, lqg"),
 ])  # fmt: skip
 def test_command(given, code, said, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "flight.toml").write_text(
+    (tmp_path / "scenario.toml").write_text(
         'duration = "1 s"\nfeedback = "estimate"\n[control]\ntype = "translation and tilt"\n'
         'cross_feedback = 0.5\n[[disturbance]]\naxis = "A1"\n'
         'force = {type = "constant", value = "5 N"}\n'

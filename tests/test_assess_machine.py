@@ -12,11 +12,11 @@ from ambkit import Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.result.page import write_result
-from ambkit.simulation.flight import Flight
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint
 from ambkit.simulation.linear.settled import estimator_at
 from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.balance import unbalance_forces
 from ambkit.workflow.over_speed import assess_over_speed
@@ -114,7 +114,7 @@ def test_noise_figures_are_those_of_the_simulation():
     still = UFU.model_copy(update={"unbalance": (), "speed": 0.0})
     loop = ambkit.assess(still, "linear").loops["linear"]
     runs = [
-        simulate_machine(still, Flight(duration=0.6, seed=seed, feedback="estimate"),
+        simulate_machine(still, Scenario(duration=0.6, seed=seed, feedback="estimate"),
                          estimator=made("linear", still)).record
         for seed in range(20)
     ]  # fmt: skip
@@ -132,7 +132,7 @@ def test_unbalance_is_answered_as_the_simulation_does(feedback):
     turning = UFU.model_copy(update={"speed": 4000 * RPM})
     found = ambkit.assess(turning, "linear" if feedback == "estimate" else None)
     asked = list(found.loops.values())[-1]
-    flight = Flight(duration=1.5, noise=False, feedback=feedback)
+    flight = Scenario(duration=1.5, noise=False, feedback=feedback)
     inner = made("linear", turning, frozen_limit=0) if feedback == "estimate" else None
     run = simulate_machine(turning, flight, estimator=inner).record
     late = slice(9000, None)

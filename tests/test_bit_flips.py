@@ -15,7 +15,7 @@ import pytest
 from export_cases import BEARING, KINDS, PRECISIONS, export
 from machine_cases import machine
 
-from ambkit import Flight, KalmanFilter, Scenario
+from ambkit import KalmanFilter, Scenario
 from ambkit.estimate.registry import learned_magnet
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.control import settling_of
@@ -60,11 +60,11 @@ def of_control(kind: str, precision: Any, out: Path) -> Case:
 
 def of_machine(kind: str, precision: Any, out: Path) -> Case:
     of, turning = kind.split()[1].strip(","), "any speed" in kind
-    flight = Flight(feedback="estimate", speed=Ramp(slope=600.0) if turning else None)
+    flight = Scenario(feedback="estimate", speed=Ramp(slope=600.0) if turning else None)
     flown = machine(speed=300.0)
     magnet = None if of == "linear" else learned_magnet(of, flown)
     made = export_c(flown, magnet, out, kind=of, prefix="rig", precision=precision,
-                    flight=flight)  # fmt: skip
+                    scenario=flight)  # fmt: skip
     source = flips.source(
         flips.MACHINE, header="rig_control.h", NAME_STATE="rig_control_state",
         PLACE="filter.filter", KF="rig_kalman", LOAD=1.0, SPEED=300, **flips.magnets_of(made),

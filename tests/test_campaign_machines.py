@@ -13,9 +13,9 @@ from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.show.plots.campaign import in_words
-from ambkit.simulation.controllers import Control
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.many_machines import FIGURES, figures_of
+from ambkit.simulation.scenario import Control
 from ambkit.simulation.sequence import LiftOff
 from ambkit.simulation.waveforms import Constant, Ramp
 from ambkit.workflow.campaign.compute import compute
@@ -36,7 +36,7 @@ runs = 6
 seed = 3
 part = 4
 
-[flight]
+[scenario]
 duration = "12 ms"
 disturbance = [{ axis = "A1", force = { type = "step", amplitude = "5 N", time = "4 ms" } }]
 
@@ -70,7 +70,7 @@ type = "uniform"
 tolerance = "20 %"
 
 [[vary]]
-what = "flight.disturbance.0.force.amplitude"
+what = "scenario.disturbance.0.force.amplitude"
 type = "uniform"
 low = "2 N"
 high = "8 N"
@@ -99,7 +99,7 @@ def found(tmp_path_factory: Any) -> Campaign:
 
 def test_a_filter_that_followed_other_speeds_is_as_one_that_did_not() -> None:
     machine = ambkit.Machine.preset("tum_mlps")
-    flight = ambkit.Flight(duration=0.02)
+    flight = ambkit.Scenario(duration=0.02)
     one = ambkit.KalmanFilter(machine)
     for speed in (330.0, 296.0, machine.speed):
         turning = machine.model_copy(update={"speed": speed})
@@ -117,7 +117,7 @@ def test_a_filter_that_followed_a_run_up_is_as_one_that_did_not(kind: str) -> No
     one = KINDS[kind].make(machine, None, synchronous=("unbalance",), precision="float32")
     for slope in (3000.0, -3000.0, 1000.0):
         speed = Constant(value=machine.speed) + Ramp(slope=slope)
-        flight = ambkit.Flight(
+        flight = ambkit.Scenario(
             duration=0.03, start="rest", feedback="estimate", speed=speed, sequence=sequence
         )
         new = KINDS[kind].make(machine, None, synchronous=("unbalance",), precision="float32")
@@ -199,7 +199,7 @@ def test_an_amplifier_of_another_gain_changes_the_loops_gain() -> None:
 @pytest.mark.parametrize("feedback", ["measurement", "estimate"])
 @pytest.mark.parametrize("control", ["decentralised", "translation and tilt"])
 def test_peaks_are_those_that_assess_finds(feedback: str, control: str) -> None:
-    text = f'name = "a"\nmachine = "tum_mlps"\nruns = 1\n[flight]\nfeedback = "{feedback}"\n'
+    text = f'name = "a"\nmachine = "tum_mlps"\nruns = 1\n[scenario]\nfeedback = "{feedback}"\n'
     plan = Plan(Study.from_toml(f'{text}control = {{ type = "{control}" }}\n'))
     (drawn,) = plan.machines(plan.points(0, 1), plan.noise(0, 1), 0)
     machine = ambkit.Machine.preset("tum_mlps")
@@ -211,7 +211,7 @@ def test_peaks_are_those_that_assess_finds(feedback: str, control: str) -> None:
 def test_figures_of_a_nominal_run() -> None:
     """The nominal machine flies as it does alone, and its figures are what its record shows."""
     machine = ambkit.Machine.preset("tum_mlps")
-    flight = ambkit.Flight(duration=0.02, seed=1, disturbance=[
+    flight = ambkit.Scenario(duration=0.02, seed=1, disturbance=[
         {"axis": "A2", "force": {"type": "step", "amplitude": 5.0, "time": 0.01}},
     ])  # fmt: skip
     kalman = of_machine("linear", machine)
@@ -254,11 +254,13 @@ def test_a_coil_and_its_constant_stay_one_in_a_machine() -> None:
 
 def test_a_gain_of_a_flight_varies() -> None:
     text = STUDY.partition("[record]")[0].replace(
-        "[flight]",
-        '[flight]\nfeedback = "estimate"\n'
+        "[scenario]",
+        '[scenario]\nfeedback = "estimate"\n'
         'control = { type = "translation and tilt", cross_feedback = 0.5 }',
     )
-    vary = '[[vary]]\nwhat = "flight.control.cross_feedback"\ntype = "choice"\nvalues = [0.5, 0.0]'
+    vary = (
+        '[[vary]]\nwhat = "scenario.control.cross_feedback"\ntype = "choice"\nvalues = [0.5, 0.0]'
+    )
     plan = Plan(Study.from_toml(text + vary))
     points = np.array([[0.0], [1.0]])
     one, less = (each.planned for each in plan.machines(points, plan.noise(0, 2), 0))
@@ -276,7 +278,7 @@ def test_either_key_names_any_machine(key: str, name: str) -> None:
 
 def test_quantities_are_called_by_what_they_are_of() -> None:
     names = ["rotor.mass", "bearing.A.magnet.air_gap", "bearing.B.magnet.air_gap",
-             "unbalance.0.amount", "flight.disturbance.0.force.amplitude"]  # fmt: skip
+             "unbalance.0.amount", "scenario.disturbance.0.force.amplitude"]  # fmt: skip
     assert in_words(names) == ["mass", "bearing A air gap", "bearing B air gap",
                                "unbalance 0 amount", "force"]  # fmt: skip
     of_a_bearing = ["magnet.air_gap", "sensor.lag", "scenario.disturbance.values.0"]
@@ -304,15 +306,14 @@ def test_a_machine_that_cannot_be_is_told() -> None:
     [
         ('machine = "tum_mlps"', "", "machine: missing"),
         ("runs = 6", 'bearing = "zittau_axial"\nruns = 6', "either a bearing or a machine"),
-        ("[flight]", '[scenario]\nduration = "1 s"\n[flight]', "scenario: is of one axis"),
         ("rotor.mass", "bearing.A.magnet.type", "cannot vary: it"),
         ("bearing.B.place", "bearing.0.magnet.air_gap", "varies already, in vary.2."),
         ("rotor.mass", "sampling_time", "cannot vary: it is the controller's"),
-        ("rotor.mass", "flight.duration", "cannot vary: it is one for all runs"),
+        ("rotor.mass", "scenario.duration", "cannot vary: it is one for all runs"),
         ('"s_A1"', '"s_C1"', "there is no signal s_C1; known: s_A1, s_A2"),
         ("orbit_share = 0.5", 'overshoot = "5 %"', "overshoot: unknown key, known here"),
         ('"linear", "extended"', '"linear", "nobody"', "there is no estimator"),
-        ('"tum_mlps"', '"zittau_axial"', "flight: is of several axes; a machine with one axis"),
+        ('"tum_mlps"', '"zittau_axial"', "there is no signal s_A1"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said(old: str, new: str, said: str) -> None:
@@ -324,7 +325,7 @@ def test_what_does_not_go_together_is_said_before_any_run() -> None:
     plan = Plan(Study.from_toml(STUDY.replace('axis = "A1"', 'axis = "C1"')))
     with pytest.raises(AmbkitError, match="no axis C1"):
         plan.check()
-    lqg = STUDY.replace("[flight]", '[flight]\ncontrol = { type = "lqg" }')
+    lqg = STUDY.replace("[scenario]", '[scenario]\ncontrol = { type = "lqg" }')
     with pytest.raises(AmbkitError, match='feedback must be "estimate"'):
         Plan(Study.from_toml(lqg)).check()
 

@@ -44,7 +44,7 @@ def made(tmp_path_factory):
     scenario.save(folder / "scenario.toml")
     ambkit.simulate(bearing, scenario).save(folder / "run.csv")
     bearing.save(folder / "found.toml")
-    ambkit.Flight(duration=0.02).save(folder / "flight.toml")
+    ambkit.Scenario(duration=0.02).save(folder / "mlps.toml")
     ambkit.KalmanFilter(bearing).save(folder / "filter.toml", bearing=folder / "my.toml")
     signal = np.tile(sparse_multisine(1000, 1e-4, (10.0, 900.0)).values, 5)
     injection = ambkit.Recorded(times=1e-4 * np.arange(5000), values=1e-5 * signal)

@@ -349,7 +349,7 @@ def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str
             ["tum_mlps", "--calibration"],
             "more than noise, gate, mass and k",
         ),
-        (["zittau_axial", "--synchronous", "unbalance"], "--synchronous is of a whole machine"),
+        (["zittau_axial", "--synchronous", "unbalance"], "--synchronous is of a rotor that turns"),
         (["zittau_axial", "--editable"], "editable is for a filter alone"),
         (["zittau_axial", "--cost"], "ambkit pil"),
     ],

@@ -15,16 +15,15 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import grid
 from ambkit.simulation.control_candidates import REGULATORS
-from ambkit.simulation.controllers import Control
 from ambkit.simulation.default_control import (
     AS_GOOD,
     FACTOR,
     default_control,
-    settled_flight,
+    settled_scenario,
 )
-from ambkit.simulation.flight import Flight
 from ambkit.simulation.holding import ENOUGH
 from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.scenario import Control, Scenario
 from ambkit.simulation.waveforms import Ramp
 from ambkit.workflow.design_control import control_for
 
@@ -108,9 +107,9 @@ def test_a_flywheel_that_is_unstable_with_each_axis_tuned_alone_has_a_default_th
     assert peak < ENOUGH
     assert "peak of |S|" in found.summary
     assert "from 0 to 24,000 rpm" in found.summary
-    run = simulate_machine(FAST, Flight(duration=0.1))
+    run = simulate_machine(FAST, Scenario(duration=0.1))
     assert run.samples_at_the_stop == 0
-    flown = run.record.meta["flight"]
+    flown = run.record.meta["scenario"]
     assert flown["control"] == found.chosen.control.model_dump(mode="json")
     assert flown["feedback"] == found.chosen.feedback
 
@@ -122,11 +121,11 @@ def to_speed(rpm):
 @pytest.mark.parametrize("rpm", [0, 12000])
 def test_a_run_up_beyond_the_speed_of_the_machine_has_a_default_for_its_whole_range(rpm):
     machine = flywheel(rpm)
-    flight = Flight(duration=0.3, speed=to_speed(24000))
-    flown = settled_flight(machine, flight)
+    flight = Scenario(duration=0.3, speed=to_speed(24000))
+    flown = settled_scenario(machine, flight)
     assert flown.control == default_control(FAST).chosen.control
     assert simulate_machine(machine, flight).samples_at_the_stop == 0
-    assert worst(FAST, settled_flight(machine, Flight()).control, estimated=False) == math.inf
+    assert worst(FAST, settled_scenario(machine, Scenario()).control, estimated=False) == math.inf
     slow = HOPELESS.model_copy(update={"speed": 100.0})
     with pytest.raises(AmbkitError, match="holds the rotor of flywheel from 0 to 50,000 rpm"):
         simulate_machine(slow, flight.replace(speed=to_speed(50000)))
@@ -148,14 +147,14 @@ def test_a_regulator_with_gain_scheduling_holds_at_each_speed_what_one_of_one_sp
     assert plain == math.inf
     assert scheduled < 2.5
     assert default_control(machine).chosen.control == REGULATORS[1]
-    run = simulate_machine(machine, Flight(duration=0.05))
+    run = simulate_machine(machine, Scenario(duration=0.05))
     assert run.samples_at_the_stop == 0
     assert run.estimate is not None
 
 
 def test_machines_that_do_not_turn_have_the_controllers_that_they_had():
     machine = flywheel(0)
-    flight = Flight(duration=0.02)
+    flight = Scenario(duration=0.02)
     by_default = simulate_machine(machine, flight)
     named = simulate_machine(
         machine, flight.replace(control=Control(type="decentralised"), feedback="measurement")
@@ -184,7 +183,7 @@ def test_where_none_is_found_a_sentence_says_so_and_what_was_tried(tmp_path, cap
     ):
         assert tried in found.summary
     with pytest.raises(AmbkitError, match="no default controller"):
-        simulate_machine(HOPELESS, Flight(duration=0.01))
+        simulate_machine(HOPELESS, Scenario(duration=0.01))
     file = tmp_path / "machine.toml"
     HOPELESS.save(file)
     for command, code in (("check", 0), ("simulate", 2), ("design", 2)):
@@ -205,7 +204,7 @@ def test_a_filter_is_not_tuned_in_a_loop_that_is_unstable_with_each():
 def test_every_way_to_fly_takes_the_same_choice():
     found = default_control(FAST, "measurement").chosen.control
     assert LoopOf(FAST).control_for(None) == found
-    flight = settled_flight(FAST, Flight())
+    flight = settled_scenario(FAST, Scenario())
     assert flight.control == found
     assert ambkit.assess(FAST).loops["measurement"].peak < ENOUGH
     assert LoopOf(FAST).flown_by(None).pids == LoopOf(FAST, found).flown_by(None).pids
@@ -238,7 +237,7 @@ def test_random_rotors_are_held_about_as_well_as_by_the_regulator_wherever_one_i
 def test_the_frequency_of_an_undamped_nutation_makes_no_peak():
     """There the plant's response has no bound, S is zero, and rounding was a peak of 4.2."""
     machine = flywheel(31250, 1.47, 25e-6, 38e-6, 8.9, 0.076)
-    loop = LoopOf(machine, settled_flight(machine, Flight()).control).loop()
+    loop = LoopOf(machine, settled_scenario(machine, Scenario()).control).loop()
     poles = loop.plant.poles()
     nutation = np.log(poles[np.abs(poles) > 0.5])
     nutation = nutation[nutation.imag > 0.01].imag / (2 * math.pi * loop.T)
@@ -256,6 +255,6 @@ def test_the_controllers_that_a_design_writes_down_are_those_that_were_chosen(rp
         found.control.type,
         found.control.gain_scheduling,
     )
-    again = Flight.from_toml(Flight(feedback="estimate", control=written).to_toml())
+    again = Scenario.from_toml(Scenario(feedback="estimate", control=written).to_toml())
     assert again.control == written
     assert LoopOf(machine, written).peak(KalmanFilter(machine)) <= 1.02 * found.peak

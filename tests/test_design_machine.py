@@ -14,11 +14,9 @@ from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.cli.main import main
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine import presets
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.flight import Flight, Reference
 from ambkit.simulation.holding import holding, overshoot_of
 from ambkit.simulation.machine import simulate_machine
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import PID, Control, Reference, Scenario
 from ambkit.simulation.waveforms import Step
 from ambkit.workflow.cards import design as card_of
 from ambkit.workflow.design_candidates import objections_to
@@ -39,7 +37,7 @@ def test_what_is_written_reads_back_as_the_loop_that_was_chosen(designed):
     assert designed.objections == ()
     made = {path.name for path in designed.folder.iterdir()} - {"design.json"}
     assert made == set(designed.made) == set(FILES) - {"identified.toml"}
-    flight = Flight.load(designed.folder / "scenario.toml")
+    flight = Scenario.load(designed.folder / "scenario.toml")
     assert flight.control == designed.control
     again = ambkit.assess(
         Machine.load(designed.folder / "machine.toml"), designed.folder / "filter.toml",
@@ -74,7 +72,7 @@ def test_an_axis_without_logs_has_all_that_a_machine_has(tmp_path):
 
 @pytest.mark.long
 def test_records_of_a_machine_are_judged_by_simulated_truth_too(tmp_path):
-    simulate_machine(TUM, Flight(duration=0.2)).record.save(tmp_path / "log.csv")
+    simulate_machine(TUM, Scenario(duration=0.2)).record.save(tmp_path / "log.csv")
     found = design(TUM, [tmp_path / "log.csv"], tmp_path / "d", kinds=["linear"], budget=2)
     assert found.chosen.by == "likelihood"
     assert 0.8 < found.chosen.efficiency < 1.1
@@ -100,7 +98,7 @@ def run(arguments, capsys):
     (["assess", "d/filter.toml", "--controller", "d/scenario.toml"], 0, "zone A"),
     (["simulate", "d/machine.toml", "--scenario", "d/scenario.toml", "--estimator", "d/filter.toml",
       "--duration", "20 ms"], 0, "RMSE"),
-    (["check", "d/scenario.toml"], 0, "ok, flight"),
+    (["check", "d/scenario.toml"], 0, "ok, scenario"),
     (["design", "--bearing", "tum_mlps", "--free", "mass", "--out", "e"], 2,
      "identifies a machine with one axis from its logs; tum_mlps has 4"),
     (["design", "--bearing", "zittau_axial", "--free", "mass", "--out", "e"], 2,
@@ -128,7 +126,7 @@ def test_stated_gains_are_flown_and_the_rest_is_tuned():
     step = Reference(axis="B1", position=Step(amplitude=1e-6, time=1e-3))
     of = dict(duration=0.01, noise=False, reference=(step,))
     softly, hard = (
-        simulate_machine(TUM, Flight(**of, control=Control(pid=pid))).record["s_B1"]
+        simulate_machine(TUM, Scenario(**of, control=Control(pid=pid))).record["s_B1"]
         for pid in ({}, {"B1": PID(setpoint_weight=1.0)})
     )
     assert hard.max() > 1.05 * softly.max()
@@ -143,7 +141,7 @@ def test_stated_gains_are_flown_and_the_rest_is_tuned():
 ])  # fmt: skip
 def test_what_cannot_be_stated_is_told_with_its_line(text, told):
     with pytest.raises(ConfigError, match="<text>:") as error:
-        Flight.from_toml(text)
+        Scenario.from_toml(text)
     assert told in str(error.value)
 
 

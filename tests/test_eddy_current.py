@@ -25,10 +25,9 @@ from ambkit.export.c import export_c
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.continuous import Behind
 from ambkit.simulation import parts
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.flight import Flight
 from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.scenario import Control
 
 LAG = 0.3e-3
 ZITTAU = Bearing.preset("zittau_axial")
@@ -86,7 +85,7 @@ def test_a_machine_s_filter_explains_what_its_magnets_do() -> None:
         each.model_copy(update={"magnet": each.magnet.model_copy(update=magnet)})
         for each in rig.bearing
     )})  # fmt: skip
-    flight = Flight(duration=0.2, feedback="measurement", seed=1)
+    flight = Scenario(duration=0.2, feedback="measurement", seed=1)
     record = simulate_machine(late, flight).record
     estimate = ambkit.KalmanFilter(late).run(record)
     share = estimate.innovation[400:] ** 2 / estimate.innovation_variance[400:]
@@ -118,7 +117,7 @@ def test_unbalance_is_kept_still_through_the_lag() -> None:
     )})  # fmt: skip
     orbit = {}
     for unbalance in ("fought", "still"):
-        flight = Flight(
+        flight = Scenario(
             duration=0.8, noise=False, feedback="estimate", control=Control(unbalance=unbalance)
         )
         kalman = ambkit.KalmanFilter(late, synchronous=("unbalance",))

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from jinja2 import Environment
 
 import ambkit
-from ambkit import PID, Bearing, Flight, Machine, Scenario
+from ambkit import PID, Bearing, Machine, Scenario
 from ambkit.base import escaping
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.cli import output
@@ -142,7 +142,7 @@ def export_controllers(out: Path, text: str) -> None:
              telemetry=True)  # fmt: skip
     update = {"name": text, "description": text, "source": text}
     machine = Machine.preset("hindawi_2011").model_copy(update=update)
-    export_c(machine, None, out / "machine", prefix="flt", flight=Flight(duration=0.05))
+    export_c(machine, None, out / "machine", prefix="flt", scenario=Scenario(duration=0.05))
 
 
 def wave(text: str) -> Figure:

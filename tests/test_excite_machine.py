@@ -7,14 +7,14 @@ import ambkit
 from ambkit import Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
-from ambkit.simulation.flight import Flight
+from ambkit.simulation.scenario import Scenario
 
 TUM = Machine.preset("tum_mlps").replace(unbalance=[], speed="0 rpm")
 
 
 @pytest.fixture(scope="module")
 def designed():
-    return ambkit.design_injection(TUM, Flight(duration=1.0), axis="B1", band=(20.0, 1500.0))
+    return ambkit.design_injection(TUM, Scenario(duration=1.0), axis="B1", band=(20.0, 1500.0))
 
 
 def test_it_keeps_within_the_limits_of_all_axes(designed):
@@ -67,6 +67,6 @@ def test_commands_design_play_and_assess_it(designed, tmp_path, monkeypatch, cap
 
 def test_what_cannot_be_is_refused():
     with pytest.raises(AmbkitError, match="no axis Q; there are A1"):
-        ambkit.design_injection(TUM, Flight(duration=1.0), axis="Q")
+        ambkit.design_injection(TUM, Scenario(duration=1.0), axis="Q")
     with pytest.raises(AmbkitError, match="the limit of the current"):
-        ambkit.design_injection(TUM, Flight(duration=1.0), current="99 A")
+        ambkit.design_injection(TUM, Scenario(duration=1.0), current="99 A")

@@ -15,27 +15,28 @@ from quick import quick
 from test_machine_export import compiled
 from typer.testing import CliRunner
 
-from ambkit import AmbkitError, Flight, KalmanFilter, Machine, simulate_machine
+from ambkit import AmbkitError, KalmanFilter, Machine, Scenario, simulate_machine
 from ambkit.cli.app import app
 from ambkit.export.c import export_c
 from ambkit.export.c.control_scenes import vectors
 from ambkit.simulation.control import Controller
-from ambkit.simulation.controllers import Control, controllers_of
+from ambkit.simulation.controllers import controllers_of
 from ambkit.simulation.plant import Plant
+from ambkit.simulation.scenario import Control
 from ambkit.simulation.sequence import LiftOff
 
 CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
 UNBALANCE = {"synchronous": ("unbalance",)}
 LET_TURN = Control(unbalance="force-free", unbalance_from=200.0)
 FLIGHTS = {
-    "readings": (Flight(), {}),
-    "cross feedback": (Flight(feedback="estimate", control=CROSSED), {}),
+    "readings": (Scenario(), {}),
+    "cross feedback": (Scenario(feedback="estimate", control=CROSSED), {}),
     "force-free": (
-        Flight(feedback="estimate", control=Control(unbalance="force-free")), UNBALANCE,
+        Scenario(feedback="estimate", control=Control(unbalance="force-free")), UNBALANCE,
     ),
-    "force-free, from a speed": (Flight(feedback="estimate", control=LET_TURN), UNBALANCE),
+    "force-free, from a speed": (Scenario(feedback="estimate", control=LET_TURN), UNBALANCE),
     "lqg, still": (
-        Flight(feedback="estimate", control=Control(type="lqg", unbalance="still")), UNBALANCE,
+        Scenario(feedback="estimate", control=Control(type="lqg", unbalance="still")), UNBALANCE,
     ),
 }  # fmt: skip
 
@@ -59,7 +60,7 @@ def run(folder: Path, *defines: str) -> str:
 def test_currents_are_those_of_the_simulation(name: str, precision: Any, tmp_path: Path) -> None:
     flight, options = FLIGHTS[name]
     one = machine(speed=600.0)
-    export_c(one, None, tmp_path / "c", prefix="f", precision=precision, flight=flight, **options)
+    export_c(one, None, tmp_path / "c", prefix="f", precision=precision, scenario=flight, **options)
     told = run(tmp_path / "c")
     assert "pass: f with its controllers, 1020 samples flown: equal to the last bit" in told
 
@@ -69,8 +70,8 @@ def test_currents_are_those_of_the_simulation(name: str, precision: Any, tmp_pat
 @pytest.mark.parametrize("name", ["ufu_flexible", "compressor", "tum_mlps_flexible", "heart_pump"])
 @pytest.mark.parametrize("kind", ["decentralised", "translation and tilt", "lqg"])
 def test_those_of_presets(name: str, kind: Any, tmp_path: Path) -> None:
-    flight = Flight(feedback="estimate", control=Control(type=kind))
-    export_c(Machine.preset(name), None, tmp_path / "c", prefix="f", flight=flight)
+    flight = Scenario(feedback="estimate", control=Control(type=kind))
+    export_c(Machine.preset(name), None, tmp_path / "c", prefix="f", scenario=flight)
     assert "samples flown: equal to the last bit" in run(tmp_path / "c")
 
 
@@ -78,8 +79,8 @@ def test_those_of_presets(name: str, kind: Any, tmp_path: Path) -> None:
 @pytest.mark.long
 def test_a_rotor_that_bends_is_let_turn_as_in_the_simulation(tmp_path: Path) -> None:
     one = Machine.preset("ufu_flexible").replace(speed="9000 rpm")
-    flight = Flight(feedback="estimate", control=Control(unbalance="force-free"))
-    export_c(one, None, tmp_path / "c", prefix="f", flight=flight, **UNBALANCE)
+    flight = Scenario(feedback="estimate", control=Control(unbalance="force-free"))
+    export_c(one, None, tmp_path / "c", prefix="f", scenario=flight, **UNBALANCE)
     assert "samples flown: equal to the last bit" in run(tmp_path / "c")
 
 
@@ -119,8 +120,8 @@ def test_faults_are_noticed(tmp_path: Path) -> None:
     one = machine(speed=600.0)
     control = Control(type="translation and tilt", unbalance="force-free", cross_feedback=0.5)
     for name, each in (("turning", control), ("c", CROSSED)):
-        flight = Flight(feedback="estimate", control=each)
-        export_c(one, None, tmp_path / name, prefix="f", flight=flight, **UNBALANCE)
+        flight = Scenario(feedback="estimate", control=each)
+        export_c(one, None, tmp_path / name, prefix="f", scenario=flight, **UNBALANCE)
     for file, faults in FAULTS.items():
         # A rotor that is let turn trips on its way up, where no PID is at its limit.
         folder = tmp_path / ("c" if file.endswith("controller.c") else "turning")
@@ -171,7 +172,7 @@ def test_currents_stay_within_limits_whatever_is_given(name: str, tmp_path: Path
     """And C++ takes the headers."""
     flight, options = FLIGHTS[name]
     folder = tmp_path / "c"
-    export_c(machine(speed=600.0), None, folder, prefix="f", flight=flight, **options)
+    export_c(machine(speed=600.0), None, folder, prefix="f", scenario=flight, **options)
     main = tmp_path / "main.cpp"
     main.write_text(USER)
     sources = [str(p.relative_to(folder)) for p in folder.rglob("*.c") if "selftest" not in str(p)]
@@ -185,11 +186,11 @@ def test_currents_stay_within_limits_whatever_is_given(name: str, tmp_path: Path
 
 
 def test_what_has_no_controllers_says_so(tmp_path: Path) -> None:
-    with pytest.raises(AmbkitError, match="give its scenario"):
-        export_c(BEARING, None, tmp_path / "c", flight=Flight())
-    flight = Flight(feedback="estimate", control=Control(unbalance="still"))
+    with pytest.raises(AmbkitError, match="control: is of a rotor that is a body"):
+        export_c(BEARING, None, tmp_path / "c", scenario=Scenario(control=Control(type="lqg")))
+    flight = Scenario(feedback="estimate", control=Control(unbalance="still"))
     with pytest.raises(AmbkitError, match="synchronous"):
-        export_c(machine(), None, tmp_path / "c", flight=flight)
+        export_c(machine(), None, tmp_path / "c", scenario=flight)
     assert not (tmp_path / "c").exists()
 
 
@@ -197,15 +198,15 @@ def test_readings_that_are_lost_are_flown() -> None:
     one = machine()
     lost = np.zeros((101, len(one.readings)))
     lost[50, 1] = np.nan
-    flown = simulate_machine(one, Flight(duration=0.01), readings=lost).record
+    flown = simulate_machine(one, Scenario(duration=0.01), readings=lost).record
     assert np.isnan(flown["y_A2"]).sum() == 1
     assert np.isfinite(flown["u_A2"]).all()
     with pytest.raises(ValueError, match="readings must be"):
-        simulate_machine(one, Flight(duration=0.01), readings=lost[:50])
+        simulate_machine(one, Scenario(duration=0.01), readings=lost[:50])
 
 
 def test_the_command_takes_a_flight(tmp_path: Path) -> None:
-    flight = tmp_path / "flight.toml"
+    flight = tmp_path / "scenario.toml"
     flight.write_text('feedback = "estimate"\n[control]\ntype = "lqg"\nunbalance = "still"\n')
     words = ["tum_mlps", "--controller", str(flight), "--out", str(tmp_path / "c")]
     told = CliRunner().invoke(app, ["export", "c", *words])

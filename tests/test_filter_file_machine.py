@@ -12,8 +12,8 @@ from ambkit import Estimator, FilterFile, FilterNoise, Machine
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.cli.main import main
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
-from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.scenario import Scenario
 
 TUM = Machine.preset("tum_mlps")
 NOISE = FilterNoise(measurement=3e-13, disturbance=[41.7, 42.0, 300.0, 43.0])
@@ -23,7 +23,7 @@ OF_MACHINES = [name for name, kind in KINDS.items() if kind.estimator.several_ax
 
 @pytest.fixture(scope="module")
 def record():
-    return simulate_machine(TUM, Flight(duration=0.05)).record
+    return simulate_machine(TUM, Scenario(duration=0.05)).record
 
 
 @pytest.mark.parametrize("name", OF_MACHINES)
@@ -112,10 +112,10 @@ def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("machine")
     noise = FilterNoise(disturbance=20.0)
     ambkit.KalmanFilter(TUM, noise=noise, synchronous=["unbalance"]).save(place / "f.toml")
-    (place / "flight.toml").write_text(
+    (place / "scenario.toml").write_text(
         'duration = "0.1 s"\nfeedback = "estimate"\n[control]\nunbalance = "force-free"\n'
     )
-    simulate_machine(TUM, Flight(duration=0.1)).record.save(place / "run.csv")
+    simulate_machine(TUM, Scenario(duration=0.1)).record.save(place / "run.csv")
     return place
 
 
@@ -145,14 +145,15 @@ def test_assess_takes_it(arguments, folder, capsys, monkeypatch):
 
 @pytest.mark.parametrize(("arguments", "code", "said"), [
     (["check", "f.toml"], 0, "ok, filter: linear, for tum_mlps"),
-    (["assess", "tum_mlps", "--filter", "f.toml", "--controller", "flight.toml"], 0, "margin, up"),
+    (["assess", "tum_mlps", "--filter", "f.toml", "--controller", "scenario.toml"], 0,
+     "margin, up"),
     (["assess", "tum_mlps", "--filter", "f.toml", "--synchronous", "runout"], 2,
      "says itself what it estimates"),
     (["assess", "zittau_axial", "--filter", "f.toml"], 2, "this filter is of tum_mlps, a machine"),
-    (["simulate", "tum_mlps", "--scenario", "flight.toml", "--estimator", "f.toml"], 0, "RMSE"),
+    (["simulate", "tum_mlps", "--scenario", "scenario.toml", "--estimator", "f.toml"], 0, "RMSE"),
     (["filter", "run.csv", "--estimator", "f.toml"], 0, "mean NIS"),
     (["filter", "run.csv", "--bearing", "tum_mlps", "--estimator", "linear,f.toml"], 0, "f.toml"),
-    (["export", "c", "f.toml", "--out", "c", "--controller", "flight.toml"], 0, "wrote c"),
+    (["export", "c", "f.toml", "--out", "c", "--controller", "scenario.toml"], 0, "wrote c"),
     (["export", "mat", "f.toml", "--out", "f.mat"], 2, "is a filter of several axes"),
     (["export", "fmu", "f.toml", "--out", "f.fmu"], 2, "is a filter of several axes"),
     (["tune", "tum_mlps", "--estimator", "linear", "--evaluations", "2", "--runs", "1",

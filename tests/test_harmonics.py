@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from test_machine_synchronous import BOTH, RUN_UP, SERVICE, spoilt, steady
 
-from ambkit import ExtendedKalmanFilter, Flight, Machine, harmonics, simulate_machine
+from ambkit import ExtendedKalmanFilter, Machine, Scenario, harmonics, simulate_machine
 from ambkit.simulation.waveforms import Ramp
 from ambkit.workflow.harmonics import Harmonic
 
 TRUE = 20 / SERVICE**2
 
 
-def told(flight: Flight, **options: Any) -> dict[str, Harmonic]:
+def told(flight: Scenario, **options: Any) -> dict[str, Harmonic]:
     dirty, _ = spoilt()
     kf = ExtendedKalmanFilter(dirty, synchronous=BOTH, **options)
     record = simulate_machine(dirty, flight, estimator=kf).record
@@ -24,7 +24,7 @@ def told(flight: Flight, **options: Any) -> dict[str, Harmonic]:
 
 
 def test_at_constant_speed_there_is_a_covariance_and_no_amplitude() -> None:
-    found = told(Flight(duration=0.3, seed=1))
+    found = told(Scenario(duration=0.3, seed=1))
     assert set(found) == {"U1", "r1_La", "r1_Lb", "r1_Ra", "r1_Rb"}
     for each in found.values():
         assert each.by_start
@@ -40,7 +40,7 @@ def test_at_constant_speed_there_is_a_covariance_and_no_amplitude() -> None:
 
 def test_after_a_run_up_there_is_an_amplitude_with_its_angle() -> None:
     dirty, _ = spoilt()
-    found = told(Flight(duration=2.05, seed=1, speed=RUN_UP), noise=steady(dirty))
+    found = told(Scenario(duration=2.05, seed=1, speed=RUN_UP), noise=steady(dirty))
     one = found["U1"]
     assert one.amplitude is not None
     assert one.angle is not None
@@ -79,5 +79,5 @@ def test_the_commands_say_so(call: Any, tmp_path: Path) -> None:
 def test_without_such_states_there_is_nothing_to_say() -> None:
     machine = Machine.preset("tum_mlps")
     kf = ExtendedKalmanFilter(machine)
-    flight = Flight(duration=0.02, speed=Ramp(slope=100.0))
+    flight = Scenario(duration=0.02, speed=Ramp(slope=100.0))
     assert harmonics(kf, simulate_machine(machine, flight, estimator=kf).record) == []

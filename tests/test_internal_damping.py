@@ -16,10 +16,9 @@ from ambkit.machine.rotors.file import read_matrices
 from ambkit.machine.rotors.modes import reduced
 from ambkit.models.continuous import continuous, open_loop
 from ambkit.models.machine import machine_model
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.flight import Flight
 from ambkit.simulation.holding import holding
 from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.scenario import Control, Scenario
 
 FIRST = 2 * np.pi * 100
 OUTER, INNER = 0.004, 0.016
@@ -93,7 +92,7 @@ def test_a_flight_shows_the_whirl_grow_that_the_poles_tell() -> None:
         rotor__gravity="none", unbalance=[{"place": 0.0, "amount": 1e-9}]
     )
     (pole,) = (pole for pole in holding(one).growing if abs(pole.imag - FIRST) < 20)
-    flight = Flight(
+    flight = Scenario(
         duration=0.5, noise=False, feedback="measurement", control=Control(type="decentralised")
     )
     run = simulate_machine(one, flight).record
@@ -109,7 +108,7 @@ def test_a_flight_shows_the_whirl_grow_that_the_poles_tell() -> None:
 def test_filters_know_it() -> None:
     """The estimate of the bent rotor is honest at a speed at which it counts."""
     one = bent(1.05 * FIRST)
-    record = simulate_machine(one, Flight(duration=0.3, seed=2)).record
+    record = simulate_machine(one, Scenario(duration=0.3, seed=2)).record
     knowing = KalmanFilter(one).run(record)
     assert 0.9 < np.mean(knowing.nis[1000:]) < 1.1
 

@@ -9,12 +9,11 @@ from ambkit import KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
-from ambkit.simulation.controllers import Control, controllers_of
-from ambkit.simulation.flight import Disturbance, Flight, Reference
+from ambkit.simulation.controllers import controllers_of
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.regulator import regulator
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import PID, Control, Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Ramp, Step
 
 MACHINES = ("hindawi_2011", "tum_mlps", "ufu_rig")
@@ -44,7 +43,7 @@ def round_turns(run, signal, since):
 def test_a_rotor_follows_its_reference_and_carries_a_load(name, kind, feedback):
     machine = Machine.preset(name)
     first, third = machine.axes[0].name, machine.axes[2].name
-    flight = Flight(
+    flight = Scenario(
         duration=1.2, noise=False, feedback=feedback, control=Control(type=kind),
         reference=(Reference(axis=first, position=Step(amplitude=2e-5, time=0.1)),),
         disturbance=(Disturbance(axis=third, force=Step(amplitude=5.0, time=0.5)),),
@@ -61,7 +60,7 @@ def test_a_rotor_follows_its_reference_and_carries_a_load(name, kind, feedback):
 @pytest.mark.parametrize(("kind", "feedback"), KINDS)
 def test_a_rotor_lifts_off_from_its_backup_bearings(kind, feedback):
     machine = Machine.preset("tum_mlps")
-    flight = Flight(duration=1.0, start="rest", feedback=feedback, control=Control(type=kind))
+    flight = Scenario(duration=1.0, start="rest", feedback=feedback, control=Control(type=kind))
     s = displacements(simulate_machine(machine, flight))
     assert np.abs(s[:, 0]).max() > 1e-4
     assert np.abs(s[:, -1]).max() < 5e-6
@@ -75,7 +74,7 @@ def test_unbalance_is_let_turn_or_kept_still(name, kind):
     axis = machine.axes[0].name
     force, orbit = {}, {}
     for unbalance in ("fought", "force-free", "still"):
-        flight = Flight(
+        flight = Scenario(
             duration=1.4, feedback="estimate", control=Control(type=kind, unbalance=unbalance)
         )
         filter = KalmanFilter(machine, synchronous=["unbalance"])
@@ -101,7 +100,7 @@ def test_a_rotor_that_bends_is_let_turn_or_kept_still(name, kind):
     force, orbit = {}, {}
     for unbalance in ("fought", "force-free", "still"):
         control = Control(type=kind, unbalance=unbalance)
-        flight = Flight(duration=1.0, feedback="estimate", control=control)
+        flight = Scenario(duration=1.0, feedback="estimate", control=control)
         filter = KalmanFilter(machine, synchronous=["unbalance"])
         run = simulate_machine(machine, flight, estimator=filter)
         assert run.samples_at_the_stop == 0
@@ -118,7 +117,7 @@ def test_through_the_bending_mode_it_is_fought_and_let_turn_beyond():
     speed = Ramp(slope=machine.speed / 1.2, end=1.2)
     runs = {}
     for told in (Control(), Control(unbalance="force-free", unbalance_from="7000 rpm")):
-        flight = Flight(duration=1.5, feedback="estimate", control=told, speed=speed)
+        flight = Scenario(duration=1.5, feedback="estimate", control=told, speed=speed)
         filter = KalmanFilter(machine, synchronous=["unbalance"])
         runs[told.unbalance] = simulate_machine(machine, flight, estimator=filter)
     below = np.searchsorted(runs["fought"].record["speed"], 7000 * np.pi / 30)
@@ -162,7 +161,7 @@ def test_cross_feedback_damps_the_nutation():
     left = []
     for share in (0.0, 0.5):
         kick = Step(amplitude=20.0, time=0.1)
-        flight = Flight(
+        flight = Scenario(
             duration=0.4, noise=False, feedback="estimate",
             control=Control(type="translation and tilt", cross_feedback=share),
             disturbance=(Disturbance(axis=machine.axes[0].name, force=kick),),
@@ -212,7 +211,7 @@ def test_the_regulator_is_controls_own():
     ],
 )
 def test_what_cannot_be_is_refused(control, feedback, said):
-    flight = Flight(duration=0.1, feedback=feedback, control=control)
+    flight = Scenario(duration=0.1, feedback=feedback, control=control)
     with pytest.raises(AmbkitError, match=said):
         simulate_machine(Machine.preset("tum_mlps"), flight)
 
@@ -263,11 +262,11 @@ def test_there_must_be_speeds_at_which_it_is_let_turn():
 
 
 def test_a_flight_s_file_says_how_the_machine_is_controlled(tmp_path):
-    flight = Flight(control=Control(type="lqg", unbalance="still"))
-    assert Flight.from_toml(flight.to_toml()) == flight
-    path = tmp_path / "flight.toml"
+    flight = Scenario(control=Control(type="lqg", unbalance="still"))
+    assert Scenario.from_toml(flight.to_toml()) == flight
+    path = tmp_path / "scenario.toml"
     path.write_text('duration = "20 ms"\nfeedback = "estimate"\n\n[control]\ntype = "lqg"\n')
-    assert ambkit.simulate_machine(Machine.preset("tum_mlps"), Flight.load(path)).estimate
+    assert ambkit.simulate_machine(Machine.preset("tum_mlps"), Scenario.load(path)).estimate
 
 
 HINDAWI = Machine.preset("hindawi_2011").replace(unbalance=[])
@@ -280,7 +279,9 @@ def test_a_pid_can_see_a_sensor_that_is_not_beside_its_magnet(feedback):
     own = Control(pid={axis.name: PID(sensor=axis.name) for axis in HINDAWI.axes})
     moved = (Reference(axis="A1", position=Step(amplitude=2e-5, time=0.1)),)
     for seen, still, not_still in ((Control(type="decentralised"), "s", "y"), (own, "y", "s")):
-        flight = Flight(duration=1.2, noise=False, feedback=feedback, control=seen, reference=moved)
+        flight = Scenario(
+            duration=1.2, noise=False, feedback=feedback, control=seen, reference=moved
+        )
         run = simulate_machine(HINDAWI, flight)
         late = run.record.t > 1.1
         at = {what: run.record[f"{what}_B1"][late].mean() for what in "ys"}
@@ -291,7 +292,7 @@ def test_a_pid_can_see_a_sensor_that_is_not_beside_its_magnet(feedback):
 def test_a_sensor_that_is_not_there_is_refused():
     control = Control(pid={"B1": PID(sensor="C1")})
     with pytest.raises(AmbkitError, match=r"control\.pid\.B1\.sensor: there is no C1; known: A1"):
-        simulate_machine(HINDAWI, Flight(duration=0.01, feedback="measurement", control=control))
+        simulate_machine(HINDAWI, Scenario(duration=0.01, feedback="measurement", control=control))
     with pytest.raises(ConfigError, match="is of an axis"):
         Control(type="translation and tilt", pid={"x": PID(sensor="A1")})
 
@@ -300,7 +301,7 @@ def test_currents_take_an_estimated_load_back_at_once():
     most = []
     for share in (0.0, 0.8):
         control = Control(pid={axis.name: PID(feed_forward=share) for axis in HINDAWI.axes})
-        flight = Flight(
+        flight = Scenario(
             duration=0.4, noise=False, feedback="estimate", control=control, disturbance=LOADED
         )
         most.append(np.abs(displacements(simulate_machine(HINDAWI, flight))).max())

@@ -13,15 +13,15 @@ from export_cases import SAME_BITS, program
 from machine_cases import AND_LONG, machine
 from quick import quick
 
-from ambkit import AmbkitError, Flight, Machine
+from ambkit import AmbkitError, Machine, Scenario
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
 
 COMPILER = shutil.which("gcc") or shutil.which("clang")
 compiled = pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc or clang) here")
 FLOWN = {
-    "estimate": Flight(feedback="estimate"),
-    "measurement": Flight(feedback="measurement"),
+    "estimate": Scenario(feedback="estimate"),
+    "measurement": Scenario(feedback="measurement"),
 }
 KINDS_OF_C = ("linear", "closed-law", "extended", "ud", "augmented", "multiple-model", "unscented")
 
@@ -83,7 +83,7 @@ def test_contraction_is_let_pass(
     if shutil.which(compiler) is None or not fuses(compiler):
         pytest.skip(f"{compiler} is not there, or this processor fuses nothing")
     machine = Machine.preset(name)
-    export_c(machine, None, tmp_path / "c", precision=precision, flight=FLOWN[flight], prefix="f")
+    export_c(machine, None, tmp_path / "c", precision=precision, scenario=FLOWN[flight], prefix="f")
     done = program(compiler, tmp_path / "c", tmp_path / "out", flags=FUSED)
     assert done.returncode == 0, done.stderr
     said = subprocess.run([tmp_path / "out"], capture_output=True, text=True)

@@ -14,13 +14,12 @@ from export_cases import SAME_BITS, command, program
 from machine_cases import AND_LONG, PRESETS, Array
 from quick import quick
 
-from ambkit import AmbkitError, Flight, KalmanFilter, Machine, Record, harmonics
+from ambkit import AmbkitError, KalmanFilter, Machine, Record, Scenario, harmonics
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CExport, export_c
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.flight import Disturbance
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import Run
+from ambkit.simulation.scenario import Control, Disturbance
 from ambkit.simulation.sequence import LiftOff, Mode
 from ambkit.simulation.waveforms import Ramp, Step
 from ambkit.workflow.filtering import filter as filter_record
@@ -33,7 +32,7 @@ QUICK = LiftOff(start=0.005, stop=0.25, lift=0.1, land=0.1)
 
 def lifted(machine: Machine, **of_flight: object) -> Run:
     keys: dict[str, Any] = {"duration": 0.42, "start": "rest", "sequence": QUICK, "seed": 3}
-    flight = Flight(**keys | of_flight)
+    flight = Scenario(**keys | of_flight)
     return simulate_machine(machine, flight)
 
 
@@ -79,7 +78,7 @@ def test_lift_off_is_without_a_kick() -> None:
 def test_a_machine_without_its_readings_trips_and_lifts_again() -> None:
     machine = Machine.preset("tum_mlps").replace(speed=0.0)
     sequence = LiftOff(lift=0.05, land=0.05, lost=0.01)
-    flight = Flight(duration=0.4, start="rest", sequence=sequence, noise=False)
+    flight = Scenario(duration=0.4, start="rest", sequence=sequence, noise=False)
     n = round(0.4 / machine.sampling_time) + 1
     readings, fly = np.zeros((n, len(machine.readings))), np.ones(n)
     readings[2000:2400] = np.nan
@@ -96,14 +95,14 @@ def test_a_machine_that_is_overloaded_trips() -> None:
     axis = machine.axes[0].name
     push = Disturbance(axis=axis, force=Step(amplitude=500.0, time=0.2))
     sequence = LiftOff(lift=0.05, overload=0.02)
-    flight = Flight(duration=0.4, start="rest", sequence=sequence, disturbance=(push,))
+    flight = Scenario(duration=0.4, start="rest", sequence=sequence, disturbance=(push,))
     mode = simulate_machine(machine, flight).record["mode"]
     assert mode[1999] == Mode.FLYING
     assert mode[-1] == Mode.TRIPPED
 
 
 def test_from_hovering_it_flies_at_once() -> None:
-    flight = Flight(duration=0.05, sequence=LiftOff(stop=0.04, land=0.2))
+    flight = Scenario(duration=0.05, sequence=LiftOff(stop=0.04, land=0.2))
     run = simulate_machine(Machine.preset("tum_mlps"), flight)
     assert run.record["mode"][0] == Mode.FLYING
     assert run.record["mode"][-1] == Mode.LANDING
@@ -113,7 +112,7 @@ def test_from_hovering_it_flies_at_once() -> None:
 def test_a_sequence_changes_nothing_of_a_flight_that_does_not_need_it() -> None:
     """The same numbers with the estimator in the loop, from the same start."""
     machine = Machine.preset("hindawi_2011")
-    plain = Flight(duration=0.05, feedback="estimate")
+    plain = Scenario(duration=0.05, feedback="estimate")
     one, other = (
         simulate_machine(machine, flight, estimator=KalmanFilter(machine))
         for flight in (plain, plain.replace(sequence=LiftOff()))
@@ -124,13 +123,13 @@ def test_a_sequence_changes_nothing_of_a_flight_that_does_not_need_it() -> None:
 
 def test_the_flight_file_says_so(tmp_path: Path) -> None:
     text = 'duration = "0.4 s"\nstart = "rest"\n[sequence]\nlift = "0.1 s"\nstop = "0.3 s"\n'
-    (tmp_path / "flight.toml").write_text(text)
-    flight = Flight.load(tmp_path / "flight.toml")
+    (tmp_path / "scenario.toml").write_text(text)
+    flight = Scenario.load(tmp_path / "scenario.toml")
     assert flight.sequence == LiftOff(lift=0.1, stop=0.3)
-    assert Flight.from_toml(flight.to_toml()) == flight
-    (tmp_path / "flight.toml").write_text(text.replace("0.3 s", "0 s"))
-    with pytest.raises(AmbkitError, match=r"flight.toml.*sequence.stop.*after start"):
-        Flight.load(tmp_path / "flight.toml")
+    assert Scenario.from_toml(flight.to_toml()) == flight
+    (tmp_path / "scenario.toml").write_text(text.replace("0.3 s", "0 s"))
+    with pytest.raises(AmbkitError, match=r"scenario.toml.*sequence.stop.*after start"):
+        Scenario.load(tmp_path / "scenario.toml")
 
 
 def test_what_lies_is_left_out_of_what_is_filtered() -> None:
@@ -147,7 +146,7 @@ def test_what_lies_is_left_out_of_what_is_filtered() -> None:
 @pytest.mark.parametrize("stop", [0.25, None])
 def test_a_summary_is_of_the_flight(stop: float | None) -> None:
     machine = Machine.preset("tum_mlps")
-    flight = Flight(
+    flight = Scenario(
         duration=0.35, start="rest", sequence=LiftOff(stop=stop, lift=0.05, land=0.05),
         feedback="estimate", speed=Ramp(slope=2000.0, start=0.1),
     )  # fmt: skip
@@ -162,7 +161,7 @@ def test_a_summary_is_of_the_flight(stop: float | None) -> None:
 
 def test_a_summary_ends_where_the_power_fails() -> None:
     machine = Machine.preset("tum_mlps").replace(speed=0.0)
-    whole, failing = (Flight(duration=0.2, off=off, seed=1) for off in (None, 0.1))
+    whole, failing = (Scenario(duration=0.2, off=off, seed=1) for off in (None, 0.1))
     rmse = [
         RunSummary(simulate_machine(machine, flight, estimator=KalmanFilter(machine))).to_dict()
         for flight in (whole, failing)
@@ -182,15 +181,15 @@ def printed_by(folder: Path) -> str:
 
 
 FLIGHTS = {
-    "hovering at first": Flight(sequence=LiftOff()),  # what is exported begins at power-on
-    "lift-off": Flight(start="rest", sequence=LiftOff()),
-    "by the estimate": Flight(start="rest", sequence=LiftOff(), feedback="estimate"),
-    "run-up": Flight(speed=Ramp(slope=2000.0), feedback="estimate"),
-    "all": Flight(
+    "hovering at first": Scenario(sequence=LiftOff()),  # what is exported begins at power-on
+    "lift-off": Scenario(start="rest", sequence=LiftOff()),
+    "by the estimate": Scenario(start="rest", sequence=LiftOff(), feedback="estimate"),
+    "run-up": Scenario(speed=Ramp(slope=2000.0), feedback="estimate"),
+    "all": Scenario(
         start="rest", sequence=LiftOff(), speed=Ramp(slope=2000.0, start=0.2),
         feedback="estimate", control=Control(unbalance="force-free", cross_feedback=0.3),
     ),
-    "lqg": Flight(
+    "lqg": Scenario(
         start="rest", sequence=LiftOff(), feedback="estimate", control=Control(type="lqg"),
     ),
 }  # fmt: skip
@@ -206,7 +205,7 @@ def test_what_flies_is_what_was_simulated(flown: str, precision: Any, tmp_path: 
     """Lift-off, landing, trips, and a model that follows the speed: the self-test's own flights."""
     machine = Machine.preset("tum_mlps")
     export_c(
-        machine, None, tmp_path / "c", precision=precision, flight=FLIGHTS[flown], prefix="f",
+        machine, None, tmp_path / "c", precision=precision, scenario=FLIGHTS[flown], prefix="f",
         synchronous=("unbalance",),
     )  # fmt: skip
     said = printed_by(tmp_path / "c")
@@ -241,7 +240,7 @@ int main(void)
 """
 
 
-def signals_of_c(made: CExport, record: Record, machine: Machine, flight: Flight) -> Array:
+def signals_of_c(made: CExport, record: Record, machine: Machine, flight: Scenario) -> Array:
     """What the exported controller gives for a record's readings: control signals, and the mode."""
     folder = made.folder
     (folder / "main.c").write_text(MAIN)
@@ -263,7 +262,7 @@ RIGID_AND_FLEXIBLE = ["tum_mlps", "ufu_flexible"]
 def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name: str, tmp_path: Path) -> None:
     """The exported controller, fed with the readings of a simulated flight: 0 samples differ."""
     machine = Machine.preset(name)
-    flight = Flight(
+    flight = Scenario(
         duration=0.5, start="rest", feedback="estimate",
         speed=Ramp(slope=machine.speed / 0.2, start=0.12, end=0.3),
         sequence=LiftOff(start=0.003, stop=0.4, wait=0.005, lift=0.08, land=0.08),
@@ -272,7 +271,7 @@ def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name: str, tmp_pa
     record = simulate_machine(machine, flight, estimator=kalman).record
     assert Mode.FLYING in record["mode"]
     made = export_c(
-        machine, None, tmp_path / "c", flight=flight, prefix="f", synchronous=("unbalance",)
+        machine, None, tmp_path / "c", scenario=flight, prefix="f", synchronous=("unbalance",)
     )
     got = signals_of_c(made, record, machine, flight)
     flown = [record[f"u_{axis.name}"] for axis in machine.axes]
@@ -287,7 +286,7 @@ def test_each_kind_follows_the_speed_with_the_same_bits(kind: str, tmp_path: Pat
     magnet = None if of is None else of(machine)
     flight = FLIGHTS["all"].replace(control=Control())
     export_c(
-        machine, magnet, tmp_path / "c", kind=kind, flight=flight, prefix="f",
+        machine, magnet, tmp_path / "c", kind=kind, scenario=flight, prefix="f",
         synchronous=("unbalance",),
     )  # fmt: skip
     assert printed_by(tmp_path / "c").count("equal to the last bit") == 2

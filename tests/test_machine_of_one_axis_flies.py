@@ -6,8 +6,8 @@ from golden.axes import AXES, _scenario
 
 import ambkit
 from ambkit.machine.machine import Machine
-from ambkit.simulation.flight import Disturbance, Flight, Reference
 from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 
 CASES = AXES | {"eddy currents": AXES["paper"].replace(magnet__eddy_current_lag="0.3 ms")}
 
@@ -17,7 +17,7 @@ def test_a_machine_with_one_axis_flies_as_the_axis(name: str) -> None:
     """With the noise of its own streams, which are those of the axis."""
     axis, machine = CASES[name], Machine.of_axis(CASES[name])
     scenario = _scenario(axis, "estimate", False)
-    flight = Flight(
+    flight = Scenario(
         duration=scenario.duration, feedback="estimate",
         disturbance=(Disturbance(axis="", force=scenario.disturbance),),
         reference=(Reference(axis="", position=scenario.reference),),

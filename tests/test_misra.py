@@ -18,9 +18,9 @@ import pytest
 from export_cases import BEARING, CASES
 from machine_cases import machine
 
-from ambkit import PID, Flight, Scenario
+from ambkit import PID, Scenario
 from ambkit.export.c import CExport, export_c
-from ambkit.simulation.controllers import Control
+from ambkit.simulation.scenario import Control
 from ambkit.simulation.sequence import LiftOff
 from ambkit.simulation.waveforms import Ramp
 
@@ -152,9 +152,9 @@ def test_a_whole_controller_keeps_the_rules_too(calibrated: bool, tmp_path: Path
 
 MACHINES: dict[str, dict[str, Any]] = {
     "filter": {"kind": "augmented"},
-    "controllers": {"flight": Flight(feedback="estimate", control=Control(type="lqg"))},
+    "controllers": {"scenario": Scenario(feedback="estimate", control=Control(type="lqg"))},
     "lift-off and run-up": {
-        "flight": Flight(start="rest", sequence=LiftOff(), speed=Ramp(slope=2000.0)),
+        "scenario": Scenario(start="rest", sequence=LiftOff(), speed=Ramp(slope=2000.0)),
     },
 }
 

@@ -20,7 +20,7 @@ from ambkit.machine.rotors.whirl import (
     whirl,
     whirl_error,
 )
-from ambkit.simulation.controllers import Control
+from ambkit.simulation.scenario import Control
 from ambkit.workflow.assessing import assess
 from ambkit.workflow.assessment import Assessment
 from ambkit.workflow.campbell import CriticalSpeed

@@ -14,10 +14,10 @@ import pytest
 import unseen
 from machine_cases import gained
 
-from ambkit import Flight, KalmanFilter
+from ambkit import KalmanFilter, Scenario
 from ambkit.export.c import export_c
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.default_control import settled_flight
+from ambkit.simulation.default_control import settled_scenario
+from ambkit.simulation.scenario import Control
 from ambkit.simulation.sequence import LiftOff
 
 pytestmark = [
@@ -28,10 +28,10 @@ pytestmark = [
 KNOWN = unseen.lists(True, True, False)
 LIFTING: dict[str, Any] = {"start": "rest", "sequence": LiftOff()}
 CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
-FLOWN: dict[str, tuple[str, Flight | None]] = {
-    "pid": ("tum_mlps", Flight(feedback="estimate", control=CROSSED, **LIFTING)),
-    "lqg": ("tum_mlps", Flight(feedback="estimate", control=Control(type="lqg"), **LIFTING)),
-    "measured": ("tum_mlps", Flight(**LIFTING)),
+FLOWN: dict[str, tuple[str, Scenario | None]] = {
+    "pid": ("tum_mlps", Scenario(feedback="estimate", control=CROSSED, **LIFTING)),
+    "lqg": ("tum_mlps", Scenario(feedback="estimate", control=Control(type="lqg"), **LIFTING)),
+    "measured": ("tum_mlps", Scenario(**LIFTING)),
     "late": ("compressor", None),
 }
 """Machines by what flies them; the last one has slow amplifiers and delays."""
@@ -49,7 +49,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
         machine = gained(preset)
         to = tmp_path_factory.mktemp(name) / "c"
         made[name] = mutants.Bench(
-            export_c(machine, None, to, prefix="f", loops=True, flight=flight).folder, "f"
+            export_c(machine, None, to, prefix="f", loops=True, scenario=flight).folder, "f"
         )
         return made[name]
 
@@ -90,7 +90,7 @@ def has(name: str, data: str) -> unseen.Has:
     preset, flight = FLOWN[name]
     assert flight is not None
     machine = gained(preset)
-    flight, kalman = settled_flight(machine, flight), KalmanFilter(machine, precision="float32")
+    flight, kalman = settled_scenario(machine, flight), KalmanFilter(machine, precision="float32")
     known = kalman.core.parameters["set"]
     gains, freed = "of_fed_back" in data, "of_motion" in data
     return unseen.Has(

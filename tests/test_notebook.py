@@ -24,7 +24,7 @@ from ambkit.judge.comparison.bench import Benches
 from ambkit.machine.machine import as_machine
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Heatmap
-from ambkit.simulation.controllers import Control
+from ambkit.simulation.scenario import Control
 from ambkit.workflow.comparing import LoopScores, compare_in_case
 from ambkit.workflow.design_candidates import Candidate
 from ambkit.workflow.designing import Design

@@ -13,7 +13,7 @@ import pytest
 from conftest import Result
 
 import ambkit
-from ambkit import Bearing, Flight, KalmanFilter, Machine, Record, Scenario, Step
+from ambkit import Bearing, KalmanFilter, Machine, Record, Scenario, Step
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.data.rig_units import Inputs, Scaling
@@ -21,8 +21,7 @@ from ambkit.estimate.filter_file import FilterFile
 from ambkit.export.c import export_c
 from ambkit.export.pil import boards, build, pil
 from ambkit.export.pil.processor import Processor
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import PID, Control
 from ambkit.simulation.sequence import LiftOff, Mode
 from ambkit.simulation.waveforms import Ramp
 
@@ -71,7 +70,7 @@ def test_what_cannot_be_flown_is_said(
     assert said in " ".join(told.err.split())
 
 
-TURNED = Flight(
+TURNED = Scenario(
     duration=0.06, feedback="estimate", speed=Ramp(slope=2000.0, end=0.06),
     sequence=LiftOff(start=2e-3, stop=0.04, wait=3e-3, lift=0.02, land=0.01),
 )  # fmt: skip

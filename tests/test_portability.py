@@ -176,7 +176,7 @@ def test_the_other_byte_order_gives_the_same_bits(
     if of == "controller":
         made = export_c(BEARING, None, tmp_path / "c", prefix="f", scenario=ambkit.Scenario())
     elif of == "machine":
-        made = export_c(machine(), None, tmp_path / "c", prefix="f", flight=ambkit.Flight())
+        made = export_c(machine(), None, tmp_path / "c", prefix="f", scenario=ambkit.Scenario())
     else:
         made = exported("adaptive", "double") if of == "double" else exported(of)
     compiler, emulator = BIG_ENDIAN

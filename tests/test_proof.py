@@ -14,10 +14,10 @@ import pytest
 from export_cases import KINDS, command, export
 from quick import quick
 
-from ambkit import Flight, Machine
+from ambkit import Machine, Scenario
 from ambkit.export.c import CExport, export_c, proof
 from ambkit.export.c.data import CPrecision
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.scenario import PID
 from ambkit.simulation.sequence import LiftOff
 from firmware import proof as prover
 
@@ -76,8 +76,8 @@ double Frama_C_double_interval(double low, double high);
 def export_proved(what: str, out: Path) -> CExport:
     """Each form that brings a proof, and what has none."""
     if what in ("machine", "machine and its controllers"):
-        flight = Flight(sequence=LiftOff()) if "controllers" in what else None
-        return export_c(Machine.preset("tum_mlps"), None, out, prefix="f", flight=flight)
+        flight = Scenario(sequence=LiftOff()) if "controllers" in what else None
+        return export_c(Machine.preset("tum_mlps"), None, out, prefix="f", scenario=flight)
     if what == "editable":
         return export("linear", out, prefix="f", editable=True)
     of: dict[str, Any] = {} if what in KINDS else {"scenario": Scenario(controller=LAWS[what])}

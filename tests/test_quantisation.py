@@ -7,10 +7,10 @@ import ambkit
 from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison import criteria
-from ambkit.simulation.flight import Flight
 from ambkit.simulation.imposed import Faults, Imposed
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
+from ambkit.simulation.scenario import Scenario
 
 NOISE = 1e-7
 PAPER = ambkit.Bearing.preset("zittau_axial").replace(sensor__noise_variance=NOISE**2)
@@ -130,7 +130,7 @@ def flight(name, ratio, kind, feedback, precision="float64", seed=0):
     sensors = tuple(each.model_copy(update=steps) for each in machine.sensor)
     machine = machine.model_copy(update={"sensor": sensors})
     kalman = KINDS[kind].make(machine, precision=precision)
-    made = Flight(duration=0.2, seed=seed, feedback=feedback)
+    made = Scenario(duration=0.2, seed=seed, feedback=feedback)
     run = simulate_machine(machine, made, estimator=kalman)
     c, record, estimate = kalman.engine.model.c, run.record, run.estimate
     shown = [next((x for x in ("q_" + n, n) if x in record.signals), None) for n in estimate.names]

@@ -11,8 +11,8 @@ from ambkit import FilterNoise, KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.judge.comparison.contenders import contender_of_kind
-from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tuning import log_likelihood
 
 TUM = Machine.preset("tum_mlps")
@@ -20,7 +20,7 @@ TUM = Machine.preset("tum_mlps")
 
 @pytest.fixture(scope="module")
 def record():
-    return simulate_machine(TUM, Flight(duration=0.4)).record
+    return simulate_machine(TUM, Scenario(duration=0.4)).record
 
 
 def test_variances_of_axes_keep_their_ratios():

@@ -10,11 +10,11 @@ import pytest
 import ambkit
 from ambkit import KalmanFilter, Machine
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.simulation.controllers import Control, controllers_of
-from ambkit.simulation.flight import Flight
+from ambkit.simulation.controllers import controllers_of
 from ambkit.simulation.holding import holding
 from ambkit.simulation.let_turn import _Rotor
 from ambkit.simulation.plant import Plant
+from ambkit.simulation.scenario import Control, Scenario
 from ambkit.simulation.waveforms import Constant, Ramp, Sum
 from ambkit.workflow.assessed_loop import assessed
 
@@ -78,7 +78,7 @@ def criticals(name: str | int) -> dict[str, float]:
     return found
 
 
-def drawn(run: int, machines: tuple[str | int, ...]) -> tuple[Machine, Machine, Flight]:
+def drawn(run: int, machines: tuple[str | int, ...]) -> tuple[Machine, Machine, Scenario]:
     """Return a machine as described, as it is, and a ramp or a stay near a critical speed."""
     rng = np.random.default_rng([run, 7])
     name = machines[run % len(machines)]
@@ -103,11 +103,11 @@ def drawn(run: int, machines: tuple[str | int, ...]) -> tuple[Machine, Machine, 
         type=str(rng.choice(["decentralised", "translation and tilt", "lqg"], p=[0.6, 0.2, 0.2])),
         unbalance=str(kind),
     )
-    flight = Flight(duration=T, feedback="estimate", control=control, speed=speed, seed=run)
+    flight = Scenario(duration=T, feedback="estimate", control=control, speed=speed, seed=run)
     return described, described.replace(unbalance=planes), flight
 
 
-def touched(described: Machine, real: Machine, flight: Flight) -> int:
+def touched(described: Machine, real: Machine, flight: Scenario) -> int:
     """Return in how many samples a backup bearing is touched."""
     filter = KalmanFilter(described, synchronous=["unbalance"])
     T = described.sampling_time
@@ -117,7 +117,7 @@ def touched(described: Machine, real: Machine, flight: Flight) -> int:
     return run.samples_at_the_stop
 
 
-def stable(described: Machine, flight: Flight) -> bool:
+def stable(described: Machine, flight: Scenario) -> bool:
     """Return whether the loop is stable at the fastest speed of a flight."""
     filter = KalmanFilter(described, synchronous=["unbalance"])
     loop = LoopOf(described, flight.control).loop(filter)
@@ -148,7 +148,7 @@ def test_near_a_free_critical_speed_the_rotor_is_held(larger):
     """From 4 times the unbalance on plain control touches too, with a start at this speed."""
     machine = machine_of("overhung").replace(speed="49000 rpm")
     planes = [{"place": z, "amount": larger * u, "angle": a} for z, u, a in machine.unbalances()]
-    flight = Flight(
+    flight = Scenario(
         duration=0.15, feedback="estimate", speed=Constant(value=machine.speed),
         control=Control(cross_feedback=0.3, unbalance="force-free"),
     )  # fmt: skip
@@ -163,7 +163,7 @@ def test_a_rigid_rotor_that_is_held_still_touches_nothing():
     real = described.replace(unbalance=[{"place": 0.026, "amount": 7e-5, "angle": 3.9}])
     slope = 45900 * RPM
     low = described.speed - 0.24 * slope
-    flight = Flight(
+    flight = Scenario(
         duration=0.3, feedback="estimate", seed=26,
         control=Control(type="decentralised", unbalance="still"),
         speed=Sum(parts=(Constant(value=low), Ramp(slope=slope, end=0.24))),

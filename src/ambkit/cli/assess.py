@@ -58,7 +58,7 @@ def assess(
             "--scenario",
             "--controller",
             metavar="FILE.toml|NAME",
-            help="Whose [controller], or of a flight [control], is assessed; or decentralised, "
+            help="Whose [controller], or [control] of several axes, is assessed; or decentralised, "
             "'translation and tilt' or lqg. Controller settings that the file omits are tuned "
             "automatically.",
         ),

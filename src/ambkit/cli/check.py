@@ -18,7 +18,6 @@ class Schema(StrEnum):
     bearing = "bearing"
     machine = "machine"
     scenario = "scenario"
-    flight = "flight"
     study = "study"
     map = "map"
     filter = "filter"

@@ -25,7 +25,7 @@ def excite_machine(
 ) -> None:  # fmt: skip
     """Design an experiment for each of the axes of a machine."""
     from ambkit.cli import output
-    from ambkit.simulation.flight import Flight
+    from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.injecting import design_injection
     from ambkit.workflow.simulating import scenario_for
 
@@ -37,13 +37,13 @@ def excite_machine(
     for option, given in refused.items():
         if given is not None:
             raise AmbkitError(f"{option} is not for --for sensitivity")
-    known = None if scenario is None else Flight.load(scenario)
+    known = None if scenario is None else Scenario.load(scenario)
     if duration is None and known is None:
         duration = DURATION
-    flight = scenario_for(machine, known, duration=duration, seed=seed)
+    happening = scenario_for(machine, known, duration=duration, seed=seed)
     if estimator is not None:
         fed = "measurement" if estimator == "none" else "estimate"
-        flight = flight.replace(feedback=fed)
+        happening = happening.replace(feedback=fed)
     every = [each.name for each in machine.axes]
     wanted: list[Any] = every if axes == ["all"] else [each or None for each in axes]
     found = []
@@ -51,7 +51,7 @@ def excite_machine(
         for name in wanted:
             found.append(
                 design_injection(
-                    machine, flight, None if estimator == "none" else estimator, axis=name,
+                    machine, happening, None if estimator == "none" else estimator, axis=name,
                     current=most[0], displacement=most[1], band=ends,
                 )
             )  # fmt: skip

@@ -79,8 +79,7 @@ def export_c(
         Path | None,
         typer.Option(
             metavar="SCENARIO.toml",
-            help="Export the whole controller of this scenario, or of a machine's flight: from "
-            "readings to coil currents.",
+            help="Export the whole controller of this scenario: from readings to coil currents.",
         ),
     ] = None,
     synchronous: Synchronous = None,
@@ -122,7 +121,7 @@ def export_c(
       ambkit export c filter.toml --precision double --out out/
       ambkit export c tum_mlps --estimator extended --out out/
       ambkit export c filter.toml --controller scenario.toml --out out/
-      ambkit export c tum_mlps --controller flight.toml --out out/
+      ambkit export c tum_mlps --controller mlps.toml --out out/
     """
     from ambkit.cli import output
     from ambkit.export import c
@@ -184,10 +183,10 @@ def export_c(
     output.note(f"wrote {written.folder}, {len(written.files) + 1} files")
 
 
-def _scenario(path: Path) -> Scenario:
+def _scenario(path: Path | None) -> Scenario | None:
     from ambkit.simulation.scenario import Scenario
 
-    return Scenario.load(path)
+    return None if path is None else Scenario.load(path)
 
 
 def _flown(
@@ -195,14 +194,11 @@ def _flown(
 ) -> dict[str, Any]:
     """Return whose controller is exported, and what else only a whole machine has."""
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.flight import Flight
 
-    if not isinstance(model, Machine):
-        if synchronous:
-            raise AmbkitError("--synchronous is of a whole machine, not of one axis")
-        return {"scenario": None if controller is None else _scenario(controller)}
+    if synchronous and not isinstance(model, Machine):
+        raise AmbkitError(f"--synchronous is of a rotor that turns; {model.name} is a mass")
     options: dict[str, Any] = {"synchronous": tuple(synchronous)} if synchronous else {}
-    return options | {"flight": None if controller is None else Flight.load(controller)}
+    return options | {"scenario": _scenario(controller)}
 
 
 def _cost_table(spent: Cost, clock: float) -> Table:

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
     from ambkit.estimate.base import Estimator
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.controllers import Control
-    from ambkit.simulation.scenario import PID
+    from ambkit.simulation.scenario import PID, Control
 
 
 @dataclass(frozen=True)
@@ -78,11 +77,9 @@ def control_of(
 ) -> tuple[PID | Control | None, dict[str, float], bool]:
     """Return the controllers, the loads, and whether it is said that a measurement feeds them."""
     from ambkit.simulation import default_control
-    from ambkit.simulation.controllers import TYPES, Control
-    from ambkit.simulation.flight import Flight
-    from ambkit.simulation.scenario import Scenario
+    from ambkit.simulation.controllers import TYPES
+    from ambkit.simulation.scenario import Control, Scenario
     from ambkit.simulation.waveforms import Constant
-    from ambkit.workflow.inspection import kind_of_toml
 
     if given is None:
         return None, {}, False
@@ -93,17 +90,17 @@ def control_of(
             f"--controller: {given!r} is none of {', '.join(TYPES)}, and no file that ends with "
             ".toml"
         )
-    if machine.single or kind_of_toml(given) == "scenario":
-        return Scenario.load(given).controller, {}, False
-    flight = Flight.load(given)
-    wrong = list(flight.unknown_axes(tuple(axis.name for axis in machine.axes)))
+    scenario, axes = Scenario.load(given), tuple(axis.name for axis in machine.axes)
+    wrong = list(scenario.wrong_for(axes, body=not machine.single))
     if wrong:
         raise AmbkitError(f"{given}: {'; '.join(wrong)}")
+    if machine.single:
+        return scenario.controller, {}, False
     loads = {
-        each.axis: each.force.value
-        for each in flight.disturbance if isinstance(each.force, Constant)
+        axis: signal.value
+        for axis, signal in scenario.by_axis("disturbance", axes[0]) if isinstance(signal, Constant)
     }  # fmt: skip
-    control = flight.control
-    if default_control.fastest_of(machine, flight) > abs(machine.speed):
-        control = default_control.control_of(machine, flight)
-    return control, loads, default_control.feedback_of(machine, flight) == "measurement"
+    control = scenario.control
+    if default_control.fastest_of(machine, scenario) > abs(machine.speed):
+        control = default_control.control_of(machine, scenario)
+    return control, loads, default_control.feedback_of(machine, scenario) == "measurement"

@@ -22,7 +22,7 @@ def pil(
         Path | None,
         typer.Option(
             metavar="FILE.toml",
-            help="What happens, and whose controller flies: a scenario, or a machine's flight; a "
+            help="What happens, and whose controller flies: a scenario; a "
             "second in the middle if not given.",
         ),
     ] = None,
@@ -50,21 +50,18 @@ def pil(
     For example:
       ambkit pil zittau_axial
       ambkit pil filter.toml --scenario scenario.toml --board stm32f4 --report pil.html
-      ambkit pil tum_mlps --scenario flight.toml
+      ambkit pil tum_mlps --scenario mlps.toml
     """
     from ambkit.cli import output
     from ambkit.export import pil as loop
-    from ambkit.machine.machine import Machine
     from ambkit.show.pages.pil import write_pil
-    from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
 
     model, chosen = whole_to_export(bearing, estimator) or to_export(bearing, estimator)
-    happening = Flight if isinstance(model, Machine) else Scenario
     found = loop.pil(
         model,
         chosen.magnet,
-        scenario=None if scenario is None else happening.load(scenario),
+        scenario=None if scenario is None else Scenario.load(scenario),
         kind=chosen.kind,
         filter_file=chosen.file,
         board=board,

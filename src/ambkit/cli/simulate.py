@@ -39,8 +39,8 @@ def simulate(
         Path | None,
         typer.Option(
             metavar="FILE.toml",
-            help="What happens; 'ambkit check --schema scenario', of a machine 'flight'. What its "
-            "[controller] does not say, all of it without one, is tuned for the bearing.",
+            help="What happens; 'ambkit check --schema scenario'. What its [controller] does "
+            "not say, all of it without one, is tuned for the bearing.",
         ),
     ] = None,
     estimator: Annotated[
@@ -51,7 +51,7 @@ def simulate(
             callback=lambda name: name if name == "none" else one_of(name),
             metavar="NAME",
             help=f"none, {', '.join(NAMES)}; the controller is fed by it unless the scenario "
-            "says otherwise, the controllers of a machine where its flight says so.",
+            "says otherwise, the controllers of several axes where the scenario says so.",
         ),
     ] = "linear",
     expert: ExpertFile = None,
@@ -175,13 +175,13 @@ def simulate(
         output.note(text)
 
 
-def _note_default(machine: Machine, flight: Any) -> None:
+def _note_default(machine: Machine, happening: Any) -> None:
     """Say which controllers were chosen, where nobody says them."""
     from ambkit.cli import output
     from ambkit.simulation.default_control import default_for, is_default
 
-    if is_default(flight.control):
-        chosen = default_for(machine, flight)
+    if is_default(happening.control):
+        chosen = default_for(machine, happening)
         if chosen.fastest:
             output.note(chosen.summary)
 

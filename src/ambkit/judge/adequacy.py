@@ -12,22 +12,20 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
 from ambkit.estimate.base import Estimator
 from ambkit.judge import adequacy_criteria as criteria
-from ambkit.machine.machine import short_form
+from ambkit.machine.machine import Machine, short_form
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.default_control import control_of, feedback_of
-from ambkit.simulation.flight import Flight
 from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from ambkit.judge.adequacy_criteria import Finding
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.machine import Machine
 
 
 def judge_adequacy(
     estimator: Any,
     plant: Bearing | Machine | None = None,
-    happening: Scenario | Flight | None = None,
+    happening: Scenario | None = None,
     nis: float = math.nan,
 ) -> list[Finding]:
     """Judge whether an estimator may fly."""
@@ -50,7 +48,7 @@ def sentences(found: Sequence[Finding]) -> list[str]:
 def require_adequate(
     estimator: Estimator,
     plant: Bearing | Machine | None = None,
-    happening: Scenario | Flight | None = None,
+    happening: Scenario | None = None,
     *,
     force: bool,
 ) -> list[str]:
@@ -98,12 +96,13 @@ def _key(estimator: Estimator, plant: Any, control: Any, given: bool, fed_back: 
     return hashlib.sha256(pickle.dumps(parts)).digest()
 
 
-def _control_of(plant: Any, happening: Scenario | Flight | None) -> tuple[Any, bool, bool]:
+def _control_of(plant: Any, happening: Scenario | None) -> tuple[Any, bool, bool]:
     """Return the controller, whether it was given, and whether the estimate feeds it."""
-    if isinstance(happening, Scenario):
-        pid = happening.controller
-        return pid, bool(pid.model_fields_set - {"feedback"}), pid.feedback == "estimate"
-    if isinstance(happening, Flight):
+    if happening is None:
+        return None, False, True
+    if isinstance(plant, Machine):
         given = bool(happening.control.model_fields_set)
         return control_of(plant, happening), given, feedback_of(plant, happening) == "estimate"
-    return None, False, True
+    pid = happening.controller
+    given = bool(pid.model_fields_set - {"feedback"})
+    return pid, given, happening.fed_by != "measurement"

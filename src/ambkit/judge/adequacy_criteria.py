@@ -34,7 +34,7 @@ from ambkit.simulation.scenario import Scenario
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
-    from ambkit.simulation.flight import Flight
+    from ambkit.simulation.scenario import Scenario
     from ambkit.simulation.waveforms import Waveform
 
 NIS_BAND = (0.25, 4.0)
@@ -321,10 +321,10 @@ def loop_peak(plant: Any, estimator: Estimator, control: Any = None) -> float:
     return float(np.abs(np.diagonal(along, axis1=1, axis2=2)).max())
 
 
-def demands(plant: Any, happening: Scenario | Flight) -> Iterator[Finding]:
+def demands(plant: Any, happening: Scenario) -> Iterator[Finding]:
     """Yield travel and force that a run asks for against what there is."""
     for axis, b, load in zip(_axes(plant), alone_of(plant), load_capacity(plant), strict=True):
-        position, force = _demanded(happening, axis)
+        position, force = _demanded(happening, axis, _axes(plant)[0])
         where = f" of {axis}" if axis else ""
         for what, each, most, unit in (
             ("reference", position, b.rotor.travel_limit, "m"),
@@ -345,13 +345,12 @@ def _axes(plant: Any) -> list[str]:
     return [axis.name for axis in plant.axes] if isinstance(plant, Machine) else [""]
 
 
-def _demanded(happening: Scenario | Flight, axis: str) -> tuple[list[Any], list[Any]]:
-    if isinstance(happening, Scenario):
-        return [happening.reference], [happening.disturbance]
-    return (
-        [each.position for each in happening.reference if each.axis == axis],
-        [each.force for each in happening.disturbance if each.axis == axis],
+def _demanded(happening: Scenario, axis: str, first: str) -> tuple[list[Any], list[Any]]:
+    reference, force = (
+        [signal for name, signal in happening.by_axis(what, first) if name == axis]
+        for what in ("reference", "disturbance")
     )
+    return reference, force
 
 
 def _greatest(signals: Sequence[Waveform], duration: float) -> float:

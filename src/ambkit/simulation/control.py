@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.machine.bank import alone_of
 from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import ConstantStiffness, own_time
-from ambkit.simulation.controllers import Control, Controllers, arrays, controllers_of
+from ambkit.simulation.controllers import Controllers, arrays, controllers_of
 from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import PID, Control
 from ambkit.simulation.sequence import MOST_COUNTED, LiftOff
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
-from ambkit.simulation.controllers import Control, Controllers, controllers_of
+from ambkit.simulation.controllers import Controllers, controllers_of
 from ambkit.simulation.holding import ENOUGH, two_digits, weight_of
 from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.linear.closed import Loop
@@ -24,7 +24,7 @@ from ambkit.simulation.linear.control import compensator, controllers, fed
 from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.linear.settled import estimator_at
 from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import GAINS, PID
+from ambkit.simulation.scenario import GAINS, PID, Control
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
-from ambkit.base.config import Part, Read
-from ambkit.base.config.quantities import Quantity
-from ambkit.base.config.texts import Name
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import geometry
 from ambkit.machine.magnets import ConstantStiffness
@@ -21,7 +17,7 @@ from ambkit.simulation.holding import holding
 from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.let_turn import LetTurn, check_unbalance, let_turn, let_turn_fields
 from ambkit.simulation.regulator import regulator, scheduled
-from ambkit.simulation.scenario import GAINS, PID
+from ambkit.simulation.scenario import GAINS, PID, Control
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -36,85 +32,6 @@ TYPES = ("decentralised", "translation and tilt", "lqg")
 
 FAR = 1e9
 """No reference is beyond it [m]."""
-
-
-class Control(Part):
-    """How a whole machine is controlled."""
-
-    type: Literal["decentralised", "translation and tilt", "lqg"] | None = None
-    """One PID for each axis; one for each translation and tilt of the rotor; or a linear-quadratic
-    regulator of the estimator's states. Without a type and gains it is chosen on the margins over
-    the machine's speed range, `ambkit.simulation.default_control`; with gains it is
-    decentralised."""
-    cross_feedback: Annotated[float, Quantity("1", "0.5", at_least=0)] = 0.0
-    """Share of the gyroscopic torques that is taken back, by the estimated tilt velocities [1]."""
-    gain_scheduling: Annotated[bool, Field(strict=True)] = False
-    """Whether the gains of "lqg" follow the speed of rotation; without, they are those of the
-    machine's own speed at any."""
-    unbalance: Literal["fought", "force-free", "still"] = "fought"
-    """Whether the controllers answer to the synchronous motion as to any other; let the rotor turn
-    about its axis of inertia, without a synchronous force of the bearings; or keep its geometric
-    axis still. The last two need an estimator with the unbalance among its states."""
-    unbalance_from: Annotated[float, Quantity("rad/s", "2000 rpm", above=0)] | None = None
-    """Speed below which it is fought all the same [rad/s]; without, 100 rad/s or half the machine's
-    own."""
-    pid: dict[Name, PID] = Field(default_factory=dict)
-    """PIDs by what each is of: an axis, or with "translation and tilt" a coordinate of the rotor
-    such as x or th_y. What is not said of one is tuned to it."""
-
-    @classmethod
-    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        if read("unbalance_from") is not None and read("unbalance") == "fought":
-            text = 'unbalance = "fought" is so at any speed; give "force-free" or "still"'
-            yield "unbalance_from", text
-        if read("gain_scheduling") and read("type") != "lqg":
-            yield "gain_scheduling", 'is of the gains of type = "lqg"'
-        given = read("pid")
-        if not isinstance(given, dict) or not given:
-            return
-        if read("type") == "lqg":
-            yield "pid", 'type = "lqg" has no PID: its gains are of all states'
-        for name, pid in given.items():
-            if pid.sensor and read("type") == "translation and tilt":
-                yield f"pid.{name}.sensor", 'is of an axis: type must be "decentralised"'
-            for key in ("feedback", "type"):
-                if key in pid.model_fields_set:
-                    yield f"pid.{name}.{key}", "is of one axis alone; a flight says feedback"
-            if pid.feed_forward and read("type") == "translation and tilt":
-                yield f"pid.{name}.feed_forward", 'is of an axis: type must be "decentralised"'
-
-    @model_serializer(mode="wrap")
-    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = handler(self)
-        if not self.gain_scheduling:
-            data.pop("gain_scheduling", None)
-        return {key: each for key, each in data.items() if each is not None and each != {}}
-
-    def __hash__(self) -> int:
-        own = self.type, self.cross_feedback, self.gain_scheduling, self.unbalance
-        return hash((*own, *self.pid.items()))
-
-    @property
-    def needs_estimate(self) -> bool:
-        """Whether the measurement alone cannot feed it."""
-        return self.type == "lqg" or self.of_estimate is not None
-
-    @property
-    def of_estimate(self) -> str | None:
-        """What besides a regulator is made of the estimate; None where nothing is."""
-        if self.cross_feedback:
-            return "cross_feedback"
-        if any(pid.feed_forward for pid in self.pid.values()):
-            return "feed_forward"
-        return None if self.unbalance == "fought" else f'unbalance = "{self.unbalance}"'
-
-    def check_names(self, known: Sequence[str]) -> None:
-        """Refuse PIDs of what the machine has not."""
-        for name in self.pid:
-            if name not in known:
-                raise AmbkitError(
-                    f"control.pid.{name}: there is no {name}; known: {', '.join(known)}"
-                )
 
 
 @dataclass(frozen=True)

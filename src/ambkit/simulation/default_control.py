@@ -20,12 +20,12 @@ from ambkit.simulation.control_candidates import (
     Feedback,
     name_of,
 )
-from ambkit.simulation.controllers import Control
 from ambkit.simulation.holding import ENOUGH
+from ambkit.simulation.scenario import Control
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.flight import Flight
+    from ambkit.simulation.scenario import Scenario
 
 FACTOR = 1.5
 """The measurement feeds the controllers while their peak of abs(S) is at most so many times that of
@@ -34,7 +34,7 @@ AS_GOOD = 1.1
 """Where no peak is at most `ENOUGH`, the simplest is taken whose peak is within this factor of the
 lowest."""
 TIMES = 2001
-"""Times in a flight at which its speed is looked at."""
+"""Times in a run at which its speed is looked at."""
 
 
 @dataclass(frozen=True)
@@ -123,43 +123,43 @@ def settled(
     return control.model_copy(update={key: getattr(chosen, key) for key in keys})
 
 
-def fastest_of(machine: Machine, flight: Flight) -> float:
-    """Return the highest speed of rotation of a flight, or the machine's own if higher [rad/s]."""
-    if flight.speed is None:
+def fastest_of(machine: Machine, scenario: Scenario) -> float:
+    """Return the highest speed of rotation of a run, or the machine's own if higher [rad/s]."""
+    if scenario.speed is None:
         return abs(machine.speed)
-    speed = flight.speed.sample(np.linspace(0.0, flight.duration, TIMES))
+    speed = scenario.speed.sample(np.linspace(0.0, scenario.duration, TIMES))
     return max(abs(machine.speed), float(np.abs(speed).max()))
 
 
-def default_for(machine: Machine, flight: Flight) -> DefaultControl:
-    """Return the default controllers of a flight, over its speed range and the machine's."""
-    return default_control(machine, flight.feedback, fastest_of(machine, flight))
+def default_for(machine: Machine, scenario: Scenario) -> DefaultControl:
+    """Return the default controllers of a scenario, over its speed range and the machine's."""
+    return default_control(machine, scenario.feedback, fastest_of(machine, scenario))
 
 
-def feedback_of(machine: Machine, flight: Flight) -> Feedback:
-    """Return what feeds the controllers of a flight, chosen where it is not given."""
-    control = flight.control
-    if flight.feedback is not None:
-        return flight.feedback
+def feedback_of(machine: Machine, scenario: Scenario) -> Feedback:
+    """Return what feeds the controllers of a scenario, chosen where it is not given."""
+    control = scenario.control
+    if scenario.feedback is not None:
+        return scenario.feedback
     if not is_default(control) or control.needs_estimate:
         return "measurement"
-    return default_for(machine, flight).chosen.feedback
+    return default_for(machine, scenario).chosen.feedback
 
 
-def control_of(machine: Machine, flight: Flight) -> Control:
-    """Return the controllers of a flight with their type; held or not."""
-    feedback = feedback_of(machine, flight)
-    return settled(machine, flight.control, feedback, fastest_of(machine, flight))
+def control_of(machine: Machine, scenario: Scenario) -> Control:
+    """Return the controllers of a scenario with their type; held or not."""
+    feedback = feedback_of(machine, scenario)
+    return settled(machine, scenario.control, feedback, fastest_of(machine, scenario))
 
 
-def settled_flight(machine: Machine, flight: Flight) -> Flight:
-    """Return a flight with controllers and feedback chosen where they are not given."""
-    if is_default(flight.control):
-        found = default_for(machine, flight)
+def settled_scenario(machine: Machine, scenario: Scenario) -> Scenario:
+    """Return a scenario with controllers and feedback chosen where they are not given."""
+    if is_default(scenario.control):
+        found = default_for(machine, scenario)
         if not found.held:
             raise AmbkitError(found.summary)
-    control, feedback = control_of(machine, flight), feedback_of(machine, flight)
-    return flight.model_copy(update={"control": control, "feedback": feedback})
+    control, feedback = control_of(machine, scenario), feedback_of(machine, scenario)
+    return scenario.model_copy(update={"control": control, "feedback": feedback})
 
 
 @lru_cache(maxsize=64)

@@ -20,16 +20,15 @@ from ambkit.machine.magnets import core_module
 from ambkit.simulation import noise
 from ambkit.simulation.control import Controller
 from ambkit.simulation.controllers import Controllers, arrays, controllers_of
-from ambkit.simulation.default_control import feedback_of, settled_flight
+from ambkit.simulation.default_control import feedback_of, settled_scenario
 from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.run import Run
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.flight import Flight
     from ambkit.simulation.imposed import Faults
-    from ambkit.simulation.scenario import PID
+    from ambkit.simulation.scenario import PID, Scenario
 
 Array = NDArray[np.float64]
 
@@ -39,7 +38,7 @@ STREAMS = 64
 
 def simulate_machine(
     machine: Machine,
-    flight: Flight,
+    flight: Scenario,
     *,
     estimator: Estimator | None = None,
     disturbance: Array | None = None,
@@ -61,7 +60,7 @@ def simulate_machine(
     ----------
     machine : Machine
         The plant.
-    flight : Flight
+    flight : Scenario
         What happens to it.
     estimator : Estimator, optional
         Of the whole machine; beside the loop, or in it with ``flight.feedback = "estimate"``, where
@@ -97,13 +96,12 @@ def simulate_machine(
     """
     if estimator is not None:
         of_type(Estimator, estimator=estimator)
-    wrong = list(flight.unknown_axes(tuple(axis.name for axis in machine.axes)))
-    if wrong:
-        raise AmbkitError("; ".join(wrong))
+    names = tuple(axis.name for axis in machine.axes)
+    flight.check_for(names, body=True)
     if pids is not None or controllers is not None:
         flight = flight.model_copy(update={"feedback": feedback_of(machine, flight)})
     else:
-        flight = settled_flight(machine, flight)
+        flight = settled_scenario(machine, flight)
     plant = Plant(machine)
     T = machine.sampling_time
     n = max(2, round(flight.duration / T) + 1)
@@ -115,8 +113,9 @@ def simulate_machine(
             f"speed: {fastest:.6g} rad/s turns half a revolution within a sample, or more; must be "
             f"less than {math.pi / T:.6g} rad/s"
         )
-    loads = _of_axes(machine, [(each.axis, each.force) for each in flight.disturbance], t[:-1])
-    wanted = _of_axes(machine, [(each.axis, each.position) for each in flight.reference], t[:-1])
+    loads, wanted, added = (
+        flight.along(what, names, t[:-1]) for what in ("disturbance", "reference", "injection")
+    )
     base = _of_base(machine, flight, t[:-1])
     if estimator is None and (flight.feedback == "estimate" or flight.sequence is not None):
         estimator = KalmanFilter(machine)
@@ -132,7 +131,6 @@ def simulate_machine(
         if flight.control.type != "lqg":  # whose integrals are all that knows of the weight
             held = currents, np.zeros_like(currents), None
     noise_u, noise_y = _noise(machine, flight, n)
-    added = _of_axes(machine, [(each.axis, each.position) for each in flight.injection], t[:-1])
     noise_y = noise_y + added @ np.linalg.pinv(shown_along_axes(machine)).T
     noise_y = _added("readings", noise_y, readings)
     feeding = estimator if flight.feedback == "estimate" else None
@@ -185,7 +183,7 @@ def simulate_machine(
     return Run(machine, record, estimate, out["status"], usable)
 
 
-def _of_base(machine: Machine, flight: Flight, t: Array) -> Array:
+def _of_base(machine: Machine, flight: Scenario, t: Array) -> Array:
     """Return the accelerations of the foundation (n, 3) [m/s^2]."""
     found = np.zeros((len(t), 3))
     for at, each in enumerate(flight.base):
@@ -206,16 +204,7 @@ def _added(what: str, values: Array, more: Array | None) -> Array:
     return np.asarray(values + more)
 
 
-def _of_axes(machine: Machine, given: list[tuple[str, Any]], t: Array) -> Array:
-    """Return signals of axes (n, p), summed where there are several of one."""
-    names = [axis.name for axis in machine.axes]
-    values = np.zeros((len(t), len(names)))
-    for name, waveform in given:
-        values[:, names.index(name)] += waveform.sample(t)
-    return values
-
-
-def _noise(machine: Machine, flight: Flight, n: int) -> tuple[Array, Array]:
+def _noise(machine: Machine, flight: Scenario, n: int) -> tuple[Array, Array]:
     """Return noise on the control signals (n, p) [V] and on the readings (n, m) [m]."""
     p, readings = len(machine.axes), machine.readings
     noise_u, noise_y = np.zeros((n, p)), np.zeros((n, len(readings)))
@@ -231,7 +220,7 @@ def _noise(machine: Machine, flight: Flight, n: int) -> tuple[Array, Array]:
 
 
 def _record(
-    plant: Plant, flight: Flight, t: Array, out: dict[str, Any], series: dict[str, Array]
+    plant: Plant, flight: Scenario, t: Array, out: dict[str, Any], series: dict[str, Array]
 ) -> Record:
     machine, model = plant.machine, plant.model
     told = ("X", "iu", "force", "y", "u")
@@ -264,11 +253,11 @@ def _record(
         signals["mode"] = out["mode"].astype(float), "1"
     for way in {each.direction for each in flight.base}:
         signals[f"base_{way}"] = series["base"][:, "xyz".index(way)], "m/s^2"
-    for each in flight.injection:
-        signals[signal("injected", each.axis)] = series["injected"][:, axes.index(each.axis)], "m"
+    for name, _ in flight.by_axis("injection", axes[0]):
+        signals[signal("injected", name)] = series["injected"][:, axes.index(name)], "m"
     meta = {
         "machine": machine.to_toml(),
-        "flight": flight.model_dump(mode="json"),
+        "scenario": flight.model_dump(mode="json"),
         "seed": flight.seed,
         "version": own_version(),
         "stop_touched": int(out["touched"]),

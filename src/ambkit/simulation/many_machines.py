@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.machine import Machine
     from ambkit.simulation.controllers import Controllers
-    from ambkit.simulation.flight import Flight
+    from ambkit.simulation.scenario import Scenario
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ class PlannedMachine:
     """One run of many."""
 
     machine: Machine  #: The plant, and what happens to it: seed and run are the key of its noise.
-    flight: Flight
+    scenario: Scenario
     estimator: Estimator | None = None  #: In the loop or beside it; it is not changed.
     controllers: Controllers | None = None  #: Where they are made already.
 
@@ -67,7 +67,7 @@ class PlannedMachine:
         """Simulate it by itself, with every sample kept."""
         own = None if self.estimator is None else _copied(self.estimator)
         return simulate_machine(
-            self.machine, self.flight, estimator=own, controllers=self.controllers
+            self.machine, self.scenario, estimator=own, controllers=self.controllers
         )
 
 
@@ -91,7 +91,7 @@ def simulate_machines(
             known = own.estimators.get(id(estimator))
             estimator = known or own.estimators.setdefault(id(estimator), _copied(estimator))
         run = simulate_machine(
-            planned.machine, planned.flight, estimator=estimator, controllers=planned.controllers
+            planned.machine, planned.scenario, estimator=estimator, controllers=planned.controllers
         )
         found = figures_of(run, planned.estimator, settling, band)
         return [found[name] for name in FIGURES], _flags(run)

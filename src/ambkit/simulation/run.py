@@ -34,7 +34,7 @@ from ambkit.simulation.control import Controller, needs_states
 from ambkit.simulation.controllers import gains_of
 from ambkit.simulation.imposed import Faults, Imposed, series_of
 from ambkit.simulation.noise import drawn, white
-from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario import AXES, Scenario
 
 UNITS = {
     "r": "m", "y": "m", "u": "V",
@@ -94,7 +94,7 @@ class Run(Drawn):
     def fed(self) -> slice:
         """The samples in which magnets have current: up to where the power fails."""
         # From then on no control current says so: it takes from one side what it gives the other.
-        off = self.record.meta.get("flight", {}).get("off")
+        off = self.record.meta.get("scenario", {}).get("off")
         return slice(None) if off is None else slice(int(np.searchsorted(self.record.t, off)))
 
     @property
@@ -185,8 +185,7 @@ class Sampled(NamedTuple):
     def of(cls, bearing: Bearing, scenario: Scenario) -> Sampled:
         """Sample a scenario as often as a bearing is sampled."""
         t = bearing.sampling_time * np.arange(samples(bearing, scenario), dtype=float)
-        signals = (scenario.reference, scenario.disturbance, scenario.injection)
-        return cls(t, *(each.sample(t) for each in signals))
+        return cls(t, *(scenario.along(what, ("",), t)[:, 0] for what in AXES))
 
 
 class Loop:
@@ -208,9 +207,8 @@ class Loop:
     ) -> None:
         of_type(Bearing, bearing=bearing)
         of_type(Scenario, scenario=scenario)
-        controller = scenario.controller.completed(bearing)
-        if controller is not scenario.controller:
-            scenario = scenario.model_copy(update={"controller": controller})
+        scenario.check_for(("",), body=False)
+        scenario = scenario.of_one_axis(bearing)
         told = Sampled.of(bearing, scenario) if sampled is None else sampled
         t, reference, disturbance, injected = (
             told.t,

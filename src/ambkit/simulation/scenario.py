@@ -1,14 +1,20 @@
-"""What happens in a run: reference, disturbance, noise, controller."""
+"""What happens in a run: reference, disturbance, speed, noise, and who controls it."""
+
+from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Discriminator, Field, SerializerFunctionWrapHandler, Tag, model_serializer
 
 from ambkit.base.asked import of_type
 from ambkit.base.config import Document, Part, Read
+from ambkit.base.config.problems import ONE_OR_MORE
 from ambkit.base.config.quantities import Quantity, SignalIn
 from ambkit.base.config.texts import Name
+from ambkit.base.errors import AmbkitError
 from ambkit.machine.bearing import Bearing
 from ambkit.simulation.holding import Gains, chosen, textbook, two_digits, weight_of
 from ambkit.simulation.sequence import LiftOff
@@ -156,9 +162,145 @@ class PID(Part):
 GAINS = frozenset(Gains._fields) - {"feedback"}
 """What is to be known of a PID."""
 
+Array = NDArray[np.float64]
+
+
+class Control(Part):
+    """How a whole machine is controlled."""
+
+    type: Literal["decentralised", "translation and tilt", "lqg"] | None = None
+    """One PID for each axis; one for each translation and tilt of the rotor; or a linear-quadratic
+    regulator of the estimator's states. Without a type and gains it is chosen on the margins over
+    the machine's speed range, `ambkit.simulation.default_control`; with gains it is
+    decentralised."""
+    cross_feedback: Annotated[float, Quantity("1", "0.5", at_least=0)] = 0.0
+    """Share of the gyroscopic torques that is taken back, by the estimated tilt velocities [1]."""
+    gain_scheduling: Annotated[bool, Field(strict=True)] = False
+    """Whether the gains of "lqg" follow the speed of rotation; without, they are those of the
+    machine's own speed at any."""
+    unbalance: Literal["fought", "force-free", "still"] = "fought"
+    """Whether the controllers answer to the synchronous motion as to any other; let the rotor turn
+    about its axis of inertia, without a synchronous force of the bearings; or keep its geometric
+    axis still. The last two need an estimator with the unbalance among its states."""
+    unbalance_from: Annotated[float, Quantity("rad/s", "2000 rpm", above=0)] | None = None
+    """Speed below which it is fought all the same [rad/s]; without, 100 rad/s or half the machine's
+    own."""
+    pid: dict[Name, PID] = Field(default_factory=dict)
+    """PIDs by what each is of: an axis, or with "translation and tilt" a coordinate of the rotor
+    such as x or th_y. What is not said of one is tuned to it."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        if read("unbalance_from") is not None and read("unbalance") == "fought":
+            text = 'unbalance = "fought" is so at any speed; give "force-free" or "still"'
+            yield "unbalance_from", text
+        if read("gain_scheduling") and read("type") != "lqg":
+            yield "gain_scheduling", 'is of the gains of type = "lqg"'
+        given = read("pid")
+        if not isinstance(given, dict) or not given:
+            return
+        if read("type") == "lqg":
+            yield "pid", 'type = "lqg" has no PID: its gains are of all states'
+        for name, pid in given.items():
+            if pid.sensor and read("type") == "translation and tilt":
+                yield f"pid.{name}.sensor", 'is of an axis: type must be "decentralised"'
+            for key in ("feedback", "type"):
+                if key in pid.model_fields_set:
+                    yield f"pid.{name}.{key}", "is of one axis alone; the scenario says feedback"
+            if pid.feed_forward and read("type") == "translation and tilt":
+                yield f"pid.{name}.feed_forward", 'is of an axis: type must be "decentralised"'
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        if not self.gain_scheduling:
+            data.pop("gain_scheduling", None)
+        return {key: each for key, each in data.items() if each is not None and each != {}}
+
+    def __hash__(self) -> int:
+        own = self.type, self.cross_feedback, self.gain_scheduling, self.unbalance
+        return hash((*own, *self.pid.items()))
+
+    @property
+    def needs_estimate(self) -> bool:
+        """Whether the measurement alone cannot feed it."""
+        return self.type == "lqg" or self.of_estimate is not None
+
+    @property
+    def of_estimate(self) -> str | None:
+        """What besides a regulator is made of the estimate; None where nothing is."""
+        if self.cross_feedback:
+            return "cross_feedback"
+        if any(pid.feed_forward for pid in self.pid.values()):
+            return "feed_forward"
+        return None if self.unbalance == "fought" else f'unbalance = "{self.unbalance}"'
+
+    def check_names(self, known: list[str]) -> None:
+        """Refuse PIDs of what the machine has not."""
+        for name in self.pid:
+            if name not in known:
+                raise AmbkitError(
+                    f"control.pid.{name}: there is no {name}; known: {', '.join(known)}"
+                )
+
+
+class Disturbance(Part):
+    """A force on the rotor along an axis of a bearing."""
+
+    axis: str
+    """Name of the axis, such as A1."""
+    force: Annotated[Signal, SignalIn("N", "3 N")]
+    """The force [N]."""
+
+    @property
+    def signal(self) -> Waveform:
+        """What it is over time."""
+        return self.force
+
+
+class Reference(Part):
+    """Where the rotor is to be along an axis of a bearing."""
+
+    axis: str
+    """Name of the axis, such as A1."""
+    position: Annotated[Signal, SignalIn("m", "20 um")]
+    """The position [m]."""
+
+    @property
+    def signal(self) -> Waveform:
+        """What it is over time."""
+        return self.position
+
+
+class Injection(Reference):
+    """A signal at the summing point of an axis, where its controller takes its position."""
+
+    position: Annotated[Signal, SignalIn("m", "1 um")]
+    """What is added to the readings, as if the rotor were there [m]."""
+
+
+class Base(Part):
+    """A motion of the foundation, with which bearings and sensors go: earthquake, ship, shock."""
+
+    direction: Literal["x", "y", "z"]
+    """Along which direction of the machine."""
+    acceleration: Annotated[Signal, SignalIn("m/s^2", "5 m/s^2")]
+    """The acceleration [m/s^2]."""
+
+
+_One = Annotated[Signal, Tag(ONE_OR_MORE[0])]
+_LIST = Tag(ONE_OR_MORE[1])
+_ONE_OR_MORE = Discriminator(lambda given: ONE_OR_MORE[isinstance(given, list | tuple)])
+
+AXES = ("reference", "disturbance", "injection")
+"""Signals that an axis has each."""
+
+OF_MACHINE = frozenset({"control", "speed", "off", "base"})
+"""Keys of a machine whose rotor is a body."""
+
 
 class Scenario(Document):
-    """A run: what is demanded of the bearing, what disturbs it, and who controls it.
+    """A run: what is demanded of a machine, what disturbs it, and who controls it.
 
     Frozen, and checked as a whole: from TOML (`load`, `from_toml`) or from Python, in SI.
 
@@ -176,33 +318,159 @@ class Scenario(Document):
     duration: Annotated[float, Quantity("s", "0.5 s", above=0)] = 0.5
     """How long the run lasts [s]."""
     start: Literal["hover", "rest"] = "hover"
-    """At the start: in equilibrium at the reference; or without current, released at x = 0, with a
-    sequence lying on the stop to which its weight pulls it."""
+    """At the start: in equilibrium at the reference; or without current, lying in the backup
+    bearings. A mass without a sequence is then released at x = 0."""
     noise: Annotated[bool, Field(strict=True)] = True
-    """Whether amplifier and sensor are noisy."""
+    """Whether amplifiers and sensors are noisy."""
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
     """Seed of the noise."""
     run: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
     """Number of the run among those of this seed: with it, the key of the noise."""
     substeps: Annotated[int, Field(strict=True, ge=1, le=1000)] = 4
     """Steps of the integrator in one sample."""
-    reference: Annotated[Signal, SignalIn("m", "0.5 mm")] = Constant(value=0.0)
-    """Position that the rotor is to take [m]."""
-    disturbance: Annotated[Signal, SignalIn("N", "3 N")] = Constant(value=0.0)
-    """Force on the rotor besides magnet and weight [N]."""
-    injection: Annotated[Signal, SignalIn("m", "1 um")] = Constant(value=0.0)
-    """What is added to the measurement before controller and estimator take it [m]."""
+    reference: Annotated[
+        _One | Annotated[tuple[Reference, ...], _LIST],
+        _ONE_OR_MORE, SignalIn("m", "0.5 mm"),
+    ] = Constant(value=0.0)  # fmt: skip
+    """Position that the rotor is to take [m]: of the first axis, or a list with axes."""
+    disturbance: Annotated[
+        _One | Annotated[tuple[Disturbance, ...], _LIST],
+        _ONE_OR_MORE, SignalIn("N", "3 N"),
+    ] = Constant(value=0.0)  # fmt: skip
+    """Force on the rotor besides magnets, weight and unbalance [N]: along the first axis, or a list
+    with axes."""
+    injection: Annotated[
+        _One | Annotated[tuple[Injection, ...], _LIST],
+        _ONE_OR_MORE, SignalIn("m", "1 um"),
+    ] = Constant(value=0.0)  # fmt: skip
+    """What is added to the measurement before controller and estimator take it [m]: of the first
+    axis, or a list with axes."""
+    feedback: Literal["measurement", "estimate"] | None = None
+    """What the controllers are fed by: the sensors, or the estimator."""
     controller: PID = PID()
-    """The position controller. What is not said of it is tuned to the bearing."""
+    """The controller of a machine with one axis. What is not said of it is tuned to the bearing."""
+    control: Control = Control()
+    """The controllers of a machine with several axes; by default chosen on the margins over the
+    machine's speed range."""
+    speed: Annotated[Signal, SignalIn("rad/s", "3000 rpm")] | None = None
+    """Speed of rotation, such as a run-up [rad/s]; the machine's own without."""
+    off: Annotated[float, Quantity("s", "0.3 s", at_least=0)] | None = None
+    """From when on no magnet has any current, as where the power fails: the rotor drops into its
+    backup bearings [s]."""
     sequence: LiftOff | None = None
-    """Lift-off and landing, and what looks after the flight; without, it flies from the start."""
+    """Lift-off and landing, of all axes together, and what looks after the flight; without, it
+    flies from the start."""
+    base: tuple[Base, ...] = ()
+    """How the foundation moves; displacements and readings are relative to it."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         if isinstance(read("controller.sensor"), str):
-            yield "controller.sensor", "is of a machine: an axis alone has one sensor"
+            yield "controller.sensor", "is of several axes: one axis alone has one sensor"
+        said, pid = read("feedback"), read("controller")
+        own = isinstance(pid, PID) and "feedback" in pid.model_fields_set
+        if isinstance(said, str) and own and pid.feedback != said:
+            yield "controller.feedback", f'contradicts feedback = "{said}"'
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
-        return {name: value for name, value in data.items() if value is not None}
+        usual = {"control": Control(), "base": ()}
+        return {
+            name: value for name, value in data.items()
+            if value is not None and not (name in usual and getattr(self, name) == usual[name])
+        }  # fmt: skip
+
+    @property
+    def fed_by(self) -> Literal["measurement", "estimate"] | None:
+        """What is said to feed the controllers."""
+        said = self.controller.model_fields_set
+        return self.controller.feedback if "feedback" in said else self.feedback
+
+    def by_axis(self, what: str, first: str) -> list[tuple[str, Waveform]]:
+        """Return the signals at a key that are not zero throughout, each with its axis.
+
+        Parameters
+        ----------
+        what : str
+            The key: reference, disturbance or injection.
+        first : str
+            Name of the machine's first axis, which a signal without an axis is of.
+        """
+        given = getattr(self, what)
+        if isinstance(given, tuple):
+            return [(each.axis, each.signal) for each in given]
+        return [] if given == _NOTHING else [(first, given)]
+
+    def along(self, what: str, axes: tuple[str, ...], t: NDArray[np.floating]) -> Array:
+        """Return the signals at a key along all axes (n, p) [SI unit of the key].
+
+        Parameters
+        ----------
+        what : str
+            The key: reference, disturbance or injection.
+        axes : tuple of str, (p,)
+            Names of the machine's axes.
+        t : ndarray, (n,)
+            Times [s].
+        """
+        values = np.zeros((len(t), len(axes)))
+        for name, waveform in self.by_axis(what, axes[0]):
+            values[:, axes.index(name)] += waveform.sample(t)
+        return values
+
+    def wrong_for(self, axes: tuple[str, ...], *, body: bool) -> Iterator[str]:
+        """Yield what it says that a machine has not.
+
+        Parameters
+        ----------
+        axes : tuple of str, (p,)
+            Names of the machine's axes.
+        body : bool
+            Whether its rotor is a body, and no mass that moves along one axis.
+        """
+        for what in AXES:
+            for at, (axis, _) in enumerate(self.by_axis(what, axes[0])):
+                if axis not in axes:
+                    known = f"there are {', '.join(axes)}" if axes[0] else "the one axis has none"
+                    yield f"{what}[{at}].axis: there is no axis {axis}; {known}"
+        if len(axes) > 1 and self.controller.model_fields_set:
+            yield "controller: is of one axis; several have [control.pid.NAME]"
+        if not body:
+            for key in sorted(OF_MACHINE & self.model_fields_set):
+                if getattr(self, key) != type(self).model_fields[key].default:
+                    yield f"{key}: is of a rotor that is a body; this one is a mass"
+
+    def check_for(self, axes: tuple[str, ...], *, body: bool) -> None:
+        """Raise AmbkitError with all that `wrong_for` yields.
+
+        Parameters
+        ----------
+        axes, body
+            As there.
+
+        Raises
+        ------
+        AmbkitError
+            There is one.
+        """
+        if wrong := list(self.wrong_for(axes, body=body)):
+            raise AmbkitError("; ".join(wrong))
+
+    def of_one_axis(self, bearing: Bearing) -> Self:
+        """Return it with its controller complete: what is not said is tuned to the bearing.
+
+        Parameters
+        ----------
+        bearing : Bearing
+            What the controller is to hold.
+        """
+        pid = self.controller
+        if self.feedback is not None and pid.feedback != self.feedback:
+            said = {name: getattr(pid, name) for name in pid.model_fields_set}
+            pid = PID(**said | {"feedback": self.feedback})
+        pid = pid.completed(bearing)
+        return self if pid is self.controller else self.model_copy(update={"controller": pid})
+
+
+_NOTHING = Constant(value=0.0)

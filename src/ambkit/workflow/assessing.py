@@ -12,8 +12,7 @@ from ambkit.base.threads import one_thread
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import PID, Control
 from ambkit.workflow.assessed_loop import AssessedLoop, assessed
 from ambkit.workflow.assessment import HINF, LQG, Assessment
 from ambkit.workflow.given import given_estimators, given_load

@@ -19,7 +19,7 @@ from ambkit.workflow.separation import Separation
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.simulation.controllers import Control
+    from ambkit.simulation.scenario import Control
     from ambkit.workflow.assessed_loop import AssessedAxis, AssessedLoop
 
 VERDICT = "zone, the worse of stability and displacement"

@@ -143,7 +143,7 @@ def _held(machine: Machine, bending: Bending) -> Remark:
         pole = found.growing[0] if found.growing else complex(found.poles.real.max())
         fed = ""
         if holding(machine, "estimate").held:
-            fed = ', or an estimator that feeds the controllers (feedback = "estimate" in a flight)'
+            fed = ', or an estimator that feeds the controllers (feedback = "estimate")'
         delay = f"a delay of {engineering(machine.delay, 's')}" if machine.delay else "no delay"
         return Remark(
             f"no PID of each axis that was tried holds it: with the best {_hertz(pole.imag)} grows "

@@ -18,7 +18,7 @@ from ambkit.judge.comparison.seeds import Score, compare
 from ambkit.judge.comparison.spread import Spread
 from ambkit.judge.comparison.study import Study, across, pieces_of, study
 from ambkit.machine.bank import alone_of
-from ambkit.simulation.flight import Flight
+from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.estimators import USUAL, factories
 from ambkit.workflow.simulating import scenario_for
 
@@ -104,7 +104,7 @@ def compare_in_all(
 class Happening:
     """What happens to the loops that are compared."""
 
-    scenario: Scenario | Flight  #: The run; its seed is replaced.
+    scenario: Scenario  #: The run; its seed is replaced.
     #: Step of the reference [m]; None where it is the user's own scenario, without one.
     step: float | None = None
     load: float | None = None  #: Load after half of the run [N], if one was put in.
@@ -112,7 +112,7 @@ class Happening:
 
 def happenings(
     bearing: Bearing | Machine,
-    scenario: Scenario | Flight | str | os.PathLike[str] | None = None,
+    scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
     steps: Iterable[Given] | None = None,
     load: Given | None = None,
@@ -129,7 +129,7 @@ def happenings(
     found = {}
     for height in heights:
         run = scenario_for(bearing, scenario, duration=duration, step=height, load=load)
-        if isinstance(run, Flight) and run.feedback is None:  # each closes its own loop
+        if run.fed_by is None:  # each closes its own loop
             run = run.replace(feedback="estimate")
         at = name if height is None else engineering(height, "m", digits=4)
         found[at] = Happening(run, height, load)

@@ -14,7 +14,6 @@ from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.map_of import surface_in
 from ambkit.machine.forces.surface import ForceSurface
 from ambkit.machine.machine import Machine, short_form
-from ambkit.simulation.flight import Flight
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.comparing import (
     RUNS,
@@ -54,7 +53,7 @@ def compare(  # type: ignore[overload-overlap]
 @overload
 def compare(
     bearing: Bearing | Machine, *,
-    scenario: Scenario | Flight | str | os.PathLike[str] | None = ...,
+    scenario: Scenario | str | os.PathLike[str] | None = ...,
     steps: Iterable[Given] | None = ..., load: Given | None = ..., duration: Given | None = ...,
     estimators: Iterable[str] | Mapping[str, Callable[[], Estimator]] | None = ..., runs: int = ...,
     seed: int = ..., magnets: Mapping[str, MagnetModel] | None = ..., force_map: Map = ...,
@@ -71,7 +70,7 @@ def compare(
     spread: Given | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
     force_map: Map = None,
-    scenario: Scenario | Flight | str | os.PathLike[str] | None = None,
+    scenario: Scenario | str | os.PathLike[str] | None = None,
     steps: Iterable[Given] | None = None,
     load: Given | None = None,
     duration: Given | None = None,
@@ -106,7 +105,7 @@ def compare(
         ``{"adaptive": Expert.load("expert.json")}``.
     force_map : path or ForceSurface, optional
         The plant's true magnet, such as points of iu, x and f_mag: one's own iron; of one axis.
-    scenario : Scenario, Flight or path, optional
+    scenario : Scenario or path, optional
         One's own run in place of a case.
     steps : iterable of float or str, optional
         In place of a case: steps of the first axis's reference [m], such as ``"0.1 mm"``.

@@ -26,7 +26,7 @@ from ambkit.judge.load_following import STEP, load_capacity
 from ambkit.judge.loop.loop_of import OutOfReachError
 from ambkit.machine.bank import slowest_time
 from ambkit.machine.machine import short_form
-from ambkit.simulation.flight import Flight
+from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.stages import read_json
 from ambkit.workflow.tuned_filter import Tuned, tune
 from ambkit.workflow.tuning import default_disturbance
@@ -89,16 +89,15 @@ def tuned_within(ceiling: float | None, *arguments: Any, **options: Any) -> Tune
 
 def exported_filter(
     plant: Bearing | Machine, place: Path, folder: str, precision: str, prefix: str | None,
-    run: Scenario | Flight | None = None,
+    run: Scenario | None = None,
 ) -> CExport:  # fmt: skip
     """Return the design's filter as C, with a run its controllers too; it is judged before."""
     from ambkit.export.c import export_c
 
     file = FilterFile.load(place / "filter.toml")
-    happening: dict[str, Any] = {"flight" if isinstance(run, Flight) else "scenario": run}
     return export_c(
         plant, file.asked(), place / folder, filter_file=file, prefix=prefix,
-        precision="double" if precision == "double" else "float", force=True, **happening,
+        precision="double" if precision == "double" else "float", force=True, scenario=run,
     )  # fmt: skip
 
 
@@ -219,7 +218,7 @@ def objections_to(chosen: Candidate) -> list[str]:
     return said
 
 
-def adequacy_of(chosen: Candidate, run: Scenario | Flight) -> list[Finding]:
+def adequacy_of(chosen: Candidate, run: Scenario) -> list[Finding]:
     """Return whether a candidate may fly, with NIS on records that it was not tuned on."""
     made = FilterFile.load(chosen.file).make()
     return judge_adequacy(made, None, run, chosen.unseen.get("nis", math.nan))

@@ -10,11 +10,9 @@ from ambkit.judge.loop.loop_of import LoopOf, zone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine, as_machine, short_form
 from ambkit.machine.magnets import own_time
-from ambkit.simulation.controllers import Control
 from ambkit.simulation.default_control import default_control
-from ambkit.simulation.flight import Flight
 from ambkit.simulation.holding import overshoot
-from ambkit.simulation.scenario import GAINS, PID, Scenario
+from ambkit.simulation.scenario import GAINS, PID, Control, Scenario
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,19 +46,19 @@ def controller_of(bearing: Bearing | Machine, control: Control) -> PID | Control
     return next(iter(control.pid.values())) if single else control
 
 
-def run_of(bearing: Bearing | Machine, control: Control) -> Scenario | Flight:
+def run_of(bearing: Bearing | Machine, control: Control) -> Scenario:
     """Return a run whose controllers the estimate feeds."""
     controller = controller_of(bearing, control)
     if isinstance(controller, PID):
         gains: dict[str, Any] = {key: getattr(controller, key) for key in GAINS}
         return Scenario(controller=PID(**gains, feedback="estimate"))
-    return Flight(feedback="estimate", control=control)
+    return Scenario(feedback="estimate", control=control)
 
 
 def control_in(path: Any, bearing: Bearing | Machine) -> Control:
     """Return the controllers in the run that `run_of` made."""
     if isinstance(short_form(bearing), Machine):
-        return Flight.load(path).control
+        return Scenario.load(path).control
     pid = Scenario.load(path).controller
     gains: dict[str, Any] = {key: getattr(pid, key) for key in GAINS}
     return Control(type="decentralised", pid={"x": PID(**gains)})

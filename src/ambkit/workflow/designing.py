@@ -30,8 +30,7 @@ from ambkit.show.pages.design import write_design
 from ambkit.show.pages.maximum_likelihood import annotated_toml
 from ambkit.show.plots.filters import filter_figure
 from ambkit.simulation.control_candidates import name_of
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.scenario import GAINS
+from ambkit.simulation.scenario import GAINS, Control
 from ambkit.workflow.assessing import assess
 from ambkit.workflow.design_candidates import (
     Candidate,

@@ -21,11 +21,10 @@ from ambkit.judge.loop.measured import measured_sensitivity
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.whirl import end_of_range
-from ambkit.simulation.default_control import settled_flight
-from ambkit.simulation.flight import Flight
-from ambkit.simulation.flight import Injection as Added
+from ambkit.simulation.default_control import settled_scenario
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import samples, simulate_run
+from ambkit.simulation.scenario import Injection as Added
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Recorded
 from ambkit.workflow.assessing import assess
@@ -57,7 +56,7 @@ FILLED = 0.97
 
 def design_injection(
     bearing: Bearing | Machine,
-    scenario: Scenario | Flight,
+    scenario: Scenario,
     filter: Any = None,
     *,
     axis: str | None = None,
@@ -77,8 +76,8 @@ def design_injection(
     ----------
     bearing : Bearing or Machine
         The plant.
-    scenario : Scenario or Flight
-        Duration, controller, reference, load, and seed of the noise; of a machine a flight.
+    scenario : Scenario
+        Duration, controller, reference, load, and seed of the noise.
     filter : Estimator, str or path, optional
         What feeds the controller, where the scenario lets an estimate do so.
     axis : str, optional
@@ -102,13 +101,10 @@ def design_injection(
     of_type(Bearing, Machine, bearing=bearing)
     current = in_si("current", current, "A")
     displacement = in_si("displacement", displacement, "m")
+    of_type(Scenario, scenario=scenario)
     if isinstance(bearing, Machine):
-        of_type(Flight, scenario=scenario)
-        assert isinstance(scenario, Flight)
         of: _Experiment = _OfMachine(bearing, scenario, filter, axis, current, displacement)
     else:
-        of_type(Scenario, scenario=scenario)
-        assert isinstance(scenario, Scenario)
         if axis is not None:
             raise AmbkitError(f"axis is of a whole machine, and {bearing.name} is none")
         of = _OfBearing(bearing, scenario, filter, current, displacement)
@@ -268,11 +264,11 @@ class _OfBearing(_Experiment):
     def __init__(
         self, bearing: Bearing, scenario: Scenario, filter: Any, *limits: float | None
     ) -> None:
-        pid = scenario.controller.completed(bearing)
-        self.scenario = scenario.replace(noise=True, controller=pid)
+        self.scenario = scenario.replace(noise=True).of_one_axis(bearing)
+        pid = self.scenario.controller
         self.filter = (filter or "linear") if pid.feedback == "estimate" else None
         n = samples(bearing, scenario)
-        held = scenario.reference.sample(bearing.sampling_time * np.arange(n))
+        held = scenario.along("reference", ("",), bearing.sampling_time * np.arange(n))
         far = float(np.abs(held).max())
         super().__init__(assess(bearing, self.filter, pid), n, far, None, limits)
 
@@ -291,24 +287,28 @@ class _OfMachine(_Experiment):
     """Of one axis of a machine, all others closed."""
 
     def __init__(
-        self, machine: Machine, flight: Flight, filter: Any, axis: str | None,
+        self, machine: Machine, flight: Scenario, filter: Any, axis: str | None,
         *limits: float | None,
     ) -> None:  # fmt: skip
-        flight = self.flight = settled_flight(machine, flight.replace(noise=True))
+        flight = self.flight = settled_scenario(machine, flight.replace(noise=True))
         self.filter = (filter or "linear") if flight.feedback == "estimate" else None
         n = max(2, round(flight.duration / machine.sampling_time) + 1)
         t = machine.sampling_time * np.arange(n)
-        held = [float(np.abs(at.position.sample(t)).max()) for at in flight.reference]
+        names = tuple(axis.name for axis in machine.axes)
+        held = float(np.abs(flight.along("reference", names, t)).max())
         found = assess(machine, self.filter, flight.control)
-        super().__init__(found, n, max(held, default=0.0), axis, limits)
+        super().__init__(found, n, held, axis, limits)
 
     def run(self, added: Array, other: int = 0) -> _Run:
         """Simulate the machine."""
         there = Added.model_construct(axis=self.axis, position=_recorded(self.t, added))
+        others = (
+            Added.model_construct(axis=name, position=each)
+            for name, each in self.flight.by_axis("injection", self.bearing.axes[0].name)
+        )
         flight = self.flight.model_copy(
-            update={"seed": self.flight.seed + other,
-                    "injection": (*self.flight.injection, there)}
-        )  # fmt: skip
+            update={"seed": self.flight.seed + other, "injection": (*others, there)}
+        )
         inner = next(iter(given_estimators(self.filter, self.bearing).values()), None)
         run = simulate_machine(self.bearing, flight, estimator=inner)
         names = list(self.loop.axes)

@@ -21,7 +21,7 @@ class Finding:
     """What a file turned out to be."""
 
     path: Path  #: The file.
-    #: ``"bearing"``, ``"machine"``, ``"scenario"``, ``"flight"``, ``"study"``, ``"filter"``,
+    #: ``"bearing"``, ``"machine"``, ``"scenario"``, ``"study"``, ``"filter"``,
     #: ``"channel map"``, ``"expert"``, ``"record"``, ``"lift-off points"``, ``"measured force"``;
     #: ``"file"`` where that cannot be told.
     kind: str
@@ -99,12 +99,11 @@ def _documents() -> dict[str, Any]:
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.file import ForceChannels
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.campaign.study import Study
 
     return {
-        "bearing": Bearing, "machine": Machine, "scenario": Scenario, "flight": Flight,
+        "bearing": Bearing, "machine": Machine, "scenario": Scenario,
         "channel map": ChannelMap, "filter": FilterFile, _SHORT["force"]: ForceChannels,
         "study": Study,
     }  # fmt: skip
@@ -163,20 +162,24 @@ def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Descr
             for each in remarks
         )
         return _Described(about, (), (*told, *sentences(list(of_machine(found)))))
-    if kind == "flight":
-        speed = "the machine's" if found.speed is None else found.speed.type
-        return _Described(f"{engineering(found.duration, 's')} of a machine, speed {speed}")
     if kind == "study":
         return _Described(_of_study(found))
     if kind == "scenario":
-        return _Described(
-            f"{engineering(found.duration, 's')}, reference {found.reference.type}, "
-            f"disturbance {found.disturbance.type}"
-        )
+        return _Described(f"{engineering(found.duration, 's')}, {_of_signals(found)}")
     found = found.alone("") if kind == "machine" else found
     mass = engineering(found.rotor.mass, "kg")
     about = "; ".join([f"{found.name}, {found.magnet.type}, {mass}", *in_words(found)])
     return _Described(about, (), tuple(sentences(list(of_machine(found)))))
+
+
+def _of_signals(scenario: Any) -> str:
+    """Say of which type the signals of a scenario are."""
+    told = [
+        f"{what} {each.type} {axis}".strip()
+        for what in ("reference", "disturbance") for axis, each in scenario.by_axis(what, "")
+    ]  # fmt: skip
+    speed = [] if scenario.speed is None else [f"speed {scenario.speed.type}"]
+    return ", ".join([*told, *speed]) or "nothing demanded"
 
 
 def _of_study(study: Any) -> str:

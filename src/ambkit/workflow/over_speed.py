@@ -32,8 +32,7 @@ from ambkit.machine.placed import Unbalance
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row, put
 from ambkit.result.stated import Section
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import PID, Control
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.assessment_rows import of_separation
 from ambkit.workflow.given import given_estimators, given_load

@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,11 +20,10 @@ from ambkit.judge.evaluation import errors_along
 from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.map_of import surface_in
-from ambkit.machine.machine import Machine, short_form
+from ambkit.machine.machine import Machine, as_machine, short_form
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.controllers import controllers_of
-from ambkit.simulation.default_control import settled_flight
-from ambkit.simulation.flight import Flight
+from ambkit.simulation.default_control import settled_scenario
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.run import simulate_run as looped
@@ -46,21 +45,9 @@ OWN_PERIODS = 40
 """Length of an experiment, in periods of the plant's own frequency, where it is not given."""
 
 
-@overload
 def scenario_for(
-    bearing: Bearing,
-    scenario: Scenario | Flight | str | os.PathLike[str] | None = None,
-    **changes: Any,
-) -> Scenario: ...
-@overload
-def scenario_for(
-    bearing: Machine,
-    scenario: Scenario | Flight | str | os.PathLike[str] | None = None,
-    **changes: Any,
-) -> Flight: ...
-def scenario_for(  # type: ignore[misc]
     bearing: Bearing | Machine,
-    scenario: Scenario | Flight | str | os.PathLike[str] | None = None,
+    scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
     duration: Given | None = None,
     step: Given | None = None,
@@ -69,14 +56,14 @@ def scenario_for(  # type: ignore[misc]
     reference: str | Path | None = None,
     injection: str | Path | None = None,
     from_estimate: bool = True,
-) -> Scenario | Flight:
+) -> Scenario:
     """Return a scenario for a machine, with its controller tuned, and a step or a load put in.
 
     Parameters
     ----------
     bearing : Bearing or Machine
         The controller of a single axis is tuned to it, as far as `scenario` does not say otherwise.
-    scenario : Scenario, Flight or path, optional
+    scenario : Scenario or path, optional
         What is said already.
     duration : float or str, optional
         Length of the run [s].
@@ -108,65 +95,56 @@ def scenario_for(  # type: ignore[misc]
     machine = short_form(bearing)
     duration, step = in_si("duration", duration, "s"), in_si("step", step, "m")
     load = in_si("load", load, "N")
-    kind = Scenario if isinstance(machine, Bearing) else Flight
-    happening: Any = kind() if scenario is None else scenario
+    happening = Scenario() if scenario is None else scenario
     if isinstance(happening, str | os.PathLike):
-        happening = kind.load(happening)
-    of_type(kind, scenario=happening)
-    if isinstance(machine, Bearing):
-        controller = happening.controller.completed(machine)
-        if not from_estimate and "feedback" not in happening.controller.model_fields_set:
-            controller = controller.model_copy(update={"feedback": "measurement"})
-        happening = happening.replace(controller=controller)
-    elif not from_estimate and happening.feedback is None:
+        happening = Scenario.load(happening)
+    of_type(Scenario, scenario=happening)
+    said = happening.feedback is not None or "feedback" in happening.controller.model_fields_set
+    if not from_estimate and not said:
         happening = happening.replace(feedback="measurement")
+    axes = tuple(axis.name for axis in as_machine(machine).axes)
+    happening.check_for(axes, body=isinstance(machine, Machine))
+    if isinstance(machine, Bearing):
+        happening = happening.of_one_axis(machine)
     if duration is not None:
         happening = happening.replace(duration=duration)
     if reference is not None:
         if step is not None:
             raise AmbkitError("the reference is either a step or a record's: give one of them")
-        happening = _along(Path(reference), machine, happening, duration, "reference", "r")
+        happening = _along(Path(reference), axes, happening, duration, "reference", "r")
     if injection is not None:
-        happening = _along(Path(injection), machine, happening, duration, "injection", "injected")
-    first = "" if isinstance(machine, Bearing) else machine.axes[0].name
+        happening = _along(Path(injection), axes, happening, duration, "injection", "injected")
     if step is not None:
         at = Step(amplitude=step, time=STEP_AT * happening.duration)
-        happening = _put(happening, "reference", {first: at})
+        happening = happening.replace(reference=at)
     if load is not None:
         at = Step(amplitude=load, time=LOAD_AT * happening.duration)
-        happening = _put(happening, "disturbance", {first: at})
-    found: Scenario | Flight = happening if seed is None else happening.replace(seed=seed)
-    return found
-
-
-def _put(happening: Any, what: str, signals: Mapping[str, Step | Recorded]) -> Any:
-    """Return a run with signals of these axes."""
-    if isinstance(happening, Scenario):
-        return happening.replace(**{what: signals[""]})
-    of = "force" if what == "disturbance" else "position"
-    return happening.replace(**{what: [{"axis": axis, of: at} for axis, at in signals.items()]})
+        happening = happening.replace(disturbance=at)
+    return happening if seed is None else happening.replace(seed=seed)
 
 
 def _along(
-    path: Path, machine: Bearing | Machine, happening: Any, duration: float | None, what: str,
+    path: Path, axes: tuple[str, ...], happening: Scenario, duration: float | None, what: str,
     of: str,
-) -> Any:  # fmt: skip
+) -> Scenario:  # fmt: skip
     """Return a run that takes references or injections from the signals of a record."""
     record = Record.load(path)
     if duration is None:
         happening = happening.replace(duration=float(record.t[-1]))
-    axes = [""] if isinstance(machine, Bearing) else [axis.name for axis in machine.axes]
     there = [axis for axis in axes if signal(of, axis) in record]
-    if axes != [""] and not there:
+    if not there:
         names = ", ".join(signal(of, axis) for axis in axes)
-        raise AmbkitError(f"{path}: it has none of {names}, which are of axes of {machine.name}")
-    told = {a: Recorded(file=str(path), signal=signal(of, a)) for a in there or axes}
-    return _put(happening, what, told)
+        raise AmbkitError(f"{path}: it has none of the signals {names}")
+    told = [
+        {"axis": axis, "position": Recorded(file=str(path), signal=signal(of, axis))}
+        for axis in there
+    ]
+    return happening.replace(**{what: told})
 
 
 def simulate_run(
     bearing: Bearing | Machine,
-    scenario: Scenario | Flight | str | os.PathLike[str] | None = None,
+    scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
     estimator: Estimator | str | None = None,
     magnet: MagnetModel | None = None,
@@ -189,7 +167,7 @@ def simulate_run(
     ----------
     bearing : Bearing or Machine
         The plant.
-    scenario : Scenario, Flight or path, optional
+    scenario : Scenario or path, optional
         What happens to it; the controllers are those of the machine, as far as it says nothing
         else.
     estimator : Estimator or str, optional
@@ -236,13 +214,11 @@ def simulate_run(
         injection=injection, from_estimate=not without,
     )  # fmt: skip
     machine = short_form(bearing)
-    said = happening if isinstance(happening, Flight) else happening.controller
-    if without and said.feedback == "estimate":
+    if without and happening.fed_by == "estimate":
         place = f"{os.fspath(scenario)}: " if isinstance(scenario, str | os.PathLike) else ""
-        key = "feedback" if said is happening else "controller.feedback"
         raise AmbkitError(
-            f'{place}the controller is fed by the estimate ({key} = "estimate"), so the estimator '
-            "cannot be none"
+            f'{place}the controller is fed by the estimate (feedback = "estimate"), so the '
+            "estimator cannot be none"
         )
     made = estimator if not isinstance(estimator, str) else None
     if isinstance(estimator, str) and not without:
@@ -250,14 +226,12 @@ def simulate_run(
         if len(built) > 1:
             raise AmbkitError("a loop has one estimator: name one of them, not all")
         made = built[estimator]()
-    if isinstance(happening, Flight):
-        assert isinstance(machine, Machine)
+    if isinstance(machine, Machine):
         given = {"magnet": magnet, "force_map": force_map, "imposed": imposed}
         for name, each in given.items():
             if each is not None:
                 raise AmbkitError(f"{name}: is of one axis, and {machine.name} has several")
         return simulate_machine(machine, happening, estimator=made)
-    assert isinstance(machine, Bearing)
     if force_map is not None:
         if magnet is not None:
             raise AmbkitError("the plant's magnet is either a model or a force map: give one")
@@ -267,7 +241,7 @@ def simulate_run(
 
 def simulate(
     bearing: Bearing | Machine,
-    scenario: Scenario | Flight | str | os.PathLike[str] | None = None,
+    scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
     estimator: Estimator | str | None = None,
     magnet: MagnetModel | None = None,
@@ -321,11 +295,11 @@ def experiment_duration(bearing: Bearing) -> float:
     return float(f"{OWN_PERIODS / own:.2g}")
 
 
-def plain_control(machine: Machine, flight: Flight, estimator: Estimator | None) -> str | None:
+def plain_control(machine: Machine, happening: Scenario, estimator: Estimator | None) -> str | None:
     """Return a sentence on where a flight's unbalance control is plain control."""
-    if flight.control.unbalance == "fought" or estimator is None:
+    if happening.control.unbalance == "fought" or estimator is None:
         return None
-    flight = settled_flight(machine, flight)
+    flight = settled_scenario(machine, happening)
     T = machine.sampling_time
     t = T * np.arange(max(2, round(flight.duration / T) + 1) + 1, dtype=float)
     speed = np.abs([machine.speed] if flight.speed is None else flight.speed.sample(t))

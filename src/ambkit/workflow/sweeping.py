@@ -24,12 +24,10 @@ from ambkit.models.linear import Complex
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.stated import Section
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.flight import Disturbance as Load
-from ambkit.simulation.flight import Flight, Injection
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.scenario import PID, Control, Injection, Scenario
+from ambkit.simulation.scenario import Disturbance as Load
 from ambkit.simulation.waveforms import Constant, Recorded, Sine
 from ambkit.workflow.assessed_loop import AssessedAxis, AssessedLoop
 from ambkit.workflow.assessing import assess
@@ -402,7 +400,7 @@ class _MachineRig(_Rig):
         load: Mapping[str, float],
     ) -> None:  # fmt: skip
         super().__init__(found, filter, loop, axis)
-        self.flight = Flight(
+        self.scenario = Scenario(
             noise=False,
             feedback="estimate" if filter else "measurement",
             control=found.of.control_for(filter),
@@ -422,9 +420,11 @@ class _MachineRig(_Rig):
         t = self.T * np.arange(len(added))
         waveform = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
         there = Injection.model_construct(axis=of.axes[self.axis], position=waveform)
-        flight = self.flight.model_copy(update={"duration": float(t[-1]), "injection": (there,)})
+        scenario = self.scenario.model_copy(
+            update={"duration": float(t[-1]), "injection": (there,)}
+        )
         run = simulate_machine(
-            of.machine, flight, estimator=self.inner, pids=of.fed_by(self.filter)
+            of.machine, scenario, estimator=self.inner, pids=of.fed_by(self.filter)
         )
         y = np.column_stack([run.record[signal("y", r.name)] for r in of.machine.readings])
         limited = run.samples_at_the_stop > 0 or _refused(run.estimate, last)

@@ -17,8 +17,7 @@ from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.stated import Section
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import PID, Control
 from ambkit.workflow.tuned_filter import BUDGET, RUNS, Tuned, tune
 from ambkit.workflow.tuning_tasks import ByTruth
 

@@ -29,10 +29,8 @@ from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row
 from ambkit.result.stated import Section
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.flight import Flight
 from ambkit.simulation.linear.settled import tells
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.scenario import PID, Control, Scenario
 from ambkit.workflow.tuning_tasks import JUDGED, RAW, By, ByLikelihood, ByTruth
 
 if TYPE_CHECKING:
@@ -141,7 +139,7 @@ class Tuned(Result):
         if isinstance(self.controller, PID):
             happening = Scenario(controller=self.controller)
         elif isinstance(self.controller, Control):
-            happening = Flight(control=self.controller, feedback="estimate")
+            happening = Scenario(control=self.controller, feedback="estimate")
         nis = self.unseen.get("nis", (math.nan, math.nan))[self.kept]
         return judge_adequacy(self.estimator, None, happening, nis)
 

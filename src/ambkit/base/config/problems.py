@@ -13,6 +13,9 @@ from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.toml_text import Path
 from ambkit.base.escaping import json_text, one_line
 
+ONE_OR_MORE = ("[one]", "[list]")
+"""Pydantic's tags of a key that takes a table or a list of tables: they stand in no file."""
+
 
 class Problem(NamedTuple):
     """One mistake in a description."""
@@ -33,7 +36,8 @@ class Problem(NamedTuple):
     def of(cls, error: Mapping[str, Any]) -> "Problem":
         """Take over one of pydantic's errors as it is."""
         own = {k: v for k, v in error.get("ctx", {}).items() if k in ("missing", "meant")}
-        return cls(tuple(error["loc"]), error["msg"], error["input"], **own)
+        path = tuple(step for step in error["loc"] if step not in ONE_OR_MORE)
+        return cls(path, error["msg"], error["input"], **own)
 
     def pack(self) -> InitErrorDetails:
         """Pack the problem such that pydantic carries it to the outermost model."""
@@ -176,7 +180,8 @@ def _one_of(words: list[str]) -> str:
 def _kinds(annotation: Any) -> list[str]:
     """Return the type names of all the models in an annotation."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation.model_fields["type"].default]
+        own = annotation.model_fields.get("type")
+        return [] if own is None else [own.default]
     return [kind for inner in get_args(annotation) for kind in _kinds(inner)]
 
 

@@ -14,7 +14,7 @@ from ambkit.machine.magnets import own_time
 
 if TYPE_CHECKING:
     from ambkit.simulation.control import Controller
-    from ambkit.simulation.flight import Flight
+    from ambkit.simulation.scenario import Scenario
 
 SOURCES = ("src/control.c", "src/controllers.c", "src/controller.c", "src/sequence.c")
 
@@ -92,7 +92,7 @@ def _in_c(of: Structs, precision: CPrecision) -> dict[str, Any]:
 
 
 def context(
-    controller: Controller, flight: Flight, name: str, precision: CPrecision
+    controller: Controller, flight: Scenario, name: str, precision: CPrecision
 ) -> dict[str, Any]:
     """Return what the templates say of a controller."""
     estimator, of = controller.estimator, structs(controller, name)
@@ -116,7 +116,7 @@ def context(
     }  # fmt: skip
 
 
-def _in_flight(controller: Controller, flight: Flight, precision: CPrecision) -> dict[str, Any]:
+def _in_flight(controller: Controller, flight: Scenario, precision: CPrecision) -> dict[str, Any]:
     """Return what the files of the self-test say."""
     tested = control_scenes.vectors(controller, flight)
     quick, estimator = control_scenes.quick(controller), controller.estimator

@@ -13,9 +13,9 @@ from ambkit.estimate.engine import NODE
 from ambkit.estimate.estimate import Status
 from ambkit.export.c.vectors import without_digits
 from ambkit.simulation.control import settling_of
-from ambkit.simulation.flight import Disturbance, Flight, Reference
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import Run
+from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 from ambkit.simulation.sequence import Mode
 from ambkit.simulation.waveforms import Constant, Ramp, Step, Sum
 
@@ -62,7 +62,7 @@ class Vectors(NamedTuple):
     saturated: int  # samples in which a current was at its limit
 
 
-def speeds_of(machine: Machine, flight: Flight) -> tuple[float, float] | None:
+def speeds_of(machine: Machine, flight: Scenario) -> tuple[float, float] | None:
     """The slowest and the fastest rotation of a flight [rad/s]; None at the machine's own."""
     if flight.speed is None:
         return None
@@ -86,7 +86,7 @@ def slowness(controller: Controller) -> int:
     return max(1, settling_of(controller.estimator) // SLOW)
 
 
-def vectors(controller: Controller, flight: Flight) -> Vectors:
+def vectors(controller: Controller, flight: Scenario) -> Vectors:
     """Fly what the self-test flies, with the plant of the simulation."""
     # A step of the reference with a load, and loads beyond what the magnets hold with readings lost
     # and far away, and references that are none; on all axes in turn, and where the flight's speed
@@ -215,13 +215,13 @@ def _taken_over(
 class Scene(NamedTuple):
     """One flight of the self-test, n samples."""
 
-    flight: Flight
+    flight: Scenario
     readings: Array  # (n, readings): what is added to them [m]; NaN: lost
     references: Array  # (n, axes): what is added to the references [m]; NaN: none
     fly: Array  # (n,): whether it is told to fly, 1 or 0
 
 
-def _scenes(controller: Controller, flight: Flight) -> Iterator[Scene]:
+def _scenes(controller: Controller, flight: Scenario) -> Iterator[Scene]:
     machine, slow = controller.plant.machine, slowness(controller)
     n = LIFTED * slow
 
@@ -245,7 +245,9 @@ def _scenes(controller: Controller, flight: Flight) -> Iterator[Scene]:
     yield Scene(pulled, well, unwanted, told())  # a current at its limit trips it
 
 
-def _happening(machine: Machine, flight: Flight, sign: float, share: float, slow: int) -> Flight:
+def _happening(
+    machine: Machine, flight: Scenario, sign: float, share: float, slow: int
+) -> Scenario:
     """Return a flight on all axes in turn: references of a twentieth of the travel, and loads."""
     # It begins where the rotor lies, as the exported controller does at power-on.
     T = slow * machine.sampling_time
@@ -259,14 +261,14 @@ def _happening(machine: Machine, flight: Flight, sign: float, share: float, slow
         wanted = Step(amplitude=0.05 * way * axis.bearing.travel_limit, time=(12 + late) * T)
         references.append(Reference(axis=axis.name, position=wanted))
         loads.append(Disturbance(axis=axis.name, force=push))
-    return Flight(
+    return Scenario(
         duration=LIFTED * T - machine.sampling_time, start="rest", feedback=flight.feedback,
         control=flight.control, reference=tuple(references), disturbance=tuple(loads),
         seed=flight.seed, speed=_speed(machine, flight, sign), sequence=flight.sequence,
     )  # fmt: skip
 
 
-def _speed(machine: Machine, flight: Flight, sign: float) -> Sum | None:
+def _speed(machine: Machine, flight: Scenario, sign: float) -> Sum | None:
     """Return a speed that grows over two nodes of the model, or falls, within those of a flight."""
     speeds = speeds_of(machine, flight)
     if speeds is None:

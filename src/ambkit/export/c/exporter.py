@@ -21,10 +21,10 @@ from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Machine, short_form
 from ambkit.machine.magnets import Precision
 from ambkit.simulation.control import Controller
-from ambkit.simulation.controllers import Control, controllers_of
-from ambkit.simulation.default_control import settled_flight
-from ambkit.simulation.flight import Flight
+from ambkit.simulation.controllers import controllers_of
+from ambkit.simulation.default_control import settled_scenario
 from ambkit.simulation.plant import Plant
+from ambkit.simulation.scenario import Control, Scenario
 from ambkit.simulation.sequence import LiftOff
 
 if TYPE_CHECKING:
@@ -71,7 +71,6 @@ def export_c(
     filter_file: FilterFile | None = None,
     editable: bool = False,
     scenario: Scenario | None = None,
-    flight: Flight | None = None,
     calibrated: bool = False,
     telemetry: bool = False,
     force: bool = False,
@@ -99,23 +98,13 @@ def export_c(
     elif force_bound is not None:
         raise AmbkitError("force_bound is for an expert in tabulated form")
     estimator = made(kind, bearing, magnet, filter_file, options)
-    if flight is not None and estimator.whole is None:
-        raise AmbkitError(f"{estimator.machine.name} has one axis: give its scenario, not a flight")
-    wrong = require_adequate(estimator, flown_on, scenario or flight, force=force)
+    wrong = require_adequate(estimator, flown_on, scenario, force=force)
     _check_nodes(estimator)
     spent = cost.of(estimator) if precision == "float" and not editable else None
     controller: Controller | None = None
-    if flight is not None:
-        flight = settled_flight(estimator.machine, flight)
-        flight = flight.model_copy(update={"sequence": flight.sequence or LiftOff()})
-        controller = _of_several(estimator, flight)
     if scenario is not None:
-        controller, spent = _controller(estimator, scenario, editable=editable), None
-        control = Control(type="lqg" if controller.pid.type == "lqg" else "decentralised")
-        flight = Flight(
-            feedback=controller.pid.feedback, control=control, sequence=controller.sequence,
-            seed=scenario.seed,
-        )  # fmt: skip
+        controller, scenario = _controller(estimator, scenario, editable=editable)
+        spent = None if estimator.machine.single else spent
     if calibrated:
         if controller is None:
             raise AmbkitError("calibration is for a whole controller; give a scenario")
@@ -133,7 +122,7 @@ def export_c(
         loops=loops,
         editable=editable,
         controller=controller,
-        flight=flight,
+        scenario=scenario,
         calibrated=calibrated,
         framed=telemetry,
     )
@@ -177,25 +166,31 @@ def made(
     return estimator
 
 
-def _controller(estimator: Estimator, scenario: Scenario, *, editable: bool) -> Controller:
-    bearing = estimator.bearing
-    if isinstance(bearing, Machine):
-        raise AmbkitError(
-            f"{bearing.name} has {len(bearing.axes)} axes: give its flight, not a scenario"
-        )
+def _controller(
+    estimator: Estimator, scenario: Scenario, *, editable: bool
+) -> tuple[Controller, Scenario]:
+    """Return the controller, and the scenario as its self-test flies it."""
+    bearing, machine, sequence = (
+        estimator.bearing,
+        estimator.machine,
+        scenario.sequence or LiftOff(),
+    )
+    scenario.check_for(tuple(axis.name for axis in machine.axes), body=not machine.single)
     if editable:
         raise AmbkitError("editable is for a filter alone, and not for the whole controller")
-    pid = scenario.controller.completed(bearing)
-    return Controller.of_axis(bearing, estimator, pid, scenario.sequence or LiftOff())
-
-
-def _of_several(estimator: Estimator, flight: Flight) -> Controller:
-    machine, fed = estimator.machine, flight.feedback == "estimate"
-    plant, speeds = Plant(machine), speeds_of(machine, flight)
+    if not isinstance(bearing, Machine):
+        pid = scenario.of_one_axis(bearing).controller
+        control = Control(type="lqg" if pid.type == "lqg" else "decentralised")
+        tested = Scenario(
+            feedback=pid.feedback, control=control, sequence=sequence, seed=scenario.seed
+        )
+        return Controller.of_axis(bearing, estimator, pid, sequence), tested
+    tested = settled_scenario(machine, scenario).model_copy(update={"sequence": sequence})
+    feeding = estimator if tested.feedback == "estimate" else None
+    plant, speeds = Plant(machine), speeds_of(machine, tested)
     fastest = machine.speed if speeds is None else max(map(abs, speeds))
-    found = controllers_of(plant, flight.control, estimator if fed else None, fastest=fastest)
-    assert flight.sequence is not None
-    return Controller(plant, estimator, found, flight.sequence, fed)
+    found = controllers_of(plant, tested.control, feeding, fastest=fastest)
+    return Controller(plant, estimator, found, sequence, feeding is not None), tested
 
 
 def _facts(magnet: MagnetModel | None, precision: CPrecision) -> dict[str, str]:

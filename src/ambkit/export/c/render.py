@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.control import Controller
-    from ambkit.simulation.flight import Flight
+    from ambkit.simulation.scenario import Scenario
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
 _PROVED = (
@@ -64,7 +64,7 @@ def render(
     loops: bool | None = None,
     editable: bool = False,
     controller: Controller | None = None,
-    flight: Flight | None = None,
+    scenario: Scenario | None = None,
     calibrated: bool = False,
     framed: bool = False,
 ) -> Content:
@@ -93,15 +93,15 @@ def render(
         if inner is not None:
             needed += [f"src/{data.called(inner).source}.c"]
     speeds = None
-    if flight is not None and estimator.whole is not None:
-        speeds = control_scenes.speeds_of(estimator.whole.machine, flight)
+    if scenario is not None and estimator.whole is not None:
+        speeds = control_scenes.speeds_of(estimator.whole.machine, scenario)
     of_model = model.in_c(estimator, loops=loops, speeds=speeds)
     needed += [*of_model.sources, *(control.SOURCES if controller is not None else ())]
     needed += calibration.SOURCES if calibrated else ()
     needed += telemetry.SOURCES if framed else ()
     flown: dict[str, Any] = {}
-    if controller is not None and flight is not None:
-        flown = control.context(controller, flight, name, precision)
+    if controller is not None and scenario is not None:
+        flown = control.context(controller, scenario, name, precision)
     found = core.closure(needed, instead=of_model.instead)
     core_files = {f"core/{file}": text for file, text in found.items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))

@@ -20,7 +20,6 @@ from ambkit.export.pil.processor import Processor
 from ambkit.export.pil.result import Pil, judged, others_sent
 from ambkit.machine.machine import Machine, short_form
 from ambkit.simulation.control import Controller
-from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
@@ -40,7 +39,7 @@ def pil(
     bearing: Bearing | Machine,
     magnet: MagnetModel | None = None,
     *,
-    scenario: Scenario | Flight | None = None,
+    scenario: Scenario | None = None,
     kind: str | None = None,
     filter_file: FilterFile | None = None,
     board: str | None = None,
@@ -57,19 +56,16 @@ def pil(
     boards.check(boards.QEMU_BOARD)
     plant = short_form(bearing)
     several = isinstance(plant, Machine)
-    happening: type[Scenario | Flight] = Flight if several else Scenario
-    given = scenario or happening(duration=1.0)
-    of_type(happening, scenario=given)
+    given = scenario or Scenario(duration=1.0)
+    of_type(Scenario, scenario=given)
     sequence = given.sequence or LiftOff()
     flown = given.model_copy(update={"start": "rest", "sequence": sequence})
-    of_flight: dict[str, Any] = {"flight" if several else "scenario": flown}
     estimator = made(kind, plant, magnet, filter_file, {"precision": "float32"})
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         export = export_c(
             plant, magnet, folder / "export", kind=kind, filter_file=filter_file,
-            prefix=build.PREFIX, telemetry=True, force=force,
-            **of_flight,
+            prefix=build.PREFIX, telemetry=True, force=force, scenario=flown,
         ).folder  # fmt: skip
         fields = [state.field for state in states(estimator.states)]
         image = build.firmware(export, fields, boards.QEMU_BOARD, folder / "qemu", several)
@@ -101,13 +97,13 @@ def pil(
 
 
 def _expected(
-    run: Run, estimator: Estimator, flown: Scenario | Flight, y: NDArray[np.float64],
+    run: Run, estimator: Estimator, flown: Scenario, y: NDArray[np.float64],
     r: NDArray[np.float64], flies: NDArray[np.float64],
 ) -> Expected:  # fmt: skip
     """Return what the processor is to answer: as simulated, or along a rig's rounded numbers."""
     record = run.record
-    if isinstance(flown, Scenario) and (estimator.inputs.y.gain != 1 or estimator.inputs.y.zero):
-        pid = flown.controller.completed(estimator.bearing)
+    if run.machine.single and (estimator.inputs.y.gain != 1 or estimator.inputs.y.zero):
+        pid = flown.of_one_axis(estimator.bearing).controller
         controller = Controller.of_axis(estimator.bearing, estimator, pid, flown.sequence)
         rounded = y[:, 0].astype("f4").astype(float)
         return controller.run(rounded, r[:, 0], flies)

@@ -212,7 +212,7 @@ class _Loop:
         self.n = samples(bearing, scenario)
         self.duration = self.n * self.T
         self.t: Array = self.T * np.arange(self.n, dtype=float)
-        self.known = scenario.disturbance.sample(self.t)
+        self.known = scenario.along("disturbance", ("",), self.t)[:, 0]
 
     def run(self, reference: Array, other: int = 0) -> Record:
         """Simulate with a reference [m]; with `other` noise and load than the scenario's seed's."""

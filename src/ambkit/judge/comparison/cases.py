@@ -23,22 +23,19 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.spread import CERTAIN, Spread
 from ambkit.machine.bank import alone_of, slowest_time, weights_of
 from ambkit.machine.bearing import GRAVITY, Bearing
-from ambkit.machine.machine import as_machine, short_form
+from ambkit.machine.machine import Machine, short_form
 from ambkit.machine.magnets import magnet_of, own_time
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.flight import Disturbance, Flight, Reference
 from ambkit.simulation.holding import holding
 from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.many import Many, Planned, simulate_many
 from ambkit.simulation.many_machines import PlannedMachine, simulate_machines
 from ambkit.simulation.run import samples, simulate
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.scenario import PID, Control, Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Constant, Recorded, Sequence, Sine, Step
 
 if TYPE_CHECKING:
     from ambkit.machine.forces.surface import ForceSurface
-    from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.waveforms import Signal
 
@@ -95,8 +92,8 @@ class Trial:
     """One run of a case: the plant that it was made with, and the record that all are given."""
 
     plant: Bearing | Machine  #: The true one.
-    scenario: Scenario | Flight  #: With its seed.
-    imposed: Imposed | None  #: Series of noise and load; of several axes these are in the flight.
+    scenario: Scenario  #: With its seed.
+    imposed: Imposed | None  #: Series of noise and load; of several axes these are in the scenario.
     magnet: MagnetModel | None  #: The plant's magnet where it is no closed law.
     record: Record  #: The run that the nominal linear filter closed the loop of.
     _loads: dict[tuple[int, str], Load] = field(default_factory=dict, repr=False)
@@ -117,8 +114,8 @@ def in_the_loop(made: Iterable[Trial], estimator: Estimator, settling: float) ->
     """Fly the same runs with another estimator in the loop."""
     axes, machines = list[Planned](), list[PlannedMachine]()
     for at in made:
-        if isinstance(at.scenario, Flight):
-            machines.append(PlannedMachine(as_machine(at.plant), at.scenario, estimator))
+        if isinstance(at.plant, Machine):
+            machines.append(PlannedMachine(at.plant, at.scenario, estimator))
         else:
             assert isinstance(at.plant, Bearing)
             axes.append(Planned(at.plant, at.scenario, estimator, at.magnet, at.imposed))
@@ -185,7 +182,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
                 loads[name] = Recorded.model_construct(
                     times=tuple(t.tolist()), values=tuple(mean.tolist())
                 )
-        flight = Flight.model_construct(
+        flight = Scenario.model_construct(
             duration=duration, seed=1000 * seed + run, feedback="estimate", control=control,
             reference=tuple(Reference.model_construct(axis=name, position=of.reference)
                             for name, of in zip(names, each, strict=True)),
@@ -224,7 +221,7 @@ def loaded(machine: Machine, runs: int, seed: int) -> list[Trial]:
             )
             for axis in machine.axes
         )  # fmt: skip
-        flight = Flight(duration=duration, seed=int(rng.integers(2**31)), disturbance=loads)
+        flight = Scenario(duration=duration, seed=int(rng.integers(2**31)), disturbance=loads)
         made.append(Trial(machine, flight, None, None, simulate_machine(machine, flight).record))
     return made
 

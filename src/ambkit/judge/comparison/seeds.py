@@ -15,10 +15,8 @@ from ambkit.base.showing import Shown
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
 from ambkit.judge.comparison.criteria import errors_along, rms
-from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine, as_machine
-from ambkit.simulation.flight import Flight
+from ambkit.machine.machine import Machine, short_form
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
@@ -70,7 +68,7 @@ def rmse(estimate: Estimate, record: Record, signal: str) -> float:
 
 def compare(
     bearing: Bearing | Machine,
-    scenario: Scenario | Flight,
+    scenario: Scenario,
     estimators: Mapping[str, Callable[[], Estimator]],
     seeds: Sequence[int],
     *,
@@ -80,15 +78,15 @@ def compare(
 ) -> Scores:
     """Monte Carlo over seeds: every estimator closes its own loop against the same noise."""
     of_type(Bearing, Machine, bearing=bearing)
-    of_type(Scenario, Flight, scenario=scenario)
+    of_type(Scenario, scenario=scenario)
+    plant = short_form(bearing)
 
     def one(name: str, seed: int) -> tuple[list[float], float, bool]:
         estimator, happening = estimators[name](), scenario.model_copy(update={"seed": seed})
-        if isinstance(happening, Flight):
-            run = simulate_machine(as_machine(bearing), happening, estimator=estimator)
+        if isinstance(plant, Machine):
+            run = simulate_machine(plant, happening, estimator=estimator)
         else:
-            axis = alone_of(bearing)[0]
-            run = simulate_run(axis, happening, estimator=estimator, magnet=magnet)
+            run = simulate_run(plant, happening, estimator=estimator, magnet=magnet)
         assert run.estimate is not None  # an estimator was given
         wrong = errors_along(run.estimate, run.record, estimator.view)
         errors = [rms(wrong[signal]) for signal in EVALUATED]

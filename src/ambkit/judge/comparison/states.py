@@ -24,8 +24,8 @@ from ambkit.machine.machine import Machine, as_machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import Runout
 from ambkit.models.parts.synchronous import unbalance_planes
-from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -194,7 +194,8 @@ def judge_states(
     finest: list[Array] = []
     for seed in range(first_seed, first_seed + seeds):
         turned, rotor = _drawn(plain, drawn, seed)
-        record = _flown(turned, first, seed, Flight(duration=duration, seed=seed, speed=speed))
+        scenario = Scenario(duration=duration, seed=seed, speed=speed)
+        record = _flown(turned, first, seed, scenario)
         if record.meta["stop_touched"]:
             raise AmbkitError(
                 f"{plain.name}: with loads of {load:g} of what the magnets have to spare the rotor "
@@ -281,7 +282,7 @@ def _growth(machine: Machine, duration: float, load: float) -> float:
     return float((load * min(spare)) ** 2 / duration)
 
 
-def _flown(machine: Machine, filters: Estimator, seed: int, flight: Flight) -> Record:
+def _flown(machine: Machine, filters: Estimator, seed: int, flight: Scenario) -> Record:
     """Return a run, with the loads at its samples: what acts is their mean until the next one."""
     T, n = machine.sampling_time, round(flight.duration / machine.sampling_time) + 1
     rng = np.random.default_rng([seed, 14])

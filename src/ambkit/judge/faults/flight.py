@@ -18,12 +18,10 @@ from ambkit.judge.faults.declared import Channel, Fault, mixture
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.machine import Machine, as_machine
 from ambkit.machine.magnets import own_time
-from ambkit.simulation.flight import Disturbance, Reference
-from ambkit.simulation.flight import Flight as MachineFlight
 from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import Run, simulate_run
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.scenario import PID, Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Sine
 
 if TYPE_CHECKING:
@@ -159,7 +157,7 @@ class Flight:
         if isinstance(self.bearing, Machine):
             machine, k = self.bearing, self.at
             names = [each.name for each in machine.axes]
-            flight = MachineFlight(
+            flight = Scenario(
                 duration=duration, seed=self.seed, feedback=feedback,
                 reference=(Reference(axis=names[k], position=reference),),
                 disturbance=(Disturbance(axis=names[k], force=disturbance),),

@@ -28,7 +28,7 @@ from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.model import Array
 from ambkit.simulation.control import needs_states
-from ambkit.simulation.controllers import Control, Controllers, controllers_of, pids_of
+from ambkit.simulation.controllers import Controllers, controllers_of, pids_of
 from ambkit.simulation.default_control import (
     default_control,
     is_default,
@@ -39,7 +39,7 @@ from ambkit.simulation.linear.control import compensator, controllers, fed
 from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.linear.settled import estimator_at, tells
 from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import PID, Control
 
 ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
 """Zones of ISO 14839-3, and the peaks of abs(S) below which they are; D is beyond."""

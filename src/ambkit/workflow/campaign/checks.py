@@ -11,7 +11,7 @@ from ambkit.base.config import Read
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
-from ambkit.workflow.campaign.keys import OF_FLIGHT, OF_RUN, Key, by_places, key_in
+from ambkit.workflow.campaign.keys import OF_RUN, Key, by_places, key_in
 from ambkit.workflow.campaign.varied import Choice, Varied, Wrong
 
 Problem = tuple[str, str]
@@ -56,8 +56,7 @@ def contradictions(read: Read) -> Iterator[Problem]:
     vary = read("vary")
     if plant is None or not isinstance(vary, tuple):
         return
-    begins = run_of(plant)
-    run = read(begins[:-1])
+    run = read("scenario")
     seen = dict[str, int]()
     for at, each in enumerate(vary):
         here = f"vary.{at}"
@@ -72,8 +71,8 @@ def contradictions(read: Read) -> Iterator[Problem]:
             continue
         quantity = each.what
         if quantity not in ("estimator", "controller"):
-            of_run = quantity.startswith(begins)
-            quantity = by_places(run if of_run else plant, quantity.removeprefix(begins))
+            of_run = quantity.startswith(OF_RUN)
+            quantity = by_places(run if of_run else plant, quantity.removeprefix(OF_RUN))
         if quantity in seen:
             yield f"{here}.what", f"{each.what} varies already, in vary[{seen[quantity]}]"
         seen.setdefault(quantity, at)
@@ -85,28 +84,20 @@ def contradictions(read: Read) -> Iterator[Problem]:
 
 def _of_what(read: Read, plant: Any) -> Iterator[Problem]:
     """Check that what is said goes with the machine."""
-    from ambkit.simulation.flight import Flight
-    from ambkit.simulation.scenario import Scenario
-
     if read("bearing") is None and read("machine") is None:
         yield "machine", "missing: a preset or a file"
     if isinstance(read("bearing"), str) and isinstance(read("machine"), str):
         yield "machine", "give either a bearing or a machine"
     if plant is None:
         return
-    of_one: dict[str, Any] = {"scenario": Scenario(), "controllers": {}}
-    of_several: dict[str, Any] = {"flight": Flight(), "controls": {}, "synchronous": ()}
+    of_one: dict[str, Any] = {"controllers": {}}
+    of_several: dict[str, Any] = {"controls": {}, "synchronous": ()}
     one = not isinstance(plant, Machine)
     right, wrong = (of_one, of_several) if one else (of_several, of_one)
     for name, usual in wrong.items():
         if read(name) != usual:
             said, has = ("several axes", "one axis") if one else ("one axis", "several axes")
             yield name, f"is of {said}; a machine with {has} takes {', '.join(right)}"
-
-
-def run_of(plant: Any) -> str:
-    """Return how keys of a machine's run begin."""
-    return OF_FLIGHT if isinstance(plant, Machine) else OF_RUN
 
 
 def key_of(varied: Varied, plant: Any, run: Any, estimator: Any) -> Key:
@@ -116,8 +107,7 @@ def key_of(varied: Varied, plant: Any, run: Any, estimator: Any) -> Key:
         if not isinstance(varied, Choice):
             raise AmbkitError(f'{what} is no number: let it vary by type = "choice"')
         return Key(estimator if what == "estimator" else "tuned", "")
-    begins = run_of(plant)
-    name = what.removeprefix(begins)
+    name = what.removeprefix(OF_RUN)
     of_run = name != what
     why = NOT_VARIED_OF_RUN.get(name) if of_run else NOT_VARIED.get(name.rpartition(".")[2])
     if why:
@@ -133,7 +123,7 @@ def completed(run: Any, plant: Any) -> Any:
         return run
     if not isinstance(run, Scenario):
         return Scenario()
-    return run.model_copy(update={"controller": run.controller.completed(plant)})
+    return run.of_one_axis(plant)
 
 
 def _estimator(key: str, name: str) -> Iterator[Problem]:
@@ -180,18 +170,17 @@ def _how_many(read: Read) -> Iterator[Problem]:
 
 
 def _recorded(read: Read, plant: Any) -> Iterator[Problem]:
-    from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.campaign.parts import Passes, Recorded, limit_of, traces_of
 
-    record, passes, here = read("record"), read("passes"), run_of(plant)[:-1]
-    scenario, there = read(here), traces_of(plant)
+    record, passes = read("record"), read("passes")
+    scenario, there = read("scenario"), traces_of(plant)
     if isinstance(record, Recorded):
         for at, name in enumerate(record.traces):
             if name not in there and not name.endswith("_estimate") and plant is not None:
                 known = f"{', '.join(there)}, and states of the estimator as {there[0]}_estimate"
                 yield f"record.traces.{at}", f"there is no signal {name}; known: {known}"
-        if isinstance(scenario, Scenario | Flight) and record.settling >= scenario.duration:
+        if isinstance(scenario, Scenario) and record.settling >= scenario.duration:
             yield "record.settling", "must be less than the duration of a run"
     if isinstance(passes, Passes):
         for name, given in passes.at_most.items():
@@ -204,10 +193,10 @@ def _recorded(read: Read, plant: Any) -> Iterator[Problem]:
                 yield "passes.zone", "needs record.margins = true"
             if "peak_S" in passes.at_most:
                 yield "passes.at_most.peak_S", "needs record.margins = true"
-    if isinstance(scenario, Scenario | Flight):
+    if isinstance(scenario, Scenario):
         for name in ("seed", "run"):
             if name in scenario.model_fields_set and getattr(scenario, name):
-                yield f"{here}.{name}", "the study has its own: leave it out"
+                yield f"scenario.{name}", "the study has its own: leave it out"
 
 
 def _grid(here: str, varied: Varied, sampling: Any) -> Iterator[Problem]:
@@ -241,7 +230,7 @@ def _choices(
     """Check words to choose from, each where it would stand."""
     if not isinstance(varied, Choice) or key.unit:
         return
-    several, begins = isinstance(plant, Machine), run_of(plant)
+    several = isinstance(plant, Machine)
     controllers = read("controls" if several else "controllers")
     for at, value in enumerate(varied.values):
         there = f"{here}.values.{at}"
@@ -254,9 +243,9 @@ def _choices(
             if value not in known:
                 yield there, f'there is no controller "{value}"; known: {", ".join(known)}'
         else:
-            of = run if varied.what.startswith(begins) else plant
+            of = run if varied.what.startswith(OF_RUN) else plant
             try:
-                of.replace(**{varied.what.removeprefix(begins): value})
+                of.replace(**{varied.what.removeprefix(OF_RUN): value})
             except AmbkitError as error:
                 yield there, str(error)
 

@@ -1,4 +1,4 @@
-"""What happens in a run of a study and who controls it: of one axis a scenario, else a flight."""
+"""What happens in a run of a study and who controls it: of one axis or of several."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.machine.machine import Machine
-from ambkit.simulation.controllers import TYPES, Control, Controllers, controllers_of
-from ambkit.simulation.default_control import is_default, settled_flight
-from ambkit.simulation.flight import Flight
+from ambkit.simulation.controllers import TYPES, Controllers, controllers_of
+from ambkit.simulation.default_control import is_default, settled_scenario
 from ambkit.simulation.many import Planned
 from ambkit.simulation.many_machines import PlannedMachine
 from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.scenario import PID, Control, Scenario
 from ambkit.workflow.campaign.checks import completed
-from ambkit.workflow.campaign.keys import OF_FLIGHT, OF_RUN
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -33,7 +31,7 @@ _IN_AMPERES = ("fed_back", "fed_back_by_speed", "fed_back_by_square")
 class OfOne:
     """Scenarios of a machine with one axis, whose controller is a PID."""
 
-    begins, controller = OF_RUN, "controller"
+    controller = "controller"
 
     def __init__(self, nominal: Bearing, study: Study) -> None:
         self.nominal, self.study = nominal, study
@@ -42,7 +40,7 @@ class OfOne:
         """Return the run with controllers tuned to the nominal machine."""
         run: Scenario = completed(self.study.scenario, self.nominal)
         update: dict[str, Any] = {"seed": self.study.seed}
-        if unfed and "feedback" not in self.study.scenario.controller.model_fields_set:
+        if unfed and self.study.scenario.fed_by is None:
             fed = run.controller.model_copy(update={"feedback": "measurement"})
             update["controller"] = fed
         return run.model_copy(update=update)
@@ -77,38 +75,38 @@ class OfOne:
         return Planned(plant, run, estimator, number=noise)
 
     def wrong(self, run: Scenario) -> list[str]:
-        """Return what a run names that is not there: nothing."""
-        return []
+        """Return what a run names that is not there."""
+        return [f"scenario.{each}" for each in run.wrong_for(("",), body=False)]
 
 
 class OfSeveral:
-    """Flights of a machine with several axes."""
+    """Scenarios of a machine with several axes."""
 
-    begins, controller = OF_FLIGHT, "control"
+    controller = "control"
 
     def __init__(self, nominal: Machine, study: Study) -> None:
         self.nominal, self.study = nominal, study
 
-    def settled(self, *, unfed: bool, chosen: bool) -> Flight:
+    def settled(self, *, unfed: bool, chosen: bool) -> Scenario:
         """Return the run with controllers made for the nominal machine."""
-        run = self.study.flight.model_copy(update={"seed": self.study.seed})
+        run = self.study.scenario.model_copy(update={"seed": self.study.seed})
         if unfed and run.feedback is None:
             run = run.model_copy(update={"feedback": "measurement"})
         if chosen and is_default(run.control):
             run = run.model_copy(update={"control": Control(type="decentralised")})
-        return settled_flight(self.nominal, run)
+        return settled_scenario(self.nominal, run)
 
-    def fed_by(self, run: Flight) -> str | None:
+    def fed_by(self, run: Scenario) -> str | None:
         """Return what feeds the controllers."""
         return run.feedback
 
-    def controllers(self, run: Flight) -> dict[str, Control]:
+    def controllers(self, run: Scenario) -> dict[str, Control]:
         """Return the ways to control that there are to choose from."""
         usual = (*(Control.model_validate({"type": name}) for name in TYPES), run.control)
         return {str(each.type): each for each in usual} | self.study.controls
 
     def planned(
-        self, plant: Machine, run: Flight, estimator: Estimator | None, noise: int
+        self, plant: Machine, run: Scenario, estimator: Estimator | None, noise: int
     ) -> PlannedMachine:
         """Return a run with the nominal machine's controllers at amplifiers of other gains."""
         run = run.model_copy(update={"run": noise})
@@ -129,17 +127,17 @@ class OfSeveral:
     def _known(self) -> dict[Any, Controllers]:
         return {}
 
-    def _made(self, run: Flight, estimator: Estimator | None) -> Controllers:
+    def _made(self, run: Scenario, estimator: Estimator | None) -> Controllers:
         key = id(estimator), run.feedback, run.control.model_dump_json()
         if key not in self._known:
             fed = estimator if run.feedback == "estimate" else None
             self._known[key] = controllers_of(Plant(self.nominal), run.control, fed)
         return self._known[key]
 
-    def wrong(self, run: Flight) -> list[str]:
+    def wrong(self, run: Scenario) -> list[str]:
         """Return what a run names that is not there: axes."""
         axes = tuple(axis.name for axis in self.nominal.axes)
-        return [f"flight.{each}" for each in run.unknown_axes(axes)]
+        return [f"scenario.{each}" for each in run.wrong_for(axes, body=True)]
 
 
 def happening(nominal: Bearing | Machine, study: Study) -> Any:

@@ -90,7 +90,7 @@ def peak_of(run: Planned | PlannedMachine) -> float:
         if isinstance(run, Planned):
             of = LoopOf(run.bearing, run.scenario.controller)
         else:
-            of = LoopOf(run.machine, run.flight.control, flown=run.controllers)
+            of = LoopOf(run.machine, run.scenario.control, flown=run.controllers)
         loop = of.loop(fed)
     except AmbkitError:  # nothing holds the rotor
         return math.inf
@@ -128,7 +128,7 @@ def _highest(runs: Sequence[Planned], points: Sequence[WorkPoint]) -> Array:
 
 def _fed(run: Planned | PlannedMachine) -> Estimator | None:
     """Return the estimator that feeds the controllers."""
-    by = run.scenario.controller if isinstance(run, Planned) else run.flight
+    by = run.scenario.controller if isinstance(run, Planned) else run.scenario
     return run.estimator if by.feedback == "estimate" else None
 
 

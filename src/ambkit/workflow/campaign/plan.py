@@ -28,7 +28,7 @@ from ambkit.simulation.scenario import PID
 from ambkit.workflow.campaign import sampling
 from ambkit.workflow.campaign.checks import key_of
 from ambkit.workflow.campaign.happening import happening
-from ambkit.workflow.campaign.keys import Key, changed, nested
+from ambkit.workflow.campaign.keys import OF_RUN, Key, changed, nested
 from ambkit.workflow.campaign.parts import UNITS
 from ambkit.workflow.campaign.study import Study
 from ambkit.workflow.campaign.varied import Marginal, OneOf
@@ -79,12 +79,9 @@ class Plan:
     def keys(self) -> tuple[Key, ...]:
         """What stands there: units, nominal values, limits."""
         study = self.study
-        return tuple(key_of(each, self.nominal, self._told, study.estimator) for each in study.vary)
-
-    @property
-    def _told(self) -> Any:
-        """What the study says of a run."""
-        return self.study.flight if self.several else self.study.scenario
+        return tuple(
+            key_of(each, self.nominal, study.scenario, study.estimator) for each in study.vary
+        )
 
     @cached_property
     def marginals(self) -> tuple[Marginal, ...]:
@@ -216,7 +213,7 @@ class Plan:
         estimator = self.estimators[str(values.get("estimator", self.study.estimator))]
         own = {
             name: value for name, value in values.items()
-            if name not in ("estimator", "controller") and not name.startswith(self._run.begins)
+            if name not in ("estimator", "controller") and not name.startswith(OF_RUN)
         }  # fmt: skip
         wrong = "" if allowed else self.beyond(values)
         plant = self.nominal
@@ -234,8 +231,7 @@ class Plan:
 
     @cached_property
     def _of_run(self) -> tuple[str, ...]:
-        begins = self._run.begins
-        return tuple(n for n in self.names if n == "controller" or n.startswith(begins))
+        return tuple(n for n in self.names if n == "controller" or n.startswith(OF_RUN))
 
     def _scenario(self, values: Mapping[str, Any]) -> Any:
         """Return the run; where nothing of it varies always the same object."""
@@ -250,7 +246,7 @@ class Plan:
             chosen = values.pop("controller", None)
             if chosen is not None:
                 run = run.model_copy(update={self._run.controller: self.controllers[str(chosen)]})
-            of_run = {name.removeprefix(self._run.begins): each for name, each in values.items()}
+            of_run = {name.removeprefix(OF_RUN): each for name, each in values.items()}
             return changed(run, nested(of_run))
 
         return made

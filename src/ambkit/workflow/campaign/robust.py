@@ -84,7 +84,7 @@ class Robust(Result):
     tried: tuple[Tried, ...]  #: All of it, in its order; the first is as it was without tuning.
     taken: int  #: Which was taken: the one with the least error among those that are allowed.
     estimator: Estimator  #: Its filter, which knows the nominal bearing.
-    controller: PID | None  #: Its controller; a machine's are those of its flight.
+    controller: PID | None  #: Its controller; several axes have those of the scenario.
 
     @cached_property
     def adequacy(self) -> list[Finding]:
@@ -343,7 +343,7 @@ class _Task:
         for what in ("estimator", "controller"):
             if what in plan.names:
                 raise AmbkitError(f"{study.name}: {what} varies, and is what is to be tuned")
-        if any(name.startswith(("scenario.controller.", "flight.control.")) for name in plan.names):
+        if any(name.startswith("scenario.control") for name in plan.names):
             raise AmbkitError(f"{study.name}: gains vary, and are what is to be tuned")
         self.plan, self.kind, self.quantile, self.ceiling = plan, study.estimator, quantile, ceiling
         self.threads, self.several = threads, plan.several
@@ -367,7 +367,7 @@ class _Task:
             if self.several and name in GAINS:
                 raise AmbkitError(
                     f"free: {name} is of a bearing; a machine's controllers are those that its "
-                    "flight says, made for the nominal machine: the search is for the filter"
+                    "scenario says, made for the nominal machine: the search is for the filter"
                 )
             if name not in known:
                 raise AmbkitError(f"free: there is no {name}; there are {', '.join(known)}")

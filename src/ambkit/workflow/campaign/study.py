@@ -41,9 +41,7 @@ from ambkit.base.config import Document, Read
 from ambkit.base.config.paths import from_folder, to_folder
 from ambkit.base.config.texts import Description, Name
 from ambkit.base.errors import AmbkitError
-from ambkit.simulation.controllers import Control
-from ambkit.simulation.flight import Flight
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.scenario import PID, Control, Scenario
 from ambkit.workflow.campaign.parts import Correlated, Passes, Recorded, Stop
 from ambkit.workflow.campaign.varied import Vary
 
@@ -118,9 +116,7 @@ class Study(Document):
     part: Annotated[int, Field(ge=1, le=100_000, strict=True)] = 1000
     """Runs that are computed and written together."""
     scenario: Scenario = Scenario()
-    """What happens in a run of a machine with one axis."""
-    flight: Flight = Flight()
-    """What happens in a run of a machine with several axes."""
+    """What happens in a run."""
     controllers: dict[Name, PID] = Field(default_factory=dict)
     """Controllers of one axis to choose from, by names; what is not said of one is tuned."""
     controls: dict[Name, Control] = Field(default_factory=dict)
