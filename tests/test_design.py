@@ -15,10 +15,10 @@ import ambkit
 from ambkit import Bearing, Estimator, Record
 from ambkit.cli.app import app
 from ambkit.data.channelmap import ChannelMap, inputs_of
-from ambkit.show.pages.maximum_likelihood import annotated_toml
 from ambkit.workflow import design_candidates
 from ambkit.workflow.design_control import objections_to_loop
 from ambkit.workflow.designing import Design, design
+from ambkit.workflow.found_toml import annotated_toml
 from ambkit.workflow.identifying import identified_filter
 
 KNOWN = Bearing.preset("zittau_axial").replace(name="my rig")

@@ -13,7 +13,7 @@ from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.online.adaline import Adaline
 from ambkit.machine.forces.points import ForcePoints
-from ambkit.show.pages.maximum_likelihood import annotated_toml, carried_over
+from ambkit.workflow.found_toml import annotated_toml, carried_over
 
 BEARING = Bearing.preset("zittau_axial")
 SEEDS = (0, 1, 2)

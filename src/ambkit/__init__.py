@@ -179,6 +179,10 @@ _BEHIND = {
     "result.drawing": {
         "plot": "plot",
     },
+    "show.plots.maximum_likelihood": {
+        "estimates_figure": "estimates_figure",
+        "correlation_figure": "correlation_figure",
+    },
     "show.plots.simulation": {
         "simulation_figure": "run_figure",
     },
@@ -189,7 +193,6 @@ _BEHIND = {
         "bearing": "machine.bearing.Bearing",
     },
     "show.notebook.results": {
-        "maximum_likelihood": "identification.maximum_likelihood.result.MaximumLikelihood",
         "identification": "identification.online.magnet_constant.Identification",
         "side_by_side": "identification.online.side_by_side.SideBySide",
         "bench": "judge.comparison.bench.Bench",
@@ -201,7 +204,6 @@ _BEHIND = {
         "loop_scores": "workflow.comparing.LoopScores",
         "design": "workflow.designing.Design",
         "filtering": "workflow.filtering.Filtering",
-        "identified": "workflow.identifying.Identified",
     },
     "workflow.campaign.card": {
         "card": "workflow.campaign.result.Campaign",

@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ambkit.base.errors import AmbkitError
-from ambkit.base.units import interval
 from ambkit.cli import output
 from ambkit.cli.belonging import say_what_is_odd
 from ambkit.cli.logs import load_log
 from ambkit.cli.options import arguments_of_the_user
-from ambkit.cli.output import value
 
 if TYPE_CHECKING:
     from ambkit.data.rig_units import Inputs
-    from ambkit.identification.forces.map import ForceMap
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
-    from ambkit.workflow.identifying import Identified
 
 
 @dataclass(frozen=True)
@@ -62,13 +58,7 @@ def by_likelihood(options: Options, known: Bearing | Machine) -> None:
     from ambkit.base import files
     from ambkit.data.reading import load
     from ambkit.judge.adequacy import judge_adequacy
-    from ambkit.show import plots
-    from ambkit.show.pages.maximum_likelihood import (
-        annotated_toml,
-        carried_over,
-        write_identification,
-    )
-    from ambkit.show.plots.maximum_likelihood import identified_figure
+    from ambkit.workflow.found_toml import annotated_toml, carried_over
     from ambkit.workflow.identifying import (
         RAISED,
         identified_filter,
@@ -115,27 +105,20 @@ def by_likelihood(options: Options, known: Bearing | Machine) -> None:
     inputs = None if options.channel_map is None else _inputs(options.channel_map)
     source = ", ".join(record.name for record in options.records)
     made = identified_filter(found, inputs, source)
-    likelihood, checks, forces = found.likelihood, found.validation, found.forces
-    data = found.to_dict()
-    data["adequacy"] = output.say_adequacy(judge_adequacy(made))
-    shown = [*_rest_table(data["rest"]), *_tables(found)]
-    if forces is not None:
-        shown.append(_map_said(forces))
-    output.deliver(
-        data,
-        shown,
+    likelihood, forces = found.likelihood, found.forces
+    output.deliver_result(
+        found,
         [
             (options.out, lambda path: files.write_text(path,
                                                           annotated_toml(likelihood, path.parent,
                                                                          found.machine))),
             (options.filter, lambda path: made.save(path, bearing=options.out)),
             (options.force_map, lambda path: None if forces is None else forces.save(path)),
-            (options.report, lambda path: write_identification(path, likelihood, checks,
-                                                             (others or records)[0])),
-            (options.plot, lambda path: plots.save_figure(identified_figure(likelihood, checks),
-                                                        path)),
         ],
         as_json=options.json,
+        plot=options.plot,
+        report=options.report,
+        more={"adequacy": output.say_adequacy(judge_adequacy(made))},
     )  # fmt: skip
     carried = carried_over(
         likelihood.model, delay=not likelihood.delay_counts, offsets=likelihood.offsets_count
@@ -150,12 +133,6 @@ def by_likelihood(options: Options, known: Bearing | Machine) -> None:
             f"records would have {likelihood.model.load_growth:.3g} N^2/s, with which a load is "
             "followed too slowly"
         )
-    for said in (*found.of_the_zeros, *likelihood.touched, *likelihood.remarks):
-        output.note(said)
-    if not likelihood.converged:
-        output.note("the search did not end at a maximum: take a closer start, or free less")
-    if not others:
-        output.note("judged on what it was identified from: --validate OTHER.csv would tell more")
 
 
 def _inputs(channel_map: Path) -> Inputs:
@@ -163,91 +140,3 @@ def _inputs(channel_map: Path) -> Inputs:
     from ambkit.data.channelmap import ChannelMap, inputs_of
 
     return inputs_of(ChannelMap.load(channel_map))
-
-
-def _map_said(mapped: ForceMap) -> str:
-    along, across = mapped.force.shape
-    return (
-        f"Force map: {across}x{along} nodes; the records tell of {int(mapped.observed.sum())}, "
-        f"which are written: there the force is known to less than half of the "
-        f"{value(mapped.assumed, 'N', 3)} by which the law may be wrong."
-    )
-
-
-def _rest_table(rest: dict[str, dict[str, Any]]) -> list[Any]:
-    rows = [
-        [name, "–", noise["problem"]]
-        if "problem" in noise
-        else [name, f"{value(noise['standard_deviation'], noise['unit'])} rms", noise["colour"]]
-        for name, noise in rest.items()
-    ]
-    return [output.table("At rest", ["", "noise", "colour"], rows, wide=True)] if rows else []
-
-
-def _tables(identified: Identified) -> list[Any]:
-    found, stiffness = identified.likelihood, identified.stiffness
-    rows = []
-    for p in found.parameters:
-        at = found[p.name]
-        rows.append(
-            [
-                p.name.replace("_", " "),
-                value(p.of(found.start), p.unit, like=at),
-                value(at, p.unit),
-                value(found.standard_error(p.name), p.unit, 2, like=at),
-                interval(*found.interval(p.name), p.unit, 4, like=at),
-            ]
-        )
-    where = f"{value(stiffness['current'], 'A', 2)}, {value(stiffness['displacement'], 'm', 2)}"
-    for name, unit in (("k_i", "N/A"), ("k_s", "N/m")):
-        tangent = stiffness[name]["value"]
-        error = value(stiffness[name]["standard_error"], unit, 2, like=tangent)
-        rows.append([f"{name} at {where}", "", value(tangent, unit), error, ""])
-    shown: list[Any] = [
-        output.table(
-            f"{found.bearing.name}: identified from {found.samples} measurements",
-            ["", "start", "found", "std. error", "95 % interval"],
-            rows,
-        )
-    ]
-    known = [
-        [
-            p.name.replace("_", " "),
-            f"{value(found.model.known[p.name][0], p.unit)} ± "
-            f"{value(found.model.known[p.name][1], p.unit, 2)}: the records tell "
-            f"{100 * found.told[i]:.0f} % of what the found value rests on",
-        ]
-        for i, p in enumerate(found.parameters)
-        if p.name in found.model.known
-    ]
-    if known:
-        shown.append(output.table("Taken to be known beforehand", ["", ""], known, wide=True))
-    if found.profiles:
-        names = ", ".join(found.profiles).replace("_", " ")
-        shown.append(
-            f"Not near to quadratic over {names}: intervals by the profile of the likelihood, "
-            "1.96 standard errors would mislead."
-        )
-    shown += [
-        f"A line at {value(line.frequency, 'Hz')} in the position, of "
-        f"{value(line.amplitude, 'm', 2)}: taken in as an oscillator of the sensor, which filters "
-        "of the bearing carry."
-        for line in found.lines
-    ]
-    if found.held:
-        held = [[name.replace("_", " "), why] for name, why in found.held.items()]
-        shown.append(output.table("Not found", ["", ""], held, wide=True))
-    close = [
-        [
-            f"{a.name} and {b.name}".replace("_", " "),
-            f"correlation {found.correlation[i, j]:+.2f}: their combination is known better than "
-            "each",
-        ]
-        for i, a in enumerate(found.parameters)
-        for j, b in enumerate(found.parameters[:i])
-        if abs(found.correlation[i, j]) > 0.9
-    ]
-    if close:
-        shown.append(output.table("Known together", ["", ""], close, wide=True))
-    where = "" if identified.on_others else ", which it was identified from"
-    return [*shown, *(f"{c.name}{where}: {c.verdict}" for c in identified.validation)]

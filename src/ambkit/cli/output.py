@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -71,16 +71,19 @@ def deliver_result(
     verbose: bool = False,
     plot: Path | None = None,
     report: Path | None = None,
+    more: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a result's files, print it, and say where the files are."""
     from ambkit.result.page import write_result
 
     drawn: list[File] = [
+        *files,
         (plot, lambda path: _save_figure(result, path)),
         (report, lambda path: write_result([result], path)),
-        *files,
     ]
-    deliver(result.to_dict(), told(result, verbose=verbose), drawn, as_json=as_json)
+    deliver(
+        result.to_dict() | dict(more or {}), told(result, verbose=verbose), drawn, as_json=as_json
+    )
 
 
 def _save_figure(result: Result, path: Path) -> None:

@@ -28,18 +28,18 @@ def write_result(
 ) -> None:
     """Write results on one page, which has the title and the facts of the first."""
     first = results[0]
-    words = {each.title: " ".join(remarks(each)) for each in results}
+    notes = "\n".join(f"- {markdown(note)}" for each in results for note in remarks(each))
     figures = [FigureBlock(figure) for each in results for figure in each.figures()]
     report = Report(
         title=first.title,
         subtitle="",
-        lead=markdown(first.finding),
+        lead=markdown(typeset(first.finding)),
         version=version("ambkit"),
         chapters=[
             Chapter("verdict", "Verdict" if signed else "Results", [
                 *([Remark("In short", markdown(short(results)))] if limited(results) else []),
                 *(block for each in results for block in _blocks(each)),
-                *(Remark("Notes", markdown(text)) for text in words.values() if text),
+                *([Remark("Notes", notes)] if notes else []),
             ]),
             *([Chapter("figures", "Figures", figures)] if figures else []),
             *([Chapter("signed", "Signed off", [Text(SIGNED)])] if signed else []),

@@ -169,7 +169,8 @@ def _stated(row: Row) -> dict[str, Any]:
     found: dict[str, Any] = {row.key: row.value}
     if row.at is not None:
         found[row.at.key] = row.at.value
-    return found | {f"{row.key}_{key}": of for key, of in more.items() if of is not None}
+    before = "" if row.key == "value" else f"{row.key}_"
+    return found | {f"{before}{key}": of for key, of in more.items() if of is not None}
 
 
 def _merged(first: dict[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:

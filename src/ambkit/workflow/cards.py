@@ -8,26 +8,14 @@ from typing import TYPE_CHECKING
 from ambkit.base.units import engineering
 from ambkit.judge.comparison.seeds import EVALUATED
 from ambkit.result.card import Card, value
-from ambkit.show.notebook.results import FOUND, loops, parameters
+from ambkit.show.notebook.results import loops
 from ambkit.show.plots.design import design_figure
 from ambkit.show.plots.filters import filter_figure
-from ambkit.show.plots.maximum_likelihood import identified_figure
 
 if TYPE_CHECKING:
     from ambkit.workflow.comparing import LoopScores
     from ambkit.workflow.designing import Design
     from ambkit.workflow.filtering import Filtering
-    from ambkit.workflow.identifying import Identified
-
-
-def identified(of: Identified) -> Card:
-    """Describe a bearing from records by what was found, and how it did."""
-    found = of.likelihood
-    title = f"Identification of {of.given.name}, {found.samples} measurements"
-    notes = [f"{name}: {why}" for name, why in found.held.items()]
-    notes += [f"{check.name}: {check.verdict}" for check in of.validation]
-    figure = identified_figure(found, of.validation)
-    return Card(title, parameters(found), figure, FOUND, notes)
 
 
 def filtering(of: Filtering) -> Card:

@@ -27,7 +27,6 @@ from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine, as_machine, short_form
 from ambkit.result.page import write_result
 from ambkit.show.pages.design import write_design
-from ambkit.show.pages.maximum_likelihood import annotated_toml
 from ambkit.show.plots.filters import filter_figure
 from ambkit.simulation.control_candidates import name_of
 from ambkit.simulation.scenario import GAINS, Control
@@ -52,6 +51,7 @@ from ambkit.workflow.design_control import (
     overshoot_of,
     run_of,
 )
+from ambkit.workflow.found_toml import annotated_toml
 from ambkit.workflow.identifying import identified_filter, identify
 from ambkit.workflow.over_speed import assess_over_speed
 from ambkit.workflow.stages import Stages, read_json, write_json

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.asked import Given, all_of_type, in_si, of_type
 from ambkit.base.errors import AmbkitError, ConfigError, RecordError
 from ambkit.base.progress import shown_in_notebooks
-from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
@@ -32,7 +32,7 @@ from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine, as_machine, short_form
 from ambkit.machine.stiffness import work_points
 from ambkit.result.result import Result
-from ambkit.result.row import Row
+from ambkit.result.row import Row, put
 from ambkit.result.stated import Section
 
 if TYPE_CHECKING:
@@ -77,8 +77,8 @@ def _noise_as_data(noise: Noise | str) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True, eq=False)
-class Identified(Shown):
+@dataclass(frozen=True, eq=False, repr=False)
+class Identified(Result):
     """A bearing from records of the loop, with its uncertainty, and how it did on others."""
 
     given: Bearing  #: What was known before of the axis, without what `rest` says.
@@ -135,7 +135,7 @@ class Identified(Shown):
             name: {"value": v, "standard_error": e} for name, (v, e) in at.items()
         }
 
-    @property
+    @cached_property
     def work_points(self) -> dict[str, Any]:
         """Stiffnesses at the paper's 25 work points, rows over the displacement."""
         current, displacement = work_points(self.bearing)
@@ -146,13 +146,99 @@ class Identified(Shown):
             ).items()
         }
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
+    @property
+    def title(self) -> str:
+        """Of what bearing."""
+        return f"Identification of {self.given.name}"
+
+    @property
+    def finding(self) -> str:
+        """What was found, and on what it was judged."""
+        on = "" if self.on_others else " Judged on what it was identified from: validate on others."
+        return f"{self.likelihood.finding}{on}"
+
+    @cached_property
+    def rows(self) -> list[Row]:
+        """The parameters, the stiffnesses, the noise at rest, and how it did on records."""
+        found, stiffness = [*self.likelihood.rows], self.stiffness
+        for name, unit in (("k_i", "N/A"), ("k_s", "N/m")):
+            at = stiffness[name]
+            found.append(
+                Row("value", "found", at["value"], unit, error=at["standard_error"], of=name,
+                    section=("stiffness",))
+            )  # fmt: skip
+        for name, noise in self.rest.items():
+            if not isinstance(noise, str):
+                found += put([
+                    Row("standard_deviation", "noise, rms", noise.standard_deviation, noise.unit),
+                    Row("colour", "colour", noise.colour),
+                ], section=("rest",), of=name)  # fmt: skip
+        found += self._at_work_points()
+        for check in self.validation:
+            k = check.farthest
+            found += put([
+                Row("fit", f"fit, {k} samples ahead", check.fit[k] / 100, "%"),
+                Row("fit_of_start", "of the start", check.of_start[k] / 100
+                    if k in check.of_start else None, "%"),
+                Row("held", "last measurement held", check.held[k] / 100, "%"),
+                Row("error", "error, rms", check.error[k], "m", 3),
+                Row("white", "white lags", check.residual.share_within, "%"),
+                Row("free_of_control", "free of control", check.cross.share_within, "%"),
+                Row("nis", "mean NIS", check.nis, digits=3),
+            ], section=("fits",), of=check.name)  # fmt: skip
+        return found
+
+    def _at_work_points(self) -> Iterator[Row]:
+        """Yield the stiffnesses at the paper's work points, a column for each current."""
+        for name, unit in (("k_i", "N/A"), ("k_s", "N/m")):
+            at = self.work_points[name]
+            for j, x in enumerate(self.work_points["displacement"]):
+                for k, iu in enumerate(self.work_points["current"]):
+                    shown = engineering(x, "m", 3)
+                    yield Row(
+                        shown, shown, at["value"][j][k], unit, error=at["standard_error"][j][k],
+                        of=engineering(iu, "A", 3), section=(name,), detail=True,
+                    )  # fmt: skip
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        at = self.stiffness
+        where = f"{engineering(at['current'], 'A', 2)}, {engineering(at['displacement'], 'm', 2)}"
+        return self.likelihood.sections | {
+            ("stiffness",): Section(f"Stiffness at {where}", across=True),
+            ("k_i",): Section("k_i at work points, where the records have been and by the law"),
+            ("k_s",): Section("k_s at work points, where the records have been and by the law"),
+            ("rest",): Section("At rest", across=True),
+            ("fits",): Section("On records", across=True),
+        }
+
+    @property
+    def notes(self) -> list[str]:
+        """What to think of it."""
+        where = "" if self.on_others else ", which it was identified from"
+        notes = [*self.likelihood.notes, *(f"{said}." for said in self.of_the_zeros)]
+        problems = {name: why for name, why in self.rest.items() if isinstance(why, str)}
+        notes += [f"{name} at rest: {why}" for name, why in problems.items()]
+        notes += [f"{check.name}{where}: {check.verdict}" for check in self.validation]
+        if self.forces is not None:
+            along, across = self.forces.force.shape
+            notes.append(
+                f"Force map: {across}x{along} nodes; the records tell of "
+                f"{int(self.forces.observed.sum())}, which are written: there the force is known "
+                f"to less than half of the {engineering(self.forces.assumed, 'N', 3)} by which the "
+                "law may be wrong."
+            )
+        return notes
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Stiffnesses at work points, noise at rest, residuals, and how the search went."""
         found = self.likelihood
-        data = found.to_dict() | {
+        data = dict(found.series) | {
             "bearing": self.given.name,
             "magnet_constant": found["magnet_constant"],
-            "stiffness": self.stiffness,
+            "stiffness": {name: self.stiffness[name] for name in ("current", "displacement")},
             "work_points": self.work_points,
             "rest": {name: _noise_as_data(noise) for name, noise in self.rest.items()},
             "validated_on_other_records": self.on_others,
@@ -165,6 +251,20 @@ class Identified(Shown):
                 "assumed": self.forces.assumed,
             }
         return data
+
+    def figures(self) -> list[Figure]:
+        """Return what was found, how surely, and how it does on records."""
+        from ambkit.show.plots import maximum_likelihood as plots
+
+        record, first = self.records[0], self.validation[0]
+        model = self.likelihood.model
+        return [
+            plots.identified_figure(self.likelihood, self.validation),
+            *self.likelihood.figures(),
+            plots.fit_figure(self.validation),
+            plots.prediction_figure(model, record, first.farthest, first.name),
+            plots.residual_figure(self.validation),
+        ]
 
 
 def identified_filter(

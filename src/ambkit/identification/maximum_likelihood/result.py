@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.base import late_binding
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Shown
+from ambkit.base.units import figure
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
     OFFSETS,
@@ -21,20 +22,27 @@ from ambkit.identification.maximum_likelihood.parameters import (
 )
 from ambkit.identification.maximum_likelihood.search import RULED_OUT
 from ambkit.identification.noise import with_steps
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.current import FlowingCurrent
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.parts import Hum
+    from ambkit.result.report.figure import Figure
 
 Array = NDArray[np.float64]
+
+TOGETHER = 0.9
+"""Correlation from which on two parameters are known only together."""
 
 CONFIDENCE = 1.959964
 """Standard errors to either side that hold 95 %."""
 
 
-@dataclass(frozen=True, eq=False)
-class MaximumLikelihood(Shown):
+@dataclass(frozen=True, eq=False, repr=False)
+class MaximumLikelihood(Result):
     """What records say about a bearing, p parameters found."""
 
     start: LoopModel  #: Where the search began, as the user gave it, and what it found.
@@ -152,21 +160,90 @@ class MaximumLikelihood(Shown):
         values = at(np.zeros(len(self.parameters)))
         return {"k_i": (values[0], errors[0]), "k_s": (values[1], errors[1])}
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, SI, ready for JSON."""
+    @property
+    def title(self) -> str:
+        """Of what bearing."""
+        return f"Identification of {self.bearing.name}"
+
+    @property
+    def finding(self) -> str:
+        """The magnet constant, or the first parameter."""
+        names = [p.name for p in self.parameters]
+        name = "magnet_constant" if "magnet_constant" in names else names[0]
+        found = next(row for row in self.rows if row.of == name and row.key == "value")
+        return (
+            f"{self.bearing.name}: {name.replace('_', ' ')} {found.text()}, by maximum likelihood "
+            f"from {self.samples} measurements."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        """Each parameter: start, found, errors."""
+        rows: list[Row] = []
+        for i, p in enumerate(self.parameters):
+            rows += put([
+                Row("start", "start", p.of(self.start), p.unit),
+                Row("value", "found", float(self.values[i]), p.unit, symbol=p.symbol,
+                    error=self.standard_error(p.name), interval=self.interval(p.name)),
+                Row("robust_standard_error", "robust error",
+                    self.standard_error(p.name, robust=True), p.unit, 2, detail=True),
+                Row("told_by_records", "by the records", float(self.told[i]), "%", detail=True),
+            ], section=("parameters",), of=p.name)  # fmt: skip
+        return rows
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Title of the table."""
+        title = f"{self.bearing.name}: identified from {self.samples} measurements"
+        return {("parameters",): Section(title, across=True)}
+
+    @property
+    def notes(self) -> list[str]:
+        """What could not be told, or only together, and what is to be known of the records."""
+        notes = [
+            f"{name.replace('_', ' ')} was not found: {why}." for name, why in self.held.items()
+        ]
+        notes += [
+            f"{a.name}, {b.name}: correlation {self.correlation[i, j]:+.2f}, their combination is "
+            "known better than each.".replace("_", " ")
+            for i, a in enumerate(self.parameters)
+            for j, b in enumerate(self.parameters[:i])
+            if abs(self.correlation[i, j]) > TOGETHER
+        ]
+        notes += [
+            f"{p.name.replace('_', ' ')} was known beforehand, "
+            f"{figure(self.model.known[p.name][0], p.unit)} ± "
+            f"{figure(self.model.known[p.name][1], p.unit, 2)}: the records tell "
+            f"{100 * self.told[i]:.0f} % of what the found value rests on."
+            for i, p in enumerate(self.parameters) if p.name in self.model.known
+        ]  # fmt: skip
+        if self.profiles:
+            names = ", ".join(self.profiles).replace("_", " ")
+            notes.append(
+                f"Not near to quadratic over {names}: intervals by the profile of the likelihood, "
+                "1.96 standard errors would mislead."
+            )
+        notes += [
+            f"A line at {figure(line.frequency, 'Hz')} in the position, of "
+            f"{figure(line.amplitude, 'm', 2)}: taken in as an oscillator of the sensor, which "
+            "filters of the bearing carry."
+            for line in self.lines
+        ]
+        notes += [f"{said[0].upper()}{said[1:]}." for said in (*self.touched, *self.remarks)]
+        if not self.converged:
+            notes.append("The search did not end at a maximum: take a closer start, or free less.")
+        return notes
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """How the search went, and what is known of the parameters together."""
         return {
             "parameters": {
                 p.name: {
-                    "value": float(self.values[i]),
                     "unit": p.unit,
-                    "standard_error": self.standard_error(p.name),
-                    "robust_standard_error": self.standard_error(p.name, robust=True),
-                    "interval_95": list(self.interval(p.name)),
                     "interval_by": "profile" if p.name in self.profiles else "standard error",
-                    "told_by_records": float(self.told[i]),
-                    "start": p.of(self.start),
                 }
-                for i, p in enumerate(self.parameters)
+                for p in self.parameters
             },
             "correlation": self.correlation.tolist(),
             "held": dict(self.held),
@@ -188,6 +265,11 @@ class MaximumLikelihood(Shown):
                 for h in self.lines
             ],
         }
+
+    def figures(self) -> list[Figure]:
+        """Return estimates and their correlations."""
+        return [late_binding.call("estimates_figure", self),
+                late_binding.call("correlation_figure", self)]  # fmt: skip
 
     def _place(self, name: str) -> int:
         for at, parameter in enumerate(self.parameters):

@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.base.units import engineering, typeset
-from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.online.side_by_side import NAMES
 from ambkit.judge.comparison.criteria import CRITERIA
 from ambkit.judge.comparison.seeds import EVALUATED
 from ambkit.result.card import Card, value
 from ambkit.show.plots.comparison import comparison_figure
 from ambkit.show.plots.identification import identification_figure
-from ambkit.show.plots.maximum_likelihood import estimates_figure
 from ambkit.show.plots.online import online_figure
 from ambkit.show.plots.study import cases_figure, matrix_figure
 
@@ -117,24 +115,3 @@ def side_by_side(of: SideBySide) -> Card:
     title = f"Magnet constant of {of.bearing.name}, learned online"
     heads = ["", "magnet constant", "standard error"]
     return Card(title, rows, online_figure(of), heads, [of.agreement, *of.notes])
-
-
-def parameters(found: MaximumLikelihood) -> list[list[str]]:
-    """Return what was found, a row each: name, value, 95 % interval, start."""
-    return [
-        [p.name, value(found[p.name], p.unit),
-         " to ".join(value(end, p.unit, 3) for end in found.interval(p.name)),
-         value(p.of(found.start), p.unit)]
-        for p in found.parameters
-    ]  # fmt: skip
-
-
-FOUND = ("", "found", "95 % interval", "start")
-"""Over the columns of `parameters`."""
-
-
-def maximum_likelihood(of: MaximumLikelihood) -> Card:
-    """Describe what records say about a bearing."""
-    title = f"Identification of {of.bearing.name}, {of.samples} measurements"
-    notes = [f"{name}: {why}" for name, why in of.held.items()]
-    return Card(title, parameters(of), estimates_figure(of), FOUND, notes)

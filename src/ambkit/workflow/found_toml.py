@@ -1,0 +1,104 @@
+"""A bearing that was identified, as TOML with the standard error of each value beside it."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+from ambkit.base.units import engineering
+
+if TYPE_CHECKING:
+    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+    from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
+
+
+def annotated_toml(
+    found: MaximumLikelihood,
+    folder: str | os.PathLike[str] | None = None,
+    machine: Machine | None = None,
+) -> str:
+    """Return the bearing as TOML, each value that was found with its standard error beside it."""
+    # What is of the log and not of the bearing (offsets, load, a delay that cannot be told from
+    # none) stands above in comments, with the lines of a channel map that take it out. Files that
+    # it names are seen from `folder`, where it will lie.
+    several = None if machine is None or machine.single else machine
+    in_bearing = {"current_lag": ("amplifier", "bandwidth")}
+    if found.delay_counts:
+        in_bearing["delay"] = ("", "delay")
+    places = {in_bearing.get(p.name, tuple(p.place.split("__"))): p for p in found.parameters}
+    lines = [f"# Identified by maximum likelihood from {found.samples} measurements."]
+    for p in found.parameters:
+        of_log = "__" not in p.place and p.name not in in_bearing
+        if of_log or several:
+            of = "log" if of_log else f"axis {found.bearing.name}"
+            lines.append(f"# Of the {of}: {p.name} = {_with_error(found, p.name)}.")
+    lines += [f"# Not found: {name}: {why}." for name, why in found.held.items()]
+    carried = carried_over(found.model, delay=not found.delay_counts, offsets=found.offsets_count)
+    lines += [f"# {line}".rstrip() for line in carried]
+    table = ""
+    if several:
+        return "\n".join(lines) + "\n" + several.to_toml(folder)
+    for line in found.bearing.to_toml(folder).splitlines():
+        if line.startswith("["):
+            table = line.strip("[]")
+        place = table, line.partition(" = ")[0]
+        if place in places:
+            p = places[place]
+            error = engineering(found.standard_error(p.name), p.unit, 2, like=found[p.name])
+            line += f"  # found, standard error {error}"
+            if p.name == "current_lag":
+                line += f" of its lag, {engineering(found[p.name], p.unit, 4)}"
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def carried_over(model: LoopModel, *, delay: bool = True, offsets: bool = True) -> list[str]:
+    """Say how what is of the log gets into a channel map, and into ``ambkit filter``."""
+    # With these lines a record is read as `LoopModel.corrected` gives it, but for the lag of the
+    # current, which is the bearing's.
+    volts = model.current_offset / model.bearing.amplifier.gain
+    of_y = [f'offset = "{engineering(-model.position_offset, "m", 6)}"']
+    of_u = [f'offset = "{engineering(volts, "V", 6)}"']
+    if not (model.position_offset and offsets):
+        of_y = []
+    if not (volts and offsets):
+        of_u = []
+    if model.delay and delay:
+        # Of u and not of y: what is held is averaged over the sample, y would be interpolated.
+        of_u.append(f'delay = "{engineering(-model.delay, "s", 6)}"  # it acts later than logged')
+    lines = []
+    for name, those in zip(model.signals, (of_y, of_u), strict=True):
+        if those:
+            lines += [f"[signals.{name}]", *those]
+    if lines:
+        lines = [
+            "To filter this log, put into its channel map (to an offset or a delay that is there, "
+            "add):",
+            *(f"  {line}" for line in lines),
+        ]
+    known = _known_to_filters(model.late_bearing(delay=not delay))
+    if known:
+        lines.append(f"{known} A map needs none.")
+    growth = f"{model.load_growth:.4g} N^2/s"
+    return [*lines, f'The load, as it wandered: ambkit filter ... --disturbance-noise "{growth}"']
+
+
+def _known_to_filters(bearing: Bearing) -> str:
+    """Say what of the loop is the bearing's, in a sentence; nothing where there is none."""
+    known = [
+        f"{what} of {engineering(value, unit, 4)}"
+        for what, value, unit in (
+            ("a delay", bearing.delay, "s"),
+            ("an amplifier", bearing.amplifier.bandwidth, "Hz"),
+        )
+        if value is not None
+    ]
+    return f"The bearing has {' and '.join(known)}, which its filters know." if known else ""
+
+
+def _with_error(found: MaximumLikelihood, name: str) -> str:
+    p = next(p for p in found.parameters if p.name == name)
+    error = engineering(found.standard_error(name), p.unit, 2, like=found[name])
+    return f"{engineering(found[name], p.unit, 4)} (standard error {error})"
