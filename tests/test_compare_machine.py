@@ -76,7 +76,7 @@ def test_each_closes_its_own_loop_on_a_machine(tmp_path, monkeypatch, capsys):
                     load="2 N", duration="40 ms", runs=2)  # fmt: skip
     score = found.scores["20 µm"]["linear"]
     happening = found.happenings["20 µm"].scenario
-    assert [each.axis for each in happening.disturbance] == ["A1"]
+    assert [axis for axis, _ in happening.by_axis("disturbance", "A1")] == ["A1"]
     for seed, error in enumerate(score.rmse["f_d"]):
         run = simulate_machine(
             MACHINE, happening.replace(seed=seed), estimator=KalmanFilter(MACHINE)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from operator import itemgetter
@@ -266,15 +266,6 @@ def holding(
     # that of one axis alone, `PEAK`, with most stiffness; or the lowest that is found. Where a step
     # of a reference overshoots by more than `OVERSHOOT`, kp sees less of it.
     return _held(machine, feedback)
-
-
-def overshoot_of(
-    machine: Machine,
-    pids: Sequence[Gains],
-    feedback: Literal["measurement", "estimate"] = "measurement",
-) -> float:
-    """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
-    return _Loop(machine, feedback).overshoot(tuple(pids))
 
 
 @lru_cache(maxsize=64)

@@ -9,9 +9,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf, zone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine, as_machine, short_form
-from ambkit.machine.magnets import own_time
 from ambkit.simulation.default_control import default_control
-from ambkit.simulation.holding import overshoot
 from ambkit.simulation.scenario import GAINS, PID, Control, Scenario
 
 if TYPE_CHECKING:
@@ -62,11 +60,6 @@ def control_in(path: Any, bearing: Bearing | Machine) -> Control:
     pid = Scenario.load(path).controller
     gains: dict[str, Any] = {key: getattr(pid, key) for key in GAINS}
     return Control(type="decentralised", pid={"x": PID(**gains)})
-
-
-def overshoot_of(loop: AssessedLoop) -> float:
-    """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
-    return overshoot(loop.loop, max(map(own_time, loop.of.alone)), len(loop.of.axes))
 
 
 def objections_to_loop(loop: AssessedLoop, ceiling: float | None) -> Sequence[str]:

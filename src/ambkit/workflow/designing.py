@@ -23,12 +23,14 @@ from ambkit.judge.adequacy import sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.evaluation import evaluate
 from ambkit.judge.loop.loop_of import ZONE_A
+from ambkit.machine.bank import slowest_time
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine, as_machine, short_form
 from ambkit.result.page import write_result
 from ambkit.show.pages.design import write_design
 from ambkit.show.plots.filters import filter_figure
 from ambkit.simulation.control_candidates import name_of
+from ambkit.simulation.holding import overshoot
 from ambkit.simulation.scenario import GAINS, Control
 from ambkit.workflow.assessing import assess
 from ambkit.workflow.design_candidates import (
@@ -48,7 +50,6 @@ from ambkit.workflow.design_control import (
     control_in,
     controller_of,
     objections_to_loop,
-    overshoot_of,
     run_of,
 )
 from ambkit.workflow.found_toml import annotated_toml
@@ -249,8 +250,9 @@ def design(
     made = {name: what for name, what in FILES.items() if (place / name).exists()}
     made["design.html"] = FILES["design.html"]
     notes = (*work.notes, *sentences([each for each in adequacy if not each.fatal]))
+    step = overshoot(loop.loop, slowest_time(found), len(found.axes))
     design = Design(
-        place, found, control, tuple(candidates), chosen, assessed, overshoot_of(loop),
+        place, found, control, tuple(candidates), chosen, assessed, step,
         objections, exported, made, notes, adequacy,
     )  # fmt: skip
     note("drawing")
