@@ -12,11 +12,12 @@ from scipy.stats import chi2
 
 import ambkit
 from ambkit import AmbkitError, Bearing
+from ambkit.estimate.own import OwnEstimator
 from ambkit.estimate.view import View
 from ambkit.judge.comparison import cases, criteria
 from ambkit.judge.comparison.bench import Sweep, bench, sweep
 from ambkit.judge.comparison.cases import CASES, Load, trials, walk_case
-from ambkit.judge.comparison.contenders import PythonEstimator, contenders, expand
+from ambkit.judge.comparison.contenders import contenders, expand
 from ambkit.judge.comparison.spread import CERTAIN, Spread
 from ambkit.judge.comparison.study import learned, pieces_of, study
 from ambkit.judge.comparison.tuning import errors, tune
@@ -390,7 +391,7 @@ class OwnLinear:
 
 def test_own_code_sees_what_the_kinds_see() -> None:
     record = trials(SHORT, BEARING, 1, 0)[0].record
-    own = PythonEstimator(OwnLinear(BEARING), BEARING, "own").run(record)
+    own = OwnEstimator(BEARING, OwnLinear).run(record)
     np.testing.assert_array_equal(own.mean, ambkit.KalmanFilter(BEARING).run(record).mean)
 
 
@@ -409,7 +410,7 @@ def test_own_code_from_a_file(tmp_path: Path) -> None:
     with pytest.raises(AmbkitError, match=r"Short: step\(y, u\) at sample 0"):
         contenders([f"{file}:Short"], BEARING)["Short"].build().run(record)
     for name, message in {
-        "NoStep": r"needs a method step\(y, u\)",
+        "NoStep": "NoStep: it needs a method step",
         "Nobody": "there is no class Nobody; it has MyFilter, Short, NoStep",
     }.items():
         with pytest.raises(AmbkitError, match=message):
@@ -422,7 +423,7 @@ def test_own_code_from_a_file(tmp_path: Path) -> None:
 
 
 def test_names_that_nobody_has() -> None:
-    with pytest.raises(AmbkitError, match='no estimator "lineal"; known: all, '):
+    with pytest.raises(AmbkitError, match='no estimator "lineal"; known: low-pass'):
         expand("lineal")
     with pytest.raises(AmbkitError, match="no estimator is named"):
         expand(" , ")

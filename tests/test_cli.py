@@ -810,7 +810,7 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("torture zittau_axial --estimator linear --steps 9", "9 steps have no room for a fault"),
         ("compare zittau_axial --seeds 0", "'--runs' / '--seeds'"),
         ("compare zittau_axial --case papers", 'no case "papers"; known: paper, uncertain'),
-        ("compare zittau_axial --estimators ukv", 'no estimator "ukv"; known: all, '),
+        ("compare zittau_axial --estimators ukv", 'no estimator "ukv"; known: low-pass'),
         ("compare zittau_axial --spread 120%", "--spread must be from 0 to below 100 %, is 120 %"),
         (
             "compare zittau_axial --load 3N --tune 5",

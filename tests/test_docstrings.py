@@ -115,6 +115,10 @@ def arrays() -> Iterator[tuple[str, str, str]]:
                     yield name, key, member.__doc__ or ""
 
 
+def is_protocol(thing: type) -> bool:
+    return bool(getattr(thing, "_is_protocol", False))
+
+
 def parameters(thing: Callable[..., Any]) -> set[str]:
     """Return the parameters that need words: not self, and no tag that can only be one thing."""
     if inspect.isclass(thing) and issubclass(thing, BaseModel):
@@ -124,8 +128,8 @@ def parameters(thing: Callable[..., Any]) -> set[str]:
             for name, field in fields
             if not field.description and len(get_args(field.annotation)) != 1
         }
-    if inspect.isclass(thing) and "__init__" not in vars(thing):
-        return set()  # an enumeration, or an error that is only a name
+    if inspect.isclass(thing) and ("__init__" not in vars(thing) or is_protocol(thing)):
+        return set()  # an enumeration, a protocol, or an error that is only a name
     return set(inspect.signature(thing).parameters) - {"self", "cls"}
 
 

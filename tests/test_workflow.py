@@ -9,12 +9,12 @@ import ambkit
 from ambkit.cli.kinds import NAMES
 from ambkit.cli.main import main
 from ambkit.cli.output import plain
+from ambkit.estimate.named import USUAL, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.fuzzy.training import train
 from ambkit.judge.comparison.study import study
 from ambkit.machine.forces.file import load_force_points
 from ambkit.workflow import comparing, training
-from ambkit.workflow.estimators import USUAL, factories
 from ambkit.workflow.filtering import filter as filter_record
 from ambkit.workflow.filtering import stretch_to_tune_on
 from ambkit.workflow.identifying import identify, identify_by_lift_off, noise_at_rest

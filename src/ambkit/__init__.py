@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.noise import FilterNoise as FilterNoise
     from ambkit.estimate.observer import ExtendedStateObserver as ExtendedStateObserver
     from ambkit.estimate.observer import SteadyStateKalmanFilter as SteadyStateKalmanFilter
+    from ambkit.estimate.own import EstimatorProtocol as EstimatorProtocol
     from ambkit.estimate.unscented import UnscentedKalmanFilter as UnscentedKalmanFilter
     from ambkit.export.statespace import to_control as to_control
     from ambkit.fuzzy.expert import Expert as Expert
@@ -115,6 +116,7 @@ _HOME = {
     "estimate.magnet_scale": ["AugmentedKalmanFilter", "MultipleModelFilter"],
     "estimate.noise": ["FilterNoise"],
     "estimate.observer": ["ExtendedStateObserver", "SteadyStateKalmanFilter"],
+    "estimate.own": ["EstimatorProtocol"],
     "estimate.unscented": ["UnscentedKalmanFilter"],
     "export.statespace": ["to_control"],
     "fuzzy.expert": ["Expert"],

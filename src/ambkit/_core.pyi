@@ -252,6 +252,11 @@ class LowPass(Estimator):
 
     def __init__(self, magnet: Magnet | list[Magnet], model: Model, m: float, position: float, velocity: float, force: float, **settings: Any) -> None: ...
 
+class Own(Estimator):
+    """An estimator in Python."""
+
+    def __init__(self, magnet: Magnet | list[Magnet], model: Model, answer: Any, **settings: Any) -> None: ...
+
 class Augmented(Estimator):
     """State augmented by the magnet's scale (ambkit/augmented.h)."""
 

@@ -160,6 +160,22 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
     assert_type(ambkit.assess_log(injection.record, bearing).zone, str)
 
 
+class Raw:
+    """An estimator of one's own."""
+
+    def step(self, y: float, u: float) -> tuple[float, ...]:
+        """Return what the sensor says."""
+        return y, 0.0, 0.0, y
+
+
+def of_ones_own(bearing: ambkit.Bearing) -> None:
+    """What has a step, and what a verb returns."""
+    own: ambkit.EstimatorProtocol = Raw()
+    assert_type(ambkit.simulate_run(bearing, estimator=type(own)).samples_at_the_stop, int)
+    found: ambkit.Result = ambkit.assess(bearing, {"naive": ambkit.ConstantVelocity(bearing)})
+    assert found is not None
+
+
 def whole_machine() -> None:
     """Four axes of a rotor."""
     machine = ambkit.Machine.preset("hindawi_2011")
@@ -219,5 +235,6 @@ if __name__ == "__main__":
     estimates(plant, network, log)
     judged(plant, happening, log)
     designed(plant, log)
+    of_ones_own(plant)
     whole_machine()
     many_machines()

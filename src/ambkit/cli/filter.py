@@ -239,8 +239,8 @@ def _say_how_it_was_tuned(one: Filtered) -> None:
 def _adequacy(name: str, one: Filtered, build: Any, machine: Any) -> list[dict[str, Any]]:
     """Say whether a filter from a file may fly on a machine; of any other what NIS says."""
     from ambkit.cli import output
+    from ambkit.estimate.named import FromFile
     from ambkit.judge.adequacy import judge_adequacy
-    from ambkit.workflow.estimators import FromFile
 
     saved = build() if isinstance(build, FromFile) else None
     return output.say_adequacy(judge_adequacy(saved, machine, nis=one.evaluation.nis), name)

@@ -17,12 +17,12 @@ from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, kind_cal
 
 if TYPE_CHECKING:
     from ambkit.estimate.filter_file import FilterFile
+    from ambkit.estimate.named import Factory
     from ambkit.fuzzy.expert import Expert
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.surface import ForceSurface
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.workflow.estimators import Factory
 
 NAMES = tuple(KINDS)
 
@@ -76,8 +76,8 @@ def factories(
     synchronous: Sequence[str] = (),
 ) -> dict[str, Factory]:
     """Return what builds each of the chosen estimators, as often as asked."""
-    from ambkit.workflow.estimators import expanded
-    from ambkit.workflow.estimators import factories as built
+    from ambkit.estimate.named import expanded
+    from ambkit.estimate.named import factories as built
 
     chosen = expanded(chosen)
     if expert is not None and "adaptive" not in chosen:

@@ -88,6 +88,7 @@ class Estimator(Copyable):
     """Where a number came from, by its key in a filter's file."""
     _of_core: tuple[str, ...] = ("core", "engine", "_core_step", "_live_mean")
     estimates_noise = True  # whether sensor noise with a memory is among its states
+    side_by_side = True  # whether runs side by side can share it
     several_axes = True  # whether it takes a whole machine
     by_model = True  # whether it predicts by the machine's model
     predicts = "force held, all else exact"  # from a sample to the next, for the export's README

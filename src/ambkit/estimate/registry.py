@@ -16,6 +16,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.own_class import MARK
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -290,9 +291,13 @@ def kind_called(name: str) -> Kind:
 
 
 def check_named(name: str) -> None:
-    """Refuse what is neither a kind, nor ``"all"`` of them, nor a filter's file."""
-    if name not in KINDS and name != "all" and not name.endswith(FILTER_SUFFIX):
-        known = f"known: {', '.join(KINDS)}, all, or the file of a filter ({FILTER_SUFFIX})"
+    """Refuse what is neither a kind, ``"all"`` of them, a filter's file, nor a user's class."""
+    known_so = name in KINDS or name == "all" or name.endswith(FILTER_SUFFIX) or MARK in name
+    if not known_so:
+        known = (
+            f"known: {', '.join(KINDS)}, all, the file of a filter ({FILTER_SUFFIX}), or a class "
+            "of your own as file.py:Class"
+        )
         raise AmbkitError(f'there is no estimator "{name}"; {known}')
 
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.base.errors import AmbkitError
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.batch import processors
 from ambkit.estimate.estimate import Status
@@ -355,6 +356,10 @@ class _Engine:
 
         loop = of(planned.scenario)
         estimator = loop.estimator
+        if estimator is not None and not estimator.side_by_side:
+            raise AmbkitError(
+                f"{estimator.name}: it is in Python and has one state; runs side by side take kinds"
+            )
         precision = "float64" if estimator is None else estimator.precision
         core = core_module(precision) if estimator is None else estimator.engine.core
 

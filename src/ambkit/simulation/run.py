@@ -410,9 +410,7 @@ class Loop:
         units = {name: unit for name, unit in known.items() if name in signals}
         record = Record(t, {name: signals[name] for name in units}, units, meta=meta)
         usable = out["usable"].astype(bool) if "usable" in out else None
-        estimate = None
-        if estimator is not None:
-            estimate = Estimate.from_core(t, out["estimate"], estimator.name, estimator.states)
+        estimate = None if estimator is None else estimator.told(t, out["estimate"])
         return Run(bearing, record, estimate, out["status"], usable)
 
 

@@ -12,6 +12,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
 from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
+from ambkit.estimate.named import USUAL, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.cases import CASES, Case
 from ambkit.judge.comparison.seeds import Score, compare
@@ -19,7 +20,6 @@ from ambkit.judge.comparison.spread import Spread
 from ambkit.judge.comparison.study import Study, across, pieces_of, study
 from ambkit.machine.bank import alone_of
 from ambkit.simulation.scenario import Scenario
-from ambkit.workflow.estimators import USUAL, factories
 from ambkit.workflow.simulating import scenario_for
 
 if TYPE_CHECKING:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from ambkit.base.asked import Given, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
+from ambkit.estimate.named import USUAL, factories
 from ambkit.judge.comparison.cases import Case
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.map_of import surface_in
@@ -23,7 +24,6 @@ from ambkit.workflow.comparing import (
     compare_in_loops,
     happenings,
 )
-from ambkit.workflow.estimators import USUAL, factories
 from ambkit.workflow.saved_filters import save_filters as write_filters
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def compare(
         One of :data:`ambkit.judge.comparison.cases.CASES`, by default ``"paper"``; or ``"all"``.
     estimators : sequence of str, optional
         Kinds, filters' files, or ``file.py:Class``; by default all kinds, in loops of one's own
-        `ambkit.workflow.estimators.USUAL`. There also a mapping of names to what builds each.
+        `ambkit.estimate.named.USUAL`. There also a mapping of names to what builds each.
     tune : int
         Evaluations to tune each with; 0: defaults.
     runs, seed : int

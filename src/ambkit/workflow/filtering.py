@@ -13,12 +13,12 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
 from ambkit.data.record import Record
 from ambkit.data.signals import by_name, signal
+from ambkit.estimate.named import USUAL, Factory, FromFile, factories
 from ambkit.estimate.noise import FilterNoise
 from ambkit.judge.evaluation import Evaluation, errors_along, evaluate
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine, as_machine
 from ambkit.simulation.sequence import Mode
-from ambkit.workflow.estimators import USUAL, Factory, FromFile, factories
 from ambkit.workflow.harmonics import Harmonic, harmonics
 from ambkit.workflow.oddities import OutsideOfBox, outside_of_box
 from ambkit.workflow.tuning import default_disturbance, log_likelihood, tune_disturbance
@@ -190,7 +190,7 @@ def filter(
     estimators : iterable of str, or mapping of str to Factory
         Some of :data:`ambkit.estimate.registry.KINDS`, or what builds them.
     magnets : mapping of str to MagnetModel, optional
-        What kinds ask for k_i and k_s, see :func:`ambkit.workflow.estimators.factories`.
+        What kinds ask for k_i and k_s, see :func:`ambkit.estimate.named.factories`.
     noise : FilterNoise, optional
         What is known of the noise.
     tune : float or str, optional

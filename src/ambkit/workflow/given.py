@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base.asked import in_si, names_in, of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.estimate.named import factories
+from ambkit.estimate.own import OwnEstimator, is_own
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine, as_machine
-from ambkit.workflow.estimators import factories
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -28,7 +29,12 @@ def given_estimators(given: Any, bearing: Bearing | Machine) -> dict[str, Estima
 
     if given is None:
         return {}
-    found: dict[str, Estimator] = dict(given) if isinstance(given, Mapping) else {}
+    if is_own(given):
+        given = {given.__name__: given}
+    found: dict[str, Estimator] = {
+        name: OwnEstimator(bearing, each, name) if is_own(each) else each
+        for name, each in (given.items() if isinstance(given, Mapping) else ())
+    }
     for each in found.values():
         of_type(Estimator, filter=each)
     for each in () if isinstance(given, Mapping) else names_in(Estimator, filter=given):

@@ -16,6 +16,8 @@ from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.base import Estimator
+from ambkit.estimate.named import factories
+from ambkit.estimate.own import EstimatorProtocol, OwnEstimator, is_own
 from ambkit.judge.evaluation import errors_along
 from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import Bearing
@@ -30,7 +32,6 @@ from ambkit.simulation.run import simulate_run as looped
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.sequence import Mode
 from ambkit.simulation.waveforms import Recorded, Step
-from ambkit.workflow.estimators import factories
 
 if TYPE_CHECKING:
     from ambkit.machine.magnets import MagnetModel
@@ -146,7 +147,7 @@ def simulate_run(
     bearing: Bearing | Machine,
     scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
-    estimator: Estimator | str | None = None,
+    estimator: Estimator | type[EstimatorProtocol] | str | None = None,
     magnet: MagnetModel | None = None,
     force_map: str | os.PathLike[str] | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
@@ -170,9 +171,10 @@ def simulate_run(
     scenario : Scenario or path, optional
         What happens to it; the controllers are those of the machine, as far as it says nothing
         else.
-    estimator : Estimator or str, optional
+    estimator : Estimator, class or str, optional
         In the loop, or beside it where the controller is fed by the measurement: an object, a kind,
-        a filter's file, or ``"none"``. By default the linear filter where the controller needs one.
+        a filter's file, a class of one's own (`EstimatorProtocol`) or its ``file.py:Class``, or
+        ``"none"``. By default the linear filter where the controller needs one.
     magnet : MagnetModel, optional
         The plant's own magnet, where it is not what the bearing describes; of a single axis, as
         `force_map` and `imposed`.
@@ -206,6 +208,8 @@ def simulate_run(
     >>> run.estimate.estimator
     'adaptive Kalman filter'
     """
+    if is_own(estimator):
+        estimator = OwnEstimator(bearing, estimator)
     if estimator is not None:
         of_type(Estimator, str, estimator=estimator)
     without = isinstance(estimator, str) and estimator == "none"
@@ -220,7 +224,7 @@ def simulate_run(
             f'{place}the controller is fed by the estimate (feedback = "estimate"), so the '
             "estimator cannot be none"
         )
-    made = estimator if not isinstance(estimator, str) else None
+    made = estimator if isinstance(estimator, Estimator) else None
     if isinstance(estimator, str) and not without:
         built = factories([estimator], machine, magnets)
         if len(built) > 1:
@@ -243,7 +247,7 @@ def simulate(
     bearing: Bearing | Machine,
     scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
-    estimator: Estimator | str | None = None,
+    estimator: Estimator | type[EstimatorProtocol] | str | None = None,
     magnet: MagnetModel | None = None,
     force_map: str | os.PathLike[str] | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,

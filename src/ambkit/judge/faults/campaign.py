@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.base.asked import names_in, of_type
+from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
-from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.estimate.named import factories
+from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.contenders import suited
 from ambkit.judge.faults.declared import CLEAN, FAULTS
 from ambkit.judge.faults.flight import Flight, Outcome
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
     from ambkit.judge.faults.declared import Channel
     from ambkit.machine.magnets import Precision
     from ambkit.simulation.run import Run
-
-Factory = Callable[..., "Estimator"]
 
 BASELINE = "measurement"
 """Stands for the loop without an estimator: the controller is fed by the measurement."""
@@ -136,7 +135,7 @@ def flights_of(estimators: int, faults: Iterable[str], seeds: int, *, steps: int
 
 def torture(
     bearing: Bearing | Machine,
-    estimators: Sequence[str] | Mapping[str, Factory] | None = None,
+    estimators: Sequence[str] | Mapping[str, Callable[..., Estimator]] | None = None,
     *,
     reading: str | None = None,
     faults: Iterable[str] | None = None,
@@ -196,7 +195,11 @@ def torture(
     if isinstance(bearing, Machine) and "lift-off" in named:  # its own start has lift-off
         named.remove("lift-off")
     kinds = suited(list(KINDS), bearing)
-    built = _factories(bearing, kinds if estimators is None else estimators)
+    built: Mapping[str, Callable[..., Estimator]] = (
+        estimators
+        if isinstance(estimators, Mapping)
+        else factories(kinds if estimators is None else estimators, bearing)
+    )
 
     works = [
         _Work(Flight(bearing, controller, in_loop, seed, precision, at), name, build)
@@ -233,7 +236,7 @@ class _Work:
 
     flight: Flight
     name: str
-    build: Factory | None
+    build: Callable[..., Estimator] | None
 
     def run(self, channel: Channel) -> Run:
         made = None if self.build is None else self.build(precision=self.flight.precision)
@@ -262,23 +265,6 @@ def _campaign(
             raise AmbkitError(f"{steps} steps have no room for a fault and its aftermath")
         yield flight.evaluate(work.run(channel), windows, band, fault=MIXTURE, estimator=work.name)
         done(MIXTURE)
-
-
-def _factories(
-    bearing: Bearing | Machine, estimators: Iterable[str] | Mapping[str, Factory]
-) -> Mapping[str, Factory]:
-    """Return what builds each estimator."""
-    if isinstance(estimators, Mapping) and estimators is not KINDS:
-        return estimators
-    unknown = [name for name in names_in(estimators=estimators) if name not in KINDS]
-    if unknown:
-        raise AmbkitError(f'there is no estimator "{unknown[0]}"; known: {", ".join(KINDS)}')
-
-    def factory(name: str) -> Factory:
-        magnet = learned_magnet(name, bearing)
-        return lambda **options: KINDS[name].make(bearing, magnet, **options)
-
-    return {name: factory(name) for name in estimators}
 
 
 def recovery_text(outcomes: Sequence[Outcome]) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 from ambkit.data.signals import signal
 from ambkit.models.parts.amplifier import Amplifier
+from ambkit.models.parts.disturbance import Disturbance
 from ambkit.models.parts.magnet import MagnetPlace
 from ambkit.models.parts.rotor import Rotor
 from ambkit.models.parts.sensor import Sensor
@@ -57,6 +58,14 @@ class WhiteAcceleration:
             size = self.intensity**0.5 * state.size / typical
             plan.noise(f"a_{state.name}", f"{state.unit}/s^0.5", size, {state.name: 1.0},
                        walk=False)  # fmt: skip
+
+
+def plain_parts(machine: Any, **_: Any) -> list[Part]:
+    """Return a machine's rotor, magnets, disturbance forces and sensors alone."""
+    sizes = [Typical.of(machine.alone(axis.name)) for axis in machine.axes]
+    known = (kind.of(machine, sizes) for kind in (Rotor, MagnetPlace, Disturbance, Sensor))
+    currents = (replace(each, bandwidth=None) for each in Amplifier.of(machine, sizes))
+    return [*(part for parts in known for part in parts), *currents]
 
 
 def free_parts(machine: Any, acceleration: float, **_: Any) -> list[Part]:

@@ -264,7 +264,7 @@ class Plan:
     @cached_property
     def estimators(self) -> dict[str, Estimator | None]:
         """The estimators by name, each knowing the nominal machine; None for ``"none"``."""
-        from ambkit.workflow.estimators import factories
+        from ambkit.estimate.named import factories
 
         names = self._estimator_names
         kinds = [name for name in names if name != "none"]

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from ambkit.base.asked import names_in
 from ambkit.base.errors import AmbkitError
+from ambkit.base.own_class import MARK, load_class
 from ambkit.estimate.filter_file import FilterFile
+from ambkit.estimate.own import own_factory
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, learned_magnet
 
 if TYPE_CHECKING:
@@ -62,6 +64,10 @@ def factories(
             if synchronous:
                 raise AmbkitError(f"synchronous is of kinds; {name} says itself what it estimates")
             return FromFile(FilterFile.load_for(name, bearing))
+        if MARK in name:
+            if synchronous:
+                raise AmbkitError(f"synchronous is of kinds; {name} is a class of your own")
+            return own_factory(*load_class(name), bearing)
         magnet = given[name] if name in given else learned_magnet(name, bearing)
         turning = {"synchronous": synchronous} if synchronous else {}
 

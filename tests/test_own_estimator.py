@@ -1,0 +1,101 @@
+"""An estimator of the user's, in Python, wherever one of ours is taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+
+import ambkit
+from ambkit import AmbkitError, Bearing, Machine, Scenario
+from ambkit.estimate.own import OwnEstimator
+from ambkit.simulation.many import Planned
+
+AXIS, MACHINE = Bearing.preset("zittau_axial"), Machine.preset("tum_mlps")
+
+
+class Mine:
+    """One of ours behind the smallest interface."""
+
+    def __init__(self, machine: Any) -> None:
+        self.kf: Any = ambkit.KalmanFilter(machine)
+        if machine is AXIS:
+            self.kf = ambkit.SteadyStateKalmanFilter(machine)
+        self.started = False
+
+    def reset(self, mean: Any, std: Any) -> None:
+        self.kf.reset(mean, std)
+        self.started = False
+
+    def step(self, y: Any, u: Any) -> ArrayLike:
+        started, self.started = self.started, True
+        return np.asarray(self.kf.step(y, u) if started else self.kf.update(y))
+
+
+@pytest.mark.parametrize("feedback", ["estimate", "measurement"])
+def test_it_flies_as_ours_does_to_the_last_bit(feedback: Any) -> None:
+    assert isinstance(Mine(AXIS), ambkit.EstimatorProtocol)
+    happens = Scenario(duration=0.1, controller=ambkit.PID(feedback=feedback))
+    runs = [
+        ambkit.simulate_run(AXIS, happens, estimator=estimator, load="2 N")
+        for estimator in (Mine, ambkit.SteadyStateKalmanFilter(AXIS))
+    ]
+    own, ours = runs
+    assert own.estimate is not None
+    assert ours.estimate is not None
+    assert own.estimate.estimator == "Mine"
+    np.testing.assert_array_equal(own.record["x"], ours.record["x"])
+    np.testing.assert_array_equal(own.estimate.mean, ours.estimate.mean)
+    again = OwnEstimator(AXIS, Mine).run(own.record)
+    assert np.abs(again.mean - own.estimate.mean)[500:, 0].max() < 1e-8
+
+
+def test_it_flies_on_machines() -> None:
+    flight = Scenario(duration=0.03, feedback="estimate")
+    runs = [
+        ambkit.simulate_run(MACHINE, flight, estimator=estimator)
+        for estimator in (OwnEstimator(MACHINE, Mine), ambkit.KalmanFilter(MACHINE))
+    ]
+    for axis in runs[0].axes:
+        np.testing.assert_array_equal(runs[0].record[f"s_{axis}"], runs[1].record[f"s_{axis}"])
+
+
+@pytest.mark.parametrize("plant", [AXIS, MACHINE], ids=lambda plant: plant.name)
+def test_its_margins_follow_from_its_answers(plant: Any) -> None:
+    kind = "steady-state" if plant is AXIS else "linear"
+    own, ours = (
+        next(iter(reversed(ambkit.assess(plant, of).loops.values())))
+        for of in ({"own": Mine}, kind)
+    )
+    assert own.peak == pytest.approx(ours.peak, rel=1e-6)
+
+
+def test_from_a_file_in_all_verbs(tmp_path: Path) -> None:
+    (tmp_path / "my.py").write_text(
+        "class Raw:\n    def step(self, y, u):\n        return y, 0, 0, y\n"
+        "class Late:\n    n = 0\n    def step(self, y, u):\n        self.n += 1\n"
+        "        return 1 / (7 - self.n), 0, 0, y\n"
+    )
+    raw = f"{tmp_path}/my.py:Raw"
+    still = Scenario(duration=0.05, controller=ambkit.PID(feedback="measurement"))
+    run = ambkit.simulate_run(AXIS, still, estimator=raw)
+    assert run.estimate is not None
+    np.testing.assert_array_equal(run.estimate.x, run.record["y"])
+    assert list(ambkit.filter(AXIS, run.record, [raw]).estimators) == [raw]
+    out = ambkit.torture(AXIS, [raw], faults=["outage-10ms"], steps=0)
+    assert any(each.estimator == raw for each in out.outcomes)
+    late = f"{tmp_path}/my.py:Late"
+    with pytest.raises(AmbkitError, match=r"Late: step\(y, u\) at sample 6: ZeroDivisionError"):
+        ambkit.simulate_run(AXIS, still, estimator=late)
+    with pytest.raises(AmbkitError, match=r"Late: step\(y, u\) at sample 6: ZeroDivisionError"):
+        ambkit.filter(AXIS, run.record, [late])
+    with pytest.raises(AmbkitError, match="there is no class Nobody; it has Raw, Late"):
+        ambkit.simulate(AXIS, still, estimator=f"{tmp_path}/my.py:Nobody")
+
+
+def test_runs_side_by_side_take_kinds() -> None:
+    with pytest.raises(AmbkitError, match="Mine: it is in Python and has one state"):
+        ambkit.simulate_many([Planned(AXIS, Scenario(), OwnEstimator(AXIS, Mine))])
