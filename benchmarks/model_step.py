@@ -72,7 +72,7 @@ def axes(count: int, modes: int = 0, *, late: bool = False) -> list[Part]:
 
 def machines() -> dict[str, Model]:
     """Return the machines of the comparison, small to large."""
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
     return {
         "the paper's axis": machine_model(Bearing.preset("zittau_axial")),

@@ -16,16 +16,8 @@ from ambkit.identification.forces.lift_off import load_points
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
 from ambkit.machine import bearing as bearing_module
 from ambkit.machine import presets
-from ambkit.machine.bearing import (
-    GRAVITY,
-    MU_0,
-    Amplifier,
-    Bearing,
-    Magnet,
-    Rotor,
-    Sensor,
-    magnet_constant,
-)
+from ambkit.machine.bearing import GRAVITY, MU_0, Amplifier, Magnet, Rotor, Sensor, magnet_constant
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import magnet_of
 from ambkit.workflow.simulating import simulate_run
 
@@ -105,7 +97,7 @@ def test_preset_files_are_named_after_their_bearing_and_listed() -> None:
 def test_an_unknown_preset_names_the_nearest() -> None:
     with pytest.raises(AmbkitError, match=r'no preset "zitau_axial"; did you mean zittau_axial\?'):
         Bearing.preset("zitau_axial")
-    with pytest.raises(AmbkitError, match="there are: inteco_ml, zittau_axial"):
+    with pytest.raises(AmbkitError, match=r"there are: compressor, .*zittau_axial"):
         presets.text("../bearing")
 
 

@@ -23,7 +23,6 @@ from ambkit.judge.comparison.study import learned, pieces_of, study
 from ambkit.judge.comparison.tuning import errors, tune
 from ambkit.machine.forces.points import ForcePoints
 from ambkit.machine.forces.surface import ForceSurface
-from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import own_time
 from ambkit.result.report.items import Axis
 from ambkit.show.pages.study import report_of
@@ -32,7 +31,7 @@ from ambkit.simulation.imposed import Imposed
 from ambkit.workflow.comparing import compare_in_case
 
 BEARING = Bearing.preset("zittau_axial")
-VIEW = View(as_machine(BEARING))
+VIEW = View(BEARING.long)
 SHORT = replace(
     cases.step_case(0.5),
     scenario=lambda bearing, load: (

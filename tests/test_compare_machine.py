@@ -11,7 +11,6 @@ from ambkit import AmbkitError, Bearing, KalmanFilter, Machine, compare
 from ambkit.cli.main import main
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import CASES, trials
-from ambkit.machine.machine import as_machine
 from ambkit.simulation.holding import holding
 from ambkit.simulation.machine import simulate_machine
 
@@ -44,7 +43,7 @@ def test_an_axis_as_a_machine_has_the_same_bound():
     records = [trial.record.between(None, 0.02) for trial in trials(CASES["model"], bearing, 2, 0)]
     of = KalmanFilter(bearing)
     same = [bearing_bound(each, records, of.variances, of.default_std())
-            for each in (bearing, as_machine(bearing))]  # fmt: skip
+            for each in (bearing, bearing.long)]  # fmt: skip
     assert (same[0] == same[1]).all()
     position = np.eye(len(of.states))[:1]
     alone = bearing_bound(bearing, records, of.variances, of.default_std(), position)

@@ -54,11 +54,11 @@ def test_commands_design_play_and_assess_it(designed, tmp_path, monkeypatch, cap
     designed.record.save("other.csv")
     code, shown = call("simulate", "still.toml", "--injection", "other.csv")
     assert code == 2
-    assert "which are of axes of tum_mlps" in " ".join(shown.err.split())
+    assert "it has none of the signals injected_A1" in " ".join(shown.err.split())
     for arguments, said in (
-        (["tum_mlps"], "--for sensitivity"),
+        (["tum_mlps"], "has the axes A1, A2, B1, B2: name one of them"),
         (["tum_mlps", "--for", "sensitivity", "--load", "1 N"], "--load is not for"),
-        (["zittau_axial", "--axis", "A1"], "--axis is of a whole machine"),
+        (["zittau_axial", "--axis", "A1"], "zittau_axial has one axis: there is no axis A1"),
     ):
         code, shown = call("excite", *arguments)
         assert code == 2

@@ -17,7 +17,6 @@ from ambkit.base.errors import AmbkitError
 from ambkit.export import core
 from ambkit.export.c import CExport, export_c, prefix
 from ambkit.export.fmu import export_fmu
-from ambkit.machine.machine import as_machine
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 needs_gpp = pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
@@ -224,7 +223,7 @@ def test_headers_of_another_precision_are_refused_when_they_are_compiled(tmp_pat
 @needs_gcc
 def test_an_axis_given_as_a_machine_is_exported_as_the_axis(tmp_path: Path) -> None:
     calibrated, hashes = {"scenario": Scenario(), "calibrated": True}, []
-    for name, one in (("axis", BEARING), ("machine", as_machine(BEARING))):
+    for name, one in (("axis", BEARING), ("machine", BEARING.long)):
         made = export_c(one, None, tmp_path / name, **calibrated)  # type: ignore[arg-type]
         fmu = export_fmu(one, None, tmp_path / f"{name}.fmu", kind="plant")
         hashes.append((made.configuration, fmu.token))

@@ -15,7 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert, Rule
 from ambkit.fuzzy.training import train
 from ambkit.machine import paper
-from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Bearing
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 
 ZITTAU = Bearing.preset("zittau_axial")

@@ -7,7 +7,6 @@ from golden.runs import RUNS, filtered, read
 
 import ambkit
 from ambkit.estimate.registry import KINDS
-from ambkit.machine.machine import Machine
 
 HOW = "\nif the change is meant: python -m tests.golden, and look at the diff"
 
@@ -68,7 +67,7 @@ def test_every_kind_and_plant_answers_as_recorded(name: str) -> None:
 def test_a_machine_with_one_axis_is_that_axis(name: str) -> None:
     """Every kind, both precisions: mean, covariance, innovations and status to the last bit."""
     axis = AXES[name]
-    machine, record = Machine.of_axis(axis), record_of(axis)
+    machine, record = axis.long, record_of(axis)
     for kind, made in KINDS.items():
         for precision in ("float64", "float32"):
             law = None if made.magnet else ambkit.ClosedLaw(axis)

@@ -12,7 +12,7 @@ from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
 from ambkit import Bearing, ConfigError, ConstantStiffness, Machine
 from ambkit.base.config import Document
 from ambkit.machine import geometry, presets
-from ambkit.machine.loading import is_short, load_machine
+from ambkit.machine.loading import load_machine
 from ambkit.models.continuous import open_loop
 from ambkit.workflow.campbell import stiffnesses
 from ambkit.workflow.inspection import inspect
@@ -67,7 +67,7 @@ def test_presets_come_back_from_their_toml(name: str) -> None:
 
 def test_check_says_what_axes_would_be_alone(tmp_path: Path) -> None:
     path = tmp_path / "machine.toml"
-    path.write_text(presets.machine_text("tum_mlps").replace("3000 rpm", "0 rpm"))
+    path.write_text(presets.text("tum_mlps").replace("3000 rpm", "0 rpm"))
     found = inspect(path)
     assert (found.kind, found.ok) == ("machine", True)
     (remark,) = found.remarks
@@ -152,7 +152,7 @@ def test_five_axes() -> None:
     ('gravity = "-x"', 'gravity = "-z"', ['rotor.gravity: must not be "-z"']),
 ])  # fmt: skip
 def test_what_cannot_be_is_told_with_its_line(old: str, new: str, problems: list[str]) -> None:
-    text = presets.machine_text("tum_mlps")
+    text = presets.text("tum_mlps")
     assert old in text
     with pytest.raises(ConfigError) as found:
         Machine.from_toml(text.replace(old, new), "m.toml")
@@ -169,13 +169,12 @@ def test_a_sensor_that_sees_no_tilt_is_told() -> None:
 
 def test_a_machine_with_one_axis_is_written_short_and_read_either_way(tmp_path: Path) -> None:
     axis = Bearing.preset("zittau_axial")
-    one = Machine.of_axis(axis)
+    one = axis.long
     assert one.single
     assert one.to_toml() == axis.to_toml()
     assert Machine(**one.model_dump(exclude_none=True)).alone("") == axis
     for name, text in (("short", one.to_toml()), ("long", Document.to_toml(one))):
         path = tmp_path / f"{name}.toml"
         path.write_text(text, encoding="utf-8")
-        assert is_short(path) == (name == "short")
         assert load_machine(path) == axis
     assert load_machine("tum_mlps") == Machine.preset("tum_mlps")

@@ -353,7 +353,7 @@ def test_a_file_that_lies_about_its_size_is_refused(tmp_path: Path) -> None:
 
 # ---- descriptions ----
 
-REST = presets.machine_text("ufu_flexible")
+REST = presets.text("ufu_flexible")
 REST = REST[REST.index("[[bearing]]") :]
 
 
@@ -371,7 +371,7 @@ def test_a_rotor_from_a_file_is_that_of_its_table(tmp_path: Path) -> None:
     path.write_bytes(ROSS.read_bytes())
     keys = 'file = "ross.npz"\nmodes_up_to = "1 kHz"\ndamping_ratio = 0.005'
     one = Machine.from_toml(machine_of("matrices", keys), "m.toml", tmp_path)
-    text = presets.machine_text("ufu_flexible").replace('"7700 kg/m^3"', '"7600 kg/m^3"')
+    text = presets.text("ufu_flexible").replace('"7700 kg/m^3"', '"7600 kg/m^3"')
     other = Machine.from_toml(text)
     assert one.bending is not None
     assert other.bending is not None
@@ -446,7 +446,7 @@ def test_modes_that_cannot_be_are_told(changes: dict[str, str], text: str) -> No
     ('type = "shaft"\n', "", "rotor.type: missing"),
 ])  # fmt: skip
 def test_what_cannot_be_is_told_with_its_line(old: str, new: str, text: str) -> None:
-    whole = presets.machine_text("ufu_flexible")
+    whole = presets.text("ufu_flexible")
     assert old in whole
     with pytest.raises(ConfigError) as found:
         Machine.from_toml(whole.replace(old, new, 1), "m.toml")
@@ -465,7 +465,7 @@ def nodes_of(one: Machine, mode: int) -> Array:
 
 
 def test_a_sensor_at_a_node_is_told_with_its_line(tmp_path: Path) -> None:
-    text = presets.machine_text("ufu_flexible")
+    text = presets.text("ufu_flexible")
     first, second = nodes_of(Machine.from_toml(text), 0)
     sensors = text.index("[[sensor]]")
     moved = text[sensors:].replace('"153 mm"', f'"{first:.9g} m"')
@@ -480,7 +480,7 @@ def test_a_sensor_at_a_node_is_told_with_its_line(tmp_path: Path) -> None:
 
 
 def test_a_node_between_magnet_and_sensor_is_told(tmp_path: Path) -> None:
-    text = presets.machine_text("ufu_flexible")
+    text = presets.text("ufu_flexible")
     sensors = text.index("[[sensor]]")
     path = tmp_path / "one.toml"
     path.write_text(text[:sensors] + text[sensors:].replace('"566.9 mm"', '"480 mm"'))
@@ -490,7 +490,7 @@ def test_a_node_between_magnet_and_sensor_is_told(tmp_path: Path) -> None:
 
 def test_check_says_what_was_left_out_and_who_holds_it(tmp_path: Path) -> None:
     path = tmp_path / "one.toml"
-    text = presets.machine_text("ufu_flexible")
+    text = presets.text("ufu_flexible")
     path.write_text(text)
     remarks = " ".join(inspect(path).remarks)
     for told in (

@@ -5,7 +5,6 @@ import pytest
 from golden.axes import AXES, _scenario
 
 import ambkit
-from ambkit.machine.machine import Machine
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 
@@ -15,7 +14,7 @@ CASES = AXES | {"eddy currents": AXES["paper"].replace(magnet__eddy_current_lag=
 @pytest.mark.parametrize("name", CASES)
 def test_a_machine_with_one_axis_flies_as_the_axis(name: str) -> None:
     """With the noise of its own streams, which are those of the axis."""
-    axis, machine = CASES[name], Machine.of_axis(CASES[name])
+    axis, machine = CASES[name], CASES[name].long
     scenario = _scenario(axis, "estimate", False)
     flight = Scenario(
         duration=scenario.duration, feedback="estimate",

@@ -16,12 +16,11 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Estimate, Expert, KalmanFilter, Machine, Record
+from ambkit import Bearing, Estimate, Expert, KalmanFilter, Record
 from ambkit.base.asked import in_si
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison import compare
 from ambkit.judge.comparison.bench import Benches
-from ambkit.machine.machine import as_machine
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Heatmap
 from ambkit.simulation.scenario import Control
@@ -59,7 +58,7 @@ def shown() -> dict[str, Any]:
         ambkit.identify_online(RECORD, BEARING), learn_online(RECORD, BEARING),
         ambkit.filter(BEARING, RECORD, ["linear"], settling="5 ms"),
         ambkit.tune(BEARING, kind="linear", budget=2, runs=1),
-        Design(Path("d"), as_machine(BEARING), Control(), (candidate,), candidate, assessed, 0.1,
+        Design(Path("d"), BEARING.long, Control(), (candidate,), candidate, assessed, 0.1,
                ("It is slow.",), None, {}),
         identify_by_lift_off(one_sided, points),
         assessed, ambkit.sweep(BEARING, "linear", amplitudes=["1 um"]),
@@ -142,7 +141,7 @@ def hostile(text: str) -> Iterator[Any]:
     yield record
     yield dataclasses.replace(ESTIMATE, estimator=text)
     yield Expert.paper().model_copy(update={"source": text})
-    machine = Machine.of_axis(BEARING).model_copy(update={"name": text, "description": text})
+    machine = BEARING.long.model_copy(update={"name": text, "description": text})
     yield dataclasses.replace(
         filtering, machine=machine, record=record, estimators={text: filtering["linear"]}
     )
@@ -272,8 +271,8 @@ def test_quantities_are_taken_with_their_units() -> None:
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
-        (lambda: ambkit.filter("rig.toml", RECORD), "bearing must be of type Bearing or "
-         "Machine, is the str 'rig.toml'; Bearing.preset or Bearing.load gives one"),
+        (lambda: ambkit.filter("rig.toml", RECORD), "bearing must be of type "
+         "Machine, is the str 'rig.toml'; Machine.preset or Machine.load gives one"),
         (lambda: ambkit.filter(BEARING, BEARING), "record must be of type Record, is the Bearing"),
         (lambda: ambkit.filter(BEARING, RECORD, settling="5 V"),
          'settling must be in s: "5 V": V cannot be converted to s'),
@@ -283,11 +282,11 @@ def test_quantities_are_taken_with_their_units() -> None:
         (lambda: ambkit.identify(BEARING, ["log.csv"]),
          "records must be of type Record, is the str 'log.csv'; Record.load gives one"),
         (lambda: KalmanFilter(Bearing),
-         "bearing must be of type Bearing or Machine, is the type Bearing; Bearing(...) makes one"),
+         "bearing must be of type Machine, is the type Bearing; Bearing(...) makes one"),
         (lambda: KalmanFilter(BEARING, noise=1e-12),
          "noise must be of type FilterNoise, is the float 1e-12"),
         (lambda: ambkit.train(RECORD),
-         "source must be of type Bearing or Machine or StiffnessMap, is the Record"),
+         "source must be of type Machine or StiffnessMap, is the Record"),
     ],
 )  # fmt: skip
 def test_wrong_types_are_told_in_a_line(wrong: Any, told: str) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ambkit.machine import paper
-from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Bearing
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 
 REFERENCE = Path(__file__).parents[2] / "shared" / "reference"

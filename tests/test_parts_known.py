@@ -14,7 +14,6 @@ from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import CASES
 from ambkit.judge.comparison.contenders import contenders
 from ambkit.judge.faults.campaign import torture
-from ambkit.machine.machine import as_machine
 from ambkit.models import machine_model
 from ambkit.workflow.tuning import default_disturbance, tune_disturbance
 
@@ -120,7 +119,7 @@ def test_the_general_limit_is_that_of_the_papers_axis() -> None:
     record = flown(BEARING, 0, 0.2)
     variances = ambkit.KalmanFilter(BEARING).variances
     held, exact = (
-        bound._along(machine_model(BEARING), as_machine(BEARING), record, variances),
+        bound._along(machine_model(BEARING), BEARING.long, record, variances),
         bound._held(BEARING, record, variances),
     )
     unit = np.array(ambkit.KalmanFilter(BEARING).default_std())

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from ambkit.base.errors import ConfigError
 from ambkit.data.record import Record
 from ambkit.machine import presets
-from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Bearing
 from ambkit.simulation import scenario as scenario_module
 from ambkit.simulation.run import simulate
 from ambkit.simulation.scenario import (

@@ -141,12 +141,12 @@ def test_what_is_no_machine_is_named_in_a_line(given: Any) -> None:
     calls = [lambda kind=kind: kind.make(given) for kind in kinds]
     pid = ambkit.PID
     for call in (*calls, *(lambda of=of: of(given) for of in (pid.for_bearing, pid.textbook))):
-        with pytest.raises(TypeError, match=r"bearing must be of type Bearing.*, is the "):
+        with pytest.raises(TypeError, match=r"bearing must be of type (Bearing|Machine).*, is "):
             call()
 
 
 def test_a_pid_for_several_axes_is_refused_in_a_line() -> None:
-    with pytest.raises(TypeError, match="bearing must be of type Bearing, is the Machine"):
+    with pytest.raises(TypeError, match="bearing must be of type Bearing, is the PlacedMachine"):
         ambkit.PID.for_bearing(ambkit.Machine.preset("tum_mlps"))  # type: ignore[arg-type]
 
 

@@ -10,8 +10,8 @@ from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import LeastSquares, train
 from ambkit.fuzzy.training_set import TrainingSet
 from ambkit.machine import paper
-from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.table import ForceTable
+from ambkit.machine.machine import Bearing
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 
 ZITTAU = Bearing.preset("zittau_axial")

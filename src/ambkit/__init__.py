@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from ambkit.judge.comparison.states import Judgement as Judgement
     from ambkit.judge.comparison.states import judge_states as judge_states
     from ambkit.judge.faults import torture as torture
-    from ambkit.machine.bearing import Bearing as Bearing
+    from ambkit.machine.machine import Bearing as Bearing
     from ambkit.machine.machine import Machine as Machine
     from ambkit.machine.magnets import ClosedLaw as ClosedLaw
     from ambkit.machine.magnets import ConstantStiffness as ConstantStiffness
@@ -125,8 +125,7 @@ _HOME = {
     "identification.online.rls": ["RecursiveLeastSquares"],
     "judge.faults": ["torture"],
     "judge.comparison.states": ["Judgement", "judge_states"],
-    "machine.bearing": ["Bearing"],
-    "machine.machine": ["Machine"],
+    "machine.machine": ["Bearing", "Machine"],
     "machine.magnets": ["ClosedLaw", "ConstantStiffness", "SaturatingLaw", "magnet_of"],
     "machine.stiffness": ["StiffnessMap", "stiffness_map"],
     "result.result": ["Result"],
@@ -192,7 +191,7 @@ _BEHIND = {
         "record": "data.record.Record",
         "estimate": "estimate.estimate.Estimate",
         "expert": "fuzzy.expert.Expert",
-        "bearing": "machine.bearing.Bearing",
+        "bearing": "machine.machine.Bearing",
     },
     "show.notebook.results": {
         "identification": "identification.online.magnet_constant.Identification",

@@ -9,11 +9,10 @@ from ambkit.base.errors import RecordError
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
 
 
-def say_what_is_odd(path: Path, record: Record, machine: Bearing | Machine) -> None:
+def say_what_is_odd(path: Path, record: Record, machine: Machine) -> None:
     """Say on stderr what ``ambkit check RECORD --bearing`` would say is wrong with a record."""
     from ambkit.cli import output
     from ambkit.workflow.belonging import check_belongs

@@ -18,15 +18,14 @@ from ambkit.cli.options import (
     Json,
     Plot,
     file_option,
-    find_bearing,
-    find_plant,
+    find_axis,
+    find_machine,
     quantity,
     read_quantities,
 )
 
 if TYPE_CHECKING:
     from ambkit.judge.comparison import Score
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.surface import ForceSurface
     from ambkit.machine.machine import Machine
     from ambkit.workflow.comparing import LoopScores
@@ -183,11 +182,11 @@ def compare(
 
     chosen = "linear,adaptive,closed-law" if estimators is None else estimators
     _in_own_loops(
-        find_plant(bearing),
+        find_machine(bearing),
         names(known(chosen)),
         scenario_file=scenario,
         expert=expert,
-        true=None if force_map is None else surface_in(force_map, find_bearing(bearing)),
+        true=None if force_map is None else surface_in(force_map, find_axis(bearing)),
         steps=steps,
         load=load,
         duration=duration,
@@ -199,7 +198,7 @@ def compare(
 
 
 def _in_own_loops(
-    plant: Bearing | Machine,
+    plant: Machine,
     chosen: list[str],
     *,
     scenario_file: Path | None,

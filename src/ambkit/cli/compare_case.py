@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.options import arguments_of_the_user, find_bearing, find_plant
+from ambkit.cli.options import arguments_of_the_user, find_axis, find_machine
 
 if TYPE_CHECKING:
     from ambkit.judge.comparison.bench import Bench, Standing
     from ambkit.judge.comparison.study import Study
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
 
@@ -44,7 +43,7 @@ def in_case(name: str, case_name: str, chosen: str, wanted: Wanted) -> None:
     from ambkit.workflow.comparing import cases_called, compare_in_all, compare_in_case
     from ambkit.workflow.saved_filters import save_filters
 
-    bearing = find_plant(name)
+    bearing = find_machine(name)
     names = suited(expand(chosen), bearing)
     with arguments_of_the_user("--"):
         cases = cases_called(case_name, wanted.spread)
@@ -56,7 +55,7 @@ def in_case(name: str, case_name: str, chosen: str, wanted: Wanted) -> None:
         "magnets": _magnets(bearing, names, wanted.expert),
         "plant": None
         if wanted.force_map is None
-        else surface_in(wanted.force_map, find_bearing(name)),
+        else surface_in(wanted.force_map, find_axis(name)),
     }
     if len(cases) > 1:
         work = len(cases) * pieces_of(len(names), wanted.budget, whole=False)
@@ -77,9 +76,7 @@ def in_case(name: str, case_name: str, chosen: str, wanted: Wanted) -> None:
         output.note(f"wrote {wanted.save_filters}")
 
 
-def _magnets(
-    bearing: Bearing | Machine, names: Sequence[str], expert: Path | None
-) -> dict[str, MagnetModel]:
+def _magnets(bearing: Machine, names: Sequence[str], expert: Path | None) -> dict[str, MagnetModel]:
     from ambkit.cli.kinds import experts
 
     if expert is None:
@@ -117,7 +114,7 @@ def _deliver(found: Study, wanted: Wanted) -> None:
     )
 
 
-def _deliver_all(bearing: Bearing | Machine, benches: Mapping[str, Bench], wanted: Wanted) -> None:
+def _deliver_all(bearing: Machine, benches: Mapping[str, Bench], wanted: Wanted) -> None:
     from ambkit.cli import output
     from ambkit.result.report.page import write_page
     from ambkit.show import plots

@@ -10,7 +10,7 @@ import typer
 
 from ambkit.cli.export import Precision
 from ambkit.cli.kinds import NAMES, known, names
-from ambkit.cli.options import Json, MapFile, find_plant
+from ambkit.cli.options import Json, MapFile, find_machine
 
 if TYPE_CHECKING:
     from ambkit.workflow.designing import Design
@@ -109,7 +109,7 @@ def design(
     from ambkit.cli.options import arguments_of_the_user
     from ambkit.workflow.designing import design as designed
 
-    plant = find_plant(bearing)
+    plant = find_machine(bearing)
     with arguments_of_the_user(), output.progress("designing", None) as done:
         found = designed(
             plant, logs or (), out, channels=channel_map, validate=validate or (),

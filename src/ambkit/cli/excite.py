@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.excite_sensitivity import DURATION, deliver_injections, excite_machine
+from ambkit.cli.excite_sensitivity import DURATION, deliver_injections
 from ambkit.cli.kinds import NAMES, known, names
 from ambkit.cli.options import (
     RECORDS,
@@ -17,14 +17,15 @@ from ambkit.cli.options import (
     Json,
     Plot,
     file_option,
-    find_bearing,
     find_machine,
+    isolated,
     quantity,
     read_quantities,
 )
 
 if TYPE_CHECKING:
     from ambkit.identification.excitation import Design
+    from ambkit.machine.machine import Machine
 
 
 class Purpose(StrEnum):
@@ -119,8 +120,9 @@ def excite(
         str | None,
         typer.Option(
             metavar="NAMES",
-            help="Of a machine, at which axes a signal is added, one experiment each; or all.",
-            show_default="that which decides its zone",
+            help="Of several axes, whose parameters are asked for; or at which a signal is added, "
+            "one experiment each, or all.",
+            show_default="for sensitivity that which decides the zone",
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Seed of the noise.")] = None,
@@ -145,6 +147,7 @@ def excite(
       ambkit excite my.toml --for sensitivity --out injection.csv
       ambkit simulate my.toml --injection injection.csv --out injected.csv
       ambkit assess injected.csv --bearing my.toml
+      ambkit excite tum_mlps --axis A1 --out excitation.csv
       ambkit excite tum_mlps --for sensitivity --axis all --out injection.csv
     """
     from ambkit.cli import output
@@ -154,39 +157,34 @@ def excite(
     from ambkit.workflow.injecting import design_injection
     from ambkit.workflow.simulating import experiment_duration, scenario_for
 
-    whole = find_machine(bearing)
-    if whole is not None:
-        refused = {"--kind": kind, "--parameters": parameters, "--load": load}
-        excite_machine(
-            whole, purpose is Purpose.sensitivity, refused, scenario, duration, estimator, seed,
-            names(axis or ""), (limit_current, limit_displacement), _ends(band), out, plot, json,
-        )  # fmt: skip
-        return
-    if axis is not None:
-        raise AmbkitError(f"--axis is of a whole machine, and {bearing} is none")
-    plant = find_bearing(bearing)
+    machine, ends = find_machine(bearing), _ends(band)
     only = {"--kind": kind, "--parameters": parameters, "--load": load}
     if purpose is Purpose.parameters:
         only = {"--estimator": estimator}
     for option, given in only.items():
         if given is not None:
             raise AmbkitError(f"{option} is not for --for {purpose.value}")
-    if purpose is Purpose.sensitivity and duration is None and scenario is None:
-        duration = DURATION
+    said: dict[str, Any] = {"seed": seed, "from_estimate": estimator != "none"}
+    if purpose is Purpose.sensitivity:
+        duration = duration or (DURATION if scenario is None else None)
+        happening = scenario_for(machine, scenario, duration=duration, **said)
+        if not machine.single and estimator is not None:
+            fed = "measurement" if estimator == "none" else "estimate"
+            happening = happening.replace(feedback=fed)
+        with output.progress("trying amplitudes"):
+            injections = [
+                design_injection(
+                    machine, happening, None if estimator == "none" else estimator, axis=at,
+                    current=limit_current, displacement=limit_displacement, band=ends,
+                )
+                for at in _axes(machine, axis)
+            ]  # fmt: skip
+        deliver_injections(injections, out, plot, json)
+        return
+    plant = isolated(machine, axis)
     if duration is None and scenario is None:
         duration = experiment_duration(plant)
-    happening = scenario_for(
-        plant, scenario, duration=duration, seed=seed, from_estimate=estimator != "none"
-    )
-    ends = _ends(band)
-    if purpose is Purpose.sensitivity:
-        with output.progress("trying amplitudes"):
-            found_by = design_injection(
-                plant, happening, estimator, current=limit_current,
-                displacement=limit_displacement, band=ends,
-            )  # fmt: skip
-        deliver_injections([found_by], out, plot, json)
-        return
+    happening = scenario_for(plant, scenario, duration=duration, **said)
     free = [part.strip() for part in parameters.split(",")] if parameters else None
     with output.progress("comparing bands") as step:
         found = design(
@@ -203,11 +201,20 @@ def excite(
         {"bearing": plant.name} | found.to_dict(),
         [_experiment(found), _expected(found), *_remarks(found)],
         [
-            (out, found.file().save),
+            (out, found.file(axis or "").save),
             (plot, lambda path: save_figure(excitation_figure(found), path)),
         ],
         as_json=json,
     )
+
+
+def _axes(machine: Machine, named: str | None) -> list[str | None]:
+    """Return at which axes a signal is added; None: at that which decides the zone."""
+    from ambkit.machine.axes import axis_named
+
+    if named == "all":
+        return [each.name for each in machine.axes]
+    return [None] if named is None else [axis_named(machine, one) for one in names(named)]
 
 
 def _ends(band: str | None) -> tuple[float, float] | None:

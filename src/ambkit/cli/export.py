@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.kinds import NAMES, estimator_option, to_export, whole_to_export
+from ambkit.cli.kinds import NAMES, estimator_option, to_export
 from ambkit.cli.options import BearingOrFilter, Force, Json, Synchronous, quantity
 
 if TYPE_CHECKING:
     from ambkit.cli.output import Table
     from ambkit.export.c import Cost
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
     from ambkit.simulation.scenario import Scenario
 
@@ -135,7 +134,7 @@ def export_c(
         raise AmbkitError("--cost was measured of constants in flash, which --editable has not")
     if controller is not None and (cost or clock is not None):
         raise AmbkitError("--cost was measured of filters; of a whole controller: ambkit pil")
-    model, chosen = whole_to_export(bearing, estimator) or to_export(bearing, estimator)
+    model, chosen = to_export(bearing, estimator)
     if synchronous and chosen.file is not None:
         raise AmbkitError("--synchronous: the filter's file says what it estimates")
     options = _flown(model, controller, synchronous)
@@ -190,12 +189,10 @@ def _scenario(path: Path | None) -> Scenario | None:
 
 
 def _flown(
-    model: Bearing | Machine, controller: Path | None, synchronous: list[str] | None
+    model: Machine, controller: Path | None, synchronous: list[str] | None
 ) -> dict[str, Any]:
     """Return whose controller is exported, and what else only a whole machine has."""
-    from ambkit.machine.machine import Machine
-
-    if synchronous and not isinstance(model, Machine):
+    if synchronous and model.single:
         raise AmbkitError(f"--synchronous is of a rotor that turns; {model.name} is a mass")
     options: dict[str, Any] = {"synchronous": tuple(synchronous)} if synchronous else {}
     return options | {"scenario": _scenario(controller)}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.kinds import NAMES, estimator_option, to_export
+from ambkit.cli.kinds import NAMES, axis_to_export, estimator_option
 from ambkit.cli.options import BearingOrFilter, Force, Json, file_option
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def export_fmu(
             "--scenario is for --kind closed-loop, controller and whole-controller: only these "
             "have a controller"
         )
-    model, chosen = to_export(bearing, estimator)
+    model, chosen = axis_to_export(bearing, estimator)
     written = fmu.export_fmu(
         model,
         chosen.magnet,
@@ -141,7 +141,7 @@ def export_ssp(
     from ambkit.export import fmu
     from ambkit.simulation.scenario import Scenario
 
-    model, chosen = to_export(bearing, estimator)
+    model, chosen = axis_to_export(bearing, estimator)
     made = fmu.export_ssp(
         model,
         chosen.magnet,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.kinds import to_export
+from ambkit.cli.kinds import axis_to_export
 from ambkit.cli.options import BearingOrFilter, Force, Json, file_option
 
 
@@ -39,7 +39,7 @@ def export_mat(
     from ambkit.export import mat
     from ambkit.fuzzy.expert import Expert
 
-    model, found = to_export(bearing, estimator, ("linear", "adaptive"))
+    model, found = axis_to_export(bearing, estimator, ("linear", "adaptive"))
     chosen = found.magnet if found.kind == "adaptive" else None
     if chosen is not None and not isinstance(chosen, Expert):
         raise AmbkitError(

@@ -21,7 +21,7 @@ from ambkit.cli.options import (
     To,
     arguments_of_the_user,
     file_option,
-    find_plant,
+    find_machine,
     quantity,
 )
 from ambkit.estimate.registry import FILTER_SUFFIX
@@ -146,7 +146,7 @@ def filter_record(
     files = {name: FilterFile.load(name) for name in chosen if name.endswith(FILTER_SUFFIX)}
     if bearing is None and not files:
         raise AmbkitError("--bearing is missing: a preset's name, or a TOML file")
-    machine = next(iter(files.values())).plant if bearing is None else find_plant(bearing)
+    machine = next(iter(files.values())).plant if bearing is None else find_machine(bearing)
     log = load_log(record, _channels(files, channel_map), begin, end)
     say_what_is_odd(record, log, machine)
     if noise_d is None:
@@ -264,7 +264,7 @@ def _warn(found: Filtering, samples: int) -> None:
             f"{in_a_row} in a row: the filters hold the last one, and are less sure for a while "
             "than they say"
         )
-    gap = max(placed.magnet.air_gap for placed in found.machine.bearing)
+    gap = max(placed.magnet.air_gap for placed in found.machine.bearings)
     for name, one in found.estimators.items():
         if any(max(each_of(e)) > gap for e in one.evaluation.prediction.values()):
             output.note(
@@ -343,7 +343,7 @@ def _tables(found: Filtering, title: str) -> list[Any]:
     headers = ["", *(f"{ahead} step{'s' * (ahead > 1)} ahead" for ahead in HORIZONS)]
     ways = {name: evaluation.prediction for name, evaluation in evaluated.items()}
     ways |= {"last measurement held": one.held, **one.logged}
-    gap = max(placed.magnet.air_gap for placed in found.machine.bearing)
+    gap = max(placed.magnet.air_gap for placed in found.machine.bearings)
     errors = [
         [name, *("beyond the gap" if max(each_of(way[ahead])) > gap else value(way[ahead], "m")
                  for ahead in HORIZONS)]

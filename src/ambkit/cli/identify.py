@@ -18,7 +18,7 @@ from ambkit.cli.options import (
     Plot,
     To,
     file_option,
-    find_plant,
+    find_machine,
     isolated,
     quantity,
 )
@@ -222,7 +222,7 @@ def identify(
         )  # fmt: skip
         from ambkit.cli.identify_coil import by_coil
 
-        by_coil(record or [], channel_map, begin, end, isolated(find_plant(bearing), axis),
+        by_coil(record or [], channel_map, begin, end, isolated(find_machine(bearing), axis),
                 working_point, out, plot, json)  # fmt: skip
         return
     if bool(record) == (lift_off is not None):
@@ -260,7 +260,7 @@ def identify(
         if given is not None:
             what = "--lift-off" if of_the_loop else "a RECORD of the loop"
             raise AmbkitError(f"{option} is for {what}")
-    plant = find_plant(bearing)
+    plant = find_machine(bearing)
     known = isolated(plant, axis)
     if not of_the_loop:
         points = [lift_off] if lift_off is not None else record or []

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ambkit.base.errors import AmbkitError
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 WORDS = {
     "gain": ("gain G", "A/V"),

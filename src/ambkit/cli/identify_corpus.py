@@ -11,7 +11,7 @@ from ambkit.cli.output import value
 if TYPE_CHECKING:
     from ambkit.cli.identify_likelihood import Options
     from ambkit.identification.corpus.corpus import Corpus
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 LEAST = 3
 """Logs from which on they are a corpus, and not one sample."""

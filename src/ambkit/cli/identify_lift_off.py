@@ -11,7 +11,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.cli.options import read_quantities
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 
 def by_lift_off(

@@ -15,7 +15,6 @@ from ambkit.cli.options import arguments_of_the_user
 
 if TYPE_CHECKING:
     from ambkit.data.rig_units import Inputs
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
 
 
@@ -51,7 +50,7 @@ def refuse_parts(options: Options) -> None:
             raise AmbkitError(f"{option} is for one or two RECORDs, or --together")
 
 
-def by_likelihood(options: Options, known: Bearing | Machine) -> None:
+def by_likelihood(options: Options, known: Machine) -> None:
     """Identify, validate, and deliver."""
     import os
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ambkit.data.record import Record
     from ambkit.identification.online.side_by_side import SideBySide
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 ALL = "online"
 """The method that shows all and prefers none."""

@@ -12,16 +12,15 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli import output
-from ambkit.cli.options import find_bearing, find_machine
+from ambkit.cli.options import find_machine, only_axis
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, kind_called, learned_magnet
 
 if TYPE_CHECKING:
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.estimate.named import Factory
     from ambkit.fuzzy.expert import Expert
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.surface import ForceSurface
-    from ambkit.machine.machine import Machine
+    from ambkit.machine.machine import Bearing, Machine
     from ambkit.machine.magnets import MagnetModel
 
 NAMES = tuple(KINDS)
@@ -71,7 +70,7 @@ def is_a_name(name: str) -> str:
 
 def factories(
     chosen: Iterable[str],
-    machine: Bearing | Machine,
+    machine: Machine,
     expert: Path | None = None,
     synchronous: Sequence[str] = (),
 ) -> dict[str, Factory]:
@@ -89,10 +88,9 @@ def factories(
         return built(chosen, machine, synchronous=synchronous)
 
 
-def experts(path: Path, machine: Bearing | Machine) -> MagnetModel:
+def experts(path: Path, machine: Machine) -> MagnetModel:
     """Return the expert in a file for each axis of a machine, whose magnets must be alike."""
     from ambkit.machine.bank import alone_of, bank_of
-    from ambkit.machine.machine import as_machine
 
     axes = alone_of(machine)
     other = next((b.name for b in axes if b.magnet != axes[0].magnet), None)
@@ -101,7 +99,7 @@ def experts(path: Path, machine: Bearing | Machine) -> MagnetModel:
             f"--expert is of one magnet, and the axes {axes[0].name} and {other} of "
             f"{machine.name} have different ones"
         )
-    return bank_of([read_expert(path, axes[0])] * len(axes), as_machine(machine))
+    return bank_of([read_expert(path, axes[0])] * len(axes), machine)
 
 
 class Chosen(NamedTuple):
@@ -113,81 +111,50 @@ class Chosen(NamedTuple):
     """The filter whose kind and magnet these are, where it is in a file."""
 
 
-def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) -> Chosen:
+def exported(text: str | None, machine: Machine, choice: Iterable[str] = NAMES) -> Chosen:
     """Return the estimator that a user names, or the adaptive filter of the expert in a file."""
+    from ambkit.estimate.filter_file import FilterFile
+
     if text is None or text in choice:
-        return Chosen(text or "linear", _learned(text or "linear", bearing))
+        return Chosen(text or "linear", _learned(text or "linear", machine))
     if text in NAMES:
         raise AmbkitError(f"--estimator: {text} cannot be exported yet; {', '.join(choice)} can")
     path = Path(text)
     if path.suffix == FILTER_SUFFIX:
-        return _in_file(text, choice)[1]
+        found = FilterFile.load_for(text, machine)
+        if found.kind not in choice:
+            raise AmbkitError(
+                f"{path}: {found.kind} cannot be exported so; {', '.join(choice)} can"
+            )
+        return Chosen(found.kind, found.asked(), found)
     if not (path.suffix or path.exists() or os.sep in text):
         near = difflib.get_close_matches(text, choice, 1)
         hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(choice)}"
         raise AmbkitError(f'--estimator: there is no estimator and no file "{text}"; {hint}')
-    return Chosen("adaptive", read_expert(path, bearing))
+    return Chosen("adaptive", experts(path, machine))
 
 
 def to_export(
     target: str, estimator: str | None, choice: Iterable[str] = NAMES
+) -> tuple[Machine, Chosen]:
+    """Return the machine and the estimator that a user wants to export."""
+    from ambkit.estimate.filter_file import FilterFile
+
+    if not is_filter(target):
+        machine = find_machine(target)
+        return machine, exported(estimator, machine, choice)
+    if estimator is not None:
+        raise AmbkitError(f"{target} is a filter already: leave out --estimator")
+    machine = FilterFile.load(target).plant
+    return machine, exported(target, machine, choice)
+
+
+def axis_to_export(
+    target: str, estimator: str | None, choice: Iterable[str] = NAMES
 ) -> tuple[Bearing, Chosen]:
-    """Return the bearing and the estimator that a user wants to export."""
-    if is_filter(target):
-        if estimator is not None:
-            raise AmbkitError(f"{target} is a filter already: leave out --estimator")
-        estimator = target
-    elif estimator is None or not is_filter(estimator):
-        bearing = find_bearing(target)
-        return bearing, exported(estimator, bearing, choice)
-    else:
-        return find_bearing(target), _in_file(estimator, choice)[1]
-    return _in_file(estimator, choice)
-
-
-def of_machine(estimator: str | None, machine: Machine) -> Chosen:
-    """The estimator of a whole machine that a user wants to export: a kind, linear if none."""
-    from ambkit.estimate.filter_file import FilterFile
-    from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
-
-    if estimator is not None and estimator.endswith(FILTER_SUFFIX):
-        found = FilterFile.load_for(estimator, machine)
-        return Chosen(found.kind, found.asked(), found)
-    kind = kind_called(estimator or "linear").name
-    law = KINDS[kind].magnet
-    magnet = learned_magnet(kind, machine) if law is None else law(machine)
-    return Chosen(kind, None if kind == "linear" else magnet, None)
-
-
-def whole_to_export(target: str, estimator: str | None) -> tuple[Machine, Chosen] | None:
-    """Return the whole machine and the estimator that a user wants to export."""
-    machine = find_machine(target)
-    if machine is None and (machine := machine_of(target)) is not None:
-        if estimator is not None:
-            raise AmbkitError(f"{target} is a filter already: leave out --estimator")
-        estimator = target
-    return None if machine is None else (machine, of_machine(estimator, machine))
-
-
-def _in_file(path: str, choice: Iterable[str]) -> tuple[Bearing, Chosen]:
-    """Return the filter in a file, and the bearing that it is for."""
-    from ambkit.estimate.filter_file import FilterFile
-
-    found = FilterFile.load(path)
-    if found.kind not in choice:
-        raise AmbkitError(f"{path}: {found.kind} cannot be exported so; {', '.join(choice)} can")
-    if machine_of(path) is not None:
-        raise AmbkitError(f"{path} is a filter of several axes; this takes one of one axis")
-    return found.plant, Chosen(found.kind, found.asked(), found)
-
-
-def machine_of(path: str) -> Machine | None:
-    """Return the machine of several axes that a filter's file is of; None of any other file."""
-    from ambkit.estimate.filter_file import FilterFile
-    from ambkit.machine.machine import Machine
-
-    plant = FilterFile.load(path).plant if is_filter(path) else None
-    return plant if isinstance(plant, Machine) else None
+    """Return the machine with one axis and the estimator that a user wants to export."""
+    machine, found = to_export(target, estimator, choice)
+    return only_axis(machine, target), found
 
 
 def is_filter(text: str) -> bool:
@@ -203,7 +170,7 @@ def is_filter(text: str) -> bool:
         return False
 
 
-def _learned(name: str, bearing: Bearing) -> MagnetModel | None:
+def _learned(name: str, bearing: Machine) -> MagnetModel | None:
     """Return what is learned for a kind; None where it knows by itself."""
     if name != "adaptive":
         return learned_magnet(name, bearing)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.kinds import is_filter, names
-from ambkit.cli.options import find_plant
+from ambkit.cli.options import find_machine
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -44,23 +44,21 @@ def read_query(
     from ambkit.cli import output
     from ambkit.cli.kinds import factories
     from ambkit.estimate.filter_file import FilterFile
-    from ambkit.machine.machine import as_machine
     from ambkit.simulation.linear.settled import tells
     from ambkit.workflow.given import given_load
 
     if is_filter(target):
         if estimator is not None:
             raise AmbkitError(f"{target} is a filter already: leave out --estimator")
-        plant, estimator = FilterFile.load(target).plant, target
+        machine, estimator = FilterFile.load(target).plant, target
     else:
-        plant = find_plant(target)
-    machine = as_machine(plant)
+        machine = find_machine(target)
     controller, loads, measured = control_of(machine, scenario)
     estimator = estimator or ("none" if measured else "linear")
     if synchronous and estimator == "none":
         raise AmbkitError("--synchronous is of a filter, and none is in the loop")
     chosen = [] if estimator == "none" else names(estimator)
-    built = factories(chosen, plant, expert, synchronous)
+    built = factories(chosen, machine, expert, synchronous)
     filters = {name: make() for name, make in built.items()}
     if "all" in chosen:
         for name in [name for name, each in filters.items() if not tells(each)]:

@@ -14,8 +14,7 @@ import typer
 from ambkit.base.errors import AmbkitError
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
-    from ambkit.machine.machine import Machine
+    from ambkit.machine.machine import Bearing, Machine
 
 PICTURES = (".png", ".svg", ".html")
 RECORDS = (".csv", ".parquet")
@@ -146,31 +145,36 @@ Synchronous = Annotated[
 ]
 
 
-def find_machine(text: str) -> Machine | None:
-    """Return the preset of a whole machine, or that in the TOML file, that the user named."""
+def find_machine(text: str) -> Machine:
+    """Return the machine that the user named: a preset, or one in a TOML file."""
     from ambkit.machine import presets
     from ambkit.machine.loading import load_machine
-    from ambkit.machine.machine import Machine
-    from ambkit.workflow.inspection import kind_of_toml
 
-    is_file = Path(text).suffix == ".toml" and Path(text).is_file()
-    if text in presets.machine_names() or (is_file and kind_of_toml(text) == "machine"):
-        found = load_machine(text)
-        return found if isinstance(found, Machine) else None
-    return None
-
-
-def find_plant(text: str) -> Bearing | Machine:
-    """Return the machine that the user named: a preset, or one in a TOML file."""
-    return find_machine(text) or find_bearing(text)
+    known = presets.all_names()
+    if text in known or Path(text).suffix == ".toml" or os.sep in text or Path(text).exists():
+        return load_machine(text)
+    near = difflib.get_close_matches(text, known, 1)
+    hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(known)}"
+    raise AmbkitError(f'there is no preset and no file "{text}"; {hint}')
 
 
-def isolated(machine: Bearing | Machine, axis: str | None) -> Bearing:
+def find_axis(text: str) -> Bearing:
+    """Return the machine that the user named, which must have one axis."""
+    return only_axis(find_machine(text), text)
+
+
+def only_axis(machine: Machine, text: str) -> Bearing:
+    """Return the axis of a machine that must have one."""
+    if not machine.single:
+        raise AmbkitError(f'"{text}" has several axes; this takes a machine with one')
+    return machine.alone("")
+
+
+def isolated(machine: Machine, axis: str | None) -> Bearing:
     """Return an axis of a machine alone; its name may be left out where there is only one."""
     from ambkit.machine import axes
-    from ambkit.machine.machine import as_machine
 
-    return axes.isolated(as_machine(machine), axis)
+    return axes.isolated(machine, axis)
 
 
 def refuse_of_one_axis(machine: Machine, options: Mapping[str, Any]) -> None:
@@ -178,25 +182,6 @@ def refuse_of_one_axis(machine: Machine, options: Mapping[str, Any]) -> None:
     for name, value in options.items():
         if value is not None:
             raise AmbkitError(f"--{name} is of one axis; {machine.name} is a whole machine")
-
-
-def find_bearing(text: str) -> Bearing:
-    """Return the preset, or the bearing in the TOML file, that the user named."""
-    from ambkit.machine import presets
-    from ambkit.machine.bearing import Bearing
-    from ambkit.machine.loading import load_machine
-
-    if text in presets.machine_names() or find_machine(text) is not None:
-        raise AmbkitError(f'"{text}" has several axes; this takes a machine with one')
-    if text in presets.names():
-        return Bearing.preset(text)
-    if Path(text).suffix == ".toml" or os.sep in text or Path(text).exists():
-        found = load_machine(text)
-        assert isinstance(found, Bearing)
-        return found
-    near = difflib.get_close_matches(text, presets.names(), 1)
-    hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(presets.names())}"
-    raise AmbkitError(f'there is no preset and no file "{text}"; {hint}')
 
 
 @contextmanager

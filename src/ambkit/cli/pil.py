@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ambkit.cli.kinds import NAMES, estimator_option, to_export, whole_to_export
+from ambkit.cli.kinds import NAMES, estimator_option, to_export
 from ambkit.cli.options import BearingOrFilter, Force, Json, file_option
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def pil(
     from ambkit.show.pages.pil import write_pil
     from ambkit.simulation.scenario import Scenario
 
-    model, chosen = whole_to_export(bearing, estimator) or to_export(bearing, estimator)
+    model, chosen = to_export(bearing, estimator)
     found = loop.pil(
         model,
         chosen.magnet,

@@ -30,28 +30,25 @@ def presets(
     from ambkit.base import files
     from ambkit.cli import output
     from ambkit.machine import presets as collection
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
 
     if name is None:
         if out is not None:
             raise AmbkitError("--out needs the NAME of a preset")
-        known: list[Bearing | Machine] = [Bearing.preset(each) for each in collection.names()]
-        known += [Machine.preset(each) for each in collection.machine_names()]
+        known = map(Machine.preset, (*collection.names(), *collection.machine_names()))
         data = [
             {"name": b.name, "description": b.description, "source": b.source,
-             "kind": type(b).__name__.lower()}
+             "kind": "bearing" if b.single else "machine"}
             for b in known
         ]  # fmt: skip
         rows = [[b["name"], b["kind"], b["description"]] for b in data]
         shown = output.table("Presets", ["name", "of a", "what"], rows, wide=True)
         output.deliver(data, [shown], as_json=json)
         return
-    whole = name in collection.machine_names()
-    text = collection.machine_text(name) if whole else collection.text(name)
+    text = collection.text(name)
     if json:
-        found: Bearing | Machine = (Machine if whole else Bearing).preset(name)
-        kind = type(found).__name__.lower()
+        found = Machine.preset(name)
+        kind = "bearing" if found.single else "machine"
         content = {"name": name, kind: found.model_dump(), "toml": text}
     write = [(out, lambda path: files.write_text(path, text))]
     if json:

@@ -53,8 +53,8 @@ def rotor(
     from ambkit.workflow.unbalance_response import unbalance_response
 
     one = find_machine(machine)
-    if one is None:
-        raise AmbkitError(f"{machine} is no whole machine; ambkit presets lists those there are")
+    if one.rotor.type == "mass":
+        raise AmbkitError(f"{machine}: its rotor is a mass that does not turn")
     if fastest is not None and not fastest > 0:
         raise AmbkitError(f"--fastest must be greater than 0, is {fastest:g} rad/s")
     found = campbell_of(one, fastest)

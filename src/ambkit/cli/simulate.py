@@ -18,7 +18,7 @@ from ambkit.cli.options import (
     Plot,
     Synchronous,
     file_option,
-    find_plant,
+    find_machine,
     quantity,
     refuse_of_one_axis,
 )
@@ -127,13 +127,12 @@ def simulate(
     from ambkit.cli import output
     from ambkit.cli.kinds import factories, surface_in
     from ambkit.judge.adequacy import judge_adequacy
-    from ambkit.machine.bearing import Bearing
     from ambkit.show import plots
     from ambkit.workflow.harmonics import harmonics
     from ambkit.workflow.simulating import RunSummary, scenario_for, simulate_run
 
-    plant = find_plant(bearing)
-    if not isinstance(plant, Bearing):
+    plant = find_machine(bearing)
+    if not plant.single:
         refuse_of_one_axis(plant, {"force-map": magnet})
     elif synchronous or waterfall is not None:
         option = "synchronous" if synchronous else "waterfall"
@@ -146,18 +145,18 @@ def simulate(
         "injection": injection,
     }  # fmt: skip
     happening = scenario_for(plant, scenario, from_estimate=named, **said)
-    if not isinstance(plant, Bearing):
+    if not plant.single:
         _note_default(plant, happening)
     built = factories([estimator] if named else [], plant, expert, synchronous or ())
     kalman = built[estimator]() if built else "none"
-    true = surface_in(magnet, plant) if magnet and isinstance(plant, Bearing) else None
+    true = surface_in(magnet, plant.alone("")) if magnet and plant.single else None
     with output.progress("simulating"):
         run = simulate_run(plant, scenario, estimator=kalman, magnet=true, **said)
     of = None if isinstance(kalman, str) else kalman
-    turning = harmonics(of, run.record) if of and not isinstance(plant, Bearing) else ()
+    turning = harmonics(of, run.record) if of and not plant.single else ()
     data = RunSummary(run, turning).to_dict()
     apart, speed = _separations(run)
-    if not isinstance(plant, Bearing):
+    if not plant.single:
         data["critical_speeds"] = [each.to_dict() for each in apart]
     found = judge_adequacy(kalman, plant, happening, data.get("nis", math.nan))
     data["adequacy"] = output.say_adequacy(found)
@@ -188,10 +187,9 @@ def _note_default(machine: Machine, happening: Any) -> None:
 
 def _separations(run: Run) -> tuple[tuple[Separation, ...], float]:
     """Return the critical speeds near the speed at the end of a run, and that [rad/s]."""
-    from ambkit.machine.bearing import Bearing
     from ambkit.workflow.separation import separations
 
-    if isinstance(run.plant, Bearing):
+    if run.plant.single:
         return (), 0.0
     speed = float(run.record["speed"][-1]) if "speed" in run.record else run.machine.speed
     return tuple(separations(run.machine, speed)), speed
@@ -202,7 +200,6 @@ def _notes(
     apart: tuple[Separation, ...], speed: float,
 ) -> Iterator[str]:  # fmt: skip
     """Yield what is to be said beside the table."""
-    from ambkit.machine.bearing import Bearing
     from ambkit.simulation.holding import holding
     from ambkit.workflow.separation import sentence
     from ambkit.workflow.simulating import plain_control
@@ -212,13 +209,13 @@ def _notes(
         yield sentence(apart, speed)
     if any(each["mode"] == "tripped" for each in data.get("modes", ())):
         yield "it tripped: see lost and overload in [sequence]"
-    if not isinstance(machine, Bearing):
+    if not machine.single:
         plain = plain_control(machine, happening, estimator)
         if plain is not None:
             yield plain
     if touched and happening.start != "rest":
         yield _of_the_stop(run)
-        if isinstance(machine, Bearing) or machine.speed:
+        if machine.single or machine.speed:
             return
         if not holding(machine, happening.feedback or "measurement").held:
             yield "no PID of each axis that was tried holds it; ambkit check says more"

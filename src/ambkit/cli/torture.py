@@ -16,7 +16,7 @@ from ambkit.cli.options import (
     Json,
     Plot,
     file_option,
-    find_plant,
+    find_machine,
 )
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def torture(
     from ambkit.show import plots
     from ambkit.show.plots.torture import torture_figure
 
-    plant = find_plant(bearing)
+    plant = find_machine(bearing)
     chosen = suited(names(",".join(estimators or NAMES)), plant)
     named = chosen_faults(None if faults is None else names(faults))
     precisions: Any = ("float64", "float32") if precision == "both" else (precision,)

@@ -16,7 +16,7 @@ from ambkit.cli.options import (
     Plot,
     arguments_of_the_user,
     file_option,
-    find_plant,
+    find_machine,
     isolated,
     quantity,
 )
@@ -191,7 +191,7 @@ def train(
     taken = "best" if take is None else take.value
     if take is None and out is not None:  # points and bearings are asked for by no one by chance
         taken = {".json": "best", ".toml": "law"}.get(out.suffix.lower(), "surface")
-    model = isolated(find_plant(bearing), axis)
+    model = isolated(find_machine(bearing), axis)
     options = how_to_train(method.value, weights, normalised=not plain, scaling=scaling.value)
     measured = None
     with output.progress("training") as done:

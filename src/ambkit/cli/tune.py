@@ -16,7 +16,7 @@ from ambkit.cli.options import (
     Plot,
     To,
     file_option,
-    find_plant,
+    find_machine,
 )
 from ambkit.cli.tune_robust import tune_robust
 
@@ -141,7 +141,6 @@ def tune(
     from ambkit.cli.kinds import experts
     from ambkit.cli.loop_query import control_of
     from ambkit.cli.options import arguments_of_the_user
-    from ambkit.machine.machine import as_machine
     from ambkit.workflow.trading_off import trade_off
     from ambkit.workflow.tuned_filter import tune as tuned
 
@@ -176,13 +175,13 @@ def tune(
         if simulated and given is not None:
             raise AmbkitError(f"{option} is for records, and there is none")
     name = target[0] if bearing is None else bearing
-    known = find_plant(name)
+    known = find_machine(name)
     magnet = None if expert is None else experts(expert, known)
     records = [] if simulated else [_load(Path(p), channel_map, known, begin, end) for p in target]
     others = [_load(path, channel_map, known, None, None) for path in validate or ()]
     inputs = None if channel_map is None else _inputs(channel_map)
     span = "" if begin is None and end is None else f", {_shown(begin)} to {_shown(end)}"
-    pid = control_of(as_machine(known), None if scenario is None else str(scenario))[0]
+    pid = control_of(known.long, None if scenario is None else str(scenario))[0]
     if ceilings is not None:
         alone = {"--max-sensitivity": max_sensitivity, "--out": out, "--free": free,
                  "--validate": validate or None}  # fmt: skip

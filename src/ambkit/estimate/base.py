@@ -24,8 +24,7 @@ from ambkit.estimate.model import LinearModel
 from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.view import View
 from ambkit.machine.bank import bank_of, constants_of
-from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine, as_machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
 from ambkit.models.linear import LinearSystem
 from ambkit.models.machine import machine_parts
@@ -99,7 +98,7 @@ class Estimator(Copyable):
 
     def __init__(
         self,
-        bearing: Bearing | Machine,
+        bearing: Machine,
         magnet: MagnetModel | Sequence[MagnetModel] | None = None,
         *,
         noise: FilterNoise | None = None,
@@ -111,8 +110,8 @@ class Estimator(Copyable):
         as_printed: bool = False,
         synchronous: Sequence[str] = (),
     ) -> None:
-        of_type(Bearing, Machine, bearing=bearing)
-        machine = as_machine(bearing)
+        of_type(Machine, bearing=bearing)
+        machine = bearing.long
         if not (self.several_axes or machine.single):
             names = ", ".join(axis.name for axis in machine.axes)
             raise ValueError(f"{self.name} takes one axis; {machine.name} has the axes {names}")
@@ -665,7 +664,7 @@ class Estimator(Copyable):
         return Status(self.core.status)
 
 
-def check_sampling(bearing: Bearing | Machine, record: Record) -> None:
+def check_sampling(bearing: Machine, record: Record) -> None:
     """Raise ValueError where the record was not sampled as the bearing says."""
     if len(record.t) < 2:
         return

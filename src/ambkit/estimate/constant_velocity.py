@@ -20,12 +20,10 @@ from ambkit.base.asked import Given, in_si
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.bank import alone_of, bank_of
 from ambkit.machine.bearing import GRAVITY
-from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.models.parts.free import free_parts
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
     from ambkit.models.plan import Part
@@ -33,15 +31,15 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def usual_acceleration(bearing: Bearing | Machine) -> float:
+def usual_acceleration(bearing: Machine) -> float:
     """Return the intensity of an acceleration of 1 g over the rotor's own time [m^2/s^3]."""
     # Singer 1970; Bar-Shalom, Li and Kirubarajan 2001, eq. 8.2.2-11: 2 sigma^2 tau.
     return 2 * GRAVITY**2 * min(own_time(axis) for axis in alone_of(bearing))
 
 
-def no_force_of(bearing: Bearing | Machine) -> MagnetModel:
+def no_force_of(bearing: Machine) -> MagnetModel:
     """Return magnets without force."""
-    machine = as_machine(bearing)
+    machine = bearing.long
     return bank_of([ConstantStiffness(0.0, 0.0)] * len(machine.axes), machine)
 
 
@@ -81,7 +79,7 @@ class ConstantVelocity(KalmanFilter):
 
     def __init__(
         self,
-        bearing: Bearing | Machine,
+        bearing: Machine,
         magnet: MagnetModel | None = None,
         *,
         acceleration: Given | None = None,

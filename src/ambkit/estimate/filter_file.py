@@ -54,9 +54,8 @@ from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
 from ambkit.estimate.view import View
 from ambkit.machine.bank import alone_of, bank_of
-from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.map_of import surface_in
-from ambkit.machine.machine import Machine, as_machine
+from ambkit.machine.machine import Bearing, Machine
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -133,7 +132,7 @@ class FilterFile(Document):
             whose = "bearing" if of is bearing else "machine"
             shown = [units.engineering(each, "s") for each in (own, T)]
             yield "sampling_time", f"must be the {whose}'s, {shown[0]}, is {shown[1]}"
-        yield from _contradictions_of(View(as_machine(of.plant)), read)
+        yield from _contradictions_of(View(of.plant), read)
 
     @property
     def plant(self) -> Any:
@@ -152,12 +151,12 @@ class FilterFile(Document):
             return {key: each for key, each in kept.items() if each not in ("", {}, (), [], None)}
 
         data: dict[str, Any] = said(handler(self))
-        if isinstance(self.plant, Machine):
+        if not self.plant.single:
             data.pop("inputs", None)  # which are of one axis
         return data
 
     @classmethod
-    def load_for(cls, path: str | os.PathLike[str], bearing: Bearing | Machine) -> Self:
+    def load_for(cls, path: str | os.PathLike[str], bearing: Machine) -> Self:
         """Read a filter that is to run beside others on a machine.
 
         Parameters
@@ -192,12 +191,11 @@ class FilterFile(Document):
             What the magnet's file holds is no expert and no force map.
         """
         if self.magnets:
-            machine = as_machine(self.plant)
             each = {
                 axis.bearing.name: magnet_in(self.magnets[axis.bearing.name].file, alone)
-                for axis, alone in zip(machine.axes, alone_of(machine), strict=True)
+                for axis, alone in zip(self.plant.axes, alone_of(self.plant), strict=True)
             }
-            return bank_of([each[axis.bearing.name] for axis in machine.axes], machine)
+            return bank_of([each[axis.bearing.name] for axis in self.plant.axes], self.plant)
         if self.magnet is None:
             return learned_magnet(self.kind, self.plant)
         return magnet_in(self.magnet.file, self.plant)
@@ -277,7 +275,7 @@ def _contradictions_of(view: View, read: Read) -> Iterator[tuple[str, str]]:
         yield "kind", f"the {kind} takes one axis; {machine.name} has the axes {names}"
     if read("synchronous") and machine.rotor.type == "mass":
         yield "synchronous", "is of a rotor that turns; a mass does not"
-    magnets, names_of = read("magnets"), [each.name for each in machine.bearing]
+    magnets, names_of = read("magnets"), [each.name for each in machine.bearings]
     if single and magnets:
         yield "magnets", "are of named bearings; the one axis has its [magnet]"
     elif isinstance(magnets, dict) and magnets and sorted(magnets) != sorted(names_of):
@@ -291,7 +289,7 @@ def _contradictions_of(view: View, read: Read) -> Iterator[tuple[str, str]]:
         yield from view.count_of(FilterNoise(**noise.model_dump()))
 
 
-def _check_alike(path: str | os.PathLike[str], own: Any, given: Bearing | Machine) -> None:
+def _check_alike(path: str | os.PathLike[str], own: Any, given: Machine) -> None:
     """Refuse a filter of other axes or readings."""
 
     def about(machine: Machine) -> str:
@@ -305,10 +303,9 @@ def _check_alike(path: str | os.PathLike[str], own: Any, given: Bearing | Machin
     def lines(machine: Machine) -> list[list[str]]:
         return [[each.name for each in many] for many in (machine.axes, machine.readings)]
 
-    its, wanted = as_machine(own), as_machine(given)
-    if lines(its) != lines(wanted):
+    if lines(own) != lines(given):
         raise AmbkitError(
-            f"{os.fspath(path)}: this filter is of {about(its)}; not of {about(wanted)}"
+            f"{os.fspath(path)}: this filter is of {about(own)}; not of {about(given)}"
         )
 
 

@@ -17,7 +17,6 @@ from ambkit.estimate.noise import UNITS
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
 from ambkit.machine import presets
 from ambkit.machine.bank import Bank
-from ambkit.machine.bearing import Bearing
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
 
@@ -107,7 +106,7 @@ def save(
     described(estimator, bearing, asked).save(path)
 
 
-def preset_of(known: Bearing | Machine) -> str | None:
+def preset_of(known: Machine) -> str | None:
     """Return the name of the preset that a bearing or a machine is, if it is one."""
     usual = known.name in presets.all_names() and load_machine(known.name) == known
     return known.name if usual else None

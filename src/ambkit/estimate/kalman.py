@@ -14,7 +14,6 @@ from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
 
 
@@ -63,7 +62,7 @@ class AdaptiveKalmanFilter(KalmanFilter):
 
     name = "adaptive Kalman filter"
 
-    def __init__(self, bearing: Bearing | Machine, magnet: MagnetModel, **options: Any) -> None:
+    def __init__(self, bearing: Machine, magnet: MagnetModel, **options: Any) -> None:
         super().__init__(bearing, magnet, **options)
 
 
@@ -88,9 +87,7 @@ class ExtendedKalmanFilter(Estimator):
     steady = "tangent"
     smooths = True
 
-    def __init__(
-        self, bearing: Bearing | Machine, magnet: MagnetModel | None = None, **options: Any
-    ) -> None:
+    def __init__(self, bearing: Machine, magnet: MagnetModel | None = None, **options: Any) -> None:
         super().__init__(bearing, magnet or laws_of(bearing), **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:

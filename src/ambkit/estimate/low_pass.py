@@ -16,7 +16,7 @@ from ambkit.models.linear import LinearSystem, Signal
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 
 class LowPass(Estimator):

@@ -13,12 +13,10 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.observer import unstable_pole
 from ambkit.machine.bank import bias_forces_of, laws_of
-from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
 
 
@@ -66,7 +64,7 @@ class AugmentedKalmanFilter(Estimator):
 
     def __init__(
         self,
-        bearing: Bearing | Machine,
+        bearing: Machine,
         magnet: MagnetModel | None = None,
         *,
         scale_std: float = 0.2,
@@ -135,7 +133,7 @@ class MultipleModelFilter(Estimator):
 
     def __init__(
         self,
-        bearing: Bearing | Machine,
+        bearing: Machine,
         magnet: MagnetModel | None = None,
         *,
         scales: Sequence[float] = (0.7, 0.85, 1.0, 1.15, 1.3),
@@ -143,7 +141,7 @@ class MultipleModelFilter(Estimator):
         excitation: float = 1 / 3,
         **options: Any,
     ) -> None:
-        T, sojourn = as_machine(bearing).sampling_time, in_si("sojourn", sojourn, "s")
+        T, sojourn = bearing.sampling_time, in_si("sojourn", sojourn, "s")
         if not (2 <= len(scales) <= 5 and all(math.isfinite(s) and s > 0 for s in scales)):
             raise ValueError(f"scales must be 2 to 5 positive numbers, got {tuple(scales)!r}")
         if not (math.isfinite(sojourn) and sojourn >= 2 * T):
@@ -168,7 +166,7 @@ class MultipleModelFilter(Estimator):
         return dict(zip(self.scales, map(float, self.core.weights), strict=True))
 
 
-def _learning(bearing: Bearing | Machine, excitation: float) -> dict[str, float]:
+def _learning(bearing: Machine, excitation: float) -> dict[str, float]:
     """Return when the scale is learned, as the core wants it (``ambkit/excitation.h``)."""
     if not excitation > 0:
         raise ValueError(f"excitation must be greater than 0, got {excitation!r}")

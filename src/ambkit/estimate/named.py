@@ -17,7 +17,6 @@ from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, learned_
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.noise import FilterNoise
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel, Precision
 
@@ -49,7 +48,7 @@ class FromFile:
 
 def factories(
     names: Iterable[str],
-    bearing: Bearing | Machine,
+    bearing: Machine,
     magnets: Mapping[str, MagnetModel] | None = None,
     synchronous: Sequence[str] = (),
 ) -> dict[str, Factory]:

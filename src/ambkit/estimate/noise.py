@@ -12,7 +12,7 @@ from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import own_time
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
     from ambkit.models.model import Descriptor
 
 

@@ -24,8 +24,7 @@ from ambkit.models.parts import Hum
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.machine.bearing import Bearing
-    from ambkit.machine.machine import Machine
+    from ambkit.machine.machine import Bearing, Machine
 
 Array = NDArray[np.float64]
 
@@ -172,7 +171,7 @@ class SteadyStateKalmanFilter(_Observer):
 
 def _whole(engine: Engine) -> Model:
     """Return the model of the machine with all sensor noise."""
-    sensor = engine.machine.sensor[0]
+    sensor = engine.machine.sensors[0]
     if not sensor.hum and (engine.noise or not sensor.coloured_noise):
         return engine.model
     parts = [
@@ -194,7 +193,7 @@ def _of_the_led(A: Array, led: list[int]) -> Array:
     return np.asarray(A[np.ix_(led, led)] + A[np.ix_(led, others)] @ held)
 
 
-def unstable_pole(bearing: Bearing | Machine) -> float:
+def unstable_pole(bearing: Machine) -> float:
     """Return the pole at which the rotor falls out of its middle, sqrt(k_s / m) [rad/s]."""
     # Of several axes, of the fastest alone.
     return max(

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.estimate.engine import Engine
     from ambkit.estimate.estimate import Estimate
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import Precision
     from ambkit.models.plan import Part
@@ -74,7 +73,7 @@ class OwnEstimator(Estimator):
 
     def __init__(
         self,
-        bearing: Bearing | Machine,
+        bearing: Machine,
         make: Callable[..., Any],
         name: str = "",
         *,
@@ -193,7 +192,7 @@ def is_own(given: Any) -> TypeGuard[type[EstimatorProtocol]]:
 
 
 def own_factory(
-    name: str, make: Callable[..., Any], bearing: Bearing | Machine
+    name: str, make: Callable[..., Any], bearing: Machine
 ) -> Callable[..., OwnEstimator]:
     """Return what makes estimators of a class of the user's."""
 

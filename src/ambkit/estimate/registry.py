@@ -20,9 +20,8 @@ from ambkit.base.own_class import MARK
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.laws import MagnetModel
-    from ambkit.machine.machine import Machine
+    from ambkit.machine.machine import Bearing, Machine
 
 
 @dataclass(frozen=True)
@@ -126,7 +125,7 @@ class Kind:
     given: str = ""  #: The class of magnet by which it is told from others of its class.
 
     def make(
-        self, bearing: Bearing | Machine, magnet: MagnetModel | None = None, **options: Any
+        self, bearing: Machine, magnet: MagnetModel | None = None, **options: Any
     ) -> Estimator:
         """Build one."""
         if magnet is None and self.magnet is not None:
@@ -159,19 +158,19 @@ _OUTER = ("memory", "window", "most")  # options of AdaptiveNoise, not of the fi
 MEMORY = Tunable("memory", "s", lambda _bearing: 0.5, decades=1.0)
 
 
-def _constant(bearing: Bearing | Machine) -> MagnetModel:
+def _constant(bearing: Machine) -> MagnetModel:
     from ambkit.machine.bank import constants_of
 
     return constants_of(bearing)
 
 
-def _law(bearing: Bearing | Machine) -> MagnetModel:
+def _law(bearing: Machine) -> MagnetModel:
     from ambkit.machine.bank import laws_of
 
     return laws_of(bearing)
 
 
-def _no_force(bearing: Bearing | Machine) -> MagnetModel:
+def _no_force(bearing: Machine) -> MagnetModel:
     from ambkit.estimate.constant_velocity import no_force_of
 
     return no_force_of(bearing)
@@ -326,14 +325,13 @@ def kind_of(estimator: Estimator) -> str:
     return next((k for k in found if KINDS[k].given == type(magnet).__name__), found[-1])
 
 
-def learned_magnet(name: str, bearing: Bearing | Machine) -> MagnetModel | None:
+def learned_magnet(name: str, bearing: Machine) -> MagnetModel | None:
     """Return what a kind that must be given its magnet knows of it where nobody says otherwise."""
     from ambkit.machine.bank import bank_of
-    from ambkit.machine.machine import as_machine
 
     if KINDS[name].magnet is not None:
         return None
-    machine, learned = as_machine(bearing), {}
+    machine, learned = bearing, {}
     for axis in machine.axes:
         if axis.bearing.name not in learned:  # both axes of a bearing have one magnet
             learned[axis.bearing.name] = _learned(name, machine.alone(axis.name))

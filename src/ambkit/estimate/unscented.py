@@ -12,7 +12,6 @@ from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
 
 
@@ -51,7 +50,7 @@ class UnscentedKalmanFilter(Estimator):
 
     def __init__(
         self,
-        bearing: Bearing | Machine,
+        bearing: Machine,
         magnet: MagnetModel | None = None,
         *,
         alpha: float = 1.0,

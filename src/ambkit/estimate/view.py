@@ -20,8 +20,7 @@ from ambkit.machine.magnets import own_time
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.machine.bearing import Bearing
-    from ambkit.machine.machine import Machine
+    from ambkit.machine.machine import Bearing, Machine
     from ambkit.machine.magnets import MagnetModel
     from ambkit.models.model import Descriptor
 

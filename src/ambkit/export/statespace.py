@@ -19,7 +19,7 @@ from ambkit.simulation.linear.pieces import WorkPoint
 if TYPE_CHECKING:
     import control
 
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
     from ambkit.simulation.scenario import PID
 
 

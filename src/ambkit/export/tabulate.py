@@ -17,7 +17,7 @@ from ambkit.machine.magnets import core_module, evaluate_force, evaluate_stiffne
 if TYPE_CHECKING:
     from ambkit._core import Table
     from ambkit.fuzzy.expert import Expert
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
     from ambkit.machine.magnets import Precision
 
 Array = NDArray[np.float64]

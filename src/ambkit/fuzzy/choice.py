@@ -25,7 +25,7 @@ from ambkit.machine.forces.surface import ForceSurface
 from ambkit.machine.stiffness import ForceFunction, StiffnessMap, stiffness_map
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]
 Shape = tuple[int, int]

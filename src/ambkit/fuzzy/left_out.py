@@ -22,8 +22,8 @@ from ambkit.machine.magnets import law_of
 from ambkit.machine.stiffness import ForceFunction
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.points import ForcePoints
+    from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]
 

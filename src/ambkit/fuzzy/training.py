@@ -21,7 +21,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert, Method, Training
 from ambkit.fuzzy.network import Scaling
 from ambkit.fuzzy.training_set import Outputs, TrainingSet, rms
-from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Bearing
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 
 Array = NDArray[np.float64]

@@ -25,7 +25,7 @@ from ambkit.base.errors import RecordError
 from ambkit.data.record import Record
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]
 

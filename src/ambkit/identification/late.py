@@ -12,7 +12,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.machine.parts import SHORTEST_LAG
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]
 

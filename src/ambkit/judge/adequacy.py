@@ -12,25 +12,24 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
 from ambkit.estimate.base import Estimator
 from ambkit.judge import adequacy_criteria as criteria
-from ambkit.machine.machine import Machine, short_form
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.default_control import control_of, feedback_of
 from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from ambkit.judge.adequacy_criteria import Finding
-    from ambkit.machine.bearing import Bearing
 
 
 def judge_adequacy(
     estimator: Any,
-    plant: Bearing | Machine | None = None,
+    plant: Machine | None = None,
     happening: Scenario | None = None,
     nis: float = math.nan,
 ) -> list[Finding]:
     """Judge whether an estimator may fly."""
     own = getattr(estimator, "bearing", None)
-    plant = own if plant is None else short_form(plant)
+    plant = own if plant is None else plant.short
     found = list(criteria.innovations(nis))
     if isinstance(estimator, Estimator) and plant is not None:
         found += _static(estimator, plant, *_control_of(plant, happening))
@@ -47,7 +46,7 @@ def sentences(found: Sequence[Finding]) -> list[str]:
 
 def require_adequate(
     estimator: Estimator,
-    plant: Bearing | Machine | None = None,
+    plant: Machine | None = None,
     happening: Scenario | None = None,
     *,
     force: bool,
@@ -67,7 +66,7 @@ _MOST_JUDGED = 1000
 
 
 def _static(
-    estimator: Estimator, plant: Bearing | Machine, control: Any, given: bool, fed_back: bool
+    estimator: Estimator, plant: Machine, control: Any, given: bool, fed_back: bool
 ) -> list[Finding]:
     """Return what follows from filter and machine alone; the same is judged once."""
     key = _key(estimator, plant, control, given, fed_back)
@@ -100,7 +99,7 @@ def _control_of(plant: Any, happening: Scenario | None) -> tuple[Any, bool, bool
     """Return the controller, whether it was given, and whether the estimate feeds it."""
     if happening is None:
         return None, False, True
-    if isinstance(plant, Machine):
+    if not plant.single:
         given = bool(happening.control.model_fields_set)
         return control_of(plant, happening), given, feedback_of(plant, happening) == "estimate"
     pid = happening.controller

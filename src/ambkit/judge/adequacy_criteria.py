@@ -26,14 +26,14 @@ from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
 from ambkit.judge.loop.margins import grid
 from ambkit.machine.bank import alone_of, weights_of
 from ambkit.machine.bearing import GRAVITY
-from ambkit.machine.machine import Machine, as_machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of, own_time
 from ambkit.simulation.linear.settled import tangents_known
 from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
     from ambkit.simulation.scenario import Scenario
     from ambkit.simulation.waveforms import Waveform
 
@@ -119,9 +119,7 @@ def identity(estimator: Estimator, plant: Any) -> Iterator[Finding]:
         yield Finding("greatest difference of a parameter", 0.0, "1", PARAMETER_DIFFERENCE)
         return
     names = [
-        ([a.name for a in of.axes], [r.name for r in of.readings])
-        if isinstance(of, Machine)
-        else None
+        ([a.name for a in of.axes], [r.name for r in of.readings]) if not of.single else None
         for of in (own, plant)
     ]
     who = f"the filter is of {own.name} (fingerprint {_fingerprint(own)}), not of {plant.name}"
@@ -131,7 +129,7 @@ def identity(estimator: Estimator, plant: Any) -> Iterator[Finding]:
         return
     worst, differ = 0.0, []
     for k, (one, other) in enumerate(zip(alone_of(own), alone_of(plant), strict=True)):
-        axis = f" of {plant.axes[k].name}" if isinstance(plant, Machine) else ""
+        axis = f" of {plant.axes[k].name}" if not plant.single else ""
         ours, theirs = _parameters(one), _parameters(other)
         for name, (value, unit) in ours.items():
             true = theirs[name][0]
@@ -151,7 +149,7 @@ def _fingerprint(plant: Any) -> str:
     return hashlib.sha256(plant.model_dump_json().encode()).hexdigest()[:6]
 
 
-def of_machine(plant: Bearing | Machine) -> Iterator[Finding]:
+def of_machine(plant: Machine) -> Iterator[Finding]:
     """Yield what is absurd about the machine itself: sampled too slowly, or far too light."""
     T = plant.sampling_time
     fastest = min(alone_of(plant), key=own_time)
@@ -176,8 +174,8 @@ def of_machine(plant: Bearing | Machine) -> Iterator[Finding]:
     yield from _steps(plant)
 
 
-def _steps(plant: Bearing | Machine) -> Iterator[Finding]:
-    sensors = [reading.sensor for reading in as_machine(plant).readings]
+def _steps(plant: Machine) -> Iterator[Finding]:
+    sensors = [reading.sensor for reading in plant.long.readings]
     coarse = max(sensors, key=lambda s: (s.quantisation or 0.0) ** 2 / s.noise_variance)
     step, std = coarse.quantisation or 0.0, math.sqrt(coarse.noise_variance)
     text = ""
@@ -192,11 +190,11 @@ def _steps(plant: Bearing | Machine) -> Iterator[Finding]:
 
 def _usual(plant: Any) -> Variances:
     """Return the variances that a filter of a machine has by default."""
-    view = View(as_machine(plant))
+    view = View(plant.long)
     return view.variances(FilterNoise())
 
 
-def noise(estimator: Estimator, plant: Bearing | Machine) -> Iterator[Finding]:
+def noise(estimator: Estimator, plant: Machine) -> Iterator[Finding]:
     """Yield how far the noise that a filter assumes is from what its machine has."""
     usual = _usual(plant)
     for name, unit, what, of in (
@@ -217,7 +215,7 @@ def noise(estimator: Estimator, plant: Bearing | Machine) -> Iterator[Finding]:
 
 
 def of_filter(
-    estimator: Estimator, plant: Bearing | Machine, control: Any, given: bool, fed_back: bool
+    estimator: Estimator, plant: Machine, control: Any, given: bool, fed_back: bool
 ) -> Iterator[Finding]:
     """Yield what gain and magnet of a filter mean: how it follows a load, and the margins."""
     if estimator.options.get("gravity") == "disturbance" and any(weights_of(plant)):
@@ -342,7 +340,7 @@ def demands(plant: Any, happening: Scenario) -> Iterator[Finding]:
 
 
 def _axes(plant: Any) -> list[str]:
-    return [axis.name for axis in plant.axes] if isinstance(plant, Machine) else [""]
+    return [axis.name for axis in plant.axes] if not plant.single else [""]
 
 
 def _demanded(happening: Scenario, axis: str, first: str) -> tuple[list[Any], list[Any]]:

@@ -12,14 +12,12 @@ import numpy as np
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.machine.bank import alone_of, weights_of
-from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import magnet_of, own_time
 from ambkit.simulation.linear.pieces import WorkPoint
 from ambkit.simulation.linear.settled import settled_gain, tangents_known, tells
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
     from ambkit.models.model import Array
 
@@ -33,7 +31,7 @@ departs by e in one of them, by 20 in three. With the first the peak of abs(S) i
 A, with the second beyond zone C."""
 
 
-def load_capacity(plant: Bearing | Machine) -> list[float]:
+def load_capacity(plant: Machine) -> list[float]:
     """Return the load [N] that each axis bears at x = 0, whichever way it pushes."""
     found = []
     for b, weight in zip(alone_of(plant), weights_of(plant), strict=True):
@@ -130,4 +128,4 @@ def settling(estimator: Estimator) -> Estimator:
 @lru_cache(maxsize=64)
 def work_point(of: Any) -> WorkPoint:
     """Return the point at which a bearing or a machine holds its rotor in the middle."""
-    return WorkPoint.of_machine(as_machine(of))
+    return WorkPoint.of_machine(of)

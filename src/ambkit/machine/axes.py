@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 from ambkit.base.errors import AmbkitError
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.geometry import Line
-    from ambkit.machine.machine import Machine
+    from ambkit.machine.machine import Bearing, Machine
 
 ALIGNED = math.cos(math.radians(1))
 """Cosine of the angle between an axis and a reading that still shows it."""
@@ -23,7 +22,8 @@ def axis_named(machine: Machine, axis: str | None) -> str:
         return names[0]
     if axis not in names:
         wanted = "name one of them" if axis is None else f"there is no axis {axis}"
-        raise AmbkitError(f"{machine.name} has the axes {', '.join(names)}: {wanted}")
+        there = "one axis" if machine.single else f"the axes {', '.join(names)}"
+        raise AmbkitError(f"{machine.name} has {there}: {wanted}")
     return axis
 
 
@@ -52,6 +52,7 @@ def _aligned(one: Line, other: Line) -> bool:
 
 def with_axis(machine: Machine, axis: str, found: Bearing) -> Machine:
     """Return a copy with magnet, amplifier, sensor and times of an axis, not checked."""
+    machine = machine.long
     own = next(each.bearing for each in machine.axes if each.name == axis)
     seen = machine.readings[reading_along(machine, axis)].sensor
     changes = {
@@ -63,11 +64,12 @@ def with_axis(machine: Machine, axis: str, found: Bearing) -> Machine:
             "sampling_time": found.sampling_time,
             "delay": found.delay,
             "bearing": tuple(
-                each.model_copy(update=changes) if each is own else each for each in machine.bearing
+                each.model_copy(update=changes) if each is own else each
+                for each in machine.bearings
             ),
             "sensor": tuple(
                 each.model_copy(update=dict(found.sensor)) if each is seen else each
-                for each in machine.sensor
+                for each in machine.sensors
             ),
         }
     )

@@ -8,8 +8,8 @@ from types import ModuleType
 from typing import Any
 
 from ambkit.machine import geometry
-from ambkit.machine.bearing import GRAVITY, Bearing
-from ambkit.machine.machine import Machine, as_machine
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import (
     ConstantStiffness,
     MagnetModel,
@@ -45,37 +45,35 @@ def models_of(magnet: Any) -> tuple[MagnetModel, ...]:
     return magnet.models if isinstance(magnet, Bank) else (magnet,)
 
 
-def alone_of(of: Bearing | Machine) -> tuple[Bearing, ...]:
+def alone_of(of: Machine) -> tuple[Bearing, ...]:
     """Return the axes, each with all others held still."""
-    machine = as_machine(of)
-    return tuple(machine.alone(axis.name) for axis in machine.axes)
+    return tuple(of.alone(axis.name) for axis in of.axes)
 
 
-def slowest_time(of: Bearing | Machine) -> float:
+def slowest_time(of: Machine) -> float:
     """Return the own time of the slowest axis [s]."""
     return max(map(own_time, alone_of(of)))
 
 
-def _each(of: Bearing | Machine, made: Callable[[Bearing], MagnetModel]) -> MagnetModel:
-    return bank_of([made(axis) for axis in alone_of(of)], as_machine(of))
+def _each(of: Machine, made: Callable[[Bearing], MagnetModel]) -> MagnetModel:
+    return bank_of([made(axis) for axis in alone_of(of)], of)
 
 
-def laws_of(of: Bearing | Machine) -> MagnetModel:
+def laws_of(of: Machine) -> MagnetModel:
     """Return the magnets that a machine describes."""
     return _each(of, magnet_of)
 
 
-def constants_of(of: Bearing | Machine) -> MagnetModel:
+def constants_of(of: Machine) -> MagnetModel:
     """Return the constant stiffnesses of the work point."""
     return _each(of, ConstantStiffness.of)
 
 
-def bias_forces_of(magnet: MagnetModel, of: Bearing | Machine) -> list[float]:
+def bias_forces_of(magnet: MagnetModel, of: Machine) -> list[float]:
     """Return the force of each axis at iu = 0, x = 0 [N]; see `bias_force_of`."""
     return [bias_force_of(each, b) for each, b in zip(models_of(magnet), alone_of(of), strict=True)]
 
 
-def weights_of(of: Bearing | Machine) -> list[float]:
+def weights_of(of: Machine) -> list[float]:
     """Return the forces along the axes that do what gravity does [N]."""
-    machine = as_machine(of)
-    return [-float(f) for f in geometry.supporting_forces(machine.rotor, machine.axes, GRAVITY)]
+    return [-float(f) for f in geometry.supporting_forces(of.rotor, of.axes, GRAVITY)]

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from types import SimpleNamespace
-from typing import Annotated, Any, Literal, Self, cast
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
     ConfigDict,
@@ -14,24 +14,13 @@ from pydantic import (
     model_validator,
 )
 
-from ambkit.base.config import Document, Part, Read, read_unchecked, reader
+from ambkit.base.config import Part, Read, read_unchecked
 from ambkit.base.config.paths import FilePath
 from ambkit.base.config.quantities import InOther, Quantity, WordOrQuantity
-from ambkit.base.config.texts import Description, Name
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
 from ambkit.machine.magnets import MU_0, magnet_of
-from ambkit.machine.parts import (
-    SHORTEST_LAG,
-    Coil,
-    ColouredNoise,
-    Hum,
-    Runout,
-    Stop,
-    gap_contradictions,
-    parts_contradictions,
-)
+from ambkit.machine.parts import ColouredNoise, Hum, Runout
 
 GRAVITY = 9.81
 """Acceleration of free fall [m/s^2], as both rigs of the presets were calculated with."""
@@ -180,8 +169,8 @@ def _coil_constant(read: Read) -> float:
     return magnet_constant(turns, area, 0.0 if angle is None else angle)
 
 
-class Rotor(Part):
-    """The rotor along one axis."""
+class Mass(Part):
+    """A mass that moves along one axis."""
 
     mass: Annotated[float, Quantity("kg", "0.518 kg", above=0)]
     """Mass m [kg]."""
@@ -191,6 +180,31 @@ class Rotor(Part):
     ]
     """Direction in which gravity pulls; "none" for a horizontal axis, or an angle from -x [rad]: of
     a bearing whose axis stands slanted, "45 deg"."""
+
+    @property
+    def centre(self) -> float:
+        """Place of the centre of mass [m]."""
+        return 0.0
+
+    @property
+    def transverse_inertia(self) -> float:
+        """Infinite: it does not tilt [kg m^2]."""
+        return math.inf
+
+    @property
+    def polar_inertia(self) -> float:
+        """None: it does not rotate [kg m^2]."""
+        return 0.0
+
+    def bending(self, magnets: tuple[float, ...]) -> None:
+        """Return its bending modes: none."""
+
+
+class Rotor(Mass):
+    """The rotor along one axis."""
+
+    type: ClassVar[Literal["mass"]] = "mass"
+    """As of a machine's rotor."""
     travel_limit: Annotated[float, Quantity("m", "1 mm", above=0)]
     """Greatest displacement |x| [m], where the rotor meets a stop; less than the air gap."""
 
@@ -264,116 +278,6 @@ class Sensor(Part):
         return {k: each for k, each in data.items() if k not in absent or getattr(self, k)}
 
 
-class Bearing(Shown, Document):
-    """One axis of an active magnetic bearing.
-
-    Frozen, and checked as a whole: from TOML (`load`, `from_toml`, `preset`) or from Python, where
-    numbers are SI and strings carry units.
-
-    Examples
-    --------
-    >>> bearing = Bearing.preset("zittau_axial")
-    >>> bearing.magnet.air_gap
-    0.002
-    >>> bearing.replace(magnet__air_gap="2.2 mm").magnet.air_gap
-    0.0022
-    """
-
-    name: Annotated[Name, Field(min_length=1)]
-    """Short name."""
-    description: Description = ""
-    """What it is, in a sentence."""
-    source: Description = ""
-    """Where its values come from."""
-    sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)]
-    """Sampling time T of controller and estimator [s]."""
-    delay: Annotated[float, Quantity("s", "0.15 ms", above=0)] | None = None
-    """Dead time from a sample to the change of the control current that it leads to [s]."""
-    speed: Annotated[float, Quantity("rad/s", "12000 rpm", at_least=0)] | None = None
-    """Speed of rotation [rad/s], of which runout has its frequencies."""
-    magnet: Magnet
-    """The electromagnets."""
-    rotor: Rotor
-    """The rotor."""
-    amplifier: Amplifier
-    """The amplifier."""
-    sensor: Sensor
-    """The position sensor."""
-    stop: Stop | None = None
-    """Stops that give way, and bounce; without it the rotor stays where it touches one."""
-    coil: Coil | None = None
-    """How the coils warm; without it nobody asks."""
-
-    @classmethod
-    def preset(cls, name: str) -> Self:
-        """Return a bearing that comes with ambkit.
-
-        Parameters
-        ----------
-        name : str
-            One of `ambkit.machine.presets.names`.
-
-        Raises
-        ------
-        AmbkitError
-            There is no preset of that name.
-        """
-        from ambkit.machine import presets
-
-        return cls.from_toml(presets.text(name), name=f"{name}.toml")
-
-    @property
-    def weight(self) -> float:
-        """Force of gravity along +x [N], negative where gravity pulls towards -x."""
-        return along_x(self.rotor.gravity) * self.rotor.mass * GRAVITY
-
-    @property
-    def sensor_lag(self) -> float:
-        """Lag of the sensor in models and plants [s]: one too short to tell is 0.001 samples."""
-        return max(self.sensor.lag, SHORTEST_LAG * self.sampling_time)
-
-    @property
-    def current_min(self) -> float:
-        """Least control current iu [A]; a one-sided coil's current i0 + iu stays positive."""
-        return _current_limits(self.amplifier.current_limit, self.magnet)[0]
-
-    @property
-    def current_max(self) -> float:
-        """Greatest control current iu [A]."""
-        return self.amplifier.current_limit
-
-    @property
-    def hover_current(self) -> float:
-        """Control current iu [A] that carries the rotor at rest at x = 0.
-
-        It solves ``F(iu, 0) + weight = 0``; ideal iron, two-sided:
-        ``iu = -weight s0^2 / (4 k i0)``, one-sided: ``iu = s0 sqrt(-weight/k) - i0``.
-        """
-        return _hover_current(reader(self))
-
-    @classmethod
-    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        yield from gap_contradictions(read, "rotor.travel_limit")
-        kind, gravity = read("magnet.type"), read("rotor.gravity")
-        if kind == "one-sided" and along_x(gravity) >= 0:
-            shown = f'"{gravity}"' if isinstance(gravity, str) else engineering(gravity, "rad")
-            what = "pull towards -x" if not isinstance(gravity, str) else 'be "-x"'
-            text = f"must {what}, is {shown}: nothing else pulls against a one-sided magnet"
-            yield "rotor.gravity", text
-
-        current = read("amplifier.current_limit")
-        hover = abs(_hover_current(read, current))
-        if hover > current:
-            limit = f"at least {engineering(hover, 'A')}, which carries the rotor at x = 0"
-            if math.isinf(hover):
-                limit = "such that it carries the rotor at x = 0, which no current does"
-            yield (
-                "amplifier.current_limit",
-                f"must be {limit}; is {engineering(current, 'A')}",
-            )
-        yield from parts_contradictions(read)
-
-
 _DIRECTION = {"-x": -1.0, "+x": 1.0, "none": 0.0}
 
 
@@ -385,29 +289,29 @@ def along_x(gravity: Any) -> float:
     return 0.0 if abs(share) < 1e-12 else share  # across
 
 
-def _hover_current(read: Read, enough: float = 0.0) -> float:
+def hover_current_of(read: Read, enough: float = 0.0) -> float:
     """Return the current that carries the rotor at x = 0; 0 where ``enough`` [A] carries it."""
     weight = along_x(read("rotor.gravity")) * read("rotor.mass") * GRAVITY
     magnet = SimpleNamespace(**{key: read(f"magnet.{key}") for key in Magnet.model_fields})
     wrong = any(isinstance(value, float) and math.isnan(value) for value in vars(magnet).values())
     if wrong or math.isnan(weight) or (magnet.type == "one-sided" and not weight < 0):
         return math.nan
-    bearing = SimpleNamespace(magnet=magnet)
+    bearing: Any = SimpleNamespace(magnet=magnet)
     if magnet.force_map is not None:
         bearing.rotor = SimpleNamespace(travel_limit=read("rotor.travel_limit"))
         limit = read("amplifier.current_limit")
-        bearing.current_min, bearing.current_max = _current_limits(limit, magnet)
+        bearing.current_min, bearing.current_max = current_limits(limit, magnet)
         if not 0 < bearing.rotor.travel_limit < magnet.air_gap or not limit > 0:
             return math.nan
     try:
-        law = magnet_of(cast("Bearing", bearing))
-        if enough > 0 and law.carries(-weight, *_current_limits(enough, magnet)):
+        law = magnet_of(bearing)
+        if enough > 0 and law.carries(-weight, *current_limits(enough, magnet)):
             return 0.0
         return law.current_for(-weight)
     except AmbkitError:  # which is told of the force map
         return math.nan
 
 
-def _current_limits(limit: float, magnet: Any) -> tuple[float, float]:
+def current_limits(limit: float, magnet: Any) -> tuple[float, float]:
     """Least and greatest control current [A]; a one-sided coil's current i0 + iu stays positive."""
     return -min(limit, magnet.bias_current) if magnet.type == "one-sided" else -limit, limit

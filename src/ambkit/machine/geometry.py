@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ambkit.machine.bearing import along_x
 
 if TYPE_CHECKING:
-    from ambkit.machine.placed import AnyRotor, PlacedBearing, PlacedSensor
+    from ambkit.machine.placed import Body, PlacedBearing, PlacedSensor
     from ambkit.machine.rotors.modes import Bending
 
 Array = NDArray[np.float64]
@@ -111,7 +111,7 @@ class Shaft(NamedTuple):
     """Whether it is a mass with one coordinate."""
 
     @classmethod
-    def of(cls, rotor: AnyRotor, bearings: tuple[PlacedBearing, ...]) -> Shaft:
+    def of(cls, rotor: Body, bearings: tuple[PlacedBearing, ...]) -> Shaft:
         """Return that of a rotor in bearings."""
         places = tuple(each.place for each in bearings if each.type == "radial")
         return cls(rotor.centre, rotor.bending(places), rotor.type == "mass")
@@ -166,7 +166,7 @@ def matrix(lines: list[Line], positions: tuple[str, ...]) -> Array:
 
 
 def masses(
-    rotor: AnyRotor, positions: tuple[str, ...], bending: Bending | None = None
+    rotor: Body, positions: tuple[str, ...], bending: Bending | None = None
 ) -> dict[str, float]:
     """Return what moves with each coordinate [kg] or [kg m^2]."""
     of = {"th_x": rotor.transverse_inertia, "th_y": rotor.transverse_inertia}
@@ -176,7 +176,7 @@ def masses(
     return {q: of.get(q, rotor.mass) for q in positions}
 
 
-def compliance(rotor: AnyRotor, axes: tuple[Axis, ...]) -> Array:
+def compliance(rotor: Body, axes: tuple[Axis, ...]) -> Array:
     """Return the acceleration along each axis by a force of 1 N along each (p, p) [1/kg]."""
     # Of the rigid body: for less time than a bending takes it is more.
     positions = positions_of(axes)
@@ -185,7 +185,7 @@ def compliance(rotor: AnyRotor, axes: tuple[Axis, ...]) -> Array:
     return np.asarray((H * inverse) @ H.T)
 
 
-def supporting_forces(rotor: AnyRotor, axes: tuple[Axis, ...], gravity: float) -> Array:
+def supporting_forces(rotor: Body, axes: tuple[Axis, ...], gravity: float) -> Array:
     """Return the forces along the axes that carry the rotor's weight (p,) [N]."""
     # Where more axes carry it than are needed, those of the least sum of squares.
     positions = positions_of(axes)
@@ -194,7 +194,7 @@ def supporting_forces(rotor: AnyRotor, axes: tuple[Axis, ...], gravity: float) -
     return np.asarray(np.linalg.lstsq(H.T, -weight, rcond=None)[0])
 
 
-def weight_of(rotor: AnyRotor, positions: tuple[str, ...], gravity: float) -> Array:
+def weight_of(rotor: Body, positions: tuple[str, ...], gravity: float) -> Array:
     """Return the force of gravity on each coordinate [N]; a free rotor is not bent by it."""
     if rotor.type == "mass":
         return np.array([along_x(rotor.gravity) * rotor.mass * gravity])

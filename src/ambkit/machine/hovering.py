@@ -9,7 +9,7 @@ import numpy as np
 from ambkit.machine.laws import MagnetModel, core_module
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 
 def hover_current(bearing: Bearing, plant: MagnetModel, x: float, balance: float) -> float:

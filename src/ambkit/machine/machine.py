@@ -6,30 +6,45 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from typing import Annotated, Any, Self
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
 
-from ambkit.base.asked import of_type
-from ambkit.base.config import Document, Read
+from ambkit.base.config import Document, Read, reader, toml_text
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Description, Name
 from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
-from ambkit.machine import geometry
-from ambkit.machine.bearing import GRAVITY, Bearing
+from ambkit.machine import geometry, presets
+from ambkit.machine.bearing import (
+    GRAVITY,
+    Amplifier,
+    Magnet,
+    Rotor,
+    Sensor,
+    along_x,
+    current_limits,
+    hover_current_of,
+)
 from ambkit.machine.geometry import Axis, Line, Reading, Shaft
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import (
     SHORTEST_LAG,
+    Coil,
+    Stop,
     delay_contradictions,
+    gap_contradictions,
     line_contradictions,
+    parts_contradictions,
 )
 from ambkit.machine.placed import (
     ROTORS,
     AnyRotor,
+    Body,
     MassRotor,
     PlacedBearing,
     PlacedSensor,
@@ -41,9 +56,10 @@ from ambkit.machine.rotors.modes import Bending
 
 
 class Machine(Document):
-    """A rotor on magnetic bearings: several axes, coupled by the rotor and its rotation.
+    """A rotor on magnetic bearings: one axis, or several that the rotor and its rotation couple.
 
-    Frozen, and checked as a whole, as a `Bearing`, which is one axis of it.
+    Frozen, and checked as a whole: from TOML (`load`, `from_toml`, `preset`) or from Python, where
+    numbers are SI and strings carry units. With one axis it may be written short, as a `Bearing`.
 
     Examples
     --------
@@ -62,27 +78,35 @@ class Machine(Document):
     """Sampling time T of controller and estimator [s]."""
     delay: Annotated[float, Quantity("s", "0.15 ms", above=0)] | None = None
     """Dead time from a sample to the change of the control currents that it leads to [s]."""
-    speed: Annotated[float, Quantity("rad/s", "12000 rpm")] = 0.0
-    """Speed of rotation, from x towards y [rad/s]."""
-    rotor: AnyRotor
-    """The rotor: rigid, or one that bends."""
-    bearing: Annotated[tuple[PlacedBearing, ...], Field(min_length=1)]
-    """The bearings."""
-    sensor: Annotated[tuple[PlacedSensor, ...], Field(min_length=1)]
-    """The position sensors."""
-    unbalance: tuple[Unbalance, ...] = ()
-    """Unbalance, by its planes."""
+    if TYPE_CHECKING:
 
-    @model_serializer(mode="wrap")
-    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = handler(self)
-        return {key: each for key, each in data.items() if key != "unbalance" or each}
+        @property
+        def speed(self) -> float:
+            """Speed of rotation, from x towards y [rad/s]."""
 
-    def model_post_init(self, context: Any, /) -> None:
-        """Choose how many bending modes are kept, where the rotor does not fix it."""
-        if isinstance(self.rotor, OfMatrices) and self.rotor.modes_up_to is None:
-            chosen = self.rotor.with_modes_for(self.sampling_time, self.speed)
-            self.__dict__["rotor"] = chosen
+        @property
+        def rotor(self) -> Body:
+            """The rotor."""
+
+        @property
+        def bearings(self) -> tuple[PlacedBearing, ...]:
+            """The bearings."""
+
+        @property
+        def sensors(self) -> tuple[PlacedSensor, ...]:
+            """The position sensors."""
+
+        @property
+        def unbalance(self) -> tuple[Unbalance, ...]:
+            """Unbalance, by its planes."""
+
+        @property
+        def long(self) -> PlacedMachine:
+            """The same machine in the long form."""
+
+    def __new__(cls, /, **data: Any) -> Self:
+        """Make it in the form that its keys are of."""
+        return super().__new__(_form_of(data) if cls is Machine else cls)  # type: ignore[return-value]
 
     @classmethod
     def preset(cls, name: str) -> Self:
@@ -91,21 +115,53 @@ class Machine(Document):
         Parameters
         ----------
         name : str
-            One of `ambkit.machine.presets.machine_names`.
+            One of `ambkit.machine.presets.all_names`; of a `Bearing` one of `names`.
 
         Raises
         ------
         AmbkitError
             There is no preset of that name.
         """
-        from ambkit.machine import presets
+        known = presets.names() if cls is Bearing else presets.all_names()
+        return cls.from_toml(presets.text(name, known), name=f"{name}.toml")
 
-        return cls.from_toml(presets.machine_text(name), name=f"{name}.toml")
+    @classmethod
+    def from_toml(cls, text: str, name: str = "<text>", folder: Path = Path()) -> Self:
+        """Read TOML text, in the short form of one axis or in the long.
+
+        Parameters
+        ----------
+        text : str
+            The TOML.
+        name : str
+            What the messages call it.
+        folder : Path
+            Where the files that the text names are looked for.
+
+        Raises
+        ------
+        ConfigError
+            With all that is wrong in it.
+        """
+        if cls is not Machine:
+            return super().from_toml(text, name, folder)
+        return _form_of(toml_text.parse(text).data or {}).from_toml(text, name, folder)  # type: ignore[return-value]
+
+    @classmethod
+    def json_schema(cls) -> dict[str, Any]:
+        """Return the JSON schema of the TOML file, for editors that complete and check."""
+        return PlacedMachine.json_schema() if cls is Machine else super().json_schema()
 
     @cached_property
     def shaft(self) -> Shaft:
         """Where its places are on the rotor."""
-        return Shaft.of(self.rotor, self.bearing)
+        return Shaft.of(self.rotor, self.bearings)
+
+    def __eq__(self, other: object) -> bool:
+        # Without what was made of them, which refers to them again.
+        return type(self) is type(other) and all(
+            getattr(self, key) == getattr(other, key) for key in type(self).model_fields
+        )
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy with other values, which are not checked; see `replace`.
@@ -118,8 +174,8 @@ class Machine(Document):
             Whether what it holds is copied as well.
         """
         copy = super().model_copy(update=update, deep=deep)
-        for made in ("shaft", "axes", "made_alone"):  # of another rotor, perhaps
-            copy.__dict__.pop(made, None)
+        for made in copy.__dict__.keys() - type(self).model_fields:  # of another rotor, perhaps
+            del copy.__dict__[made]
         return copy
 
     @property
@@ -130,12 +186,12 @@ class Machine(Document):
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
         """The axes of its bearings."""
-        return geometry.axes_of(self.bearing, self.shaft)
+        return geometry.axes_of(self.bearings, self.shaft)
 
     @property
     def readings(self) -> tuple[Reading, ...]:
         """What its sensors show."""
-        return geometry.readings_of(self.sensor, self.shaft)
+        return geometry.readings_of(self.sensors, self.shaft)
 
     @property
     def rigid_positions(self) -> tuple[str, ...]:
@@ -193,30 +249,6 @@ class Machine(Document):
         own = np.sqrt(np.diag(C))
         return float(np.max(np.abs(C / np.outer(own, own)) - np.eye(len(C)), initial=0.0))
 
-    @classmethod
-    def of_axis(cls, bearing: Bearing) -> Self:
-        """Return a bearing of one axis as the machine that it is.
-
-        Parameters
-        ----------
-        bearing : Bearing
-            The axis; its signals and states keep their names, without a suffix.
-        """
-        # Each part was checked when the bearing was made.
-        own, made = dict(bearing), {}
-        rotor, sensor = own.pop("rotor"), dict(own.pop("sensor"))
-        for key in ("magnet", "amplifier", "stop", "coil"):
-            made[key] = own.pop(key)
-        placed = PlacedBearing.model_construct(
-            type="single", travel_limit=rotor.travel_limit, **made
-        )
-        own |= {"speed": own["speed"] or 0.0, "bearing": (placed,)}
-        own["rotor"] = MassRotor.model_construct(mass=rotor.mass, gravity=rotor.gravity)
-        own["sensor"] = (PlacedSensor.model_construct(type="single", **sensor),)
-        machine = cls.model_construct(**own)
-        machine.made_alone[""] = bearing
-        return machine
-
     @property
     def turns(self) -> bool:
         """Whether its rotor turns about the shaft; a mass has a speed only for runout."""
@@ -225,15 +257,21 @@ class Machine(Document):
     @property
     def single(self) -> bool:
         """Whether it has one axis and one reading, without names: its signals are y and u."""
+        bearings, sensors = self.bearings, self.sensors
         return (
-            len(self.bearing) == len(self.sensor) == 1
-            and self.bearing[0].type == self.sensor[0].type == "single"
-            and not self.bearing[0].name
+            len(bearings) == len(sensors) == 1
+            and bearings[0].type == sensors[0].type == "single"
+            and not bearings[0].name
         )
 
-    def __getitem__(self, axis: str) -> Machine:
+    @property
+    def short(self) -> Machine:
+        """The same machine, of a single axis in the short form."""
+        return self.alone("") if self.single else self
+
+    def __getitem__(self, axis: str) -> Bearing:
         """Return an axis as a machine of one axis, see `alone`."""
-        return Machine.of_axis(self.alone(axis))
+        return self.alone(axis)
 
     def alone(self, axis: str) -> Bearing:
         """Return an axis as a bearing alone, with the mass that is effective there.
@@ -260,16 +298,6 @@ class Machine(Document):
         """The axes that `alone` has made, by their names: many ask for the same ones."""
         return {}
 
-    def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
-        """Return the description as TOML with units, of a single axis in its short form.
-
-        Parameters
-        ----------
-        folder : path, optional
-            Where it will lie: names of files in it are written as seen from there.
-        """
-        return self.alone("").to_toml(folder) if self.single else super().to_toml(folder)
-
     def _made_alone(self, axis: str) -> Bearing:
         names = [each.name for each in self.axes]
         if axis not in names:
@@ -277,28 +305,22 @@ class Machine(Document):
         at = names.index(axis)
         found = self.axes[at]
         one = found.bearing
-        mass = float(self.effective_masses[at])
-        sensor = self._nearest(found).model_dump(exclude={"name", "type", "place", "angle"})
-        data: dict[str, Any] = {
-            "name": axis or self.name,
-            "sampling_time": self.sampling_time,
-            "magnet": one.magnet.model_dump(exclude_none=True),
-            "rotor": {
-                "mass": mass,
-                "gravity": self._gravity_of(found),
-                "travel_limit": one.travel_limit,
-            },
-            "amplifier": one.amplifier.model_dump(exclude_none=True),
-            "sensor": {key: value for key, value in sensor.items() if value is not None},
-        }
-        about = {"description": self.description, "source": self.source} if self.single else {}
-        further = about | {
-            "delay": self.delay,
-            "speed": abs(self.speed) if self.speed or not self.single else None,
-            "stop": None if one.stop is None else one.stop.model_dump(),
-            "coil": None if one.coil is None else one.coil.model_dump(exclude_none=True),
-        }
-        return Bearing(**data | {key: each for key, each in further.items() if each is not None})
+        sensor = dict(self._nearest(found))
+        keys: dict[str, Any] = {"name": axis or self.name, "speed": abs(self.speed)}
+        if self.single:
+            keys |= {"description": self.description, "source": self.source}
+        elif not self.speed:
+            sensor["runout"] = ()  # without a speed it has no frequency
+        return Bearing(
+            **keys, sampling_time=self.sampling_time, delay=self.delay, magnet=one.magnet,
+            rotor=Rotor(
+                mass=float(self.effective_masses[at]), gravity=self._gravity_of(found),
+                travel_limit=one.travel_limit,
+            ),
+            amplifier=one.amplifier,
+            sensor=Sensor.model_construct(**{key: sensor[key] for key in Sensor.model_fields}),
+            stop=one.stop, coil=one.coil,
+        )  # fmt: skip
 
     def lag_of(self, sensor: PlacedSensor) -> float:
         """Return a sensor's lag in models and plants [s]; see `Bearing.sensor_lag`.
@@ -310,7 +332,7 @@ class Machine(Document):
         """
         return max(sensor.lag, SHORTEST_LAG * self.sampling_time)
 
-    def _gravity_of(self, axis: Axis) -> float | str:
+    def _gravity_of(self, axis: Axis) -> Any:
         """Gravity along an isolated axis: that of a mass; a body's is carried by the bias."""
         if self.rotor.type == "mass":
             return self.rotor.gravity
@@ -323,7 +345,7 @@ class Machine(Document):
             away = abs(sensor.place - axis.bearing.place)
             return (sensor.type == "axial") != axis.line.axial, away
 
-        return min(self.sensor, key=away)
+        return min(self.sensors, key=away)
 
     def unbalances(self) -> list[tuple[float, float, float]]:
         """Return place [m], amount [kg m] and angle [rad] of each plane's unbalance.
@@ -346,6 +368,53 @@ class Machine(Document):
             found.append((each.place, amount, each.angle))
         return found
 
+
+class PlacedMachine(Machine):
+    """A machine in the long form: a rotor, and bearings and sensors at their places."""
+
+    model_config = ConfigDict(title="Machine")
+
+    speed: Annotated[float, Quantity("rad/s", "12000 rpm")] = 0.0
+    """Speed of rotation, from x towards y [rad/s]."""
+    rotor: AnyRotor
+    """The rotor: rigid, or one that bends."""
+    bearing: Annotated[tuple[PlacedBearing, ...], Field(min_length=1)]
+    """The bearings."""
+    sensor: Annotated[tuple[PlacedSensor, ...], Field(min_length=1)]
+    """The position sensors."""
+    unbalance: tuple[Unbalance, ...] = ()
+    """Unbalance, by its planes."""
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        return {key: each for key, each in data.items() if key != "unbalance" or each}
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Choose how many bending modes are kept, where the rotor does not fix it."""
+        if isinstance(self.rotor, OfMatrices) and self.rotor.modes_up_to is None:
+            chosen = self.rotor.with_modes_for(self.sampling_time, self.speed)
+            self.__dict__["rotor"] = chosen
+
+    @property
+    def bearings(self) -> tuple[PlacedBearing, ...]:
+        """The bearings."""
+        return self.bearing
+
+    @property
+    def sensors(self) -> tuple[PlacedSensor, ...]:
+        """The position sensors."""
+        return self.sensor
+
+    @property
+    def long(self) -> PlacedMachine:
+        """Itself."""
+        return self
+
+    def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
+        """Return the description as TOML with units, of a single axis in its short form."""
+        return self.alone("").to_toml(folder) if self.single else super().to_toml(folder)
+
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         yield from delay_contradictions(read("sampling_time"), read("delay"))
@@ -363,15 +432,134 @@ class Machine(Document):
         yield from unseen(read, bearings, sensors)
 
 
-def as_machine(of: Bearing | Machine) -> Machine:
-    """Return a machine as it is, and a bearing as the machine of one axis that it describes."""
-    of_type(Bearing, Machine, bearing=of)
-    return of if isinstance(of, Machine) else Machine.of_axis(of)
+class Bearing(Shown, Machine):
+    """A machine with one axis, in the short form.
+
+    Magnet, amplifier and sensor stand without a place, and signals have no suffix.
+
+    Examples
+    --------
+    >>> bearing = Bearing.preset("zittau_axial")
+    >>> bearing.magnet.air_gap
+    0.002
+    >>> bearing.replace(magnet__air_gap="2.2 mm").magnet.air_gap
+    0.0022
+    """
+
+    speed: Annotated[float, Quantity("rad/s", "12000 rpm", at_least=0)] = 0.0
+    """Speed of rotation [rad/s], of which runout has its frequencies."""
+    magnet: Magnet
+    """The electromagnets."""
+    rotor: Rotor
+    """The rotor."""
+    amplifier: Amplifier
+    """The amplifier."""
+    sensor: Sensor
+    """The position sensor."""
+    stop: Stop | None = None
+    """Stops that give way, and bounce; without it the rotor stays where it touches one."""
+    coil: Coil | None = None
+    """How the coils warm; without it nobody asks."""
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        return {key: each for key, each in data.items() if key != "speed" or self.speed}
+
+    @property
+    def unbalance(self) -> tuple[Unbalance, ...]:
+        """Nothing: a mass does not turn."""
+        return ()
+
+    @cached_property
+    def bearings(self) -> tuple[PlacedBearing, ...]:
+        """Its one bearing."""
+        # Each part was checked when this was made.
+        return (
+            PlacedBearing.model_construct(
+                type="single", travel_limit=self.rotor.travel_limit, magnet=self.magnet,
+                amplifier=self.amplifier, stop=self.stop, coil=self.coil,
+            ),
+        )  # fmt: skip
+
+    @cached_property
+    def sensors(self) -> tuple[PlacedSensor, ...]:
+        """Its one sensor."""
+        return (PlacedSensor.model_construct(type="single", **dict(self.sensor)),)
+
+    @property
+    def made_alone(self) -> dict[str, Bearing]:
+        """Itself."""
+        return {"": self}
+
+    @cached_property
+    def long(self) -> PlacedMachine:
+        """The same machine in the long form; its signals keep their names, without a suffix."""
+        machine = PlacedMachine.model_construct(
+            name=self.name, description=self.description, source=self.source,
+            sampling_time=self.sampling_time, delay=self.delay, speed=self.speed,
+            rotor=MassRotor.model_construct(mass=self.rotor.mass, gravity=self.rotor.gravity),
+            bearing=self.bearings, sensor=self.sensors,
+        )  # fmt: skip
+        machine.made_alone[""] = self
+        return machine
+
+    @property
+    def weight(self) -> float:
+        """Force of gravity along +x [N], negative where gravity pulls towards -x."""
+        return along_x(self.rotor.gravity) * self.rotor.mass * GRAVITY
+
+    @property
+    def sensor_lag(self) -> float:
+        """Lag of the sensor in models and plants [s]: one too short to tell is 0.001 samples."""
+        return max(self.sensor.lag, SHORTEST_LAG * self.sampling_time)
+
+    @property
+    def current_min(self) -> float:
+        """Least control current iu [A]; a one-sided coil's current i0 + iu stays positive."""
+        return current_limits(self.amplifier.current_limit, self.magnet)[0]
+
+    @property
+    def current_max(self) -> float:
+        """Greatest control current iu [A]."""
+        return self.amplifier.current_limit
+
+    @property
+    def hover_current(self) -> float:
+        """Control current iu [A] that carries the rotor at rest at x = 0.
+
+        It solves ``F(iu, 0) + weight = 0``; ideal iron, two-sided:
+        ``iu = -weight s0^2 / (4 k i0)``, one-sided: ``iu = s0 sqrt(-weight/k) - i0``.
+        """
+        return hover_current_of(reader(self))
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        yield from gap_contradictions(read, "rotor.travel_limit")
+        kind, gravity = read("magnet.type"), read("rotor.gravity")
+        if kind == "one-sided" and along_x(gravity) >= 0:
+            shown = f'"{gravity}"' if isinstance(gravity, str) else engineering(gravity, "rad")
+            what = "pull towards -x" if not isinstance(gravity, str) else 'be "-x"'
+            text = f"must {what}, is {shown}: nothing else pulls against a one-sided magnet"
+            yield "rotor.gravity", text
+
+        current = read("amplifier.current_limit")
+        hover = abs(hover_current_of(read, current))
+        if hover > current:
+            limit = f"at least {engineering(hover, 'A')}, which carries the rotor at x = 0"
+            if math.isinf(hover):
+                limit = "such that it carries the rotor at x = 0, which no current does"
+            yield (
+                "amplifier.current_limit",
+                f"must be {limit}; is {engineering(current, 'A')}",
+            )
+        yield from parts_contradictions(read)
 
 
-def short_form(of: Bearing | Machine) -> Bearing | Machine:
-    """Return the short form of a machine with a single axis, and others as they are."""
-    return of.alone("") if isinstance(of, Machine) and of.single else of
+def _form_of(data: Mapping[str, Any]) -> type[Machine]:
+    """Return the form that a description's keys are of: the long one has lists of its parts."""
+    lists = any(isinstance(data.get(key), list | tuple) for key in ("bearing", "sensor"))
+    return PlacedMachine if lists else Bearing
 
 
 def _double_names(key: str, placed: tuple[Any, ...]) -> Iterator[tuple[str, str]]:
@@ -429,7 +617,7 @@ def _too_heavy(
         yield "rotor.gravity", 'must not be "-z" where no thrust bearing carries the rotor'
         return
     forces = geometry.supporting_forces(rotor, axes, GRAVITY)
-    machine = Machine.model_construct(
+    machine = PlacedMachine.model_construct(
         name="alone", sampling_time=T, delay=None, speed=0.0, rotor=rotor, bearing=bearings,
         sensor=sensors, unbalance=(),
     )  # fmt: skip

@@ -95,7 +95,7 @@ def parts_contradictions(read: Read) -> Iterator[tuple[str, str]]:
     yield from voltage_contradictions(read)
     yield from coil_contradictions(read)
     runout, hum = read("sensor.runout"), read("sensor.hum")
-    if isinstance(runout, tuple) and runout and speed is None:
+    if isinstance(runout, tuple) and runout and not speed:
         yield "speed", "missing: sensor.runout is at multiples of it"
         return
     for key, text in line_contradictions(T, speed, runout, hum):

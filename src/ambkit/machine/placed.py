@@ -18,9 +18,9 @@ from pydantic import (
 )
 
 from ambkit.base.config import Part, Read
-from ambkit.base.config.quantities import Quantity, WordOrQuantity
+from ambkit.base.config.quantities import Quantity
 from ambkit.base.units import engineering
-from ambkit.machine.bearing import Amplifier, Magnet, Sensor
+from ambkit.machine.bearing import Amplifier, Magnet, Mass, Rotor, Sensor
 from ambkit.machine.parts import (
     Coil,
     Stop,
@@ -37,36 +37,11 @@ Place = Annotated[float, Quantity("m", "-0.25 m")]
 Angle = Annotated[float, Quantity("rad", "45 deg")]
 
 
-class MassRotor(Part):
+class MassRotor(Mass):
     """One mass with one translation, the rotor of a machine with one axis."""
 
     type: Literal["mass"] = "mass"
     """Moves along one axis."""
-    mass: Annotated[float, Quantity("kg", "0.518 kg", above=0)]
-    """Mass m [kg]."""
-    gravity: Annotated[
-        float | Literal["-x", "+x", "none"],
-        WordOrQuantity("rad", "45 deg", words=("-x", "+x", "none")),
-    ]
-    """Direction of gravity; an angle counts from -x [rad]."""
-
-    @property
-    def centre(self) -> float:
-        """Place of the centre of mass [m]."""
-        return 0.0
-
-    @property
-    def transverse_inertia(self) -> float:
-        """Infinite: it does not tilt [kg m^2]."""
-        return math.inf
-
-    @property
-    def polar_inertia(self) -> float:
-        """None: it does not rotate [kg m^2]."""
-        return 0.0
-
-    def bending(self, magnets: tuple[float, ...]) -> None:
-        """Return its bending modes: none."""
 
 
 class RigidRotor(Part):
@@ -135,7 +110,10 @@ AnyRotor = Annotated[
 ]
 """A rotor of any kind, by its type."""
 
-ROTORS = (RigidRotor, ShaftRotor, MatrixRotor, ModalRotor, MassRotor)
+Body = RigidRotor | ShaftRotor | MatrixRotor | ModalRotor | MassRotor | Rotor
+"""A rotor as a machine has it, in either form."""
+
+ROTORS = (RigidRotor, ShaftRotor, MatrixRotor, ModalRotor, MassRotor, Rotor)
 
 
 class PlacedBearing(Part):

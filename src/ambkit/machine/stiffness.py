@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.base.arrays import real
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
-from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.table import check_nodes
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import equally_far, magnet_of
 
 if TYPE_CHECKING:

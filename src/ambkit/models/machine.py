@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ambkit.machine.machine import as_machine
 from ambkit.models.compose import compose
 from ambkit.models.model import Model
 from ambkit.models.parts import PARTS, SENSOR_NOISE, SYNCHRONOUS, Delay
@@ -22,7 +21,6 @@ def machine_parts(
     speeding: float = 0.0,
 ) -> list[Part]:
     """Return the parts of a machine, as its keys give them."""
-    machine = as_machine(machine)
     sizes = [Typical.of(machine.alone(axis.name)) for axis in machine.axes]
     kinds: list[Any] = [each for each in PARTS if delay or each is not Delay]
     parts: list[Part] = [part for kind in kinds for part in kind.of(machine, sizes)]

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.machine.bank import alone_of
-from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.simulation.controllers import Controllers, arrays, controllers_of
 from ambkit.simulation.plant import Plant
@@ -19,7 +18,7 @@ from ambkit.simulation.sequence import MOST_COUNTED, LiftOff
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]
 
@@ -45,7 +44,7 @@ class Controller:
         cls, bearing: Bearing, estimator: Estimator, pid: PID, sequence: LiftOff | None = None
     ) -> Controller:
         """Return that of a single axis and its PID."""
-        plant, fed = Plant(as_machine(bearing)), pid.feedback == "estimate"
+        plant, fed = Plant(bearing.long), pid.feedback == "estimate"
         control = Control(type="lqg" if pid.type == "lqg" else "decentralised")
         law = controllers_of(plant, control, estimator if fed else None, [pid])
         return cls(plant, estimator, law, sequence, fed, pid)

@@ -27,8 +27,7 @@ from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import GAINS, PID, Control
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
-    from ambkit.machine.machine import Machine
+    from ambkit.machine.machine import Bearing, Machine
 
 Array = NDArray[np.float64]
 Feedback = Literal["measurement", "estimate"]

@@ -29,8 +29,7 @@ from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.linear.settled import estimator_at
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
-    from ambkit.machine.machine import Machine
+    from ambkit.machine.machine import Bearing, Machine
     from ambkit.models.linear import LinearSystem
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.batch import processors
 from ambkit.estimate.estimate import Status
-from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import MagnetModel, core_module
 from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.run import Loop, Run, Sampled, simulate_run

@@ -184,7 +184,7 @@ def _rms(of_axes: Array) -> float:
 def _orbits(machine: Machine, s: Array) -> list[tuple[Array, float]]:
     """Return of each bearing how far the rotor is from its middle (n,), and the travel [m]."""
     found, at = [], 0
-    for bearing in machine.bearing:
+    for bearing in machine.bearings:
         axes = 2 if bearing.type == "radial" else 1
         found.append((np.linalg.norm(s[:, at : at + axes], axis=1), bearing.travel_limit))
         at += axes

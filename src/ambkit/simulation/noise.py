@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing, Sensor
+    from ambkit.machine.bearing import Sensor
+    from ambkit.machine.machine import Bearing
     from ambkit.machine.parts import ColouredNoise, Hum
     from ambkit.simulation.scenario import Scenario
 

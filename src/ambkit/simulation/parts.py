@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.units import engineering
-from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import SHORTEST_LAG
 from ambkit.models.continuous import Behind, behind_magnets, continuous
 from ambkit.models.parts import BEHIND_MAGNETS
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing, Sensor
-    from ambkit.machine.machine import Machine
+    from ambkit.machine.bearing import Sensor
+    from ambkit.machine.machine import Bearing, Machine
     from ambkit.machine.parts import Runout
 
 
@@ -28,7 +27,7 @@ def substeps(bearing: Bearing, least: int) -> int:
     # Two in the sensor's lag, which is unstable from 2.8 lags a step on; four in the time constant
     # of the current, which moves the rotor; four in a radian of the fastest runout.
     T = bearing.sampling_time
-    turn = max((line.order for line in bearing.sensor.runout), default=0) * (bearing.speed or 0)
+    turn = max((line.order for line in bearing.sensor.runout), default=0) * bearing.speed
     needed = (
         2 * T / bearing.sensor_lag, 4 * T * _corner(bearing), 4 * T * turn,
         4 * T * fastest(_behind(bearing)),
@@ -59,7 +58,7 @@ def _behind(bearing: Bearing) -> Behind | None:
     # A machine is built where there is any only: campaigns ask this of each run.
     if all(getattr(bearing.magnet, kind.key) is None for kind in BEHIND_MAGNETS):
         return None
-    return behind_magnets(continuous(as_machine(bearing)))[0]
+    return behind_magnets(continuous(bearing))[0]
 
 
 def fastest(behind: Behind | None) -> float:
@@ -108,7 +107,7 @@ def in_words(bearing: Bearing) -> list[str]:
         told.append(f"coloured noise to {engineering(sensor.coloured_noise.bandwidth, 'Hz')}")
     if sensor.hum:
         told.append(f"hum at {', '.join(engineering(line.frequency, 'Hz') for line in sensor.hum)}")
-    if sensor.runout and bearing.speed is not None:
+    if sensor.runout:
         orders = ", ".join(f"{line.order}x" for line in sensor.runout)
         told.append(f"runout {orders} of {engineering(bearing.speed / (2 * math.pi), 'Hz')}")
     if stop is not None:
@@ -141,7 +140,7 @@ def amplifier_of(bearing: Bearing) -> dict[str, Any]:
     return parts
 
 
-def delay_of(bearing: Bearing | Machine) -> dict[str, Any]:
+def delay_of(bearing: Machine) -> dict[str, Any]:
     """Return the dead time of a loop by the names of ``amb_parts``; nothing without one."""
     if bearing.delay is None:
         return {}
@@ -154,7 +153,7 @@ def delay_of(bearing: Bearing | Machine) -> dict[str, Any]:
 
 def _sensor(bearing: Bearing, dtype: str) -> dict[str, Any]:
     sensor = bearing.sensor
-    if not sensor.runout or bearing.speed is None:
+    if not sensor.runout:
         return of_sensor(sensor, (), dtype)
     return of_sensor(sensor, sensor.runout, dtype) | {"speed": bearing.speed}
 

@@ -76,7 +76,7 @@ class Plant:
 
     def resting(self) -> Array:
         """Return displacements (q,) of a rotor that lies in its backup bearings."""
-        least = min(each.travel_limit for each in self.machine.bearing)
+        least = min(each.travel_limit for each in self.machine.bearings)
         falls = geometry.weight_of(self.machine.rotor, self.machine.positions, 1.0)
         return np.asarray(np.sign(falls) * least)
 
@@ -154,7 +154,7 @@ class Plant:
 
     def _rings(self) -> list[dict[str, Any]]:
         rings, at = [], 0
-        for each in self.machine.bearing:
+        for each in self.machine.bearings:
             two = each.type == "radial"
             alone = self.alone[at]
             if each.stop is None:
@@ -176,10 +176,10 @@ class Plant:
         # Two in a sensor's lag, four in an amplifier's, four in a radian of the fastest runout and
         # eight in one of the fastest bending, which they damp then by less than 1e-7 of its own.
         T, machine = self.machine.sampling_time, self.machine
-        orders = [line.order for sensor in machine.sensor for line in sensor.runout]
+        orders = [line.order for sensor in machine.sensors for line in sensor.runout]
         needed = [4 * T * fastest * max(orders, default=1)]
-        needed += [2 * T / machine.lag_of(sensor) for sensor in machine.sensor]
-        bandwidths = [each.amplifier.bandwidth for each in machine.bearing]
+        needed += [2 * T / machine.lag_of(sensor) for sensor in machine.sensors]
+        bandwidths = [each.amplifier.bandwidth for each in machine.bearings]
         needed += [4 * T * 2 * math.pi * each for each in bandwidths if each is not None]
         needed += [4 * T * parts.fastest(behind) for behind in self.behind]
         if machine.bending is not None:

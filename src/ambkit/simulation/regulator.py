@@ -15,7 +15,7 @@ from ambkit.machine.magnets import ConstantStiffness
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.model import LinearModel
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
     from ambkit.simulation.plant import Plant
 
 Array = NDArray[np.float64]

@@ -25,9 +25,8 @@ from ambkit.data.signals import signal
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.bearing import Bearing
 from ambkit.machine.hovering import hover_current
-from ambkit.machine.machine import Machine, as_machine
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import Law, MagnetModel, core_module, magnet_of
 from ambkit.simulation import parts
 from ambkit.simulation.control import Controller, needs_states
@@ -59,7 +58,7 @@ INJECTED_UNITS = {"injected": "m"}
 class Run(Drawn):
     """A simulated run: what happened, and what the estimator said meanwhile."""
 
-    plant: Bearing | Machine  #: What was simulated; one axis in its short form.
+    plant: Machine  #: What was simulated; one axis in its short form.
     #: Measurements and control signals, and the truth. Of one axis ``y``, ``u``, ``r``, ``x``,
     #: ``v``, ``x_m``, ``iu``, ``f_mag``, ``f_d``. Of several each reading ``y_NAME`` [m], each
     #: axis's ``u_NAME`` [V], displacement ``s_NAME`` [m], current ``iu_NAME`` [A], magnet force
@@ -79,7 +78,7 @@ class Run(Drawn):
     @property
     def machine(self) -> Machine:
         """The plant as a machine."""
-        return as_machine(self.plant)
+        return self.plant.long
 
     @property
     def axes(self) -> list[str]:

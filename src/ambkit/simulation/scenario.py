@@ -15,7 +15,7 @@ from ambkit.base.config.problems import ONE_OR_MORE
 from ambkit.base.config.quantities import Quantity, SignalIn
 from ambkit.base.config.texts import Name
 from ambkit.base.errors import AmbkitError
-from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Bearing
 from ambkit.simulation.holding import Gains, chosen, textbook, two_digits, weight_of
 from ambkit.simulation.sequence import LiftOff
 from ambkit.simulation.waveforms import (

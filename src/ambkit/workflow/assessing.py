@@ -10,7 +10,6 @@ from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.simulation.scenario import PID, Control
 from ambkit.workflow.assessed_loop import AssessedLoop, assessed
@@ -27,7 +26,7 @@ MEASUREMENT = "measurement"
 
 @one_thread()
 def assess(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     filter: Estimator
     | str
     | os.PathLike[str]
@@ -96,7 +95,7 @@ def assess(
     ISO 14839-3, Mechanical vibration: Vibration of rotating machinery equipped with active magnetic
     bearings, Part 3: Evaluation of stability margin.
     """
-    of_type(Bearing, Machine, bearing=bearing)
+    of_type(Machine, bearing=bearing)
     of = LoopOf(bearing, controller, in_si("x", x, "m"), given_load(bearing, load))
     estimators = given_estimators(filter, bearing)
     amplitude = None if isinstance(orbit, bool) else in_si("orbit", orbit, "m")

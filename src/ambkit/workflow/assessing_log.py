@@ -27,7 +27,6 @@ from ambkit.workflow.assessment import Assessment
 from ambkit.workflow.assessment_rows import of_loop
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
     from ambkit.result.report.figure import Figure
     from ambkit.simulation.scenario import PID
 
@@ -177,7 +176,7 @@ class AssessedLog(Result):
 
 def assess_log(
     record: Record,
-    bearing: Bearing | Machine | None = None,
+    bearing: Machine | None = None,
     filter: Any = None,
     controller: PID | None = None,
     *,
@@ -214,7 +213,7 @@ def assess_log(
     """
     of_type(Record, record=record)
     axis = 0
-    if isinstance(bearing, Machine) and not bearing.single:
+    if bearing is not None and not bearing.single:
         axis, record = of_one_axis(record, bearing)
     found = measured_sensitivity(record, logged)
     speed = None if bearing is None else bearing.speed

@@ -13,7 +13,7 @@ from ambkit.base import units
 from ambkit.base.units import engineering
 from ambkit.data.signals import by_name
 from ambkit.judge.loop.loop_of import ZONES, LoopOf, ideal_pieces
-from ambkit.machine.machine import Machine, short_form
+from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.stated import Section
@@ -75,7 +75,7 @@ class Assessment(Result):
     @property
     def bearing(self) -> Any:
         """The plant, of a single axis in its short form."""
-        return short_form(self.of.machine)
+        return self.of.machine.short
 
     @property
     def machine(self) -> Machine:

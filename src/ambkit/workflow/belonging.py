@@ -8,20 +8,17 @@ import numpy as np
 
 from ambkit.base.errors import RecordError
 from ambkit.judge.belongs import evaluate_record, off_rate
-from ambkit.machine.machine import as_machine
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
 
 MOST = 0.5
 """Share of the measurements beyond the air gap, where no rotor can be, with which nothing works."""
 
 
-def check_belongs(record: Record, machine: Bearing | Machine) -> list[str]:
+def check_belongs(record: Record, machine: Machine) -> list[str]:
     """Return what is odd about a record of a machine with one axis, or refuse it."""
-    machine = as_machine(machine)
     if len(machine.axes) > 1:  # each moves by the forces on all
         return []
     bearing = machine.alone(machine.axes[0].name)

@@ -80,8 +80,8 @@ def _left_out(machine: Machine, bending: Bending) -> Iterator[Remark]:
             f"{bending.attached} shapes more, which would be at {extra}"
         )
         return
-    places = [each.place for each in machine.bearing if each.type == "radial"]
-    names = [each.name for each in machine.bearing if each.type == "radial"]
+    places = [each.place for each in machine.bearings if each.type == "radial"]
+    names = [each.name for each in machine.bearings if each.type == "radial"]
     stiff = {
         axis.bearing.name: abs(ConstantStiffness.of(alone).k_s)
         for axis, alone in zip(machine.axes, alone_of(machine), strict=True)
@@ -106,8 +106,8 @@ def _nodes(machine: Machine, bending: Bending) -> Iterator[Remark]:
     """Yield which sensors and magnets are at nodes, and where there is one between both."""
     modes = len(bending.frequency) - bending.attached
     of_keys: dict[str, tuple[PlacedSensor | PlacedBearing, ...]] = {
-        "sensor": machine.sensor,
-        "bearing": machine.bearing,
+        "sensor": machine.sensors,
+        "bearing": machine.bearings,
     }
     for key, placed in of_keys.items():
         for at, each in enumerate(placed):
@@ -121,8 +121,8 @@ def _nodes(machine: Machine, bending: Bending) -> Iterator[Remark]:
                     f"{k + 1}, {_hertz(bending.frequency[k])}, and {what}",
                     (key, at, "place"),
                 )
-    for at, bearing in enumerate(machine.bearing):
-        radial = [each for each in machine.sensor if each.type != "axial"]
+    for at, bearing in enumerate(machine.bearings):
+        radial = [each for each in machine.sensors if each.type != "axial"]
         if bearing.type != "radial" or not radial:
             continue
         near = min(radial, key=lambda each: abs(each.place - bearing.place))

@@ -25,7 +25,6 @@ from ambkit.workflow.simulating import scenario_for
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.judge.comparison.bench import Benches
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.surface import ForceSurface
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
@@ -52,7 +51,7 @@ def cases_called(name: str = "paper", spread: Given | None = None) -> dict[str, 
 
 
 def compare_in_case(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     case: str | Case = "paper",
     estimators: Sequence[str] | None = None,
     *,
@@ -78,7 +77,7 @@ def compare_in_case(
 
 
 def compare_in_all(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     estimators: Sequence[str] | None = None,
     *,
     runs: int = RUNS,
@@ -111,7 +110,7 @@ class Happening:
 
 
 def happenings(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
     steps: Iterable[Given] | None = None,
@@ -140,7 +139,7 @@ def happenings(
 class LoopScores(Shown):
     """Estimators, each in its own loop, over the same seeds."""
 
-    bearing: Bearing | Machine  #: The plant, and what the estimators know.
+    bearing: Machine  #: The plant, and what the estimators know.
     happenings: Mapping[str, Happening]  #: What happened, by name.
     #: (mapping of str to Score) By the same names, and by estimator.
     scores: Mapping[str, Mapping[str, Score]]
@@ -166,7 +165,7 @@ class LoopScores(Shown):
 
 
 def compare_in_loops(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     what: Mapping[str, Happening],
     estimators: Iterable[str] | Mapping[str, Callable[[], Estimator]] = USUAL,
     *,

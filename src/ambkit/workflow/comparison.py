@@ -11,10 +11,9 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
 from ambkit.estimate.named import USUAL, factories
 from ambkit.judge.comparison.cases import Case
-from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.map_of import surface_in
 from ambkit.machine.forces.surface import ForceSurface
-from ambkit.machine.machine import Machine, short_form
+from ambkit.machine.machine import Machine
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.comparing import (
     RUNS,
@@ -38,13 +37,13 @@ Done = Callable[[str], None] | None
 
 @overload
 def compare(  # type: ignore[overload-overlap]
-    bearing: Bearing | Machine, case: Literal["all"], estimators: Sequence[str] | None = ..., *,
+    bearing: Machine, case: Literal["all"], estimators: Sequence[str] | None = ..., *,
     tune: int = ..., runs: int = ..., seed: int = ..., spread: Given | None = ...,
     magnets: Mapping[str, MagnetModel] | None = ..., force_map: Map = ..., done: Done = ...,
 ) -> Benches: ...  # fmt: skip
 @overload
 def compare(  # type: ignore[overload-overlap]
-    bearing: Bearing | Machine, case: str | Case | None = ...,
+    bearing: Machine, case: str | Case | None = ...,
     estimators: Sequence[str] | None = ..., *, tune: int = ..., runs: int = ..., seed: int = ...,
     spread: Given | None = ...,
     magnets: Mapping[str, MagnetModel] | None = ..., force_map: Map = ..., whole: bool = ...,
@@ -52,7 +51,7 @@ def compare(  # type: ignore[overload-overlap]
 ) -> Study: ...  # fmt: skip
 @overload
 def compare(
-    bearing: Bearing | Machine, *,
+    bearing: Machine, *,
     scenario: Scenario | str | os.PathLike[str] | None = ...,
     steps: Iterable[Given] | None = ..., load: Given | None = ..., duration: Given | None = ...,
     estimators: Iterable[str] | Mapping[str, Callable[[], Estimator]] | None = ..., runs: int = ...,
@@ -60,7 +59,7 @@ def compare(
     done: Done = ...,
 ) -> LoopScores: ...  # fmt: skip
 def compare(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     case: str | Case | None = None,
     estimators: Any = None,
     *,
@@ -138,7 +137,7 @@ def compare(
     >>> found.scores["0.3 mm"]["linear"].mean("x") < 10e-6
     True
     """
-    of_type(Bearing, Machine, bearing=bearing)
+    of_type(Machine, bearing=bearing)
     if case is not None:
         of_type(str, Case, case=case)
     true = _surface(force_map, bearing)
@@ -174,12 +173,13 @@ def compare(
     return found
 
 
-def _surface(force_map: Map, bearing: Bearing | Machine) -> ForceSurface | None:
+def _surface(force_map: Map, bearing: Machine) -> ForceSurface | None:
     """Return the plant's true magnet."""
     if force_map is None:
         return None
-    machine = short_form(bearing)
-    if isinstance(machine, Machine):
-        axes = len(machine.axes)
-        raise AmbkitError(f"force_map is the magnet of one axis, and {machine.name} has {axes}")
-    return surface_in(force_map, machine) if isinstance(force_map, str | os.PathLike) else force_map
+    if not bearing.single:
+        axes = len(bearing.axes)
+        raise AmbkitError(f"force_map is the magnet of one axis, and {bearing.name} has {axes}")
+    if isinstance(force_map, str | os.PathLike):
+        return surface_in(force_map, bearing.alone(""))
+    return force_map

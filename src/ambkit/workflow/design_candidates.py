@@ -25,7 +25,6 @@ from ambkit.judge.comparison.tuning import SIGNALS, errors
 from ambkit.judge.load_following import STEP, load_capacity
 from ambkit.judge.loop.loop_of import OutOfReachError
 from ambkit.machine.bank import slowest_time
-from ambkit.machine.machine import short_form
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.stages import read_json
 from ambkit.workflow.tuned_filter import Tuned, tune
@@ -35,7 +34,6 @@ from ambkit.workflow.tuning_tasks import AHEAD, JUDGED, RAW, By
 if TYPE_CHECKING:
     from ambkit.estimate.noise import Variances
     from ambkit.export.c import CExport
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
     from ambkit.simulation.scenario import Scenario
 
@@ -88,7 +86,7 @@ def tuned_within(ceiling: float | None, *arguments: Any, **options: Any) -> Tune
 
 
 def exported_filter(
-    plant: Bearing | Machine, place: Path, folder: str, precision: str, prefix: str | None,
+    plant: Machine, place: Path, folder: str, precision: str, prefix: str | None,
     run: Scenario | None = None,
 ) -> CExport:  # fmt: skip
     """Return the design's filter as C, with a run its controllers too; it is judged before."""
@@ -137,18 +135,18 @@ def judged(path: Path, seed: int) -> dict[str, Any]:
     }
 
 
-def _with_noise(machine: Machine, variances: Variances) -> Bearing | Machine:
+def _with_noise(machine: Machine, variances: Variances) -> Machine:
     """Return a machine with the noise that a filter assumes, of each sensor and amplifier."""
     R = {r.sensor.name: v for r, v in _reversed(machine.readings, variances.measurement)}
     Q = {axis.bearing.name: v for axis, v in _reversed(machine.axes, variances.control)}
-    sensors = [s.model_copy(update={"noise_variance": R[s.name]}) for s in machine.sensor]
+    sensors = [s.model_copy(update={"noise_variance": R[s.name]}) for s in machine.sensors]
     bearings = [
         b.model_copy(update={
             "amplifier": b.amplifier.model_copy(update={"noise_variance": Q[b.name]})
         })
-        for b in machine.bearing
+        for b in machine.bearings
     ]  # fmt: skip
-    return short_form(machine.replace(sensor=sensors, bearing=bearings))
+    return machine.replace(sensor=sensors, bearing=bearings).short
 
 
 def _reversed(of: Sequence[Any], values: Any) -> list[tuple[Any, float]]:
@@ -156,9 +154,7 @@ def _reversed(of: Sequence[Any], values: Any) -> list[tuple[Any, float]]:
     return list(zip(of, several(values), strict=True))[::-1]
 
 
-def _under_a_load(
-    plant: Bearing | Machine, file: FilterFile, seed: int
-) -> tuple[float, dict[str, float]]:
+def _under_a_load(plant: Machine, file: FilterFile, seed: int) -> tuple[float, dict[str, float]]:
     """Return the stated load [N], and a filter's errors under a step of it."""
     # Where the rotor meets a stop in each run it is a half, a quarter, an eighth of that.
     load = STEP * min(load_capacity(plant))

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf, zone_of
-from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine, as_machine, short_form
+from ambkit.machine.machine import Machine
 from ambkit.simulation.default_control import default_control
 from ambkit.simulation.scenario import GAINS, PID, Control, Scenario
 
@@ -21,9 +20,9 @@ DIGITS = 3
 """Of the gains that are written down."""
 
 
-def control_for(bearing: Bearing | Machine) -> Control:
+def control_for(bearing: Machine) -> Control:
     """The default controllers of a machine that an estimate feeds, as they are written down."""
-    machine = as_machine(bearing)
+    machine = bearing.long
     found = default_control(machine, "estimate")
     if not found.held:
         raise AmbkitError(found.summary)
@@ -38,13 +37,13 @@ def control_for(bearing: Bearing | Machine) -> Control:
     return control.model_copy(update={"pid": pids})
 
 
-def controller_of(bearing: Bearing | Machine, control: Control) -> PID | Control:
+def controller_of(bearing: Machine, control: Control) -> PID | Control:
     """Return controllers as a loop takes them: of a single axis its PID."""
-    single = as_machine(bearing).single
+    single = bearing.single
     return next(iter(control.pid.values())) if single else control
 
 
-def run_of(bearing: Bearing | Machine, control: Control) -> Scenario:
+def run_of(bearing: Machine, control: Control) -> Scenario:
     """Return a run whose controllers the estimate feeds."""
     controller = controller_of(bearing, control)
     if isinstance(controller, PID):
@@ -53,9 +52,9 @@ def run_of(bearing: Bearing | Machine, control: Control) -> Scenario:
     return Scenario(feedback="estimate", control=control)
 
 
-def control_in(path: Any, bearing: Bearing | Machine) -> Control:
+def control_in(path: Any, bearing: Machine) -> Control:
     """Return the controllers in the run that `run_of` made."""
-    if isinstance(short_form(bearing), Machine):
+    if not bearing.single:
         return Scenario.load(path).control
     pid = Scenario.load(path).controller
     gains: dict[str, Any] = {key: getattr(pid, key) for key in GAINS}

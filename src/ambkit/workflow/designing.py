@@ -24,8 +24,7 @@ from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.evaluation import evaluate
 from ambkit.judge.loop.loop_of import ZONE_A
 from ambkit.machine.bank import slowest_time
-from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine, as_machine, short_form
+from ambkit.machine.machine import Machine
 from ambkit.result.page import write_result
 from ambkit.show.pages.design import write_design
 from ambkit.show.plots.filters import filter_figure
@@ -134,7 +133,7 @@ class Design(Shown):
 
 @one_thread()
 def design(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     logs: Sequence[str | os.PathLike[str]],
     folder: str | os.PathLike[str],
     *,
@@ -202,8 +201,8 @@ def design(
         A log cannot be read, a kind is unknown, no controller was found that holds the rotor, or
         the folder cannot be written; or `free` is given and there is no log, or several axes.
     """
-    of_type(Bearing, Machine, bearing=bearing)
-    given = as_machine(bearing)
+    of_type(Machine, bearing=bearing)
+    given = bearing.long
     if free is not None and not (logs and given.single):
         raise AmbkitError(
             f"a design identifies a machine with one axis from its logs; {given.name} has "
@@ -244,7 +243,7 @@ def design(
     exported = None
     if anyway or not objections:
         note("exporting")
-        known = short_form(found)
+        known = found.short
         exported = exported_filter(known, place, "c", precision, prefix)
         exported_filter(known, place, "controller", precision, prefix, run)
     made = {name: what for name, what in FILES.items() if (place / name).exists()}
@@ -338,7 +337,7 @@ class _Work:
         def make() -> None:
             logs, others = self.records
             tuned = tuned_within(
-                options["max_sensitivity"], short_form(self.found), logs, kind, validate=others,
+                options["max_sensitivity"], self.found.short, logs, kind, validate=others,
                 controller=controller_of(self.found, control), inputs=self.inputs,
                 seed=options["seed"], runs=options["runs"], budget=options["budget"],
                 source=", ".join(Path(path).name for path in self.logs),
@@ -403,7 +402,7 @@ def _identified(
     place: Path,
 ) -> None:
     records = [load_filled(path, channels) for path in logs]
-    found = identify(short_form(machine), records, free=free)
+    found = identify(machine.short, records, free=free)
     inputs = Inputs() if channels is None else inputs_of(ChannelMap.load(channels))
     files.write_text(place / "machine.toml", annotated_toml(found.likelihood, place))
     source = ", ".join(Path(path).name for path in logs)

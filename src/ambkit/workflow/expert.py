@@ -15,10 +15,9 @@ from ambkit.estimate.kalman import AdaptiveKalmanFilter
 from ambkit.fuzzy.left_out import LAW, NETWORK, REFITTED, SURFACE, choose_model
 from ambkit.fuzzy.training import train as train_network
 from ambkit.machine.axes import isolated
-from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.file import load_force_points
 from ambkit.machine.forces.points import ForcePoints
-from ambkit.machine.machine import Machine, as_machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import StiffnessMap
 from ambkit.workflow.training import RULES, how_to_train, measured_force, stiffness_of_law
 
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
 
 @shown_in_notebooks("training the expert", by="note")
 def train(
-    source: Bearing | Machine | StiffnessMap,
+    source: Machine | StiffnessMap,
     rules: Shape | None = RULES,
     *,
     axis: str | None = None,
@@ -100,7 +99,7 @@ def train(
     >>> len(train(Bearing.preset("zittau_axial"), rules=(3, 3)).rules)
     9
     """
-    of_type(Bearing, Machine, StiffnessMap, source=source)
+    of_type(Machine, StiffnessMap, source=source)
     how = how_to_train(method, weights, normalised=normalised, scaling=scaling) | details
     if force_map is None:
         for name, asked in (("channels", channels), ("law_error", law_error)):
@@ -114,7 +113,7 @@ def train(
         if force_map is not None:
             raise AmbkitError("a force_map corrects a bearing's law, and source is no bearing")
         return train_network(source, **how)
-    source = isolated(as_machine(source), axis)
+    source = isolated(source, axis)
     if force_map is None:
         far = in_si("reach", reach, "m")
         return train_network(stiffness_of_law(source, rules or RULES, far), **how)

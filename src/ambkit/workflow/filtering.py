@@ -16,8 +16,7 @@ from ambkit.data.signals import by_name, signal
 from ambkit.estimate.named import USUAL, Factory, FromFile, factories
 from ambkit.estimate.noise import FilterNoise
 from ambkit.judge.evaluation import Evaluation, errors_along, evaluate
-from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine, as_machine
+from ambkit.machine.machine import Machine
 from ambkit.simulation.sequence import Mode
 from ambkit.workflow.harmonics import Harmonic, harmonics
 from ambkit.workflow.oddities import OutsideOfBox, outside_of_box
@@ -161,7 +160,7 @@ class Filtering(Shown):
 
 
 def filter(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     record: Record,
     estimators: Iterable[str] | Mapping[str, Factory] = USUAL,
     *,
@@ -230,10 +229,9 @@ def filter(
     >>> 0.9 < filtering["closed-law"].evaluation.nis < 1.1
     True
     """
-    of_type(Bearing, Machine, bearing=bearing)
+    of_type(Machine, bearing=bearing)
     of_type(Record, record=record)
-    machine = as_machine(bearing)
-    check_signals(machine, record)
+    check_signals(bearing, record)
     tune, settling = in_si("tune", tune, "s"), in_si("settling", settling, "s")
     noise = noise or FilterNoise()
     if tune is not None and noise.disturbance is not None:
@@ -263,7 +261,7 @@ def filter(
         )
         found[name] = one
         done(one)
-    return Filtering(machine, record, stretch, late, found)
+    return Filtering(bearing, record, stretch, late, found)
 
 
 def check_signals(machine: Machine, record: Record) -> None:

@@ -10,8 +10,7 @@ from ambkit.base.units import engineering
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
     from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
-    from ambkit.machine.bearing import Bearing
-    from ambkit.machine.machine import Machine
+    from ambkit.machine.machine import Bearing, Machine
 
 
 def annotated_toml(

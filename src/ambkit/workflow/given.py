@@ -9,21 +9,20 @@ from ambkit.base.asked import in_si, names_in, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.named import factories
 from ambkit.estimate.own import OwnEstimator, is_own
-from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine, as_machine
+from ambkit.machine.machine import Machine
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
 
 
-def given_load(bearing: Bearing | Machine, load: Any) -> dict[str, float]:
+def given_load(bearing: Machine, load: Any) -> dict[str, float]:
     """Return constant loads by the names of axes [N]; a number is of the first axis."""
     if load is None or isinstance(load, Mapping):
         return {name: in_si(f"load of {name}", each, "N") for name, each in (load or {}).items()}
-    return {as_machine(bearing).axes[0].name: in_si("load", load, "N")}
+    return {bearing.long.axes[0].name: in_si("load", load, "N")}
 
 
-def given_estimators(given: Any, bearing: Bearing | Machine) -> dict[str, Estimator]:
+def given_estimators(given: Any, bearing: Machine) -> dict[str, Estimator]:
     """Return the estimators that were given or named, by their names."""
     from ambkit.estimate.base import Estimator
 

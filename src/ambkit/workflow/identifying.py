@@ -28,8 +28,7 @@ from ambkit.identification.maximum_likelihood.validation import Validation, vali
 from ambkit.identification.noise import Noise, measurement_noise
 from ambkit.judge.load_following import REQUIRED, STEP, least_process_noise
 from ambkit.machine.axes import axis_named, isolated, with_axis
-from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine, as_machine, short_form
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.stiffness import work_points
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -103,7 +102,7 @@ class Identified(Result):
         model = self.likelihood.model
         if isinstance(model, AxisModel):
             return with_axis(model.machine, model.axis, self.bearing)
-        return as_machine(self.bearing)
+        return self.bearing
 
     @property
     def of_the_zeros(self) -> list[str]:
@@ -272,7 +271,7 @@ def identified_filter(
 ) -> Estimator:
     """Return the extended filter of what was found: its noise, its delay, the log's offsets."""
     model, of_log = found.likelihood.model, inputs or Inputs()
-    made, raised = _following_a_load(short_form(found.machine), model.load_growth)
+    made, raised = _following_a_load(found.machine.short, model.load_growth)
     free = {p.name for p in found.likelihood.parameters}
     if not found.machine.single:
         made.origin = raised
@@ -294,7 +293,7 @@ def identified_filter(
 
 
 def _following_a_load(
-    bearing: Bearing | Machine, intensity: float
+    bearing: Machine, intensity: float
 ) -> tuple[ExtendedKalmanFilter, dict[str, str]]:
     """Return a filter that follows the stated load, and where its process noise is from."""
     # A record whose load rests says that any small process noise is as likely: a filter with such a
@@ -317,7 +316,7 @@ def corpus_filter(corpus: Corpus) -> Estimator:
 
 
 def starting_model(
-    machine: Bearing | Machine,
+    machine: Machine,
     axis: str | None = None,
     *,
     rest: AtRest | None = None,
@@ -325,7 +324,6 @@ def starting_model(
 ) -> LoopModel:
     """Return the model that identification starts from."""
     load_std = in_si("load_std", load_std, "N")
-    machine = as_machine(machine)
     axis = axis_named(machine, axis)
     bearing = machine.alone(axis)
     seen = (rest or {}).get("y")
@@ -353,7 +351,7 @@ def parameters_to_find(start: LoopModel, free: Iterable[str] | None = None) -> t
 
 @shown_in_notebooks("identifying", by="note")
 def identify(
-    machine: Bearing | Machine,
+    machine: Machine,
     records: Record | Sequence[Record],
     axis: str | None = None,
     *,
@@ -411,10 +409,9 @@ def identify(
     TypeError
         `machine` is no machine, or one of `records` no record.
     """
-    of_type(Bearing, Machine, machine=machine)
+    of_type(Machine, machine=machine)
     records, others = (all_of_type(Record, records=each) for each in (records, others))
     start = starting_model(machine, axis, rest=rest, load_std=load_std)
-    machine = as_machine(machine)
     looked_for = parameters_to_find(start, free)
     if any(record is seen for record in others for seen in records):
         raise AmbkitError(

@@ -18,8 +18,7 @@ from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation import Limits
 from ambkit.identification.excitation.signals import Excitation, sparse_multisine
 from ambkit.judge.loop.measured import measured_sensitivity
-from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.simulation.default_control import settled_scenario
 from ambkit.simulation.machine import simulate_machine
@@ -55,7 +54,7 @@ FILLED = 0.97
 
 
 def design_injection(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     scenario: Scenario,
     filter: Any = None,
     *,
@@ -98,16 +97,16 @@ def design_injection(
         The experiment is too short for the band, the loop is not stable, or exceeds a limit even
         without a signal.
     """
-    of_type(Bearing, Machine, bearing=bearing)
+    of_type(Machine, bearing=bearing)
     current = in_si("current", current, "A")
     displacement = in_si("displacement", displacement, "m")
     of_type(Scenario, scenario=scenario)
-    if isinstance(bearing, Machine):
+    if not bearing.single:
         of: _Experiment = _OfMachine(bearing, scenario, filter, axis, current, displacement)
     else:
         if axis is not None:
-            raise AmbkitError(f"axis is of a whole machine, and {bearing.name} is none")
-        of = _OfBearing(bearing, scenario, filter, current, displacement)
+            raise AmbkitError(f"{bearing.name} has one axis: leave its name out")
+        of = _OfBearing(bearing.alone(""), scenario, filter, current, displacement)
     return of.designed(band)
 
 

@@ -13,7 +13,7 @@ from ambkit.base.errors import AmbkitError, ConfigError, RecordError, shortened
 from ambkit.data.files.formats import ENDINGS
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 
 @dataclass(frozen=True)
@@ -96,14 +96,13 @@ def _unknown(path: Path) -> _Described:
 def _documents() -> dict[str, Any]:
     from ambkit.data.channelmap import ChannelMap
     from ambkit.estimate.filter_file import FilterFile
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.file import ForceChannels
-    from ambkit.machine.machine import Machine
+    from ambkit.machine.machine import Bearing, PlacedMachine
     from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.campaign.study import Study
 
     return {
-        "bearing": Bearing, "machine": Machine, "scenario": Scenario,
+        "bearing": Bearing, "machine": PlacedMachine, "scenario": Scenario,
         "channel map": ChannelMap, "filter": FilterFile, _SHORT["force"]: ForceChannels,
         "study": Study,
     }  # fmt: skip

@@ -89,5 +89,5 @@ def mode_shapes(machine: Machine) -> ModeShapes:
     return ModeShapes(
         machine.name, bending.frequency[kept], bending.damping_ratio[kept], bending.mass[kept],
         place, np.array([bending.shape(float(z)) for z in place])[:, kept],
-        marked(machine.bearing, "thrust"), marked(machine.sensor, "axial"),
+        marked(machine.bearings, "thrust"), marked(machine.sensors, "axial"),
     )  # fmt: skip

@@ -20,9 +20,8 @@ from ambkit.estimate.named import factories
 from ambkit.estimate.own import EstimatorProtocol, OwnEstimator, is_own
 from ambkit.judge.evaluation import errors_along
 from ambkit.machine.bank import alone_of
-from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.map_of import surface_in
-from ambkit.machine.machine import Machine, as_machine, short_form
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.controllers import controllers_of
 from ambkit.simulation.default_control import settled_scenario
@@ -47,7 +46,7 @@ OWN_PERIODS = 40
 
 
 def scenario_for(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
     duration: Given | None = None,
@@ -92,8 +91,8 @@ def scenario_for(
     TypeError
         `bearing` is no machine, or `scenario` not what happens to one.
     """
-    of_type(Bearing, Machine, bearing=bearing)
-    machine = short_form(bearing)
+    of_type(Machine, bearing=bearing)
+    machine = bearing.short
     duration, step = in_si("duration", duration, "s"), in_si("step", step, "m")
     load = in_si("load", load, "N")
     happening = Scenario() if scenario is None else scenario
@@ -103,10 +102,10 @@ def scenario_for(
     said = happening.feedback is not None or "feedback" in happening.controller.model_fields_set
     if not from_estimate and not said:
         happening = happening.replace(feedback="measurement")
-    axes = tuple(axis.name for axis in as_machine(machine).axes)
-    happening.check_for(axes, body=isinstance(machine, Machine))
-    if isinstance(machine, Bearing):
-        happening = happening.of_one_axis(machine)
+    axes = tuple(axis.name for axis in machine.axes)
+    happening.check_for(axes, body=not machine.single)
+    if machine.single:
+        happening = happening.of_one_axis(machine.alone(""))
     if duration is not None:
         happening = happening.replace(duration=duration)
     if reference is not None:
@@ -144,7 +143,7 @@ def _along(
 
 
 def simulate_run(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
     estimator: Estimator | type[EstimatorProtocol] | str | None = None,
@@ -217,7 +216,7 @@ def simulate_run(
         bearing, scenario, duration=duration, step=step, load=load, seed=seed, reference=reference,
         injection=injection, from_estimate=not without,
     )  # fmt: skip
-    machine = short_form(bearing)
+    machine = bearing.short
     if without and happening.fed_by == "estimate":
         place = f"{os.fspath(scenario)}: " if isinstance(scenario, str | os.PathLike) else ""
         raise AmbkitError(
@@ -230,21 +229,22 @@ def simulate_run(
         if len(built) > 1:
             raise AmbkitError("a loop has one estimator: name one of them, not all")
         made = built[estimator]()
-    if isinstance(machine, Machine):
+    if not machine.single:
         given = {"magnet": magnet, "force_map": force_map, "imposed": imposed}
         for name, each in given.items():
             if each is not None:
                 raise AmbkitError(f"{name}: is of one axis, and {machine.name} has several")
         return simulate_machine(machine, happening, estimator=made)
+    axis = machine.alone("")
     if force_map is not None:
         if magnet is not None:
             raise AmbkitError("the plant's magnet is either a model or a force map: give one")
-        magnet = surface_in(force_map, machine)
-    return looped(machine, happening, estimator=made, magnet=magnet, imposed=imposed)
+        magnet = surface_in(force_map, axis)
+    return looped(axis, happening, estimator=made, magnet=magnet, imposed=imposed)
 
 
 def simulate(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
     estimator: Estimator | type[EstimatorProtocol] | str | None = None,
@@ -325,7 +325,7 @@ class RunSummary:
         run, record, estimate = self.run, self.run.record, self.run.estimate
         machine, (first, end) = run.plant, self._in_flight()
         found: dict[str, Any] = {
-            "bearing" if isinstance(machine, Bearing) else "machine": machine.name,
+            "bearing" if machine.single else "machine": machine.name,
             "samples": len(record),
             "duration": record.t[-1],
             "seed": record.meta["seed"],
@@ -349,7 +349,7 @@ class RunSummary:
         return found
 
     def _by_axis(self, values: Mapping[str, Any]) -> Any:
-        return values[""] if isinstance(self.run.plant, Bearing) else values
+        return values[""] if self.run.plant.single else values
 
     @property
     def _currents(self) -> dict[str, Any]:

@@ -18,7 +18,6 @@ from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.judge.loop.loop_of import ZONES, zone_of
-from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import Complex
 from ambkit.result.result import Result
@@ -94,7 +93,7 @@ SWEPT = ("amplitudes",)
 class Sweep(Result):
     """A loop swept at several amplitudes, beside its linear model."""
 
-    bearing: Bearing | Machine  #: The plant.
+    bearing: Machine  #: The plant.
     axis: int  #: Which was swept.
     kind: Kind  #: What was added to the measurement.
     loop: AssessedLoop  #: The linear model.
@@ -104,7 +103,7 @@ class Sweep(Result):
     @property
     def name(self) -> str:
         """Of the bearing, or of the machine and its axis."""
-        if isinstance(self.bearing, Machine):
+        if not self.bearing.single:
             return f"{self.bearing.name} {self.bearing.axes[self.axis].name}"
         return self.bearing.name
 
@@ -183,7 +182,7 @@ class Sweep(Result):
 
 @one_thread()
 def sweep(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     filter: Any = None,
     controller: PID | Control | None = None,
     *,
@@ -236,7 +235,7 @@ def sweep(
         An amplitude is not greater than 0; there is no such axis; the loop is not stable; or see
         `ambkit.assess`.
     """
-    of_type(Bearing, Machine, bearing=bearing)
+    of_type(Machine, bearing=bearing)
     if kind not in get_args(Kind):
         raise AmbkitError(f"kind must be one of {', '.join(get_args(Kind))}, is {kind!r}")
     found = assess(bearing, filter, controller, x=x, load=load, orbit=orbit)

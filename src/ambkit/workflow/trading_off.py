@@ -12,7 +12,6 @@ from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.judge.loop.loop_of import OutOfReachError, zone_of
-from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -53,7 +52,7 @@ POINTS = ("points",)
 class TradeOff(Result):
     """Filters of one kind, from much margin of the loop to little."""
 
-    bearing: Bearing | Machine  #: What is filtered.
+    bearing: Machine  #: What is filtered.
     kind: str  #: Of the filters.
     points: tuple[Traded, ...]  #: By their ceilings.
 
@@ -123,7 +122,7 @@ class TradeOff(Result):
 
 
 def trade_off(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     ceilings: Sequence[float],
     records: Record | Sequence[Record] = (),
     kind: str = "extended",
@@ -159,7 +158,7 @@ def trade_off(
     AmbkitError
         There is no ceiling; or none of them can be kept.
     """
-    of_type(Bearing, Machine, bearing=bearing)
+    of_type(Machine, bearing=bearing)
     if not ceilings:
         raise AmbkitError("ceilings must be one value or more")
     judge = ByTruth(bearing, runs, seed)

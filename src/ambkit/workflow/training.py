@@ -31,8 +31,8 @@ from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.points import ForcePoints
+    from ambkit.machine.machine import Bearing
     from ambkit.machine.magnets import MagnetModel
 
 RULES: Shape = (5, 5)

@@ -24,7 +24,6 @@ from ambkit.judge.comparison.contenders import Contender, Range, contender_of_ki
 from ambkit.judge.comparison.seeds import EVALUATED
 from ambkit.judge.comparison.tuning import Tried, search
 from ambkit.judge.loop.loop_of import LoopOf, OutOfReachError, zone_of
-from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row
@@ -236,7 +235,7 @@ class Tuned(Result):
 
 @one_thread()
 def tune(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     records: Record | Sequence[Record] = (),
     kind: str = "extended",
     *,
@@ -307,7 +306,7 @@ def tune(
     >>> tuned.kept, tuned.estimator.name
     (False, 'linear Kalman filter')
     """
-    of_type(Bearing, Machine, bearing=bearing)
+    of_type(Machine, bearing=bearing)
     kind_called(kind)
     given = all_of_type(Record, records=records)
     validate = all_of_type(Record, validate=validate)

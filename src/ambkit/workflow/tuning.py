@@ -19,7 +19,6 @@ from ambkit.machine.bearing import GRAVITY
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
 
 DECADES = (-8.0, 1.0)
@@ -36,7 +35,7 @@ TOO_LARGE = 2.0
 """Innovations over what the filter expects, root mean square, that no load explains."""
 
 
-def default_disturbance(machine: Bearing | Machine) -> Any:
+def default_disturbance(machine: Machine) -> Any:
     """Growth of the disturbance force's variance of an untuned filter, of each axis [N^2/s]."""
     return _grown([(2 * b.rotor.mass * GRAVITY) ** 2 for b in alone_of(machine)], 1.0)
 
@@ -76,7 +75,7 @@ class TunedDisturbance:
 
 
 def tune_disturbance(
-    machine: Bearing | Machine, record: Record, make: Callable[[Any], Estimator]
+    machine: Machine, record: Record, make: Callable[[Any], Estimator]
 ) -> TunedDisturbance:
     """Find the growth of the disturbance force under which a record is most likely."""
     # The paper leaves it to experiment. Too small, and the filter is sure of a wrong force; too

@@ -20,7 +20,6 @@ from ambkit.judge.comparison.tuning import SIGNALS, Tried, errors
 from ambkit.judge.evaluation import evaluate
 from ambkit.judge.load_following import least_process_noise
 from ambkit.machine.bank import slowest_time
-from ambkit.machine.machine import as_machine
 from ambkit.workflow.tuning import MUCH_LESS_LIKELY, TOO_LARGE, log_likelihood
 
 if TYPE_CHECKING:
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.estimate import Estimate
     from ambkit.judge.comparison.contenders import Contender, Range
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
 
 By = Literal["likelihood", "truth"]
@@ -66,10 +64,10 @@ class ByLikelihood:
     judge = JUDGED["likelihood"]
 
     def __init__(
-        self, bearing: Bearing | Machine, records: Sequence[Record], validate: Sequence[Record]
+        self, bearing: Machine, records: Sequence[Record], validate: Sequence[Record]
     ) -> None:
         self.bearing = bearing
-        _check_records(as_machine(bearing), [*records, *validate])
+        _check_records(bearing, [*records, *validate])
         self.settling = SETTLING * slowest_time(bearing)
         records, self.spikes = without_spikes(records)
         validate, _ = without_spikes(validate)
@@ -192,7 +190,7 @@ class ByTruth:
     by: By = "truth"
     judge = JUDGED["truth"]
 
-    def __init__(self, bearing: Bearing | Machine, runs: int, seed: int) -> None:
+    def __init__(self, bearing: Machine, runs: int, seed: int) -> None:
         self.bearing, self.runs = bearing, runs
         self.first = round(SETTLING * slowest_time(bearing) / bearing.sampling_time)
         self.seen = self._trials(2 * seed + 1)
@@ -207,11 +205,11 @@ class ByTruth:
 
     def _trials(self, seed: int) -> list[Trial]:
         """Return simulated runs in which no stop was met."""
-        machine = as_machine(self.bearing)
+        case = CASES["paper"]
+        single, runs = self.bearing.single, self.runs
         made = (
-            trials(CASES["paper"], self.bearing, self.runs, seed) if machine.single
-            else loaded(machine, self.runs, seed)
-        )  # fmt: skip
+            trials(case, self.bearing, runs, seed) if single else loaded(self.bearing, runs, seed)
+        )
         return [each for each in made if not each.lost]
 
     def usual(self, contender: Contender) -> tuple[str, ...]:

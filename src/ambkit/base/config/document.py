@@ -66,7 +66,7 @@ class Part(BaseModel, metaclass=_OwnNames):
             super().__init__(**data)
         except ValidationError as error:
             found = [(without_tags(p.path, data), p.text) for p in Problem.unpack(error)]
-            name = type(self).__name__
+            name = self._title()
             raise ConfigError([f"{name}.{dotted(path)}: {text}" for path, text in found]) from None
 
     # Pydantic then builds nested models without this method, and so collects all their errors.
@@ -74,6 +74,10 @@ class Part(BaseModel, metaclass=_OwnNames):
 
     def __dir__(self) -> list[str]:
         return [name for name in super().__dir__() if name not in _OF_PYDANTIC]
+
+    @classmethod
+    def _title(cls) -> str:
+        return cls.model_config.get("title") or cls.__name__
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -240,7 +244,7 @@ class Document(Part):
             for part in tables:
                 table = table.setdefault(part, {}) if isinstance(table, dict) else None
             if not isinstance(table, dict):
-                raise ConfigError([f"{type(self).__name__}.{key}: there is no such key"])
+                raise ConfigError([f"{self._title()}.{key}: there is no such key"])
             table[name] = value
         return type(self)(**data)
 

@@ -137,6 +137,8 @@ class Quantity:
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         if self.unit == "1":
+            if self.example.endswith("%"):
+                return {"type": ["number", "string"], "examples": [self.example]}
             return {"type": "number", "examples": [float(self.example)]}
         if "@" in self.unit:
             examples = [self.unit.replace("@", example) for example in ("0.5 mm", "3 N")]

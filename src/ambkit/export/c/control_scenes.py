@@ -171,7 +171,7 @@ def _spread(controller: Controller, scene: Scene, run: Run) -> NDArray[np.bool_]
     # A compiler that contracts rounds otherwise. A rotor that is thrown between its stops makes of
     # that another flight, and a reading at the gate another decision.
     machine = controller.plant.machine
-    least = ROUNDED * min(each.travel_limit for each in machine.bearing)
+    least = ROUNDED * min(each.travel_limit for each in machine.bearings)
     least *= float(np.finfo(controller.estimator.precision).eps)
     axes = [(signal("u", axis.name), axis.bearing.amplifier) for axis in machine.axes]
     random, found = np.random.default_rng(0), np.zeros(len(scene.readings), bool)
@@ -200,7 +200,7 @@ def _taken_over(
     gain = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
     taken_with = (gain * u[at - 1]).astype(np.dtype(controller.estimator.precision).type)
     landing, staying = np.arange(TAKEN) < TAKEN // 2, np.ones(TAKEN, bool)
-    far = 60 * max(each.travel_limit for each in machine.bearing)
+    far = 60 * max(each.travel_limit for each in machine.bearings)
     spread, several, spoilt = np.full(TAKEN, amplified[0]), y.shape[1] > 1, y.copy()
     spoilt[8:30], spoilt[34:37] = y[8], np.nan
     over = [
@@ -282,7 +282,7 @@ def _speed(machine: Machine, flight: Scenario, sign: float) -> Sum | None:
 
 def _spoilt(machine: Machine, well: Array, slow: int) -> Array:
     """Return what is added to the readings: losses, and readings far away."""
-    added, travel = well.copy(), min(each.travel_limit for each in machine.bearing)
+    added, travel = well.copy(), min(each.travel_limit for each in machine.bearings)
     added[170 * slow : 170 * slow + 4, 0], added[178 * slow, :] = np.nan, np.nan
     added[184 * slow, -1], added[188 * slow, 0] = 3 * travel, -3 * travel
     return added
@@ -290,7 +290,7 @@ def _spoilt(machine: Machine, well: Array, slow: int) -> Array:
 
 def _lost(machine: Machine, well: Array, slow: int) -> Array:
     """Return readings that begin far away, and of which all are lost until it trips."""
-    added, travel = well.copy(), max(each.travel_limit for each in machine.bearing)
+    added, travel = well.copy(), max(each.travel_limit for each in machine.bearings)
     added[0], added[1] = 30 * travel, 3 * travel
     added[145 * slow : 180 * slow] = np.nan
     return added

@@ -18,7 +18,7 @@ from ambkit.export.c.prefix import checked
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
-from ambkit.machine.machine import Machine, short_form
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision
 from ambkit.simulation.control import Controller
 from ambkit.simulation.controllers import controllers_of
@@ -30,7 +30,6 @@ from ambkit.simulation.sequence import LiftOff
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.filter_file import FilterFile
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.scenario import Scenario
 
@@ -58,7 +57,7 @@ class CExport:
 
 
 def export_c(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     magnet: MagnetModel | None,
     out: str | Path,
     *,
@@ -77,7 +76,7 @@ def export_c(
     **options: Any,
 ) -> CExport:
     """Write a folder of C99 that compiles alone."""
-    flown_on, bearing = bearing, short_form(bearing if filter_file is None else filter_file.plant)
+    flown_on, bearing = bearing, (bearing if filter_file is None else filter_file.plant).short
     name = checked(prefix, bearing.name)
     for limit in ("frozen_limit", "outlier_limit"):
         if options.get(limit, 0) > MOST_COUNTED:
@@ -88,12 +87,13 @@ def export_c(
     options["precision"] = _CORE_PRECISION[precision]
     table = None
     if expert_form == "tabulated":
-        if not isinstance(magnet, Expert) or isinstance(bearing, Machine):
+        if not isinstance(magnet, Expert) or not bearing.single:
             raise AmbkitError(
                 "only an expert can be tabulated, that of a single axis; give one, or export the "
                 "exact form"
             )
-        table = tabulate(magnet, bearing, bound=force_bound, precision=options["precision"])
+        axis = bearing.alone("")
+        table = tabulate(magnet, axis, bound=force_bound, precision=options["precision"])
         magnet = table
     elif force_bound is not None:
         raise AmbkitError("force_bound is for an expert in tabulated form")
@@ -144,7 +144,7 @@ def export_c(
 
 def made(
     kind: str | None,
-    bearing: Bearing | Machine,
+    bearing: Machine,
     magnet: MagnetModel | None,
     filter_file: FilterFile | None,
     options: dict[str, Any],
@@ -178,7 +178,7 @@ def _controller(
     scenario.check_for(tuple(axis.name for axis in machine.axes), body=not machine.single)
     if editable:
         raise AmbkitError("editable is for a filter alone, and not for the whole controller")
-    if not isinstance(bearing, Machine):
+    if bearing.single:
         pid = scenario.of_one_axis(bearing).controller
         control = Control(type="lqg" if pid.type == "lqg" else "decentralised")
         tested = Scenario(

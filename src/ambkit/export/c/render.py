@@ -32,7 +32,6 @@ from ambkit.simulation.control import bound_of, settling_of
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
     from ambkit.simulation.control import Controller
     from ambkit.simulation.scenario import Scenario
 
@@ -342,10 +341,10 @@ def _configuration(
     return digest.hexdigest()[:16]
 
 
-def _described(bearing: Bearing | Machine) -> str:
+def _described(bearing: Machine) -> str:
     """Return the description of a bearing or a machine without the folders of its files."""
     text = bearing.to_toml()
-    of = bearing.bearing if isinstance(bearing, Machine) else (bearing,)
+    of = bearing.bearings
     for path in filter(None, (getattr(each.magnet, key) for each in of for key in FILES)):
         text = text.replace(path, Path(path).name)
     return text

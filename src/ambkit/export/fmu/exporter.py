@@ -20,8 +20,7 @@ from ambkit.export.fmu import archive, compiler, flown, sources, variables, xml
 from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.judge.adequacy import require_adequate
-from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine, short_form
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.simulation.control import Controller, needs_states
 from ambkit.simulation.scenario import PID, Scenario
 
@@ -43,7 +42,7 @@ class FmuExport:
 
 
 def export_fmu(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     magnet: MagnetModel | None,
     out: str | Path,
     *,
@@ -65,9 +64,8 @@ def export_fmu(
     # on an estimator's input is a lost sensor.
     # FMUs are for co-simulation. A plant without a dead time is for model exchange too: its
     # importer integrates it, and its outputs follow at any time.
-    axis = short_form(bearing)
-    of_type(Bearing, bearing=axis)
-    assert isinstance(axis, Bearing)
+    of_type(Bearing, bearing=bearing.short)
+    axis = bearing.alone("")
     if kind not in (known := get_args(Kind)):
         raise AmbkitError(f"there is no FMU of kind {kind!r}; known: {', '.join(known)}")
     if precision == "float" and kind not in ("estimator", "whole-controller"):

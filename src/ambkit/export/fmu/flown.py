@@ -15,7 +15,7 @@ from ambkit.simulation.control import Controller, lies_at, needs_states
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
     from ambkit.simulation.scenario import Scenario
 
 

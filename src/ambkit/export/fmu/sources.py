@@ -24,7 +24,7 @@ from ambkit.simulation.scenario import PID, Scenario
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 _PRECISION = "include/ambkit/precision.h"
 _HERE = Path(__file__).parent

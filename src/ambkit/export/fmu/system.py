@@ -15,7 +15,7 @@ from ambkit.export.fmu.xml import Fmi, written
 from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
     from ambkit.machine.magnets import MagnetModel
 
 _SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"

@@ -13,7 +13,7 @@ from ambkit.simulation.parts import between_magnet_and_rotor
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.export.fmu.flown import Flown
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
     from ambkit.simulation.scenario import PID
 
 Kind = Literal["estimator", "plant", "closed-loop", "controller", "whole-controller"]

@@ -18,7 +18,7 @@ from ambkit.export.c.model import states
 from ambkit.export.pil import boards, build
 from ambkit.export.pil.processor import Processor
 from ambkit.export.pil.result import Pil, judged, others_sent
-from ambkit.machine.machine import Machine, short_form
+from ambkit.machine.machine import Machine
 from ambkit.simulation.control import Controller
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
@@ -28,7 +28,6 @@ from ambkit.simulation.sequence import LiftOff, Mode
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.filter_file import FilterFile
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.run import Run
 
@@ -36,7 +35,7 @@ Expected = dict[str, NDArray[Any]]
 
 
 def pil(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     magnet: MagnetModel | None = None,
     *,
     scenario: Scenario | None = None,
@@ -54,8 +53,8 @@ def pil(
     for_board = boards.QEMU_BOARD if board is None else boards.BOARDS[board]
     boards.check(for_board)
     boards.check(boards.QEMU_BOARD)
-    plant = short_form(bearing)
-    several = isinstance(plant, Machine)
+    plant = bearing.short
+    several = not plant.single
     given = scenario or Scenario(duration=1.0)
     of_type(Scenario, scenario=given)
     sequence = given.sequence or LiftOff()

@@ -18,7 +18,7 @@ from ambkit.data.record import Record
 from ambkit.machine.magnets import magnet_of, own_time
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]
 

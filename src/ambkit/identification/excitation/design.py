@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
+from ambkit.data.signals import signal
 from ambkit.identification.excitation.signals import KINDS, Band, Excitation
 from ambkit.identification.maximum_likelihood.information import Expectation, expect
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -30,7 +31,7 @@ from ambkit.simulation.run import samples, simulate
 from ambkit.simulation.waveforms import Recorded
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
     from ambkit.simulation.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -102,14 +103,15 @@ class Design:
         """Greatest value of the reference [m]."""
         return float(np.max(np.abs(self.reference)))
 
-    def file(self) -> Record:
-        """Return the reference as a record, to be saved and run: ``t`` and ``r``."""
+    def file(self, axis: str = "") -> Record:
+        """Return the reference as a record, to be saved and run: ``t`` and ``r``, or ``r_NAME``."""
         model = self.expectation.model
         meta = {
             "source": f"ambkit excite, {self.excitation.kind}, {self.band[0]:.4g} to "
             f"{self.band[1]:.4g} Hz, for {model.bearing.name}",
         }
-        return Record(self.record.t, {"r": self.reference}, meta=meta)
+        name = signal("r", axis)
+        return Record(self.record.t, {name: self.reference}, {name: "m"}, meta=meta)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, SI, ready for JSON."""

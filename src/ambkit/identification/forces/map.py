@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.data.record import Record
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]
 Ranges = list[tuple[float, float]]

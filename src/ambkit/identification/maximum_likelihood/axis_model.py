@@ -24,8 +24,7 @@ from ambkit.machine.axes import reading_along, with_axis
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
-    from ambkit.machine.machine import Machine
+    from ambkit.machine.machine import Bearing, Machine
     from ambkit.machine.magnets import MagnetModel
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from ambkit.machine.magnets import ConstantStiffness, own_time
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]
 

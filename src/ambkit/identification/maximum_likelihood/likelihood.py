@@ -23,7 +23,7 @@ from ambkit.identification.maximum_likelihood.parameters import Coordinates, log
 
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from ambkit.machine.magnets import ConstantStiffness, MagnetModel, magnet_of
 from ambkit.machine.parts import LONGEST_DELAY, SHORTEST_LAG
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from ambkit.result.stated import Section
 
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.current import FlowingCurrent
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
     from ambkit.machine.parts import Hum
     from ambkit.result.report.figure import Figure
 

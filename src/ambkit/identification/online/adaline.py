@@ -20,7 +20,7 @@ from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]
 

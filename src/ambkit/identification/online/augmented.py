@@ -15,7 +15,7 @@ from ambkit.identification.online.result import CONFIDENCE, OnlineResult
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]
 

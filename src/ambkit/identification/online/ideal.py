@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.machine.magnets import ClosedLaw, magnet_of
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from ambkit.identification.online.adaline import Adaline, AdalineResult
 from ambkit.identification.online.augmented import AugmentedIdentifier
 from ambkit.identification.online.result import OnlineResult
 from ambkit.identification.online.rls import RecursiveLeastSquares
-from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Bearing
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from ambkit.identification.online.rls import LeastSquaresResult
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 NAMES = {
     "adaline": "ADALINE",
@@ -189,7 +189,7 @@ def learn_online(
 
 def true_constant(record: Record) -> float | None:
     """The magnet constant of the simulated bearing [N m^2/A^2]; None where it is measured."""
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
     text = record.meta.get("bearing")
     if not (record.has_truth and isinstance(text, str)):

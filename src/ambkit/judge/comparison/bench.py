@@ -27,11 +27,9 @@ from ambkit.judge.comparison.criteria import (
 )
 from ambkit.judge.comparison.tuning import SIGNALS, Tuning, errors, tune
 from ambkit.machine.bank import slowest_time
-from ambkit.machine.machine import as_machine
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
 
 Array = NDArray[np.float64]
@@ -95,7 +93,7 @@ class Standing:
 class Bench(Shown):
     """The whole comparison in one case."""
 
-    bearing: Bearing | Machine  #: What the estimators assume.
+    bearing: Machine  #: What the estimators assume.
     case: Case  #: What happened.
     runs: int  #: Runs, and those left out since the rotor met a stop while the records were made.
     stopped: int
@@ -153,7 +151,7 @@ def _pooled(errors: Array) -> float:
 
 
 def bench(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     case: Case,
     field: Mapping[str, Contender],
     *,
@@ -228,7 +226,7 @@ def _figures(
     contender: Contender,
     values: Mapping[str, float],
     valid: Sequence[Trial],
-    bearing: Bearing | Machine,
+    bearing: Machine,
     settling: float,
 ) -> dict[str, Array]:
     """Judge an estimator along the records and, where it can be there, in the loops, (runs,)."""
@@ -272,9 +270,9 @@ def _cost(estimator: Any, trial: Trial) -> float:
     return best / len(trial.record)
 
 
-def raw_error(bearing: Bearing | Machine, records: Sequence[Record], first: int) -> float:
+def raw_error(bearing: Machine, records: Sequence[Record], first: int) -> float:
     """Return what the raw sensors err by along the axes from a sample on, rms [m]."""
-    view, errors = View(as_machine(bearing)), []
+    view, errors = View(bearing), []
     shown = view.H @ view.shown
     for record in records:
         y = np.array([record[signal("y", r.name)] for r in view.machine.readings])
@@ -283,12 +281,10 @@ def raw_error(bearing: Bearing | Machine, records: Sequence[Record], first: int)
     return float(np.mean(errors))
 
 
-def _limit(
-    bearing: Bearing | Machine, case: Case, valid: Sequence[Trial], first: int
-) -> dict[str, float]:
+def _limit(bearing: Machine, case: Case, valid: Sequence[Trial], first: int) -> dict[str, float]:
     if not case.walks:
         return {}
-    model, view = KalmanFilter(bearing), View(as_machine(bearing))
+    model, view = KalmanFilter(bearing), View(bearing)
     variances = model.variances._replace(disturbance=case.growth(bearing))
     records = [trial.record for trial in valid[:BOUND_RUNS]]
     rows = np.concatenate(rows_along(model.states, view))
@@ -316,7 +312,7 @@ class Sweep:
 
 
 def sweep(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     cases: Mapping[float, Case],
     field: Mapping[str, Contender],
     *,

@@ -28,7 +28,6 @@ from ambkit.base.threads import one_thread
 from ambkit.data.signals import signal
 from ambkit.estimate.view import View, several
 from ambkit.machine.bank import alone_of
-from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.models import machine_model
 from ambkit.models.axis import PAPER_STATES
@@ -38,8 +37,7 @@ if TYPE_CHECKING:
 
     from ambkit.data.record import Record
     from ambkit.estimate.noise import Variances
-    from ambkit.machine.bearing import Bearing
-    from ambkit.machine.machine import Machine
+    from ambkit.machine.machine import Bearing, Machine
     from ambkit.models.model import Model
 
 Array = NDArray[np.float64]
@@ -85,7 +83,7 @@ def posterior_bound(
 
 
 def bearing_bound(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     records: Sequence[Record],
     variances: Variances,
     std: Sequence[float],
@@ -98,7 +96,7 @@ def bearing_bound(
     # rows (quantities, n), of the states; by default each state
     # returns (samples, quantities)
     with one_thread():
-        return _bearing_bound(as_machine(bearing), records, variances, np.asarray(std), rows)
+        return _bearing_bound(bearing, records, variances, np.asarray(std), rows)
 
 
 def _bearing_bound(

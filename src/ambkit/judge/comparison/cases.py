@@ -22,8 +22,8 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.spread import CERTAIN, Spread
 from ambkit.machine.bank import alone_of, slowest_time, weights_of
-from ambkit.machine.bearing import GRAVITY, Bearing
-from ambkit.machine.machine import Machine, short_form
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import magnet_of, own_time
 from ambkit.simulation.holding import holding
 from ambkit.simulation.imposed import Imposed
@@ -79,7 +79,7 @@ class Case:
     #: what the bearing describes.
     magnet: ForceSurface | None = None
 
-    def growth(self, machine: Bearing | Machine) -> Any:
+    def growth(self, machine: Machine) -> Any:
         """Return how fast the variance of the load that walks grows, of each axis [N^2/s]."""
         own = KalmanFilter(machine).variances.disturbance
         if isinstance(own, tuple):
@@ -91,7 +91,7 @@ class Case:
 class Trial:
     """One run of a case: the plant that it was made with, and the record that all are given."""
 
-    plant: Bearing | Machine  #: The true one.
+    plant: Machine  #: The true one.
     scenario: Scenario  #: With its seed.
     imposed: Imposed | None  #: Series of noise and load; of several axes these are in the scenario.
     magnet: MagnetModel | None  #: The plant's magnet where it is no closed law.
@@ -114,27 +114,26 @@ def in_the_loop(made: Iterable[Trial], estimator: Estimator, settling: float) ->
     """Fly the same runs with another estimator in the loop."""
     axes, machines = list[Planned](), list[PlannedMachine]()
     for at in made:
-        if isinstance(at.plant, Machine):
+        if not at.plant.single:
             machines.append(PlannedMachine(at.plant, at.scenario, estimator))
         else:
-            assert isinstance(at.plant, Bearing)
-            axes.append(Planned(at.plant, at.scenario, estimator, at.magnet, at.imposed))
+            axes.append(Planned(at.plant.alone(""), at.scenario, estimator, at.magnet, at.imposed))
     if machines:
         return simulate_machines(machines, settling=settling, threads=1)
     return simulate_many(axes, settling=settling, threads=1)
 
 
-def trials(case: Case, bearing: Bearing | Machine, runs: int, seed: int) -> list[Trial]:
+def trials(case: Case, bearing: Machine, runs: int, seed: int) -> list[Trial]:
     """Make the records of a case, see `each_trial`."""
     return list(each_trial(case, bearing, runs, seed))
 
 
-def each_trial(case: Case, bearing: Bearing | Machine, runs: int, seed: int) -> Iterator[Trial]:
+def each_trial(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
     """Make the records of a case, one after another."""
-    bearing = short_form(bearing)
-    if not isinstance(bearing, Bearing):
-        yield from _flights(case, bearing, runs, seed)
+    if not machine.single:
+        yield from _flights(case, machine, runs, seed)
         return
+    bearing = machine.alone("")
     nominal = case.spread == CERTAIN and case.magnet_constant == 1.0
     fixed = _magnet(case, bearing, bearing) if nominal else None
     known = KalmanFilter(bearing)
@@ -160,7 +159,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
             f"machine with one axis only; {machine.name} has {len(machine.axes)}"
         )
     if case.walks:  # all is as the filters' model says
-        sensors = [each.model_copy(update={"runout": ()}) for each in machine.sensor]
+        sensors = [each.model_copy(update={"runout": ()}) for each in machine.sensors]
         machine = machine.replace(unbalance=[], sensor=sensors)
     known, T = KalmanFilter(machine), machine.sampling_time
     names = [axis.name for axis in machine.axes]
@@ -198,7 +197,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
 def _with_constant(machine: Machine, factor: float) -> Machine:
     """Return a machine with all magnet constants times a factor."""
     bearings = []
-    for each in machine.bearing:
+    for each in machine.bearings:
         changes = each.magnet.with_constant(factor * each.magnet.magnet_constant)
         own = {key.removeprefix("magnet__"): value for key, value in changes.items()}
         magnet = each.magnet.model_dump(exclude_none=True) | own

@@ -13,10 +13,9 @@ from ambkit.estimate.named import FromFile, factories
 from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.own import own_factory
 from ambkit.estimate.registry import KINDS, Tunable, check_named
-from ambkit.machine.machine import Machine, as_machine
+from ambkit.machine.machine import Machine
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
 
 
@@ -51,7 +50,7 @@ class Contender:
 
 def contenders(
     names: Sequence[str],
-    bearing: Bearing | Machine,
+    bearing: Machine,
     magnets: Mapping[str, MagnetModel] | None = None,
     custom: Mapping[str, Callable[..., Any]] | None = None,
 ) -> dict[str, Contender]:
@@ -74,9 +73,9 @@ def contenders(
     return found
 
 
-def suited(names: Sequence[str], bearing: Bearing | Machine) -> list[str]:
+def suited(names: Sequence[str], bearing: Machine) -> list[str]:
     """Return the names; where all kinds are named without those that take a single axis only."""
-    if as_machine(bearing).single or not set(KINDS) <= set(names):
+    if bearing.single or not set(KINDS) <= set(names):
         return list(names)
     return [name for name in names if name not in KINDS or KINDS[name].estimator.several_axes]
 
@@ -96,7 +95,7 @@ def expand(text: str) -> list[str]:
 
 
 def contender_of_kind(
-    name: str, bearing: Bearing | Machine, magnet: MagnetModel | None = None, *, whole: bool = False
+    name: str, bearing: Machine, magnet: MagnetModel | None = None, *, whole: bool = False
 ) -> Contender:
     """Return a kind of estimator as one who takes part."""
     kind = KINDS[name]

@@ -14,7 +14,6 @@ from ambkit.estimate.innovations import whiteness
 from ambkit.estimate.view import View
 from ambkit.judge.evaluation import true_signal
 from ambkit.machine.bank import models_of
-from ambkit.machine.machine import as_machine
 from ambkit.machine.magnets import evaluate_force, magnet_of
 
 if TYPE_CHECKING:
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.estimate import Estimate
     from ambkit.judge.comparison.cases import Load, Trial
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
     from ambkit.models.model import Descriptor
 
@@ -92,10 +90,10 @@ OF_THE_LOOP = {
 
 
 def evaluate_run(
-    estimator: Any, trial: Trial, bearing: Bearing | Machine, settling: float
+    estimator: Any, trial: Trial, bearing: Machine, settling: float
 ) -> dict[str, float]:
     """Run an estimator along a trial's record, and judge it over all axes together."""
-    record, view = trial.record, View(as_machine(bearing))
+    record, view = trial.record, View(bearing)
     first = max(1, round(settling / record.sampling_time))
     estimate = estimator.run(record, covariance=True)
     figures = dict.fromkeys(CRITERIA, np.nan)

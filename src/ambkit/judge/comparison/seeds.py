@@ -15,8 +15,7 @@ from ambkit.base.showing import Shown
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
 from ambkit.judge.comparison.criteria import errors_along, rms
-from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine, short_form
+from ambkit.machine.machine import Machine
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
@@ -67,7 +66,7 @@ def rmse(estimate: Estimate, record: Record, signal: str) -> float:
 
 
 def compare(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     scenario: Scenario,
     estimators: Mapping[str, Callable[[], Estimator]],
     seeds: Sequence[int],
@@ -77,16 +76,16 @@ def compare(
     done: Callable[[], None] = lambda: None,
 ) -> Scores:
     """Monte Carlo over seeds: every estimator closes its own loop against the same noise."""
-    of_type(Bearing, Machine, bearing=bearing)
+    of_type(Machine, bearing=bearing)
     of_type(Scenario, scenario=scenario)
-    plant = short_form(bearing)
+    plant = bearing.short
 
     def one(name: str, seed: int) -> tuple[list[float], float, bool]:
         estimator, happening = estimators[name](), scenario.model_copy(update={"seed": seed})
-        if isinstance(plant, Machine):
+        if not plant.single:
             run = simulate_machine(plant, happening, estimator=estimator)
         else:
-            run = simulate_run(plant, happening, estimator=estimator, magnet=magnet)
+            run = simulate_run(plant.alone(""), happening, estimator=estimator, magnet=magnet)
         assert run.estimate is not None  # an estimator was given
         wrong = errors_along(run.estimate, run.record, estimator.view)
         errors = [rms(wrong[signal]) for signal in EVALUATED]

@@ -19,8 +19,7 @@ from ambkit.judge.comparison.criteria import normalised_errors, rows_along
 from ambkit.judge.comparison.finer import FINER, finer_filter, run_finer, settled_bound
 from ambkit.judge.evaluation import true_signal
 from ambkit.machine.bank import alone_of, weights_of
-from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine, as_machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import Runout
 from ambkit.models.parts.synchronous import unbalance_planes
@@ -118,7 +117,7 @@ class Judgement:
 
 
 def judge_states(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     kinds: Sequence[str] = ("linear", "extended"),
     *,
     seeds: int = 20,
@@ -171,8 +170,8 @@ def judge_states(
     TypeError
         `bearing` is no machine.
     """
-    of_type(Bearing, Machine, bearing=bearing)
-    plain = _known(as_machine(bearing), synchronous)
+    of_type(Machine, bearing=bearing)
+    plain = _known(bearing.long, synchronous)
     noise = FilterNoise(disturbance=_growth(plain, duration, load))
     filters = {
         kind: kind_called(kind).make(
@@ -228,7 +227,7 @@ def judge_states(
 
 def _known(machine: Machine, synchronous: Sequence[str]) -> Machine:
     """Return the machine without unbalance and runout, but for those that filters estimate."""
-    sensors = [each.model_copy(update={"runout": ()}) for each in machine.sensor]
+    sensors = [each.model_copy(update={"runout": ()}) for each in machine.sensors]
     without: dict[str, Any] = {"unbalance": [], "sensor": sensors}
     left = {"unbalance": "unbalance", "runout": "sensor"}
     for name in synchronous:
@@ -252,7 +251,7 @@ def _drawn(
         for k, z in enumerate(unbalance_planes(machine), 1) if f"U{k}" in rotor
     ]  # fmt: skip
     sensors = []
-    for each in machine.sensor:
+    for each in machine.sensors:
         lines = [
             Runout(order=int(name[1:].split("_")[0]), amplitude=abs(r), phase=float(np.angle(r)))
             for name, r in rotor.items() if name[0] == "r" and name.split("_", 1)[1] == each.name

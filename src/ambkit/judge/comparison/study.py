@@ -25,10 +25,8 @@ from ambkit.judge.comparison.cases import (
 )
 from ambkit.judge.comparison.contenders import Contender, contenders, suited
 from ambkit.machine.bank import alone_of
-from ambkit.machine.machine import as_machine
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
     from ambkit.machine.stiffness import StiffnessMap
@@ -68,7 +66,7 @@ def learned(case: Case, bearing: Any, names: Sequence[str]) -> dict[str, MagnetM
     asking = [name for name in names if name in KINDS and KINDS[name].magnet is None]
     if not asking:
         return {}
-    if not as_machine(bearing).single:
+    if not bearing.single:
         known = {name: learned_magnet(name, bearing) for name in asking}
         return {name: magnet for name, magnet in known.items() if magnet is not None}
     from ambkit.fuzzy.training import train
@@ -91,7 +89,7 @@ def learned(case: Case, bearing: Any, names: Sequence[str]) -> dict[str, MagnetM
 
 
 def study(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     case: Case | str,
     names: Sequence[str],
     *,
@@ -154,7 +152,7 @@ def study(
 
 
 def across(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     cases: Mapping[str, Case],
     names: Sequence[str],
     *,

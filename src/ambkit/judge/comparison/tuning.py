@@ -15,7 +15,6 @@ from ambkit.estimate.batch import run_many
 from ambkit.estimate.view import View
 from ambkit.judge.comparison.contenders import Contender, Range
 from ambkit.judge.comparison.criteria import errors_along, rms
-from ambkit.machine.machine import as_machine
 
 if TYPE_CHECKING:
     from ambkit.judge.comparison.cases import Trial
@@ -53,7 +52,7 @@ def errors(build: Callable[[], Any], training: Sequence[Trial], first: int) -> A
         found = np.asarray(many.rmse, float)
     else:  # of several axes, or the user's own in Python
         found = np.empty((len(records), len(SIGNALS)))
-        view = View(as_machine(estimator.bearing))
+        view = View(estimator.bearing)
         for row, record in zip(found, records, strict=True):
             made = estimator if isinstance(estimator, Estimator) else build()
             wrong = errors_along(made.run(record), record, view)

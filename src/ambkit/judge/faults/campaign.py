@@ -18,8 +18,7 @@ from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.contenders import suited
 from ambkit.judge.faults.declared import CLEAN, FAULTS
 from ambkit.judge.faults.flight import Flight, Outcome
-from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine, as_machine, short_form
+from ambkit.machine.machine import Machine
 from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
@@ -41,7 +40,7 @@ SETTINGS = ("beside the loop", "in the loop")
 class Torture:
     """What became of a campaign."""
 
-    bearing: Bearing | Machine  #: Whose.
+    bearing: Machine  #: Whose.
     outcomes: tuple[Outcome, ...]  #: One a flight.
 
     def __repr__(self) -> str:
@@ -134,7 +133,7 @@ def flights_of(estimators: int, faults: Iterable[str], seeds: int, *, steps: int
 
 
 def torture(
-    bearing: Bearing | Machine,
+    bearing: Machine,
     estimators: Sequence[str] | Mapping[str, Callable[..., Estimator]] | None = None,
     *,
     reading: str | None = None,
@@ -189,10 +188,10 @@ def torture(
     AmbkitError
         A fault or kind is unknown, or a flight through mixtures has no room for one.
     """
-    of_type(Bearing, Machine, bearing=bearing)
-    bearing = short_form(bearing)
-    at, named = _reading(as_machine(bearing), reading), chosen_faults(faults)
-    if isinstance(bearing, Machine) and "lift-off" in named:  # its own start has lift-off
+    of_type(Machine, bearing=bearing)
+    bearing = bearing.short
+    at, named = _reading(bearing.long, reading), chosen_faults(faults)
+    if not bearing.single and "lift-off" in named:  # its own start has lift-off
         named.remove("lift-off")
     kinds = suited(list(KINDS), bearing)
     built: Mapping[str, Callable[..., Estimator]] = (

@@ -18,7 +18,7 @@ from ambkit.machine.magnets import ConstantStiffness, Precision, own_time
 from ambkit.simulation.imposed import Faults
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]
 

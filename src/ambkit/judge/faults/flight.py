@@ -16,7 +16,7 @@ from ambkit.estimate.view import View
 from ambkit.judge.comparison.criteria import errors_along
 from ambkit.judge.faults.declared import Channel, Fault, mixture
 from ambkit.machine.bearing import GRAVITY
-from ambkit.machine.machine import Machine, as_machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.machine import simulate_machine
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.estimate import Estimate
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
     from ambkit.machine.magnets import Precision
 
 Array = NDArray[np.float64]
@@ -100,7 +100,7 @@ class Outcome:
 class Flight:
     """A flight: who flies, how, and with what noise."""
 
-    bearing: Bearing | Machine  #: The plant, and what the estimator knows.
+    bearing: Machine  #: The plant, and what the estimator knows.
     #: Its gains; what it is fed by is set here. None: the default of several axes.
     controller: PID | None
     #: Whether the controller is fed by the estimate, or, beside the loop, by the true measurement.
@@ -112,7 +112,7 @@ class Flight:
     @property
     def view(self) -> View:
         """Axes and readings."""
-        return View(as_machine(self.bearing))
+        return View(self.bearing)
 
     @property
     def at(self) -> int:
@@ -154,7 +154,7 @@ class Flight:
         reference = Sine(amplitude=0.1 * axis.rotor.travel_limit, frequency=1 / (40 * period))
         disturbance = Sine(amplitude=0.2 * weight, frequency=1 / (90 * period))
         feedback: Any = "estimate" if self.in_loop and estimator else "measurement"
-        if isinstance(self.bearing, Machine):
+        if not self.bearing.single:
             machine, k = self.bearing, self.at
             names = [each.name for each in machine.axes]
             flight = Scenario(
@@ -168,13 +168,13 @@ class Flight:
                 disturbance=np.outer(channel.force, np.arange(len(names)) == k),
                 faults=channel.faults.among(self.reading, readings, k, len(names)),
             )  # fmt: skip
-        pid = self.controller or PID.for_bearing(self.bearing)
+        pid = self.controller or PID.for_bearing(axis)
         scenario = Scenario(
             duration=duration, seed=self.seed, reference=reference, disturbance=disturbance,
             controller=pid.model_copy(update={"feedback": feedback}),
         )  # fmt: skip
         imposed = Imposed(channel.force, faults=channel.faults, place=channel.place)
-        return simulate_run(self.bearing, scenario, estimator=estimator, imposed=imposed)
+        return simulate_run(axis, scenario, estimator=estimator, imposed=imposed)
 
     def _errors(self, run: Run) -> dict[str, Array]:
         """Return magnitudes of the estimate's errors, of several axes the greatest (n,)."""

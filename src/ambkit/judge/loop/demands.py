@@ -18,7 +18,7 @@ from ambkit.models.linear import Complex
 from ambkit.simulation.linear.pieces import WorkPoint, unbalance_columns
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing, Sensor
+    from ambkit.machine.machine import Bearing
     from ambkit.simulation.linear.closed import Loop
 
 Array = NDArray[np.float64]
@@ -91,7 +91,7 @@ class Turned(NamedTuple):
 
 def demands(
     loop: Loop,
-    of: Bearing | Machine,
+    of: Machine,
     point: WorkPoint,
     current_noise: Array,
     position_noise: Array,
@@ -129,7 +129,7 @@ def squares_of_coils(bearing: Bearing, iu: float, square: float) -> list[float]:
 
 
 def _capacities(
-    loop: Loop, of: Bearing | Machine, point: WorkPoint, displacement: Array, swing: Array
+    loop: Loop, of: Machine, point: WorkPoint, displacement: Array, swing: Array
 ) -> list[Capacity]:
     """Return for each axis what load along it is borne; it moves all axes."""
     alone, pairs, weights = alone_of(of), pairs_of(of), weights_of(of)
@@ -177,28 +177,21 @@ def orbit(x: NDArray[Any], pairs: Sequence[Sequence[int]]) -> Array:
     return far
 
 
-def pairs_of(of: Bearing | Machine) -> list[tuple[int, ...]]:
+def pairs_of(of: Machine) -> list[tuple[int, ...]]:
     """Return the axes of each bearing, by their numbers."""
-    if not isinstance(of, Machine):
-        return [(0,)]
     bearings = [axis.bearing for axis in of.axes]
     return [
         tuple(k for k, each in enumerate(bearings) if each is one)
-        for one in dict.fromkeys(of.bearing)
+        for one in dict.fromkeys(of.bearings)
     ]
 
 
-def of_runout(loop: Loop, of: Bearing | Machine) -> list[Turned]:
+def of_runout(loop: Loop, of: Machine) -> list[Turned]:
     """Return what each order of each sensor's runout does."""
-    speed, gains = abs(of.speed or 0.0), [b.amplifier.gain for b in alone_of(of)]
+    speed, gains = abs(of.speed), [b.amplifier.gain for b in alone_of(of)]
     if not speed:
         return []
-    if isinstance(of, Machine):
-        readings: list[tuple[Sensor, float]] = [
-            (r.sensor, of.lag_of(r.sensor)) for r in of.readings
-        ]
-    else:
-        readings = [(of.sensor, of.sensor_lag)]
+    readings = [(r.sensor, of.lag_of(r.sensor)) for r in of.readings]
     found = []
     for sensor in dict.fromkeys(at for at, _ in readings):
         for line in sensor.runout:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ambkit.machine.parts import REFERENCE
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
     from ambkit.machine.parts import Coil
 
 ZERO = 273.15

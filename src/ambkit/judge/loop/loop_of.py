@@ -21,8 +21,7 @@ from ambkit.judge.loop.hinf import beside_each_other, hinf
 from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.judge.loop.margins import grid, highest
 from ambkit.machine.bank import alone_of
-from ambkit.machine.bearing import Bearing
-from ambkit.machine.machine import Machine, as_machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.placed import Unbalance
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
@@ -75,11 +74,11 @@ def ideal_pieces(machine: Machine) -> dict[str, Machine]:
     def prompt(sensor: Any) -> Any:
         return sensor.model_copy(update={"lag": PROMPT})
 
-    if any(each.amplifier.bandwidth for each in machine.bearing):
-        ideal = [at.model_copy(update={"amplifier": fast(at.amplifier)}) for at in machine.bearing]
+    if any(each.amplifier.bandwidth for each in machine.bearings):
+        ideal = [at.model_copy(update={"amplifier": fast(at.amplifier)}) for at in machine.bearings]
         found["amplifier"] = machine.model_copy(update={"bearing": tuple(ideal)})
-    if any(each.lag for each in machine.sensor):
-        sensors = tuple(prompt(each) for each in machine.sensor)
+    if any(each.lag for each in machine.sensors):
+        sensors = tuple(prompt(each) for each in machine.sensors)
         found["sensor"] = machine.model_copy(update={"sensor": sensors})
     if machine.delay:
         found["delay"] = machine.model_copy(update={"delay": None})
@@ -91,7 +90,7 @@ class LoopOf:
 
     def __init__(
         self,
-        bearing: Bearing | Machine,
+        bearing: Machine,
         controller: PID | Sequence[PID] | Control | None = None,
         x: float = 0.0,
         load: Any = None,
@@ -99,7 +98,7 @@ class LoopOf:
         point: WorkPoint | None = None,
         flown: Controllers | None = None,
     ) -> None:
-        self.machine = as_machine(bearing)
+        self.machine = bearing.long
         self.alone = alone_of(self.machine)
         if controller is None and self.machine.single:
             controller = PID()  # until one search tunes the gains of all machines

@@ -1,6 +1,7 @@
 """Bearings and machines that come with ambkit, as commented TOML to start one's own from."""
 
 import difflib
+from collections.abc import Sequence
 from importlib import resources
 from importlib.resources.abc import Traversable
 
@@ -24,14 +25,17 @@ def all_names() -> tuple[str, ...]:
     return tuple(sorted((*names(), *machine_names())))
 
 
-def text(name: str) -> str:
-    """Return the TOML of a bearing's preset as it stands in its file, comments included."""
-    return _text(_bearings(), name)
-
-
-def machine_text(name: str) -> str:
-    """Return the TOML of a machine's preset as it stands in its file, comments included."""
-    return _text(_machines(), name)
+def text(name: str, known: Sequence[str] | None = None) -> str:
+    """Return the TOML of a preset, of these or of all, as it stands in its file, with comments."""
+    known = all_names() if known is None else known
+    if not isinstance(name, str):
+        raise AmbkitError(f"a preset has a name, such as {known[-1]}; is {name!r:.60}")
+    if name not in known:
+        near = difflib.get_close_matches(name, known, 1)
+        hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(known)}"
+        raise AmbkitError(f'there is no preset "{name}"; {hint}')
+    folder = _bearings() if name in names() else _machines()
+    return folder.joinpath(name + _SUFFIX).read_text(encoding="utf-8")
 
 
 def _bearings() -> Traversable:
@@ -45,14 +49,3 @@ def _machines() -> Traversable:
 def _names(folder: Traversable) -> tuple[str, ...]:
     files = (item.name for item in folder.iterdir())
     return tuple(sorted(name.removesuffix(_SUFFIX) for name in files if name.endswith(_SUFFIX)))
-
-
-def _text(folder: Traversable, name: str) -> str:
-    known = _names(folder)
-    if not isinstance(name, str):
-        raise AmbkitError(f"a preset has a name, such as {known[-1]}; is {name!r:.60}")
-    if name not in known:
-        near = difflib.get_close_matches(name, known, 1)
-        hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(known)}"
-        raise AmbkitError(f'there is no preset "{name}"; {hint}')
-    return folder.joinpath(name + _SUFFIX).read_text(encoding="utf-8")

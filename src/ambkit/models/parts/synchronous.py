@@ -104,7 +104,7 @@ class SynchronousRunout:
     def of(cls, machine: Any, speeding: float) -> list[SynchronousRunout]:
         """Return one for each order that a sensor sees."""
         parts: list[SynchronousRunout] = []
-        for sensor in machine.sensor:
+        for sensor in machine.sensors:
             told = {line.order: line.amplitude for line in sensor.runout} or {1: RUNOUT}
             looking = [r for r in machine.readings if r.sensor is sensor]
             for order, size in told.items():
@@ -146,5 +146,5 @@ def unbalance_planes(machine: Any) -> list[float]:
     most = 2 if machine.bending is None else 2 + len(machine.bending.frequency)
     if 0 < len(given) <= most:
         return sorted(given)
-    places = sorted(each.place for each in machine.bearing if each.type == "radial")
+    places = sorted(each.place for each in machine.bearings if each.type == "radial")
     return [places[0], places[-1]]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.estimate import Estimate
     from ambkit.fuzzy.expert import Expert
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 SPAN = ("from", "to", "rms")
 

@@ -13,7 +13,7 @@ from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
 
 STYLES = ("series 2", "estimate", "series 3")
 SHARES = (-0.5, 0.0, 0.5)

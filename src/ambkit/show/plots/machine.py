@@ -32,9 +32,9 @@ def machine_figure(run: Run) -> Figure:
     record, machine = run.record, run.machine
     t = record.t
     panels: list[Panel] = []
-    radial = [each for each in machine.bearing if each.type == "radial"]
+    radial = [each for each in machine.bearings if each.type == "radial"]
     panels += [_orbit(run, each) for each in radial]
-    for each in machine.bearing:
+    for each in machine.bearings:
         names = [axis.name for axis in machine.axes if axis.bearing is each]
         moved: list[Item] = [
             Line(t, record[signal("s", name)], signal=f"series {k}", label=_of(k))
@@ -42,7 +42,7 @@ def machine_figure(run: Run) -> Figure:
         ]
         panels.append(Panel(TIME, DISPLACEMENT, moved, title=f"In bearing {label(each.name)}"))
     on, whole = run.fed, replace(TIME, limits=(float(t[0]), float(t[-1])))
-    for each in machine.bearing:
+    for each in machine.bearings:
         names = [axis.name for axis in machine.axes if axis.bearing is each]
         limit = each.amplifier.current_limit
         most = max(float(np.abs(record[signal("iu", name)][on]).max(initial=0.0)) for name in names)

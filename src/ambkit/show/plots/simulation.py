@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.base.escaping import markdown
-from ambkit.machine.bearing import Bearing
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Item, Line, Rule
 from ambkit.show.plots.filters import whole_noise
@@ -20,9 +19,10 @@ if TYPE_CHECKING:
 
 def simulation_figure(run: Run) -> Figure:
     """Show what happened in a simulated run, and what the estimator said to it."""
-    record, estimate, bearing = run.record, run.estimate, run.plant
-    if not isinstance(bearing, Bearing):
+    record, estimate = run.record, run.estimate
+    if not run.plant.single:
         return machine_figure(run)
+    bearing = run.plant.alone("")
     t, name = record.t, "estimate"
 
     def told(signal: str) -> list[Item]:

@@ -15,7 +15,6 @@ from ambkit.estimate.view import View
 from ambkit.judge.comparison.bench import Bench, Standing, Sweep
 from ambkit.judge.comparison.contenders import Contender
 from ambkit.judge.comparison.criteria import CRITERIA, Criterion
-from ambkit.machine.machine import as_machine
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
 from ambkit.result.report.markup import symbols
@@ -189,7 +188,7 @@ def efficiency_figure(bench: Bench) -> Figure:
 def run_figure(trial: Trial, field: Mapping[str, Contender], bench: Bench) -> Figure:
     """Show one run: position, and the disturbance force as the estimators see it."""
     record, time = trial.record, Axis("time", "s")
-    view = View(as_machine(trial.plant))
+    view = View(trial.plant)
     axis = view.machine.axes[0].name
     load, of = name_of("f_d", axis), f" along {label(axis)}" if axis else ""
     readings = np.array([record[name_of("y", each.name)] for each in view.machine.readings])

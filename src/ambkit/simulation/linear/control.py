@@ -18,7 +18,7 @@ from ambkit.models.linear import LinearSystem, Signal
 from ambkit.simulation.linear.pieces import POSITION, VELOCITY, of_axes
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
     from ambkit.models.model import Array
     from ambkit.simulation.let_turn import LetTurn
 
@@ -103,7 +103,7 @@ def _pid(pid: Gains, T: float, measured: bool) -> LinearSystem:
     )  # fmt: skip
 
 
-def controllers(found: _Flown, of: Bearing | Machine, *, measured: bool) -> LinearSystem:
+def controllers(found: _Flown, of: Machine, *, measured: bool) -> LinearSystem:
     """Return controllers as ``core/src/controllers.c`` computes them, within their limits."""
     from scipy.linalg import block_diag
 
@@ -116,7 +116,7 @@ def controllers(found: _Flown, of: Bearing | Machine, *, measured: bool) -> Line
     # Each PID's reference is what it looks at of those of the axes.
     B, D = (np.hstack([M[:, :-q], M[:, -q:] @ found.of_axes]) for M in (B, D))
     C, D = found.spread @ C, found.spread @ D
-    axes = [axis.name for axis in of.axes] if isinstance(of, Machine) else []
+    axes = [axis.name for axis in of.axes] if not of.single else []
     names = found.names if axes else []
     told = [signal for kind in kinds[:-1] for signal in of_axes(kind, names)]
     if not measured:

@@ -22,7 +22,7 @@ from ambkit.simulation.parts import between_magnet_and_rotor
 from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing, Sensor
+    from ambkit.machine.machine import Bearing
     from ambkit.models.plan import Part
 
 TURN = 64
@@ -92,7 +92,7 @@ class WorkPoint(NamedTuple):
             if name not in names:
                 raise AmbkitError(f"load: there is no axis {name}; there are {', '.join(names)}")
         pushed = np.array([given.get(name, 0.0) for name in names])
-        travel = min(placed.travel_limit for placed in machine.bearing)
+        travel = min(placed.travel_limit for placed in machine.bearings)
         if not abs(x) <= travel:
             raise AmbkitError(
                 f"the rotor can be held up to its stops at {travel:g} m, not at {x:g} m"
@@ -114,32 +114,27 @@ def of_axes(signal: Signal, axes: Sequence[str]) -> tuple[Signal, ...]:
     return tuple(Signal(named(signal.name, axis), signal.unit) for axis in axes) or (signal,)
 
 
-def plant(of: Bearing | Machine, point: WorkPoint, *, continuous: bool = False) -> LinearSystem:
+def plant(of: Machine, point: WorkPoint, *, continuous: bool = False) -> LinearSystem:
     """Return amplifiers, dead time, magnets, rotor and sensors, from u and load to y and x."""
     # Within the limits of current and voltage, without rounding and noise; of a bent sensor the
     # slope at the work point.
     system = _linear(of, machine_parts(of, noise=False), point, continuous=continuous)
     B, C, alone = system.B.copy(), system.C, alone_of(of)
     B[:, : len(alone)] *= [b.amplifier.gain for b in alone]
-    if isinstance(of, Machine):
-        whole, m = View(of), len(of.readings)
-        seen = np.linalg.pinv(whole.H @ whole.shown) @ point.x / whole.gains
-        sensors: list[Sensor] = [r.sensor for r in of.readings]
-        stands = {state.name: k for k, state in enumerate(system.states)}
-        along = np.zeros((len(alone), len(stands)))
-        for k, axis in enumerate(of.axes):
-            for q, value in axis.line.form.items():
-                along[k, stands[q]] = value
-        C = np.vstack([C[:m], along])
-        names = [axis.name for axis in of.axes]
-        positions = of_axes(Signal("s", "m"), names)
-        inputs = (*of_axes(Signal("u", "V"), names), *system.inputs[len(names) :])
-    else:
-        m, seen, positions = 1, [point.x], system.outputs[1:]
-        sensors = [of.sensor]
-        inputs = (Signal("u", "V"), *system.inputs[1:])
+    view, m = View(of), len(of.readings)
+    seen = np.linalg.pinv(view.H @ view.shown) @ np.atleast_1d(point.x) / view.gains
+    stands = {state.name: k for k, state in enumerate(system.states)}
+    along = np.zeros((len(alone), len(stands)))
+    for k, axis in enumerate(of.axes):
+        for q, value in axis.line.form.items():
+            along[k, stands[q]] = value
+    C = np.vstack([C[:m], along])
+    names = [axis.name for axis in of.axes]
+    inputs = (*of_axes(Signal("u", "V"), names), *system.inputs[len(names) :])
+    positions = of_axes(Signal("x" if of.single else "s", "m"), names)
     bent = [
-        1 + (2 * at.quadratic + 3 * at.cubic * x) * x for at, x in zip(sensors, seen, strict=True)
+        1 + (2 * r.sensor.quadratic + 3 * r.sensor.cubic * x) * x
+        for r, x in zip(of.readings, seen, strict=True)
     ]
     C = np.vstack([np.array(bent)[:, None] * C[:m], C[m:]])
     return replace(
@@ -200,7 +195,7 @@ def unbalance_columns(machine: Machine, point: WorkPoint, places: Sequence[float
 
 
 def _linear(
-    of: Bearing | Machine, parts: Sequence[Part], point: WorkPoint, *, continuous: bool = False
+    of: Machine, parts: Sequence[Part], point: WorkPoint, *, continuous: bool = False
 ) -> LinearSystem:
     """Return the parts of a plant with its magnets' tangents at a work point."""
     k_i, k_s = np.array([

@@ -10,7 +10,6 @@ import numpy as np
 from ambkit.base.config import Read
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.loading import load_machine
-from ambkit.machine.machine import Machine
 from ambkit.workflow.campaign.keys import OF_RUN, Key, by_places, key_in
 from ambkit.workflow.campaign.varied import Choice, Varied, Wrong
 
@@ -92,7 +91,7 @@ def _of_what(read: Read, plant: Any) -> Iterator[Problem]:
         return
     of_one: dict[str, Any] = {"controllers": {}}
     of_several: dict[str, Any] = {"controls": {}, "synchronous": ()}
-    one = not isinstance(plant, Machine)
+    one = plant.single
     right, wrong = (of_one, of_several) if one else (of_several, of_one)
     for name, usual in wrong.items():
         if read(name) != usual:
@@ -119,7 +118,7 @@ def completed(run: Any, plant: Any) -> Any:
     """Return a scenario whose controller has all its gains, tuned to the nominal machine."""
     from ambkit.simulation.scenario import Scenario
 
-    if isinstance(plant, Machine):
+    if not plant.single:
         return run
     if not isinstance(run, Scenario):
         return Scenario()
@@ -230,7 +229,7 @@ def _choices(
     """Check words to choose from, each where it would stand."""
     if not isinstance(varied, Choice) or key.unit:
         return
-    several = isinstance(plant, Machine)
+    several = not plant.single
     controllers = read("controls" if several else "controllers")
     for at, value in enumerate(varied.values):
         there = f"{here}.values.{at}"

@@ -19,7 +19,7 @@ from ambkit.workflow.campaign.checks import completed
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Bearing
     from ambkit.workflow.campaign.study import Study
 
 _GAINS = ("kp", "ki", "kd", "feed_forward")
@@ -140,6 +140,6 @@ class OfSeveral:
         return [f"scenario.{each}" for each in run.wrong_for(axes, body=True)]
 
 
-def happening(nominal: Bearing | Machine, study: Study) -> Any:
+def happening(nominal: Machine, study: Study) -> Any:
     """Return what happens in the runs of a study."""
-    return (OfSeveral if isinstance(nominal, Machine) else OfOne)(nominal, study)  # type: ignore[arg-type]
+    return (OfSeveral if not nominal.single else OfOne)(nominal, study)  # type: ignore[arg-type]

@@ -11,7 +11,6 @@ from ambkit.base.config import Part, unknown_key
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Line, Name
 from ambkit.data.signals import signal
-from ambkit.machine.machine import Machine
 from ambkit.simulation.many import FIGURES, Figure
 from ambkit.simulation.many_machines import FIGURES as OF_MACHINES
 from ambkit.workflow.campaign.varied import Value
@@ -30,12 +29,12 @@ UNITS = {
 
 def figures_of(plant: Any) -> dict[str, Figure]:
     """Return the figures of a run of a machine."""
-    return OF_MACHINES if isinstance(plant, Machine) else FIGURES
+    return FIGURES if plant is None or plant.single else OF_MACHINES
 
 
 def traces_of(plant: Any) -> tuple[str, ...]:
     """Return the signals that a run of a machine has."""
-    if not isinstance(plant, Machine):
+    if plant is None or plant.single:
         return TRACES
     axes = [axis.name for axis in plant.axes]
     found = [f"{of}_{name}" for of in ("s", "r", "u", "iu", "f_mag", "f_d") for name in axes]

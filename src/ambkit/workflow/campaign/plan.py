@@ -21,7 +21,6 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.machine.bearing import FILES
 from ambkit.machine.loading import load_machine
-from ambkit.machine.machine import Machine
 from ambkit.simulation.many import Planned
 from ambkit.simulation.many_machines import PlannedMachine
 from ambkit.simulation.scenario import PID
@@ -68,7 +67,7 @@ class Plan:
     @property
     def several(self) -> bool:
         """Whether the machine has several axes."""
-        return isinstance(self.nominal, Machine)
+        return not self.nominal.single
 
     @cached_property
     def names(self) -> tuple[str, ...]:

@@ -9,7 +9,6 @@ from ambkit.base.errors import AmbkitError
 from ambkit.simulation.many import Planned
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
     from ambkit.result.report.figure import Figure
     from ambkit.simulation.many_machines import PlannedMachine
@@ -27,7 +26,7 @@ class Replayed(NamedTuple):
     row: Mapping[str, Any]  #: Figures and verdict, as they stand in the campaign's rows.
 
     @property
-    def plant(self) -> Bearing | Machine:
+    def plant(self) -> Machine:
         """The bearing, or the machine, that was drawn."""
         planned = self.planned
         return planned.bearing if isinstance(planned, Planned) else planned.machine

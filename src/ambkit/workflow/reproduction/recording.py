@@ -20,7 +20,8 @@ from ambkit.identification.forces.lift_off import LiftOff, load_points
 from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off
 from ambkit.judge.comparison import ConstantVelocityFilter
 from ambkit.judge.evaluation import LAGS, Evaluation, evaluate
-from ambkit.machine.bearing import GRAVITY, Bearing
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text

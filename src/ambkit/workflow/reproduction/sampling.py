@@ -12,7 +12,7 @@ from ambkit.data.record import Record
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.judge.comparison import compare
-from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Bearing
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Line

@@ -14,7 +14,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import train
-from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel
 from ambkit.machine.paper import INITIAL_WIDTH
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
