@@ -41,7 +41,7 @@ def test_each_kind_is_recognised_by_what_it_holds(bearing, tmp_path):
     force_file(tmp_path / "e.csv", rows_of(bearing))
     kinds = {
         "a.toml": ("bearing", "zittau_axial, two-sided, 0.518 kg"),
-        "b.toml": ("scenario", "0.5 s, reference constant, disturbance constant"),
+        "b.toml": ("scenario", "0.5 s, nothing demanded"),
         "c.json": ("expert", "25 rules for Tables 4, 5 and 6 of the paper"),
         "d.parquet": ("record", "101 samples of r, y, u"),
         "e.csv": ("measured force", "25 points, -1.5 A to 1.5 A, -0.5 mm to 0.5 mm, without"),
