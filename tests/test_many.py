@@ -11,11 +11,22 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import ambkit
-from ambkit import Bearing, Planned, Scenario, Status, Step, simulate_many
+from ambkit import (
+    Bearing,
+    KalmanFilter,
+    Machine,
+    Planned,
+    Scenario,
+    Status,
+    Step,
+    simulate_machine,
+    simulate_many,
+)
 from ambkit.estimate.batch import instruction_sets
 from ambkit.estimate.registry import KINDS
+from ambkit.simulation.figures import FIGURES, FLAGS
 from ambkit.simulation.imposed import Faults, Imposed
-from ambkit.simulation.many import FIGURES, FLAGS, windows
+from ambkit.simulation.many import windows
 from ambkit.simulation.noise import Stream
 from ambkit.simulation.run import Run
 
@@ -192,6 +203,26 @@ def test_what_cannot_be_done_is_said() -> None:
     with pytest.raises(ValueError, match="no instructions called 'sse9'"):
         simulate_many([run], instructions="sse9")
     assert len(simulate_many([])) == 0
+    with pytest.raises(ValueError, match="all have one axis, or all several"):
+        simulate_many([run, Planned(Machine.preset("tum_mlps"), Scenario(duration=0.01))])
+
+
+def test_runs_of_several_axes_are_those_of_a_run_alone() -> None:
+    machine, scenario = Machine.preset("tum_mlps"), Scenario(duration=0.01, seed=2)
+    kalman = KalmanFilter(machine)
+    runs = [Planned(machine, scenario, kalman, number=number) for number in range(3)]
+    many = simulate_many(runs, traces=[2])
+    alone = simulate_machine(machine, scenario.replace(run=2), estimator=KalmanFilter(machine))
+    for name in ("y_La1", "iu_B2"):
+        assert np.array_equal(many.traces[2].record[name], alone.record[name])
+    farthest = max(np.abs(alone.record[f"s_{axis}"]).max() for axis in alone.axes)
+    assert many.figures["displacement_peak"][2] == farthest
+
+
+def test_an_axis_given_as_a_machine_is_flown_as_the_axis() -> None:
+    runs = [Planned(of, SCENARIO, KALMAN) for of in (BEARING, BEARING.long)]
+    for values in simulate_many(runs).figures.values():
+        assert np.array_equal(values[0], values[1], equal_nan=True)
 
 
 def test_the_noise_is_normal_and_its_streams_are_apart() -> None:

@@ -54,7 +54,7 @@ def test_what_is_missing_is_said_with_what_to_install(
     ("words", "said"),
     [
         (["tum_mlps", "--filter", "steady-state"], "takes one axis"),
-        (["tum_mlps", "--scenario", "axis.toml"], "axis.toml"),
+        (["tum_mlps", "--scenario", "axis.toml"], "controller: is of one axis"),
         (["zittau_axial", "--board", "arduino"], "must be one of stm32f4, amdc, c2000"),
         (["zittau_axial", "--board", "c2000"], "TI's C2000 code generation tools"),
     ],

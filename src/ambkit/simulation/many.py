@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import pickle
+import threading
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import chain, islice
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -15,10 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.batch import processors
-from ambkit.estimate.estimate import Status
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import MagnetModel, core_module
+from ambkit.simulation.controllers import Controllers
+from ambkit.simulation.figures import FIGURES, FLAGS, OF_SEVERAL, figures_of, first_of, flags_of
 from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import Loop, Run, Sampled, simulate_run
 from ambkit.simulation.scenario import Scenario
 
@@ -35,68 +39,38 @@ MOST_PLANS = 4096
 """Of which so many are kept for runs that come later."""
 
 
-class Figure(NamedTuple):
-    """A number that a run is judged by."""
-
-    unit: str
-    """SI."""
-    about: str
-    """What it is, in a sentence."""
-
-
-FIGURES: dict[str, Figure] = {
-    "x_rms": Figure("m", "RMS error of the estimated position."),
-    "v_rms": Figure("m/s", "RMS error of the estimated velocity."),
-    "f_d_rms": Figure("N", "RMS error of the estimated disturbance force."),
-    "x_peak": Figure("m", "Greatest magnitude of the position's error."),
-    "v_peak": Figure("m/s", "Greatest magnitude of the velocity's error."),
-    "f_d_peak": Figure("N", "Greatest magnitude of the disturbance force's error."),
-    "nis": Figure("1", "Mean normalised innovation squared of the measurements taken in."),
-    "tracking_rms": Figure("m", "RMS control error, reference less position."),
-    "tracking_peak": Figure("m", "Greatest magnitude of the control error."),
-    "effort": Figure("A", "RMS change of the current asked for from sample to sample."),
-    "displacement_peak": Figure("m", "Farthest that the rotor was from the centre at a sample."),
-    "current_peak": Figure("A", "Greatest magnitude of the control current just after a sample."),
-    "overshoot": Figure("1", "Overshoot of the last step of the reference, before a load."),
-    "settling": Figure("s", "Time after that step until the rotor stays within 5 % of it; infinity "
-                       "where it does not."),
-    "recovery": Figure("s", "Time after the last change of the load until the rotor stays within "
-                       "the band around the reference; infinity where it does not."),
-    "load_kept": Figure("N", "Greatest magnitude of the load before the rotor first met a stop."),
-    "touched": Figure("1", "Samples in which a stop was touched."),
-    "landed": Figure("1", "1 where the rotor touched a stop in the last sample, else 0."),
-}  # fmt: skip
-"""All figures by name, in the order of the arrays; NaN where one does not apply to a run."""
-
-OF_ESTIMATES = ("x_rms", "v_rms", "f_d_rms", "x_peak", "v_peak", "f_d_peak", "nis")
-"""Those that a run without an estimator has not."""
-
-FLAGS = tuple(str(flag.name).lower() for flag in Status if flag)
-"""Names of what a step had to say."""
-
-
 @dataclass(frozen=True, slots=True)
 class Planned:
     """One run of many: what is simulated, and with which noise.
 
     Attributes
     ----------
-    bearing, scenario : Bearing, Scenario
-        The plant, and what happens to it, the controller among it.
+    bearing : Machine
+        The plant.
+    scenario : Scenario
+        What happens to it, the controllers among it.
     estimator, magnet, imposed
         As for :func:`ambkit.simulation.run.simulate_run`. The estimator is not changed, and one may
         serve all runs: each begins afresh.
     number : int, optional
         Number of the run, which is with the scenario's seed the key of its noise, in place of
         ``scenario.run``.
+    controllers : Controllers, optional
+        Of several axes, where they are made already, as for another machine.
     """
 
-    bearing: Bearing
+    bearing: Machine
     scenario: Scenario
     estimator: Estimator | None = None
     magnet: MagnetModel | None = None
     imposed: Imposed | None = None
     number: int | None = None
+    controllers: Controllers | None = None
+
+    @property
+    def axis(self) -> Bearing:
+        """The plant, which has one axis."""
+        return self.bearing.alone("")
 
     @property
     def key(self) -> tuple[int, int]:
@@ -112,10 +86,12 @@ class Planned:
 
     def simulated(self) -> Run:
         """Simulate it by itself, with every sample kept."""
-        return simulate_run(
-            self.bearing, self.numbered, estimator=self.estimator, magnet=self.magnet,
-            imposed=self.imposed,
-        )  # fmt: skip
+        if self.bearing.single:
+            return simulate_run(
+                self.axis, self.numbered, estimator=self.estimator, magnet=self.magnet,
+                imposed=self.imposed,
+            )  # fmt: skip
+        return _flown(self, None if self.estimator is None else _copied(self.estimator))
 
 
 @dataclass(frozen=True)
@@ -128,6 +104,11 @@ class Many:
     status: Mapping[str, Counts]
     #: Of those that were asked for, by their place, with all samples.
     traces: Mapping[int, Run] = field(default_factory=dict)
+
+    @classmethod
+    def none(cls, figures: Iterable[str]) -> Many:
+        """Return what no runs gave, by the names of their figures."""
+        return cls(_columns(figures, (), float), _columns(FLAGS, (), np.int64))
 
     def __len__(self) -> int:
         return len(self.figures["touched"])
@@ -184,7 +165,8 @@ def simulate_many(
     Parameters
     ----------
     runs : iterable of Planned
-        Any mixture; taken one after another, so that 10^6 of them need not be there at once.
+        All of one axis, or all of several; else any mixture. Taken one after another, so that 10^6
+        of them need not be there at once.
     settling : float
         Time at the start of each run that errors leave out [s]; the first sample always is.
     band : float
@@ -194,7 +176,7 @@ def simulate_many(
     threads : int, optional
         Default: as many as the process may use.
     instructions : str, optional
-        One of `ambkit.estimate.batch.instruction_sets`; default: the fastest.
+        One of `ambkit.estimate.batch.instruction_sets`, of runs of one axis; default: the fastest.
     done : callable, optional
         Called now and then with the number of runs that were finished since the last call.
 
@@ -205,7 +187,8 @@ def simulate_many(
     Raises
     ------
     ValueError
-        A run has no sample after the settling, or a trace is asked of a run that is not there.
+        A run has no sample after the settling, a trace is asked of a run that is not there, or some
+        runs have one axis and others several.
 
     Examples
     --------
@@ -216,7 +199,92 @@ def simulate_many(
     >>> simulate_many(runs).figures["f_d_rms"].shape
     (20,)
     """
-    engine = _Engine(settling, band, processors() if threads is None else threads, instructions)
+    threads = processors() if threads is None else threads
+    of_one, planned = _parted(runs)
+    if of_one:
+        engine = _Engine(settling, band, threads, instructions)
+        figures, flags, kept, n = _in_lanes(planned, engine, traces, done)
+    else:
+        figures, flags, kept, n = _in_threads(planned, settling, band, traces, threads, done)
+    if missing := set(traces) - kept.keys():
+        raise ValueError(f"traces holds {min(missing)}, and there are {n} runs")
+    known = FIGURES if of_one else OF_SEVERAL
+    return Many(_columns(known, figures, float), _columns(FLAGS, flags, np.int64), kept)
+
+
+_Judged = tuple[Sequence[Array], Sequence[Counts], dict[int, Run], int]
+"""Tables of figures and of counts of flags, the runs that are kept, and how many there were."""
+
+
+def _parted(runs: Iterable[Planned]) -> tuple[bool, Iterator[Planned]]:
+    """Return whether runs have one axis, and the runs; each is checked when it is taken."""
+    each = iter(runs)
+    first = next(each, None)
+    if first is None:
+        return True, each
+    of_one = first.bearing.single
+
+    def alike() -> Iterator[Planned]:
+        for run in chain([first], each):
+            if run.bearing.single != of_one:
+                raise ValueError("runs must all have one axis, or all several")
+            yield run
+
+    return of_one, alike()
+
+
+def _in_threads(
+    runs: Iterator[Planned], settling: float, band: float, traces: Collection[int],
+    threads: int, done: Callable[[int], None] | None,
+) -> _Judged:  # fmt: skip
+    """Fly runs of several axes: while one is in C, another is got ready."""
+    own = threading.local()  # an estimator has a state: each thread has its own
+
+    def fly(planned: Planned) -> tuple[list[float], list[int]]:
+        if not hasattr(own, "estimators"):
+            own.estimators = {}
+        estimator = planned.estimator
+        if estimator is not None:
+            known = own.estimators.get(id(estimator))
+            estimator = known or own.estimators.setdefault(id(estimator), _copied(estimator))
+        run = _flown(planned, estimator)
+        found = figures_of(run, planned.estimator, settling, band)
+        return [found[name] for name in OF_SEVERAL], flags_of(run)
+
+    rows, flags, kept = list[Array](), list[Counts](), dict[int, Run]()
+
+    def counted() -> Iterator[Planned]:
+        for place, planned in enumerate(runs):
+            if place in traces:
+                kept[place] = planned.simulated()
+            yield planned
+
+    with ThreadPoolExecutor(threads) as pool:
+        for row, said in pool.map(fly, counted()):
+            rows.append(np.array([row]))
+            flags.append(np.array([said], np.int64))
+            if done is not None:
+                done(1)
+    return rows, flags, kept, len(rows)
+
+
+def _flown(planned: Planned, estimator: Estimator | None) -> Run:
+    """Simulate several axes with a copy of the estimator."""
+    return simulate_machine(
+        planned.bearing, planned.numbered, estimator=estimator, controllers=planned.controllers
+    )
+
+
+def _copied(estimator: Estimator) -> Estimator:
+    found: Estimator = pickle.loads(pickle.dumps(estimator))
+    return found
+
+
+def _in_lanes(
+    runs: Iterator[Planned], engine: _Engine, traces: Collection[int],
+    done: Callable[[int], None] | None,
+) -> _Judged:  # fmt: skip
+    """Fly runs of one axis, many at once in C."""
     parts: list[tuple[Array, Counts]] = []
     kept: dict[int, Run] = {}
     place = 0
@@ -231,7 +299,7 @@ def simulate_many(
                 if done is not None:
                     done(last)
 
-        for chunk in _chunked(iter(runs), CHUNK):
+        for chunk in _chunked(runs, CHUNK):
             ready = engine.ready(chunk)
             landed()
             ahead, last = pilot.submit(engine.flown, ready), len(chunk)
@@ -240,10 +308,8 @@ def simulate_many(
                     kept[place] = planned.simulated()
                 place += 1
         landed()
-    if missing := set(traces) - kept.keys():
-        raise ValueError(f"traces holds {min(missing)}, and there are {place} runs")
     figures, flags = zip(*parts, strict=True) if parts else ((), ())
-    return Many(_columns(FIGURES, figures, float), _columns(FLAGS, flags, np.int64), kept)
+    return figures, flags, kept, place
 
 
 def _chunked(runs: Iterator[Planned], size: int) -> Iterator[list[Planned]]:
@@ -326,11 +392,11 @@ class _Engine:
         """Return the signals of a scenario, which many bearings and controllers share."""
         of = planned.scenario
         signals = id(of.reference), id(of.disturbance), id(of.injection)
-        key = *signals, of.duration, planned.bearing.sampling_time
+        key = *signals, of.duration, planned.axis.sampling_time
         if key not in self._signals:
             if len(self._signals) > MOST_PLANS:
                 self._signals.clear()
-            told = Sampled.of(planned.bearing, planned.scenario)
+            told = Sampled.of(planned.axis, planned.scenario)
             self._signals[key] = planned.scenario, told
         return self._signals[key][1]
 
@@ -350,7 +416,7 @@ class _Engine:
 
         def of(scenario: Scenario) -> Loop:
             return Loop(
-                planned.bearing, scenario, estimator=planned.estimator, magnet=planned.magnet,
+                planned.axis, scenario, estimator=planned.estimator, magnet=planned.magnet,
                 imposed=planned.imposed, sampled=sampled,
             )  # fmt: skip
 
@@ -367,7 +433,7 @@ class _Engine:
             return np.ascontiguousarray(values, dtype=precision)
 
         r, f_d = loop.series
-        bearing = planned.bearing
+        bearing = planned.axis
         at = self._windows(bearing, r, f_d, sampled)
         start, stop, height = at.step or (0, 0, 0.0)
         stds = loop.white_noise
@@ -383,13 +449,3 @@ class _Engine:
             band=self.band * bearing.rotor.travel_limit,
         )  # fmt: skip
         return core, plan, stds is not None
-
-
-def first_of(settling: float, T: float, n: int) -> int:
-    """Return the first sample that errors count from."""
-    first = max(1, round(settling / T))
-    if first >= n:
-        raise ValueError(
-            f"settling must be less than the {(n - 1) * T:g} s of a run, is {settling:g} s"
-        )
-    return first

@@ -29,7 +29,6 @@ from ambkit.simulation.holding import holding
 from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.many import Many, Planned, simulate_many
-from ambkit.simulation.many_machines import PlannedMachine, simulate_machines
 from ambkit.simulation.run import samples, simulate
 from ambkit.simulation.scenario import PID, Control, Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Constant, Recorded, Sequence, Sine, Step
@@ -112,15 +111,8 @@ class Trial:
 
 def in_the_loop(made: Iterable[Trial], estimator: Estimator, settling: float) -> Many:
     """Fly the same runs with another estimator in the loop."""
-    axes, machines = list[Planned](), list[PlannedMachine]()
-    for at in made:
-        if not at.plant.single:
-            machines.append(PlannedMachine(at.plant, at.scenario, estimator))
-        else:
-            axes.append(Planned(at.plant.alone(""), at.scenario, estimator, at.magnet, at.imposed))
-    if machines:
-        return simulate_machines(machines, settling=settling, threads=1)
-    return simulate_many(axes, settling=settling, threads=1)
+    runs = (Planned(at.plant, at.scenario, estimator, at.magnet, at.imposed) for at in made)
+    return simulate_many(runs, settling=settling, threads=1)
 
 
 def trials(case: Case, bearing: Machine, runs: int, seed: int) -> list[Trial]:

@@ -86,7 +86,7 @@ OF_THE_LOOP = {
     "tracking": "tracking_rms", "effort": "effort", "overshoot": "overshoot",
     "settling": "settling",
 }  # fmt: skip
-"""What is judged in the loop, and what :data:`ambkit.simulation.many.FIGURES` calls it."""
+"""What is judged in the loop, and what :data:`ambkit.simulation.figures.FIGURES` calls it."""
 
 
 def evaluate_run(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 import platform
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
 from ambkit.judge.loop.loop_of import zone_of
-from ambkit.simulation.many import FLAGS, Many, simulate_many
-from ambkit.simulation.many_machines import simulate_machines
+from ambkit.simulation.figures import FLAGS
+from ambkit.simulation.many import Many, simulate_many
 from ambkit.workflow.campaign.margins import peaks as peaks_of
 from ambkit.workflow.campaign.parts import ZONES, figures_of, limit_of
 from ambkit.workflow.campaign.plan import Drawn, Plan
@@ -114,12 +114,11 @@ def fly(
             if not each.wrong:
                 yield each.planned
 
-    simulated: Any = simulate_machines if plan.several else simulate_many
-    many = simulated(
+    many = simulate_many(
         possible(), settling=record.settling, band=record.band, threads=threads, done=done
     )
     can = [at for at, each in enumerate(drawn) if not each.wrong]
-    columns = _spread(many, can, len(drawn))
+    columns = _spread(many, can, len(drawn), figures_of(plan.nominal))
     if record.margins:
         peaks = np.full(len(drawn), np.inf)
         with one_thread():
@@ -136,10 +135,11 @@ def fly(
     return Flown(columns, traces, [each.wrong for each in drawn])
 
 
-def _spread(many: Many, can: Sequence[int], n: int) -> dict[str, Any]:
+def _spread(many: Many, can: Sequence[int], n: int, figures: Iterable[str]) -> dict[str, Any]:
     """Return the columns of all machines, where some cannot be."""
     columns: dict[str, Any] = {}
-    for name, values in many.columns().items():
+    known = many.columns() if can else Many.none(figures).columns()
+    for name, values in known.items():
         empty: Any = np.zeros(n, values.dtype)
         if values.dtype.kind == "f":
             empty[:] = np.nan

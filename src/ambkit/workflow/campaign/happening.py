@@ -12,7 +12,6 @@ from ambkit.machine.machine import Machine
 from ambkit.simulation.controllers import TYPES, Controllers, controllers_of
 from ambkit.simulation.default_control import is_default, settled_scenario
 from ambkit.simulation.many import Planned
-from ambkit.simulation.many_machines import PlannedMachine
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import PID, Control, Scenario
 from ambkit.workflow.campaign.checks import completed
@@ -107,9 +106,8 @@ class OfSeveral:
 
     def planned(
         self, plant: Machine, run: Scenario, estimator: Estimator | None, noise: int
-    ) -> PlannedMachine:
+    ) -> Planned:
         """Return a run with the nominal machine's controllers at amplifiers of other gains."""
-        run = run.model_copy(update={"run": noise})
         made = self._made(run, estimator)
         ratio = np.array([
             own.bearing.amplifier.gain / nominal.bearing.amplifier.gain
@@ -121,7 +119,7 @@ class OfSeveral:
                 for name, each in made.feedback.items()
             }
             made = replace(made, spread=ratio[:, None] * made.spread, feedback=fed)
-        return PlannedMachine(plant, run, estimator, made)
+        return Planned(plant, run, estimator, number=noise, controllers=made)
 
     @cached_property
     def _known(self) -> dict[Any, Controllers]:

@@ -30,7 +30,6 @@ from ambkit.simulation.many import Planned
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.models.linear import LinearSystem
-    from ambkit.simulation.many_machines import PlannedMachine
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -45,10 +44,7 @@ AT_ONCE = 128
 """Loops side by side."""
 
 
-Planneds = Sequence["Planned | PlannedMachine"]
-
-
-def peaks(runs: Planneds, threads: int | None = None) -> Array:
+def peaks(runs: Sequence[Planned], threads: int | None = None) -> Array:
     """Return the peak of abs(S) of each run's loop within the standard's range (n,) [1]."""
     # Of the worst axis, at the machine's own speed. Infinite where the loop is unstable or nothing
     # holds the rotor; NaN where the estimator settles to no gain. Loops of one axis with a PID are
@@ -58,17 +54,17 @@ def peaks(runs: Planneds, threads: int | None = None) -> Array:
     groups: dict[Any, list[int]] = {}
     alone: list[int] = []
     for at, run in enumerate(runs):
-        if not isinstance(run, Planned) or needs_states(run.scenario.controller):
+        if not run.bearing.single or needs_states(run.scenario.controller):
             alone.append(at)
             continue
         try:
-            points[at] = WorkPoint.hovering(run.bearing)
+            points[at] = WorkPoint.hovering(run.axis)
         except AmbkitError:  # nothing holds the rotor
             found[at] = math.inf
             continue
         fed = _fed(run)
         if fed is None or tells(fed):
-            pid, bearing = run.scenario.controller, run.bearing
+            pid, bearing = run.scenario.controller, run.axis
             key = (*alike(bearing), bearing.speed, pid.ki > 0, id(fed))
             groups.setdefault(key, []).append(at)
     for group in groups.values():
@@ -81,16 +77,16 @@ def peaks(runs: Planneds, threads: int | None = None) -> Array:
     return found
 
 
-def peak_of(run: Planned | PlannedMachine) -> float:
+def peak_of(run: Planned) -> float:
     """Return the peak of one, see `peaks`."""
     fed = _fed(run)
     if fed is not None and not tells(fed):
         return math.nan
     try:
-        if isinstance(run, Planned):
+        if run.bearing.single:
             of = LoopOf(run.bearing, run.scenario.controller)
         else:
-            of = LoopOf(run.machine, run.scenario.control, flown=run.controllers)
+            of = LoopOf(run.bearing, run.scenario.control, flown=run.controllers)
         loop = of.loop(fed)
     except AmbkitError:  # nothing holds the rotor
         return math.inf
@@ -120,21 +116,21 @@ def _highest(runs: Sequence[Planned], points: Sequence[WorkPoint]) -> Array:
         ])  # fmt: skip
     stable, found = (np.abs(closed) < 1).all(axis=1), np.full(len(runs), np.inf)
     if stable.any():
-        bearing = runs[0].bearing
+        bearing = runs[0].axis
         T = bearing.sampling_time
         found[stable] = highest(opened[stable], closed[stable], T, end_of_range(T, bearing.speed))
     return found
 
 
-def _fed(run: Planned | PlannedMachine) -> Estimator | None:
+def _fed(run: Planned) -> Estimator | None:
     """Return the estimator that feeds the controllers."""
-    by = run.scenario.controller if isinstance(run, Planned) else run.scenario
+    by = run.scenario.controller if run.bearing.single else run.scenario
     return run.estimator if by.feedback == "estimate" else None
 
 
 def _poles(runs: Sequence[Planned], points: Sequence[WorkPoint]) -> tuple[Complex, Complex]:
     """Return the poles of plant and compensator, and of the closed loop, each (n, ...)."""
-    bearings = [run.bearing for run in runs]
+    bearings = [run.axis for run in runs]
     P, fed = plants(bearings, points), _fed(runs[0])
     inner = None if fed is None else _estimators(fed, points)
     made: dict[tuple[int, float, float], LinearSystem] = {}

@@ -11,8 +11,7 @@ from ambkit.base.config import Part, unknown_key
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Line, Name
 from ambkit.data.signals import signal
-from ambkit.simulation.many import FIGURES, Figure
-from ambkit.simulation.many_machines import FIGURES as OF_MACHINES
+from ambkit.simulation.figures import FIGURES, OF_SEVERAL, Figure
 from ambkit.workflow.campaign.varied import Value
 
 ZONES = ("A", "B", "C", "D")
@@ -22,14 +21,14 @@ TRACES = ("r", "y", "u", "x", "v", "f_d", "x_m", "iu", "f_mag")
 """Signals of a run, and with ``_estimate`` behind it each state of its estimator."""
 
 UNITS = {
-    name: figure.unit for name, figure in (OF_MACHINES | FIGURES).items()
+    name: figure.unit for name, figure in (OF_SEVERAL | FIGURES).items()
 } | {"peak_S": "1"}  # fmt: skip
 """Of the figures of a run."""
 
 
 def figures_of(plant: Any) -> dict[str, Figure]:
     """Return the figures of a run of a machine."""
-    return FIGURES if plant is None or plant.single else OF_MACHINES
+    return FIGURES if plant is None or plant.single else OF_SEVERAL
 
 
 def traces_of(plant: Any) -> tuple[str, ...]:

@@ -22,7 +22,6 @@ from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.machine.bearing import FILES
 from ambkit.machine.loading import load_machine
 from ambkit.simulation.many import Planned
-from ambkit.simulation.many_machines import PlannedMachine
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.campaign import sampling
 from ambkit.workflow.campaign.checks import key_of
@@ -42,7 +41,7 @@ class Drawn(NamedTuple):
     """Its number."""
     values: Mapping[str, Any]
     """What varies, by key: in SI, of a choice what was chosen."""
-    planned: Planned | PlannedMachine
+    planned: Planned
     """Plant, run, estimator."""
     wrong: str
     """Why there can be no such machine; empty where there can."""

@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base.errors import AmbkitError
-from ambkit.simulation.many import Planned
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.result.report.figure import Figure
-    from ambkit.simulation.many_machines import PlannedMachine
+    from ambkit.simulation.many import Planned
     from ambkit.simulation.run import Run
     from ambkit.workflow.campaign.plan import Plan
 
@@ -21,15 +20,14 @@ class Replayed(NamedTuple):
 
     number: int  #: Its number.
     values: Mapping[str, Any]  #: What varied, in SI.
-    planned: Planned | PlannedMachine  #: Plant, run and estimator.
+    planned: Planned  #: Plant, run and estimator.
     run: Run  #: Record, with truth, and estimate.
     row: Mapping[str, Any]  #: Figures and verdict, as they stand in the campaign's rows.
 
     @property
     def plant(self) -> Machine:
         """The bearing, or the machine, that was drawn."""
-        planned = self.planned
-        return planned.bearing if isinstance(planned, Planned) else planned.machine
+        return self.planned.bearing
 
     def figure(self) -> Figure:
         """Return the run as a picture."""

@@ -1,45 +1,70 @@
-"""Many closed loops of whole machines, each judged by its truth, for campaigns.
-
-Each is a run of :func:`~ambkit.simulation.machine.simulate_machine`, in threads: while one is in C,
-another is got ready.
-"""
+"""What a run is judged by, from its truth: figures by name, and how often each flag was said."""
 
 from __future__ import annotations
 
 import math
-import pickle
-import threading
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.data.signals import signal
-from ambkit.estimate.batch import processors
 from ambkit.estimate.estimate import Status
 from ambkit.machine import geometry
 from ambkit.models.parts.rotor import velocity_of
-from ambkit.simulation.machine import simulate_machine
-from ambkit.simulation.many import FIGURES as OF_ONE_AXIS
-from ambkit.simulation.many import FLAGS, Figure, Many, first_of
-from ambkit.simulation.run import Run
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.controllers import Controllers
-    from ambkit.simulation.scenario import Scenario
+    from ambkit.simulation.run import Run
 
 Array = NDArray[np.float64]
+
+
+class Figure(NamedTuple):
+    """A number that a run is judged by."""
+
+    unit: str
+    """SI."""
+    about: str
+    """What it is, in a sentence."""
+
+
+FIGURES: dict[str, Figure] = {
+    "x_rms": Figure("m", "RMS error of the estimated position."),
+    "v_rms": Figure("m/s", "RMS error of the estimated velocity."),
+    "f_d_rms": Figure("N", "RMS error of the estimated disturbance force."),
+    "x_peak": Figure("m", "Greatest magnitude of the position's error."),
+    "v_peak": Figure("m/s", "Greatest magnitude of the velocity's error."),
+    "f_d_peak": Figure("N", "Greatest magnitude of the disturbance force's error."),
+    "nis": Figure("1", "Mean normalised innovation squared of the measurements taken in."),
+    "tracking_rms": Figure("m", "RMS control error, reference less position."),
+    "tracking_peak": Figure("m", "Greatest magnitude of the control error."),
+    "effort": Figure("A", "RMS change of the current asked for from sample to sample."),
+    "displacement_peak": Figure("m", "Farthest that the rotor was from the centre at a sample."),
+    "current_peak": Figure("A", "Greatest magnitude of the control current just after a sample."),
+    "overshoot": Figure("1", "Overshoot of the last step of the reference, before a load."),
+    "settling": Figure("s", "Time after that step until the rotor stays within 5 % of it; infinity "
+                       "where it does not."),
+    "recovery": Figure("s", "Time after the last change of the load until the rotor stays within "
+                       "the band around the reference; infinity where it does not."),
+    "load_kept": Figure("N", "Greatest magnitude of the load before the rotor first met a stop."),
+    "touched": Figure("1", "Samples in which a stop was touched."),
+    "landed": Figure("1", "1 where the rotor touched a stop in the last sample, else 0."),
+}  # fmt: skip
+"""All figures by name, in the order of the arrays; NaN where one does not apply to a run."""
+
+OF_ESTIMATES = ("x_rms", "v_rms", "f_d_rms", "x_peak", "v_peak", "f_d_peak", "nis")
+"""Those that a run without an estimator has not."""
+
+FLAGS = tuple(str(flag.name).lower() for flag in Status if flag)
+"""Names of what a step had to say."""
 
 _ALONG = ("x_rms", "v_rms", "f_d_rms", "x_peak", "v_peak", "f_d_peak", "nis", "tracking_rms",
           "tracking_peak", "effort", "displacement_peak", "current_peak", "recovery")  # fmt: skip
 
-FIGURES: dict[str, Figure] = {
-    name: Figure(OF_ONE_AXIS[name].unit, f"{OF_ONE_AXIS[name].about[:-1]}, of the worst axis.")
+OF_SEVERAL: dict[str, Figure] = {
+    name: Figure(FIGURES[name].unit, f"{FIGURES[name].about[:-1]}, of the worst axis.")
     for name in _ALONG if name != "nis"
 } | {
     "nis": Figure("1", "Mean normalised innovation squared of all readings taken in."),
@@ -51,69 +76,7 @@ FIGURES: dict[str, Figure] = {
                         "a backup bearing."),
     "touched": Figure("1", "Samples in which a backup bearing was touched."),
 }  # fmt: skip
-"""All figures of a run of a machine by name; NaN where one does not apply."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlannedMachine:
-    """One run of many."""
-
-    machine: Machine  #: The plant, and what happens to it: seed and run are the key of its noise.
-    scenario: Scenario
-    estimator: Estimator | None = None  #: In the loop or beside it; it is not changed.
-    controllers: Controllers | None = None  #: Where they are made already.
-
-    def simulated(self) -> Run:
-        """Simulate it by itself, with every sample kept."""
-        own = None if self.estimator is None else _copied(self.estimator)
-        return simulate_machine(
-            self.machine, self.scenario, estimator=own, controllers=self.controllers
-        )
-
-
-def simulate_machines(
-    runs: Iterable[PlannedMachine],
-    *,
-    settling: float = 0.0,
-    band: float = 0.05,
-    threads: int | None = None,
-    done: Callable[[int], None] | None = None,
-) -> Many:
-    """Simulate many machines and judge each by the truth."""
-    # The numbers follow from each run alone, whatever the threads and what else is there.
-    own = threading.local()  # an estimator has a state: each thread has its own
-
-    def fly(planned: PlannedMachine) -> tuple[list[float], list[int]]:
-        if not hasattr(own, "estimators"):
-            own.estimators = {}
-        estimator = planned.estimator
-        if estimator is not None:
-            known = own.estimators.get(id(estimator))
-            estimator = known or own.estimators.setdefault(id(estimator), _copied(estimator))
-        run = simulate_machine(
-            planned.machine, planned.scenario, estimator=estimator, controllers=planned.controllers
-        )
-        found = figures_of(run, planned.estimator, settling, band)
-        return [found[name] for name in FIGURES], _flags(run)
-
-    rows, flags = [], []
-    with ThreadPoolExecutor(threads or processors()) as pool:
-        for row, said in pool.map(fly, runs):
-            rows.append(row)
-            flags.append(said)
-            if done is not None:
-                done(1)
-    figures = np.array(rows).reshape(-1, len(FIGURES))
-    counts = np.array(flags, np.int64).reshape(-1, len(FLAGS))
-    return Many(
-        {name: figures[:, k] for k, name in enumerate(FIGURES)},
-        {name: counts[:, k] for k, name in enumerate(FLAGS)},
-    )
-
-
-def _copied(estimator: Estimator) -> Estimator:
-    found: Estimator = pickle.loads(pickle.dumps(estimator))
-    return found
+"""Those of several axes, the worst of them."""
 
 
 def figures_of(
@@ -127,7 +90,7 @@ def figures_of(
     s, r, iu, f_d = (np.column_stack([record[f"{of}_{name}"] for name in names])
                      for of in ("s", "r", "iu", "f_d"))  # fmt: skip
     off = r - s
-    found = dict.fromkeys(FIGURES, math.nan)
+    found = dict.fromkeys(OF_SEVERAL, math.nan)
     found |= {
         "tracking_rms": _rms(off[first:]),
         "tracking_peak": float(np.abs(off[first:]).max()),
@@ -203,9 +166,19 @@ def _recovery(off: Array, f_d: Array, band: float, T: float) -> float:
     return math.inf if changes[-1] + last >= len(off) else T * last
 
 
-def _flags(run: Run) -> list[int]:
+def flags_of(run: Run) -> list[int]:
     """Return in how many samples the estimator said each flag."""
     if run.estimate is None:
         return [0] * len(FLAGS)
     said: Any = np.asarray(run.estimate.status)
     return [int(np.count_nonzero(said & Status[name.upper()])) for name in FLAGS]
+
+
+def first_of(settling: float, T: float, n: int) -> int:
+    """Return the first sample that errors count from."""
+    first = max(1, round(settling / T))
+    if first >= n:
+        raise ValueError(
+            f"settling must be less than the {(n - 1) * T:g} s of a run, is {settling:g} s"
+        )
+    return first
