@@ -184,7 +184,8 @@ def test_any_number_of_runs_and_samples(
 def test_kinds_may_be_mixed_and_threads_do_not_matter(precision: Any) -> None:
     y, u = faulty(*records())
     u[np.isinf(u)] = np.nan  # which a record has not
-    kinds = [k for k in KINDS.values() if k.magnet]
+    # All with the same states: that of a free rotor knows no force.
+    kinds = [k for name, k in KINDS.items() if k.magnet and name != "constant-velocity"]
     estimators = [kinds[i % len(kinds)].make(TWO_SIDED, precision=precision) for i in range(RUNS)]
     one = run_many(estimators, y, u, history=HISTORY, threads=1)
     many = run_many(estimators, y, u, history=HISTORY, threads=5)

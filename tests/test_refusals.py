@@ -57,7 +57,7 @@ def test_an_estimator_that_cannot_be_made_is_one_message(refused, tmp_path):
     source = "class Mine:\n    def __init__(self, bearing):\n        raise KeyError('mass')\n"
     (tmp_path / "est.py").write_text(source)
     told = refused("compare", "zittau_axial", "--estimators", "est.py:Mine", "--runs", "1")
-    assert told.strip().endswith("Mine: it is made with the bearing, and fails: KeyError: 'mass'")
+    assert told.strip().endswith("Mine: it is made with the machine, and fails: KeyError: 'mass'")
 
 
 @pytest.mark.parametrize("more", [[], ["--steps", "0.1 mm"]])

@@ -100,7 +100,7 @@ def test_one_mistake_in_a_filters_file_is_one_error(
 class Mine:
     """A class of one's own, which is no estimator of this house."""
 
-    def step(self, y: float, u: float) -> float:
+    def update(self, y: float, u: float) -> float:
         return y
 
 
