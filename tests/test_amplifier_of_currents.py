@@ -1,5 +1,6 @@
 """An amplifier whose control signal is a current: its gain is given in A/A."""
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,9 @@ import pytest
 
 import ambkit
 from ambkit.base.errors import ConfigError
+from ambkit.export.c import export_c
+from ambkit.export.fmu import export_fmu
+from ambkit.workflow.campaign.keys import changed
 
 VOLTS = ambkit.Bearing.preset("zittau_axial").replace(amplifier__gain="2 A/V")
 
@@ -37,3 +41,23 @@ def test_its_number_counts_as_one_in_amperes_per_volt(tmp_path: Path, gain: str)
 def test_a_gain_of_another_kind_is_refused(tmp_path: Path, gain: str) -> None:
     with pytest.raises(ConfigError, match=r"amplifier\.gain.*A/V"):
         ambkit.Bearing.load(in_amperes(tmp_path, gain))
+
+
+def test_exports_name_its_unit(tmp_path: Path) -> None:
+    read = ambkit.Bearing.load(in_amperes(tmp_path, "2 A/A"))
+    export_c(read, None, tmp_path / "c")
+    header = (tmp_path / "c" / "zittau_axial.h").read_text(encoding="utf-8")
+    assert "u[k - 1] [A]" in header
+    assert "control signal: 8e-05 A^2" in header
+    export_fmu(read, None, tmp_path / "a.fmu")
+    xml = zipfile.ZipFile(tmp_path / "a.fmu").read("modelDescription.xml").decode()
+    assert 'unit="A2"' in xml
+    assert 'unit="V' not in xml
+
+
+def test_a_study_that_varies_its_gain_keeps_its_unit(tmp_path: Path) -> None:
+    read = ambkit.Bearing.load(in_amperes(tmp_path, "2 A/A"))
+    varied = changed(read, {"amplifier": {"gain": 2.1}})
+    assert varied.amplifier.gain == 2.1
+    assert varied.amplifier.control_unit == "A"
+    assert 'gain = "2.1 A/A"' in varied.to_toml()

@@ -48,8 +48,7 @@ def rms(error):
 def test_coarse_steps_are_no_frozen_sensor_and_no_worse_than_raw(ratio, feedback):
     runs = [flown(ratio, feedback, seed=seed)[:2] for seed in range(4)]
     assert not any((estimate.status & ambkit.Status.FROZEN).any() for _, estimate in runs)
-    # Beyond 50 std, fed back, a filter of a load that wanders 1e4 times too far is no better.
-    most = 0.9 if feedback == "measurement" else 0.97 if ratio <= 50 else 1.04
+    most = 0.9 if feedback == "measurement" else 0.97 if ratio <= 50 else 1.0
     ours = np.array([estimate["x"] - record["x"] for record, estimate in runs])
     raw = np.array([record["y"] - record["x"] for record, _ in runs])
     assert rms(ours.T) <= most * rms(raw.T)
@@ -125,7 +124,7 @@ def test_what_a_constant_gain_says_of_its_errors_holds(kind):
 
 def flight(name, ratio, kind, feedback, precision="float64", seed=0):
     """Errors of an estimate and of the readings of a machine [m], and healthy samples flagged."""
-    machine = ambkit.Machine.preset(name)
+    machine = ambkit.Machine.preset(name).model_copy(update={"unbalance": ()})
     steps = {"noise_variance": NOISE**2, "quantisation": ratio * NOISE}
     sensors = tuple(each.model_copy(update=steps) for each in machine.sensor)
     machine = machine.model_copy(update={"sensor": sensors})
@@ -146,15 +145,18 @@ def test_a_rotor_that_other_sensors_hold_within_a_step_is_no_frozen_sensor():
     assert ours < 0.5 * raw
 
 
+def test_a_start_that_is_hardly_known_makes_no_frozen_sensor():
+    """The rotor of the compressor is at rest in its middle, within a step, for 50 samples."""
+    assert flight("compressor", 5, "extended", "estimate")[2] == 0
+
+
 @pytest.mark.study
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 @pytest.mark.parametrize("feedback", ["measurement", "estimate"])
 @pytest.mark.parametrize("kind", ["linear", "extended", "ud", "unscented"])
 @pytest.mark.parametrize("name", ["tum_mlps", "compressor"])
 def test_coarse_steps_of_machines(name, kind, feedback, precision):
-    fine, raw_fine, _ = flight(name, 0.1, kind, feedback, precision)
-    for ratio in (1, 5, 10, 20, 50, 100):
+    for ratio in (0.1, 1, 5, 10, 20, 50, 100):
         ours, raw, frozen = flight(name, ratio, kind, feedback, precision)
         assert frozen == 0
-        # Where the model leaves something out, such as unbalance, a fine sensor is no better.
-        assert ours <= max(1.02, 1.25 * fine / raw_fine) * raw
+        assert ours <= raw

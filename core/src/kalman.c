@@ -8,14 +8,18 @@
 /* Half a step, in such, from which on it says more than its rounding's variance. */
 #define NARROW AMB_C(0.5)
 
+/* Chance that a step is repeated where the rotor is known no better than that, as after a start. */
+#define UNKNOWN AMB_C(0.9)
+
 /* Least variance of the noise, over that in the middle (amb_noise_share). */
 #define LEAST_NOISE AMB_C(0.015625)
 
 /* Share of a variance that a measurement takes at least. */
 #define LEAST AMB_C(1e-4)
 
-/* Variance of a repeated very coarse measurement, over that of its rounding for so many samples. */
-#define REPEATED AMB_C(5.0)
+/* Variance of a repeated very coarse measurement, over that of its rounding for so many samples,
+ * where the prediction is as wide as the step. */
+#define REPEATED AMB_C(15.0)
 
 static bool not_negative(amb_real a)
 {
@@ -87,6 +91,7 @@ amb_rounded amb_kalman_rounded(amb_real e, amb_real shown, amb_real noise, amb_r
   as.chance = (near > AMB_C(0.0)) ? (d_near * mills(near) - tail)
                                   : (AMB_C(1.0) - d_near * mills(-near) - tail);
   if (half < NARROW) {
+    as.chance = UNKNOWN;
     return as;
   }
   const amb_real shift = (d_near - d_far) / as.chance;
@@ -98,18 +103,20 @@ amb_rounded amb_kalman_rounded(amb_real e, amb_real shown, amb_real noise, amb_r
 }
 
 amb_rounded amb_kalman_edge(const amb_kalman *kf, int r, amb_real e, amb_real change,
-                            amb_real noise)
+                            amb_real shown, amb_real noise)
 {
   const amb_real step = kf->set.step[r];
   const amb_real size = amb_magnitude(change);
-  amb_rounded as = {AMB_C(0.0), noise + (step * step) / AMB_C(12.0), AMB_C(0.0)};
+  const amb_real least = (step * step) / AMB_C(12.0);
+  amb_rounded as = {AMB_C(0.0), noise + least, AMB_C(0.0)};
   if ((AMB_C(0.5) * step < size) && (size < AMB_C(1.5) * step)) {
     const amb_real to = (change < AMB_C(0.0)) ? AMB_C(-1.0) : AMB_C(1.0);
     const amb_real beyond = amb_clamp(AMB_C(0.5) * step - to * e, AMB_C(0.0), step);
     as.moved = to * (AMB_C(0.5) * (beyond - step));
     as.noise = noise + (beyond * beyond) / AMB_C(12.0);
   } else if ((size <= AMB_C(0.5) * step) && (amb_magnitude(e) <= AMB_C(0.5) * step)) {
-    as.noise = noise + REPEATED * kf->rounding[r];
+    const amb_real narrow = least / amb_at_least(shown, LEAST * least);
+    as.noise += (REPEATED * kf->rounding[r]) * (narrow * narrow);
   } else { /* nothing but the step itself */
   }
   return as;

@@ -382,7 +382,7 @@ AMB_INLINE amb_rounded amb_step_rounded(const amb_kalman *kf, amb_kalman_state *
     const amb_real shown = amb_model_shown_variance(&kf->model, r, base->cov);
     const amb_real e = y - amb_model_shown(&kf->model, r, base->mean);
     if (AMB_WITHIN(e, AMB_REAL_ROOT) && (shown > AMB_C(0.0)) && (shown <= AMB_REAL_ROOT)) {
-      as = very ? amb_kalman_edge(kf, r, e, y - sensor->last_y, noise)
+      as = very ? amb_kalman_edge(kf, r, e, y - sensor->last_y, shown, noise)
                 : amb_kalman_rounded(e, shown, noise, kf->set.step[r]);
     }
   }

@@ -134,10 +134,10 @@ amb_rounded amb_kalman_rounded(amb_real e, amb_real shown, amb_real noise, amb_r
 
 /* A very coarse measurement of innovation e [m], by `change` [m] after the last one. A change by
  * one step says that the rotor has just crossed the edge between the two: it is between this edge
- * and the prediction. A repeated measurement hardly says anything of a prediction within its step.
- */
+ * and the prediction. A repeated measurement says hardly anything of a prediction that is
+ * narrower than its step, and as much as any rounded one of a wide one. */
 amb_rounded amb_kalman_edge(const amb_kalman *kf, int r, amb_real e, amb_real change,
-                            amb_real noise);
+                            amb_real shown, amb_real noise);
 
 /* Probability that sensor r repeats its measurement though it shows the rotor, where the innovation
  * has variance S [m^2]. Its steps may be coarser than stated, but are no coarser than the smallest

@@ -213,7 +213,7 @@ class Amplifier(Part):
     """The current amplifier: iu = gain u, within the limit."""
 
     # Where the control signal is a current, gain and noise variance are given in A/A and A^2. All
-    # numbers of u are then in A, and records say so; filters and exports name its unit V.
+    # numbers of u are then in A, and records and exports say so; filters' files name its unit V.
 
     gain: Annotated[float, Quantity("A/V", "1 A/V", at_least=1e-9, at_most=1e9, also=("A/A", "1"))]
     """Gain k_ui [A/V], control current by control signal; [A/A] where that is a current."""

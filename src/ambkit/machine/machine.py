@@ -255,6 +255,12 @@ class Machine(Document):
         return self.speed != 0 and self.rotor.type != "mass"
 
     @property
+    def control_unit(self) -> str:
+        """SI unit of the control signals: A where all are currents, else V."""
+        units = {axis.bearing.amplifier.control_unit for axis in self.axes}
+        return "A" if units == {"A"} else "V"
+
+    @property
     def single(self) -> bool:
         """Whether it has one axis and one reading, without names: its signals are y and u."""
         bearings, sensors = self.bearings, self.sensors

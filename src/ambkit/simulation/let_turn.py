@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.units import rpm
 from ambkit.machine import geometry
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.parts.synchronous import SLOWEST, unbalance_planes
@@ -118,9 +119,8 @@ class LetTurn:
         ends = np.flatnonzero(nothing & ~np.r_[nothing[1:], False])
         if not len(starts):
             return None
-        rpm = asked * 30 / math.pi
         where = ", ".join(
-            f"at {rpm[a]:.5g} rpm" if a == b else f"from {rpm[a]:.5g} to {rpm[b]:.5g} rpm"
+            f"at {rpm(asked[a])}" if a == b else f"from {rpm(asked[a])} to {rpm(asked[b])}"
             for a, b in zip(starts, ends, strict=True)
         )
         return (

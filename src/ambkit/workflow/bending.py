@@ -159,8 +159,9 @@ def _held(machine: Machine, bending: Bending) -> Remark:
     worst = int(np.argmin(rates / bending.damping_ratio[:modes]))
     pid = found.pids[0]
     text = (
-        f"a PID of each axis holds it, such as kp {pid.kp:.4g} A/m, kd {pid.kd:.3g} A s/m, its "
-        f"derivative filtered by {engineering(pid.derivative_filter, 's', 3)}"
+        f"a PID of each axis holds it, such as kp {engineering(pid.kp, 'A/m', 4)}, "
+        f"kd {engineering(pid.kd, 'A s/m', 3)}, its derivative filtered by "
+        f"{engineering(pid.derivative_filter, 's', 3)}"
     )
     if rates[worst] < SHAKEN * bending.damping_ratio[worst]:
         text += (

@@ -41,6 +41,15 @@ class InOther(float):
 
     unit: str  #: The other one.
 
+    @classmethod
+    def like(cls, old: Any, value: Any) -> Any:
+        """Return a number in the unit of the one whose place it takes."""
+        if not isinstance(old, InOther) or not isinstance(value, numbers.Real):
+            return value
+        made = cls(value)
+        made.unit = old.unit
+        return made
+
 
 @dataclass(frozen=True)
 class Quantity:

@@ -324,7 +324,10 @@ def coverage(controller: Controller, tested: Vectors) -> list[tuple[str, str]]:
     runs = len(tested.starts) + len(tested.taken)
     rows = [("samples", f"{len(tested.y)}, in {runs} flights, each from a start")]
     machine, states = controller.plant.machine, controller.estimator.states
-    of = [(signal("u", axis.name), "V", tested.u[:, k]) for k, axis in enumerate(machine.axes)]
+    of = [
+        (signal("u", axis.name), axis.bearing.amplifier.control_unit, tested.u[:, k])
+        for k, axis in enumerate(machine.axes)
+    ]
     of += [(state.name, state.unit, tested.mean[:, k]) for k, state in enumerate(states)]
     for name, unit, values in of:
         rows.append((f"`{name}`", f"{values.min():.4g} to {values.max():.4g} {unit}"))

@@ -207,7 +207,8 @@ def render(
     # Of machines nothing is proved, nor of what can be calibrated; and nothing is said.
     shown = not whole and not calibrated
     context["proof"] = proof.context(estimator, context, core_files, one) if shown else None
-    for each, si in (("y", "m"), ("u", "V")):
+    context["control_unit"] = estimator.machine.control_unit
+    for each, si in (("y", "m"), ("u", context["control_unit"])):
         context[f"{each}_unit"] = context["inputs"][each]["unit"] if context["inputs"][each] else si
     context["inputs_text"] = repr(context["inputs"])
     if calibrated and one is not None:
@@ -218,6 +219,7 @@ def render(
         context["states"],
         context["several"]["readings"] if whole else (),
         None if one is None else one.coils,
+        context["control_unit"],
     )
     made = {
         f"{name}.h": "filter.h",
@@ -285,7 +287,7 @@ def _assumed(estimator: Estimator) -> dict[str, str]:
     """Say what it assumes of the noise, and where each number came from."""
     shown = {
         "measurement": ("noise of the measurement, R", "m^2"),
-        "control": ("noise of the control signal", "V^2"),
+        "control": ("noise of the control signal", f"{estimator.machine.control_unit}^2"),
         "disturbance": ("growth of the disturbance force's variance, Q", "N^2/s"),
     }
     said = {}

@@ -26,6 +26,7 @@ def frame(
     fields: Sequence[State],
     readings: Sequence[str],
     coils: int | None,
+    control_unit: str,
 ) -> list[Number]:
     """Return the numbers of a frame."""
     found = [
@@ -39,7 +40,7 @@ def frame(
             found.append(Number(what, unit, what))
     if coils is not None:
         found += [Number(f"coil_{k}", "A", f"coil[{k}]") for k in range(coils)]
-        found += [Number("iu", "A", "iu"), Number("u", "V", "u")]
+        found += [Number("iu", "A", "iu"), Number("u", control_unit, "u")]
     return found
 
 

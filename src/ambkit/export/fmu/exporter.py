@@ -244,7 +244,7 @@ def _content(bearing: Bearing, kind: Kind, fmi: Fmi, parts: _Parts, token: str) 
         version=version("ambkit"),
         token=token,
         sampling_time=bearing.sampling_time,
-        variables=parts.variables,
+        variables=variables.in_unit(parts.variables, bearing.amplifier.control_unit),
         sources=compiled,
     )
     in_sources = fixed | sources.description_files(parts.model, model)

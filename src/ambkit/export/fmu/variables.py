@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
@@ -66,6 +66,7 @@ UNITS: dict[str, dict[str, int]] = {
     "A/(m.s)": {"A": 1, "m": -1, "s": -1},
     "A.s/m": {"A": 1, "m": -1, "s": 1},
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+    "A2": {"A": 2},
     "V2": {"kg": 2, "m": 4, "s": -6, "A": -2},
     "N": {"kg": 1, "m": 1, "s": -2},
     "N/A": {"kg": 1, "m": 1, "s": -2, "A": -1},
@@ -76,6 +77,12 @@ UNITS: dict[str, dict[str, int]] = {
 """Exponents of the SI base units in each unit."""
 
 TIME = Variable("time", "time", "s", "time")
+
+
+def in_unit(variables: Sequence[Variable], control: str) -> tuple[Variable, ...]:
+    """Return variables with control signals in their unit."""
+    units = {"V": control, "V2": f"{control}2"}
+    return tuple(replace(each, unit=units.get(each.unit, each.unit)) for each in variables)
 
 
 def of_estimator(estimator: Estimator) -> tuple[Variable, ...]:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel
 
 from ambkit.base.config.problems import quantity_of, unknown_key
-from ambkit.base.config.quantities import Quantity, SignalIn
+from ambkit.base.config.quantities import InOther, Quantity, SignalIn
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.bearing import Magnet, magnet_constant
 
@@ -100,7 +100,8 @@ def changed(model: Any, tree: Mapping[str, Any]) -> Any:
     def other(old: Any, name: str) -> Any:
         if name not in tree:
             return old
-        return changed(old, tree[name]) if isinstance(tree[name], dict) else tree[name]
+        new = tree[name]
+        return changed(old, new) if isinstance(new, dict) else InOther.like(old, new)
 
     if isinstance(model, tuple):
         found = []
