@@ -44,10 +44,6 @@ class OfOne:
             update["controller"] = fed
         return run.model_copy(update=update)
 
-    def fed_by(self, run: Scenario) -> str:
-        """Return what feeds the controllers."""
-        return run.controller.feedback
-
     def controllers(self, run: Scenario) -> dict[str, PID]:
         """Return the controllers to choose from."""
         fed = {"feedback": run.controller.feedback}
@@ -73,10 +69,6 @@ class OfOne:
             run = run.model_copy(update={"controller": pid.model_copy(update=changes)})
         return Planned(plant, run, estimator, number=noise)
 
-    def wrong(self, run: Scenario) -> list[str]:
-        """Return what a run names that is not there."""
-        return [f"scenario.{each}" for each in run.wrong_for(("",), body=False)]
-
 
 class OfSeveral:
     """Scenarios of a machine with several axes."""
@@ -94,10 +86,6 @@ class OfSeveral:
         if chosen and is_default(run.control):
             run = run.model_copy(update={"control": Control(type="decentralised")})
         return settled_scenario(self.nominal, run)
-
-    def fed_by(self, run: Scenario) -> str | None:
-        """Return what feeds the controllers."""
-        return run.feedback
 
     def controllers(self, run: Scenario) -> dict[str, Control]:
         """Return the ways to control that there are to choose from."""
@@ -131,11 +119,6 @@ class OfSeveral:
             fed = estimator if run.feedback == "estimate" else None
             self._known[key] = controllers_of(Plant(self.nominal), run.control, fed)
         return self._known[key]
-
-    def wrong(self, run: Scenario) -> list[str]:
-        """Return what a run names that is not there: axes."""
-        axes = tuple(axis.name for axis in self.nominal.axes)
-        return [f"scenario.{each}" for each in run.wrong_for(axes, body=True)]
 
 
 def happening(nominal: Machine, study: Study) -> Any:

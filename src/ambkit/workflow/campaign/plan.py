@@ -288,9 +288,10 @@ class Plan:
 
     def check(self) -> None:
         """Make all that is made once, so that what cannot be is said before any run."""
-        if wrong := self._run.wrong(self.scenario):
-            raise AmbkitError(f"{self.study.name}: {'; '.join(wrong)}")
-        if "none" in self.estimators and self._run.fed_by(self.scenario) == "estimate":
+        axes = tuple(axis.name for axis in self.nominal.axes)
+        if wrong := list(self.scenario.wrong_for(axes, body=self.several)):
+            raise AmbkitError(f"{self.study.name}: scenario.{'; scenario.'.join(wrong)}")
+        if "none" in self.estimators and self.scenario.fed_by == "estimate":
             raise AmbkitError(
                 f"{self.study.name}: the controller is fed by the estimate, so the estimator "
                 'cannot be none; say feedback = "measurement"'
