@@ -23,7 +23,7 @@ from ambkit.export.c.data import CPrecision
 from ambkit.simulation.scenario import PID, Scenario
 from firmware import measure
 
-NAMES = tuple(name for name in KINDS if name != "steady-state")
+NAMES = tuple(name for name in KINDS if name not in ("steady-state", measure.UNMEASURED))
 """Kinds; what is steady-state is an observer, the same C with other numbers."""
 
 PRECISIONS: tuple[CPrecision, ...] = ("float", "double")

@@ -104,7 +104,7 @@ class Mine:
         return y
 
 
-@pytest.mark.parametrize("given", [Mine, Mine(), ambkit.KalmanFilter, 3, [Mine()]])
+@pytest.mark.parametrize("given", [Mine(), ambkit.KalmanFilter, 3, [Mine()]])
 def test_what_is_no_filter_is_named_in_a_line(given: Any) -> None:
     calls = [
         lambda: ambkit.assess(ZITTAU, given),
