@@ -222,7 +222,8 @@ class Filter:
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_instances_of_several_filters_run_side_by_side(tmp_path: Path, precision: str) -> None:
     """One program, each kind with a prefix of its own, two instances of each, in any order."""
-    kinds = {f"f{n}": kind for n, kind in enumerate(KINDS)}
+    built_in = [kind for kind in KINDS if kind != "constant-velocity"]  # of one core
+    kinds = {f"f{n}": kind for n, kind in enumerate(built_in)}
     made = {
         name: export(kind, tmp_path / name, prefix=name, precision=precision)
         for name, kind in kinds.items()

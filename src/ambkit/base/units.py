@@ -163,6 +163,11 @@ def rpm(speed: float, digits: int = 5) -> str:
     return f"{Decimal(f'{turns:.{digits}g}'):f} rpm" if math.isfinite(turns) else f"{turns} rpm"
 
 
+def percent(share: float, digits: int = 2) -> str:
+    """Print a share in percent, without an exponent."""
+    return f"{Decimal(f'{100 * share:.{digits}g}'):f} %" if math.isfinite(share) else "–"
+
+
 def typeset(text: str) -> str:
     """Typeset what `engineering` prints: ``"-6 mm^2"`` becomes ``"−6 mm²"``."""
     # No line ends between a number and its unit, within a unit, or before an error.

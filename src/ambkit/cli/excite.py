@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.units import percent
 from ambkit.cli.excite_sensitivity import DURATION, deliver_injections
 from ambkit.cli.kinds import NAMES, known, names
 from ambkit.cli.options import (
@@ -257,7 +258,7 @@ def _expected(found: Design) -> Any:
     rows = []
     for parameter, error in zip(expectation.parameters, expectation.errors, strict=True):
         at = parameter.of(expectation.model)
-        share = f"{100 * error / at:.2g} %" if parameter.positive else "–"
+        share = percent(error / at) if parameter.positive else "–"
         name = parameter.name.replace("_", " ")
         rows.append(
             [name, value(at, parameter.unit), value(error, parameter.unit, 3, like=at), share]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.units import percent
 from ambkit.cli.kinds import NAMES, known, names
 from ambkit.cli.options import (
     RECORDS,
@@ -281,11 +282,11 @@ def _of_the_box(name: str, outside: OutsideOfBox) -> str:
     from ambkit.cli.output import value
 
     current, displacement = (
-        f"{value(low, unit, 3)} to {value(high, unit, 3)} ({100 * share:.2g} %)"
+        f"{value(low, unit, 3)} to {value(high, unit, 3)} ({percent(share)})"
         for (low, high, share), unit in ((outside.current, "A"), (outside.displacement, "m"))
     )
     return (
-        f"{name}: {100 * outside.share:.2g} % of the samples lie outside of the expert's box, "
+        f"{name}: {percent(outside.share)} of the samples lie outside of the expert's box, "
         f"current {current}, displacement {displacement}; there it answers as at the edge: "
         "train it on a larger one ('ambkit train --reach')"
     )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.units import percent
 from ambkit.cli.options import (
     AxisName,
     BearingName,
@@ -268,7 +269,7 @@ def _of_wrong_sign(name: str, wrong: WrongSign, measured: bool) -> str:
     unit = "N/A" if name == "k_i" else "N/m"
     hint = "more points there, a smaller --law-error" if measured else "other --rules, --weights"
     return (
-        f"the trained {name} is not positive in {100 * wrong.share:.2g} % of the box, down to "
+        f"the trained {name} is not positive in {percent(wrong.share)} of the box, down to "
         f"{value(wrong.least, unit, 3)} at {value(wrong.current, 'A', 3)}, "
         f"{value(wrong.displacement, 'm', 3)}, where the bearing's law has "
         f"{value(wrong.law, unit, 3)}: no magnet is so; {hint} or fewer rules may help"

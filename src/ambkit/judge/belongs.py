@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.units import engineering
+from ambkit.base.units import engineering, percent
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.roles import LOOKED_AT, filled
@@ -258,7 +258,7 @@ def _at_stop(record: Record, bearing: Bearing, side: int) -> NDArray[np.bool_]:
 
 def _percent(share: float) -> str:
     """Two digits of a share, and 100 % where it is nearly all."""
-    return f"{100 * share:.0f} %" if share > 0.99 else f"{100 * share:.2g} %"
+    return f"{100 * share:.0f} %" if share > 0.99 else percent(share)
 
 
 def _control(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from ambkit.base.units import engineering, interval, rpm
+from ambkit.base.units import engineering, interval, percent, rpm
 
 Value = float | int | bool | str | tuple[float, float] | None
 
@@ -33,7 +33,7 @@ FORMS = {
     "dB": Form("1", decibels),
     "|S|": Form("1", lambda v: f"{v:.3f}" if math.isfinite(v) else "unstable"),
     "deg": Form("rad", lambda v: f"{math.degrees(v):.1f}°"),
-    "%": Form("1", lambda v: f"{100 * v:.3g} %"),
+    "%": Form("1", lambda v: percent(v, 3)),
     "degC": Form("K", lambda v: f"{v - ZERO:.1f} °C" if math.isfinite(v) else "runs away"),
     "rpm": Form("rad/s", rpm),
     "g mm": Form("kg m", lambda v: f"{1e6 * v:.4g} g mm"),

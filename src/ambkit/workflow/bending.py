@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ambkit.base.units import engineering
+from ambkit.base.units import engineering, percent
 from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.placing import NODE
@@ -91,7 +91,7 @@ def _left_out(machine: Machine, bending: Bending) -> Iterator[Remark]:
     at = engineering(shares[k] / stiff[names[k]], "m/N", 3)
     text = (
         f"the modes left out{first} would give way by {at} at most, in bearing {names[k]}: "
-        f"{100 * shares[k]:.2g} % of what its magnets' own stiffness gives"
+        f"{percent(shares[k])} of what its magnets' own stiffness gives"
     )
     if shares[k] > MATTERS:
         yield Remark(

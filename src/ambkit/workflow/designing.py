@@ -14,6 +14,7 @@ from ambkit.base.asked import names_in, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
 from ambkit.base.threads import one_thread
+from ambkit.base.units import percent
 from ambkit.data.channelmap import ChannelMap, inputs_of
 from ambkit.data.reading import load_filled
 from ambkit.data.rig_units import Inputs
@@ -98,7 +99,7 @@ class Design(Shown):
         return (
             f"Fly the {KINDS[self.chosen.kind].label} with {structure} control: the "
             f"peak of |S| is {self.loop.peak:.4g}, zone {self.loop.zone} of ISO 14839-3, and a "
-            f"step overshoots by {100 * max(0.0, self.overshoot):.2g} %. "
+            f"step overshoots by {percent(max(0.0, self.overshoot))}. "
             f"{evidence_for(self.chosen, self.candidates)}"
         )
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.base.units import engineering
+from ambkit.base.units import engineering, percent
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import grid, highest
@@ -281,7 +281,7 @@ def _way(whirl: float) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
+    return percent(share)
 
 
 def _finite(number: float) -> float | None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
-from ambkit.base.units import engineering
+from ambkit.base.units import engineering, percent
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation.signals import sparse_multisine
@@ -121,7 +121,7 @@ class Sweep(Result):
     def finding(self) -> str:
         """How far the loop is from its linear model."""
         farthest = max(each.deviation for each in self.swept)
-        return f"{self.title}: at most {100 * farthest:.2g} % from the linear model."
+        return f"{self.title}: at most {percent(farthest)} from the linear model."
 
     @property
     def rows(self) -> list[Row]:

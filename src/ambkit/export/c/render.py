@@ -149,6 +149,7 @@ def render(
         "given": given,
         "in_core": in_core,
         "built_in": estimator.engine.built_in,
+        "single": estimator.machine.single,
         "strict": in_core is None and estimator.engine.built_in,
         "magnet_header": f"{kind.source}.h",
         "magnet_about": _about(kinds),
