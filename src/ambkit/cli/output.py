@@ -68,7 +68,7 @@ def deliver_result(
     files: Sequence[File] = (),
     *,
     as_json: bool,
-    verbose: bool = False,
+    verbose: bool | None = None,
     plot: Path | None = None,
     report: Path | None = None,
     more: Mapping[str, Any] | None = None,
@@ -92,14 +92,15 @@ def _save_figure(result: Result, path: Path) -> None:
     save_figure(result.figures()[0], path)
 
 
-def told(result: Result, *, verbose: bool = False) -> Iterator[Table | str]:
+def told(result: Result, *, verbose: bool | None = None) -> Iterator[Table | str]:
     """Yield what a terminal shows: the finding, the tables, the notes."""
     from ambkit.result.tables import remarks, tables
 
     yield f"{result.finding}\n"
-    yield from tables(result, verbose=verbose)
-    yield from remarks(result, verbose=verbose)
-    hidden = 0 if verbose else sum(row.detail for row in result.rows)
+    yield from tables(result, verbose=bool(verbose))
+    yield from remarks(result, verbose=bool(verbose))
+    # None where the command has no such option.
+    hidden = sum(row.detail for row in result.rows) if verbose is False else 0
     if hidden:
         yield f"--verbose shows {hidden} more figures."
 
