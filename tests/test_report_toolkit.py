@@ -387,6 +387,15 @@ def test_contour_levels_are_inside_even_and_enough(low, span, diverging):
     assert np.array_equal(around.levels, surface.levels[surface.levels != 0])
 
 
+@pytest.mark.parametrize("at", [3.142791200911549e-06, 2.0128177653286204e-06])
+def test_limits_hold_where_matplotlib_finds_none_about_one_point(at):
+    axis = Axis("cost", "ns", 1e9, "log", (0.7 * at, 1.4 * at))
+    alone = Points(np.array([at]), np.array([1.0]), np.array([0.0]), signal="series 1", label="")
+    items = [alone, Rule(0.5, signal="truth", label="limit")]
+    _, axes = static.draw(Figure("cost", "Cost", "", [Panel(axis, Axis("error"), items)]))
+    assert axes[0].get_xlim() == pytest.approx((0.7e9 * at, 1.4e9 * at))
+
+
 def test_a_mean_is_printed_with_its_spread_and_its_runs():
     row: summary.SummaryRow = {
         "id": "a", "what": "error", "paper": None, "ours": -0.6397, "unit": "N",

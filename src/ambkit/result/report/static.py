@@ -226,6 +226,10 @@ def _legend_columns(texts: list[str]) -> int:
 def _draw_panel(axes: "Axes", panel: Panel, labelled: bool, own_layout: bool = True) -> None:
     axes.set_xscale(panel.x.scale)
     axes.set_yscale(panel.y.scale)
+    # Before the items: Matplotlib fails now and then to find limits of its own about one point.
+    for axis, set_limits in ((panel.x, axes.set_xlim), (panel.y, axes.set_ylim)):
+        if axis.limits:
+            set_limits(axis.limits[0] * axis.factor, axis.limits[1] * axis.factor)
     for item in panel.items:
         draw_item(axes, panel, item, own_layout)
     if "log" in (panel.x.scale, panel.y.scale):
@@ -234,9 +238,6 @@ def _draw_panel(axes: "Axes", panel: Panel, labelled: bool, own_layout: bool = T
         axes.set_xticks(range(len(panel.categories)), panel.categories)
         axes.tick_params(axis="x", length=0)
         axes.grid(visible=False, axis="x")
-    for axis, set_limits in ((panel.x, axes.set_xlim), (panel.y, axes.set_ylim)):
-        if axis.limits:
-            set_limits(axis.limits[0] * axis.factor, axis.limits[1] * axis.factor)
     if panel.x.scale == "linear" and not panel.categories and max(map(abs, axes.get_xlim())) >= 1e4:
         axes.locator_params(axis="x", nbins=4)  # long numbers would touch each other
     for scale, drawn in ((panel.x.scale, axes.xaxis), (panel.y.scale, axes.yaxis)):
