@@ -13,7 +13,6 @@ from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.cases import CASES
 from ambkit.judge.comparison.study import across, study
 from ambkit.result.report import static
-from ambkit.show.pages.study import limit_steps, steps, wrong_k
 from ambkit.show.plots import study as figures
 
 RUNS, BUDGET = 32, 32
@@ -22,14 +21,14 @@ if __name__ == "__main__":
     bearing = ambkit.Bearing.preset("zittau_axial")
     benches = across(bearing, CASES, list(KINDS), runs=RUNS, budget=BUDGET)
     found = study(bearing, "paper", list(KINDS), runs=RUNS, budget=BUDGET)
-    assert found.model is not None
+    assert None not in (found.model, found.steps, found.wrong_k, found.limit)
     pictures = {
         "cases": figures.cases_figure(benches),
         "matrix": figures.matrix_figure(found.bench),
         "cost": figures.cost_figure(found.bench),
-        "steps": steps(found),
-        "wrong_k": wrong_k(found),
-        "limit": limit_steps(found),
+        "steps": figures.sweep_figure("steps", found.steps),
+        "wrong_k": figures.sweep_figure("wrong_k", found.wrong_k),
+        "limit": figures.sweep_figure("limit_steps", found.limit),
     }
     for name, figure in pictures.items():
         (FOLDER / f"compare_{name}.png").write_bytes(small(static.render(figure).png, 200))

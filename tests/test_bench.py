@@ -24,8 +24,6 @@ from ambkit.judge.comparison.tuning import errors, tune
 from ambkit.machine.forces.points import ForcePoints
 from ambkit.machine.forces.surface import ForceSurface
 from ambkit.machine.magnets import own_time
-from ambkit.result.report.items import Axis
-from ambkit.show.pages.study import report_of
 from ambkit.show.plots.study import cases_figure, matrix_figure, sweep_figure
 from ambkit.simulation.imposed import Imposed
 from ambkit.workflow.comparing import compare_in_case
@@ -329,9 +327,10 @@ def test_the_report_of_a_whole_study() -> None:
         BEARING, SHORT, ["linear"], custom={"mine": OwnLinear}, runs=2, budget=3, done=steps.append
     )
     assert len(steps) == pieces_of(2, 3, whole=True)
-    report = report_of(found)
-    assert [chapter.id for chapter in report.chapters] == ["result", "around", "limit", "how"]
-    assert {figure.id for figure in report.figures} == {
+    assert [part.title for part in found.parts] == [
+        "Who does best", "When it matters", "The limit", "How it was compared",
+    ]  # fmt: skip
+    assert {figure.id for figure in found.figures()} == {
         "matrix", "cost", "run", "steps", "wrong_k", "limit_steps", "efficiency",
     }  # fmt: skip
     model = found.model
@@ -342,24 +341,24 @@ def test_the_report_of_a_whole_study() -> None:
 
 def test_a_picture_that_stands_alone_says_what_it_shows() -> None:
     found = bench(BEARING, SHORT, FIELD, runs=2)
-    matrix = matrix_figure(found, alone=True).panels[0]
+    matrix = matrix_figure(found).panels[0]
     assert matrix.title.startswith(f"zittau_axial, {SHORT.name}: {SHORT.title}; 2 runs, ")
     assert "darkest" in matrix.x.title
-    cases = cases_figure({"here": found, "there": found}, alone=True).panels[0]
+    cases = cases_figure({"here": found, "there": found}).panels[0]
     assert cases.title.startswith("zittau_axial: error of ")
     assert cases.title.endswith("over that of linear; 2 runs in each case, with their defaults")
     assert "blue" in cases.x.title
-    assert cases_figure({"here": found}).panels[0].title == ""
 
 
 def test_a_sweep_shows_whole_intervals_and_one_lost_filter_hides_none() -> None:
     values = np.array([0.1, 0.2])
-    means = {"linear": {"x": values}, "extended": {"x": values}, "low-pass": {"x": 100 * values}}
-    widths = {name: {"x": np.array([np.nan, 0.1])} for name in means}
+    means = {"linear": values, "extended": values, "low-pass": 100 * values}
+    means = {name: {"x": each, "f_d": each} for name, each in means.items()}
+    widths = {name: dict.fromkeys(("x", "f_d"), np.array([np.nan, 0.1])) for name in means}
 
     def top(*names: str) -> float:
         shown = Sweep(values, {n: means[n] for n in names}, {n: widths[n] for n in names}, {})
-        panel = sweep_figure("swept", shown, Axis("step"), "", "", ["x"]).panels[0]
+        panel = sweep_figure("steps", shown).panels[0]
         assert panel.y.limits is not None
         return panel.y.limits[1]
 

@@ -20,7 +20,7 @@ from ambkit import Bearing, Estimate, Expert, KalmanFilter, Record
 from ambkit.base.asked import in_si
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison import compare
-from ambkit.judge.comparison.bench import Benches
+from ambkit.judge.comparison.standing import Benches
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Heatmap
 from ambkit.simulation.scenario import Control

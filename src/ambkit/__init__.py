@@ -184,6 +184,17 @@ _BEHIND = {
         "estimates_figure": "estimates_figure",
         "correlation_figure": "correlation_figure",
     },
+    "show.plots.comparison": {
+        "comparison_figure": "comparison_figure",
+    },
+    "show.plots.study": {
+        "cases_figure": "cases_figure",
+        "cost_figure": "cost_figure",
+        "efficiency_figure": "efficiency_figure",
+        "matrix_figure": "matrix_figure",
+        "run_figure": "compared_run_figure",
+        "sweep_figure": "sweep_figure",
+    },
     "show.plots.simulation": {
         "simulation_figure": "run_figure",
     },
@@ -196,13 +207,8 @@ _BEHIND = {
     "show.notebook.results": {
         "identification": "identification.online.magnet_constant.Identification",
         "side_by_side": "identification.online.side_by_side.SideBySide",
-        "bench": "judge.comparison.bench.Bench",
-        "benches": "judge.comparison.bench.Benches",
-        "scores": "judge.comparison.seeds.Scores",
-        "study": "judge.comparison.study.Study",
     },
     "workflow.cards": {
-        "loop_scores": "workflow.comparing.LoopScores",
         "design": "workflow.designing.Design",
         "filtering": "workflow.filtering.Filtering",
     },

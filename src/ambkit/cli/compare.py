@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +15,7 @@ from ambkit.cli.options import (
     ExpertFile,
     Json,
     Plot,
+    Verbose,
     file_option,
     find_axis,
     find_machine,
@@ -25,7 +24,6 @@ from ambkit.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from ambkit.judge.comparison import Score
     from ambkit.machine.forces.surface import ForceSurface
     from ambkit.machine.machine import Machine
     from ambkit.workflow.comparing import LoopScores
@@ -41,9 +39,6 @@ def known_case(name: str | None) -> str | None:
     if name is not None and name not in CASES:
         raise typer.BadParameter(f'there is no case "{name}"; known: {", ".join(CASES)}')
     return name
-
-
-LABELS = {"x": "x", "v": "v", "f_d": "F_St"}
 
 
 def compare(
@@ -138,6 +133,7 @@ def compare(
             "--report",
         ),
     ] = None,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Compare estimators, by all that counts.
@@ -165,8 +161,9 @@ def compare(
             what = "of one case, not of all" if tune else "of tuned filters: give --tune too"
             raise AmbkitError(f"--save-filters is {what}")
         wanted = Wanted(
-            runs, tune, seed, spread, expert, force_map, out, plot, report, save_filters, json
-        )
+            runs, tune, seed, spread, expert, force_map, out, plot, report, save_filters, json,
+            verbose,
+        )  # fmt: skip
         chosen = "all" if estimators is None else estimators
         in_case(bearing, case or "paper", chosen, wanted)
         return
@@ -194,6 +191,7 @@ def compare(
         seed=seed,
         files=(out, plot),
         as_json=json,
+        verbose=verbose,
     )
 
 
@@ -211,11 +209,11 @@ def _in_own_loops(
     seed: int,
     files: tuple[Path | None, Path | None],
     as_json: bool,
+    verbose: bool,
 ) -> None:
     """Each closes its own loop, against the same noise, with the same Q and R."""
     from ambkit.cli import output
     from ambkit.cli.kinds import factories
-    from ambkit.show import plots
     from ambkit.workflow.comparing import compare_in_loops, happenings
 
     what = happenings(
@@ -229,56 +227,9 @@ def _in_own_loops(
     built = factories(chosen, plant, expert)
     with output.progress("comparing", len(what) * len(built) * seeds) as done:
         found = compare_in_loops(plant, what, built, runs=seeds, seed=seed, plant=true, done=done)
-    by = "scenario" if found.steps is None else "step"
-    figure = plots.comparison_figure
     out, plot = files
-    output.deliver(
-        found.to_dict(),
-        [_table(found.scores, by, f"{plant.name}, {seeds} seeds"), *_stops(found.scores, seeds)],
-        [
-            (out, lambda path: _save(path, found)),
-            (plot, lambda path: plots.save_figure(figure(found.scores, by), path)),
-        ],
-        as_json=as_json,
-    )
-
-
-def _stops(scores: Mapping[str, Mapping[str, Score]], seeds: int) -> list[str]:
-    """Say in which loops the rotor touched a stop: their errors are not those of a levitation."""
-    return [
-        f"{case}, {name}: the rotor touched the stop in {score.touched} of {seeds} runs"
-        for case, of_case in scores.items()
-        for name, score in of_case.items()
-        if score.touched
-    ]
-
-
-def _table(scores: Mapping[str, Mapping[str, Score]], what: str, title: str) -> Any:
-    from ambkit.base.units import factor
-    from ambkit.cli.output import table, value
-    from ambkit.judge.comparison import EVALUATED
-
-    def shown_in(signal: str) -> str:
-        means = [score.mean(signal) for of_case in scores.values() for score in of_case.values()]
-        finite = [mean for mean in means if math.isfinite(mean)]
-        return value(max(finite, default=1.0), EVALUATED[signal]).split(" ", 1)[-1]
-
-    def entry(score: Score, signal: str) -> str:
-        scale = factor(EVALUATED[signal], units[signal])
-        return f"{scale * score.mean(signal):.3f} ± {scale * score.spread(signal):.3f}"
-
-    units = {signal: shown_in(signal) for signal in EVALUATED}
-    headers = [what, *(f"{LABELS[signal]} [{unit}]" for signal, unit in units.items()), "mean NIS"]
-    rows = [
-        [
-            f"{case}, {name}",
-            *(entry(score, signal) for signal in EVALUATED),
-            f"{score.nis.mean():.3f}",
-        ]
-        for case, of_case in scores.items()
-        for name, score in of_case.items()
-    ]
-    return table(f"{title}: root mean square errors", headers, rows)
+    rows = (out, lambda path: _save(path, found))
+    output.deliver_result(found, [rows], as_json=as_json, verbose=verbose, plot=plot)
 
 
 def _save(path: Path, found: LoopScores) -> None:
@@ -286,7 +237,7 @@ def _save(path: Path, found: LoopScores) -> None:
     import numpy as np
 
     from ambkit.data.files.tables import Table, write_table
-    from ambkit.judge.comparison import EVALUATED
+    from ambkit.judge.comparison.criteria import EVALUATED
 
     scores, count = found.scores, len(found.seeds)
     columns: dict[str, Any] = {}

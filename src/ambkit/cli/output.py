@@ -110,7 +110,7 @@ def show(tables: Iterable[Table | str]) -> None:
     console = stdout()
     for each in tables:
         if isinstance(each, str):
-            console.print(escaping.lines(each), soft_wrap=True)
+            console.print(escaping.lines(each), soft_wrap=not sys.stdout.isatty())
         else:
             console.print(each, crop=False)
 

@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib.metadata import version
 
 from ambkit.base.escaping import markdown
 from ambkit.base.units import typeset
-from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, Report, TableBlock, Text
+from ambkit.result.report.blocks import (
+    Block,
+    Chapter,
+    FigureBlock,
+    Remark,
+    Report,
+    TableBlock,
+    Text,
+)
 from ambkit.result.report.page import write_page
-from ambkit.result.stated import Stated
-from ambkit.result.tables import remarks, tables
+from ambkit.result.stated import Part, Stated
+from ambkit.result.tables import by_name, remarks
 
 INDENT = "\N{NO-BREAK SPACE}" * 3
 """Before the name of a figure that belongs to the last."""
+
+Key = tuple[str, tuple[str, ...]]
+"""Of a table: its result, and its section."""
 
 SIGNED = (
     "| | name | date | signature |\n|---|---|---|---|\n"
@@ -29,7 +40,9 @@ def write_result(
     """Write results on one page, which has the title and the facts of the first."""
     first = results[0]
     notes = "\n".join(f"- {markdown(note)}" for each in results for note in remarks(each))
-    figures = [FigureBlock(figure) for each in results for figure in each.figures()]
+    figures = {of.id: FigureBlock(of) for each in results for of in each.figures()}
+    blocks = {key: of for each in results for key, of in _blocks(each).items()}
+    parts = [_chapter(part, blocks, figures) for each in results for part in each.parts]
     report = Report(
         title=first.title,
         subtitle="",
@@ -38,10 +51,11 @@ def write_result(
         chapters=[
             Chapter("verdict", "Verdict" if signed else "Results", [
                 *([Remark("In short", markdown(short(results)))] if limited(results) else []),
-                *(block for each in results for block in _blocks(each)),
+                *blocks.values(),
                 *([Remark("Notes", notes)] if notes else []),
             ]),
-            *([Chapter("figures", "Figures", figures)] if figures else []),
+            *parts,
+            *([Chapter("figures", "Figures", list(figures.values()))] if figures else []),
             *([Chapter("signed", "Signed off", [Text(SIGNED)])] if signed else []),
         ],
         facts=dict(first.facts),
@@ -67,10 +81,20 @@ def short(results: Sequence[Stated]) -> str:
     return f"Not kept: {', '.join(missed)}."
 
 
-def _blocks(result: Stated) -> Iterator[TableBlock]:
-    for place, of in enumerate(tables(result)):
-        yield TableBlock(
-            id=f"{type(result).__name__.lower()}-{place}",
+def _chapter(part: Part, tables: dict[Key, TableBlock], figures: dict[str, FigureBlock]) -> Chapter:
+    """Return a chapter, whose tables and figures are taken out of the others."""
+    size = len(part.section or ())
+    own = [key for key in tables if part.section and key[1][:size] == part.section]
+    blocks: list[Block] = [figures.pop(id) for id in part.figures if id in figures]
+    blocks += [tables.pop(key) for key in own]
+    return Chapter(part.title.lower().replace(" ", "-"), part.title, blocks, lead=part.lead)
+
+
+def _blocks(result: Stated) -> dict[Key, TableBlock]:
+    name = type(result).__name__.lower()
+    return {
+        (name, section): TableBlock(
+            id=f"{name}-{place}",
             title=markdown(of.title),
             headers=[markdown(head) for head in of.headers],
             rows=[
@@ -81,3 +105,5 @@ def _blocks(result: Stated) -> Iterator[TableBlock]:
                 for name, *cells in of.rows
             ],
         )
+        for place, (section, of) in enumerate(by_name(result))
+    }

@@ -160,7 +160,7 @@ class Result(Stated):
 def _stated(row: Row) -> dict[str, Any]:
     """Return what a row says, by its keys in JSON."""
     more = {
-        "standard_error": row.error,
+        row.error_key: row.error,
         "interval_95": row.interval,
         "limit": row.least if row.least is not None else row.below,
         "kept": row.kept,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from ambkit.base.units import engineering, interval, percent, rpm
+from ambkit.base.units import engineering, interval, percent, rpm, with_error
 
 Value = float | int | bool | str | tuple[float, float] | None
 
@@ -62,6 +62,7 @@ class Row:
     section: tuple[str, ...] = ()  #: The table that it stands in: its place in JSON.
     symbol: str = ""
     error: float | None = None  #: Standard error.
+    error_key: str = "standard_error"  #: What `error` is, in JSON.
     interval: tuple[float, float] | None = None  #: Of 95 %.
     at: At | None = None
     below: float | str | None = None  #: It is to be below this number; a zone, not worse.
@@ -88,12 +89,14 @@ class Row:
 
     def text(self) -> str:
         """Return the value as it is shown, with its unit and its error."""
-        shown = self.shown(self.value)
-        if self.error is None or not isinstance(self.value, float):
-            return shown
-        number, _, unit = shown.partition(" ")
-        error = engineering(self.error, self.unit, 2, like=self.value).partition(" ")[0]
-        return f"{number} ± {error} {unit}".rstrip()
+        value, error = self.value, self.error
+        if not error or not isinstance(value, float) or self.unit in FORMS:
+            return self.shown(value)
+        if not (math.isfinite(value) and math.isfinite(error)):
+            return self.shown(value)
+        number, _, unit = engineering(value, self.unit, 15, like=value).partition(" ")
+        of = engineering(error, self.unit, 15, like=value).partition(" ")[0]
+        return f"{with_error(float(number), float(of))} {unit}".rstrip()
 
     def shown(self, value: Value, digits: int | None = None) -> str:
         """Return a number of this row's unit as text; a dash where there is none."""

@@ -18,6 +18,15 @@ class Section(NamedTuple):
     across: bool = False  #: A line for each thing and a column for each figure, not turned.
 
 
+class Part(NamedTuple):
+    """A chapter of the page."""
+
+    title: str
+    lead: str = ""  #: Markdown.
+    section: tuple[str, ...] | None = None  #: Its tables are of the sections that begin so.
+    figures: Sequence[str] = ()  #: By their ids.
+
+
 class Stated:
     """What a result states, for the tellers."""
 
@@ -42,6 +51,11 @@ class Stated:
     def sections(self) -> Mapping[tuple[str, ...], Section]:
         """How each section of the rows is shown."""
         return {}
+
+    @property
+    def parts(self) -> Sequence[Part]:
+        """Chapters of the page after the first, which has all that is in none of them."""
+        return ()
 
     @property
     def facts(self) -> Mapping[str, str]:

@@ -14,6 +14,12 @@ MISSED = "✗"
 
 def tables(result: Stated, *, verbose: bool = True) -> Iterator[Table]:
     """Yield the table of each section, without what is not known of anything."""
+    for _, of in by_name(result, verbose=verbose):
+        yield of
+
+
+def by_name(result: Stated, *, verbose: bool = True) -> Iterator[tuple[tuple[str, ...], Table]]:
+    """Yield each section and its table."""
     asked = [row for row in result.rows if verbose or not row.detail]
     known = {(row.section, row.name) for row in asked if row.value is not None}
     shown = [row for row in asked if (row.section, row.name) in known]
@@ -21,7 +27,7 @@ def tables(result: Stated, *, verbose: bool = True) -> Iterator[Table]:
         section = result.sections.get(name, Section(" ".join(name)))
         lines = _across(rows) if section.across else _down(rows)
         if len(lines) > 1:
-            yield table(section.title, lines[0], lines[1:])
+            yield name, table(section.title, lines[0], lines[1:])
 
 
 def remarks(result: Stated, *, verbose: bool = True) -> list[str]:

@@ -6,14 +6,12 @@ import math
 from typing import TYPE_CHECKING
 
 from ambkit.base.units import engineering
-from ambkit.judge.comparison.seeds import EVALUATED
+from ambkit.judge.comparison.criteria import EVALUATED
 from ambkit.result.card import Card, value
-from ambkit.show.notebook.results import loops
 from ambkit.show.plots.design import design_figure
 from ambkit.show.plots.filters import filter_figure
 
 if TYPE_CHECKING:
-    from ambkit.workflow.comparing import LoopScores
     from ambkit.workflow.designing import Design
     from ambkit.workflow.filtering import Filtering
 
@@ -42,15 +40,6 @@ def filtering(of: Filtering) -> Card:
     title = f"{of.machine.name}: {len(of.record)} samples"
     figure = filter_figure(of.record, of.evaluations, of.smoothed)
     return Card(title, rows, figure, ["", *of.evaluations])
-
-
-def loop_scores(of: LoopScores) -> Card:
-    """Describe estimators, each in its own loop, for each thing that happens."""
-    title = (
-        f"{of.bearing.name}: errors in the loop, mean and standard deviation over "
-        f"{len(of.seeds)} runs"
-    )
-    return loops(of.scores, title)
 
 
 def design(of: Design) -> Card:

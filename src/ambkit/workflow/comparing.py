@@ -10,24 +10,29 @@ from typing import TYPE_CHECKING, Any
 from ambkit.base.asked import Given, in_si, names_in
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
-from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
 from ambkit.estimate.named import USUAL, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.cases import CASES, Case
-from ambkit.judge.comparison.seeds import Score, compare
+from ambkit.judge.comparison.seeds import Scores, compare
 from ambkit.judge.comparison.spread import Spread
+from ambkit.judge.comparison.standing import least
 from ambkit.judge.comparison.study import Study, across, pieces_of, study
 from ambkit.machine.bank import alone_of
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
+from ambkit.show.plots.comparison import comparison_figure
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.simulating import scenario_for
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.judge.comparison.bench import Benches
+    from ambkit.judge.comparison.standing import Benches
     from ambkit.machine.forces.surface import ForceSurface
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
+    from ambkit.result.report.figure import Figure
     from ambkit.simulation.scenario import Scenario
 
 RUNS = 20
@@ -135,14 +140,14 @@ def happenings(
     return found
 
 
-@dataclass(frozen=True)
-class LoopScores(Shown):
+@dataclass(frozen=True, repr=False)
+class LoopScores(Result):
     """Estimators, each in its own loop, over the same seeds."""
 
     bearing: Machine  #: The plant, and what the estimators know.
     happenings: Mapping[str, Happening]  #: What happened, by name.
     #: (mapping of str to Score) By the same names, and by estimator.
-    scores: Mapping[str, Mapping[str, Score]]
+    scores: Mapping[str, Scores]
     seeds: range  #: Of the runs.
 
     @property
@@ -151,17 +156,56 @@ class LoopScores(Shown):
         heights = [each.step for each in self.happenings.values() if each.step is not None]
         return heights if len(heights) == len(self.happenings) else None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
+    @property
+    def title(self) -> str:
+        """Of what machine, over how many seeds."""
+        return f"{self.bearing.name}, each in its own loop, {len(self.seeds)} seeds"
+
+    @property
+    def finding(self) -> str:
+        """Who estimates the disturbance force best in the last case."""
+        case, scores = list(self.scores.items())[-1]
+        return f"{self.title}: at {case} {least(scores.rows)}."
+
+    @property
+    def rows(self) -> list[Row]:
+        """The errors in each case."""
+        return [
+            row
+            for case, scores in self.scores.items()
+            for row in put(scores.rows, section=("cases", case))
+        ]
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        by = "step " if self.steps else ""
+        return {("cases", case): Section(f"{by}{case}: root mean square errors", across=True)
+                for case in self.scores}  # fmt: skip
+
+    @property
+    def notes(self) -> list[str]:
+        """In which loops the rotor touched a stop: their errors are not those of a levitation."""
+        return [
+            f"{case}, {name}: the rotor touched the stop in {score.touched} of {len(self.seeds)} "
+            "runs."
+            for case, scores in self.scores.items()
+            for name, score in scores.items()
+            if score.touched
+        ]
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """The seeds and the load."""
         return {
             "bearing": self.bearing.name,
             "seeds": [self.seeds[0], self.seeds[-1]],
-            "load": next(iter(self.happenings.values())).load,
-            "cases": {
-                case: {name: score.to_dict() for name, score in of_case.items()}
-                for case, of_case in self.scores.items()
-            },
+            "load": next(iter(self.happenings.values())).load if self.happenings else None,
         }
+
+    def figures(self) -> list[Figure]:
+        """Return the errors as bars."""
+        return [comparison_figure(self.scores, "scenario" if self.steps is None else "step")]
 
 
 def compare_in_loops(

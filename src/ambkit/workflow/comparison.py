@@ -27,7 +27,7 @@ from ambkit.workflow.saved_filters import save_filters as write_filters
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.judge.comparison.bench import Benches
+    from ambkit.judge.comparison.standing import Benches
     from ambkit.judge.comparison.study import Study
     from ambkit.machine.magnets import MagnetModel
 

@@ -21,7 +21,7 @@ from ambkit.estimate.registry import FILTER_SUFFIX, kind_called, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
-from ambkit.judge.comparison.seeds import EVALUATED
+from ambkit.judge.comparison.criteria import EVALUATED
 from ambkit.judge.comparison.tuning import Tried, search
 from ambkit.judge.loop.loop_of import LoopOf, OutOfReachError, zone_of
 from ambkit.machine.machine import Machine

@@ -1,10 +1,9 @@
 """Estimators compared: over seeds in their own loops, and along the same records."""
 
 from ambkit.estimate.constant_velocity import ConstantVelocityFilter
-from ambkit.judge.comparison.seeds import EVALUATED, Score, compare, rmse
+from ambkit.judge.comparison.seeds import Score, compare, rmse
 
 __all__ = [
-    "EVALUATED",
     "ConstantVelocityFilter",
     "Score",
     "compare",

@@ -5,14 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Shown
 from ambkit.data.signals import signal
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.view import View
@@ -25,6 +24,7 @@ from ambkit.judge.comparison.criteria import (
     evaluate_run,
     rows_along,
 )
+from ambkit.judge.comparison.standing import Bench, Standing
 from ambkit.judge.comparison.tuning import SIGNALS, Tuning, errors, tune
 from ambkit.machine.bank import slowest_time
 
@@ -41,113 +41,6 @@ BOUND_RUNS = 8
 """Runs over which the limit's expectations are taken."""
 
 _TRAINING_SEED = 500_009
-
-
-@dataclass(frozen=True)
-class Standing:
-    """How one estimator did, with one set of values."""
-
-    name: str  #: Of the estimator.
-    label: str
-    values: Mapping[str, float]  #: Of its tunables.
-    #: (runs,) By the names of :data:`ambkit.judge.comparison.criteria.CRITERIA`, in SI; NaN where a
-    #: criterion does not apply to a run.
-    figures: dict[str, Array]
-    tuning: Tuning | None = None  #: What was found; None where these are the defaults.
-
-    def mean(self, criterion: str) -> float:
-        """Mean over the runs in which it applies; NaN where it never does."""
-        known = self._known(criterion)
-        return float(known.mean()) if known.size else float("nan")
-
-    def half_width(self, criterion: str) -> float:
-        """Half width of the 95 % confidence interval of the mean (Student's t)."""
-        from scipy.stats import t
-
-        known = self._known(criterion)
-        if known.size < 2:
-            return float("nan")
-        return float(t.ppf(0.975, known.size - 1) * known.std(ddof=1) / np.sqrt(known.size))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
-        data: dict[str, Any] = {
-            name: {"mean": self.mean(name), "half_width": self.half_width(name)}
-            for name in self.figures
-        }
-        data["values"] = dict(self.values)
-        if self.tuning is not None:
-            data["objective"] = {
-                "default": self.tuning.default,
-                "tuned": self.tuning.objective,
-                "evaluations": self.tuning.evaluations,
-            }
-        return data
-
-    def _known(self, criterion: str) -> Array:
-        values = np.asarray(self.figures[criterion])
-        return np.asarray(values[np.isfinite(values)])
-
-
-@dataclass(frozen=True)
-class Bench(Shown):
-    """The whole comparison in one case."""
-
-    bearing: Machine  #: What the estimators assume.
-    case: Case  #: What happened.
-    runs: int  #: Runs, and those left out since the rotor met a stop while the records were made.
-    stopped: int
-    seed: int  #: First seed; evaluations of the tuning, 0: not tuned.
-    budget: int
-    #: By the names of the estimators; `tuned` is empty without tuning.
-    default: Mapping[str, Standing]
-    tuned: Mapping[str, Standing] = field(default_factory=dict)
-    #: Least RMSE of x, v, f_d over the axes that any estimator can have, of a single axis of x_m
-    #: too; empty where the truth is not as the filters' model, and there is no limit known.
-    limit: Mapping[str, float] = field(default_factory=dict)
-    raw: float = float("nan")  #: Root mean square error of the raw sensors along the axes [m].
-    #: (mapping of str to str) By estimator, unit of each value that can be tuned.
-    units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-
-    @property
-    def best(self) -> Mapping[str, Standing]:
-        """The tuned standings, or the default ones where nothing was tuned."""
-        return self.tuned or self.default
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
-        return {
-            "bearing": self.bearing.name,
-            "case": self.case.name,
-            "runs": self.runs,
-            "stopped": self.stopped,
-            "seed": self.seed,
-            "budget": self.budget,
-            "limit": dict(self.limit),
-            "raw_sensor": self.raw,
-            "estimators": {
-                name: {
-                    "label": standing.label,
-                    "default": standing.to_dict(),
-                    "tuned": self.tuned[name].to_dict() if self.tuned else None,
-                }
-                for name, standing in self.default.items()
-            },
-        }
-
-    def efficiency(self, name: str, signal: str) -> float:
-        """Limit over root mean square error of a state; 1 is what nobody exceeds."""
-        return self.limit[signal] / _pooled(self.best[name].figures[signal])
-
-
-class Benches(Shown, dict[str, Bench]):
-    """The comparison in several cases, by their names."""
-
-
-def _pooled(errors: Array) -> float:
-    """RMSE over all runs together: that is what the limit limits."""
-    known = errors[np.isfinite(errors)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
 
 
 def bench(

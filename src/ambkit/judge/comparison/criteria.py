@@ -33,8 +33,8 @@ SETTLING = 2.0
 LAGS = 50
 """Lags of the whiteness test."""
 
-EVALUATED = ("x", "v", "f_d")
-"""States whose errors are judged together."""
+EVALUATED = {"x": "m", "v": "m/s", "f_d": "N"}
+"""States whose errors are judged together, and their units."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,13 @@ class Criterion:
     #: a difference.
     kind: Literal["error", "ratio", "share"]
     about: str  #: How it is found, in a sentence.
+
+    @property
+    def si(self) -> str:
+        """Unit in SI, as a row has it."""
+        return {"µm": "m", "mm/s": "m/s", "ms": "s", "mA": "A", "ns": "s", "": "1"}.get(
+            self.unit, self.unit
+        )
 
 
 CRITERIA = {

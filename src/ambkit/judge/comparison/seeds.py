@@ -5,17 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base import late_binding
 from ambkit.base.asked import of_type
-from ambkit.base.showing import Shown
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
-from ambkit.judge.comparison.criteria import errors_along, rms
+from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, errors_along, rms
+from ambkit.judge.comparison.standing import least
 from ambkit.machine.machine import Machine
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
@@ -23,10 +27,9 @@ from ambkit.simulation.scenario import Scenario
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.magnets import MagnetModel
+    from ambkit.result.report.figure import Figure
 
 Array = NDArray[np.float64]
-
-EVALUATED = {"x": "m", "v": "m/s", "f_d": "N"}
 
 
 @dataclass(frozen=True)
@@ -46,18 +49,44 @@ class Score:
         """Standard deviation of the RMSE over the seeds."""
         return float(self.rmse[signal].std(ddof=1)) if len(self.rmse[signal]) > 1 else 0.0
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
-        return {
-            "rmse": {name: self.mean(name) for name in self.rmse},
-            "spread": {name: self.spread(name) for name in self.rmse},
-            "nis": self.nis.mean(),
-            "runs_at_the_stop": self.touched,
-        }
+    def rows(self) -> list[Row]:
+        """Return the means over the seeds."""
+        return [
+            *(Row(name, CRITERIA[name].label, self.mean(name), unit, 3, error=self.spread(name),
+                  error_key="spread") for name, unit in EVALUATED.items()),
+            Row("nis", "mean NIS", float(self.nis.mean())),
+            Row("runs_at_the_stop", "runs at the stop", self.touched,
+                detail=not self.touched),
+        ]  # fmt: skip
 
 
-class Scores(Shown, dict[str, Score]):
+class Scores(Result, dict[str, Score]):
     """How each of several estimators did, by name."""
+
+    @property
+    def title(self) -> str:
+        """Over how many seeds."""
+        runs = len(next(iter(self.values())).nis)
+        return f"Errors in the loop, mean and standard deviation over {runs} seeds"
+
+    @property
+    def finding(self) -> str:
+        """Who estimates the disturbance force best."""
+        return f"In its own loop {least(self.rows)}."
+
+    @property
+    def rows(self) -> list[Row]:
+        """The errors of each."""
+        return [row for name, score in self.items() for row in put(score.rows(), of=name)]
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Title of the table."""
+        return {(): Section(self.title, across=True)}
+
+    def figures(self) -> list[Figure]:
+        """Return the errors as bars."""
+        return [late_binding.call("comparison_figure", {"": self}, "")]
 
 
 def rmse(estimate: Estimate, record: Record, signal: str) -> float:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.base.showing import Shown
+from ambkit.base import late_binding
 from ambkit.estimate.registry import KINDS, learned_magnet
-from ambkit.judge.comparison.bench import Bench, Benches, Sweep, bench, pieces, sweep
+from ambkit.judge.comparison.bench import TRAINING, Sweep, bench, pieces, sweep
 from ambkit.judge.comparison.cases import (
     CASES,
     REACH,
@@ -24,12 +24,19 @@ from ambkit.judge.comparison.cases import (
     walk_case,
 )
 from ambkit.judge.comparison.contenders import Contender, contenders, suited
+from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED
+from ambkit.judge.comparison.spread import CERTAIN
+from ambkit.judge.comparison.standing import Bench, Benches
 from ambkit.machine.bank import alone_of
+from ambkit.result.result import Result
+from ambkit.result.row import Row
+from ambkit.result.stated import Part, Section
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
     from ambkit.machine.stiffness import StiffnessMap
+    from ambkit.result.report.figure import Figure
 
 HEIGHTS = (0.02, 0.1, 0.2, 0.3, 0.4, 0.5)
 """Steps whose errors are shown, in travels."""
@@ -40,12 +47,36 @@ WRONG = (0.7, 0.85, 1.0, 1.15, 1.3)
 RULES, NODES = 5, 17
 """Rules of the expert and nodes of the table, along current and displacement each."""
 
+AROUND = (
+    "How the errors grow with the distance from the centre, and with a magnet constant that is not "
+    "the one that the estimators know."
+)
+LIMIT = (
+    "Where all is as the filters' model says, no estimator can have a smaller error than the "
+    "posterior Cramér-Rao bound of Tichavský, Muravchik and Nehorai (1998). Their recursion needs "
+    "the inverse of the process noise, which does not exist here; the bound is therefore taken in "
+    "the state at the start and the noises, with the inequality of van Trees (1968), the Jacobians "
+    "along true runs, and expectations over several of them."
+)
+HOW = (
+    "{runs} records are made in closed loop, with the untuned linear filter in it, and each "
+    "estimator runs along the same ones, from the same first measurement. Criteria of the loop "
+    "come from the same runs with each estimator in the loop. The first two of the plant's own "
+    "times do not count."
+)
+TUNED = (
+    f"Each estimator had {{budget}} evaluations on {TRAINING} runs of other seeds: its defaults, "
+    "scrambled Sobol points for up to half of them, then a simplex from the best (Nelder and Mead "
+    "1965). The objective is the mean RMSE of x, v and F_St, each over that of the untuned linear "
+    "filter."
+)
+
 SWEEP_RUNS = 4
 """Runs at each point of these."""
 
 
-@dataclass(frozen=True)
-class Study(Shown):
+@dataclass(frozen=True, repr=False)
+class Study(Result):
     """A whole comparison."""
 
     bench: Bench  #: The case that was asked for.
@@ -58,6 +89,84 @@ class Study(Shown):
     limit: Sweep | None = None
     #: The case in which the limit is known, with defaults, which are right there.
     model: Bench | None = None
+
+    @property
+    def title(self) -> str:
+        """Of what machine, and what happens."""
+        return self.bench.title
+
+    @property
+    def finding(self) -> str:
+        """Who estimates the disturbance force best."""
+        return self.bench.finding
+
+    @property
+    def rows(self) -> list[Row]:
+        """All of the case, and how close each comes to the limit."""
+        model, found = self.model, [*self.bench.rows]
+        if model is not None:
+            found += [
+                Row(s, CRITERIA[s].label, model.efficiency(name, s), section=("efficiency",),
+                    of=name)
+                for name in model.best for s in EVALUATED
+            ]  # fmt: skip
+        return found
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        title = "How close each comes to the limit, where the filters' model is true"
+        return {**self.bench.sections, ("efficiency",): Section(title, across=True)}
+
+    @property
+    def parts(self) -> list[Part]:
+        """When it matters, the limit, and how it was compared."""
+        around = Part("When it matters", AROUND, None, ("steps", "wrong_k"))
+        limit = Part("The limit", LIMIT, ("efficiency",), ("limit_steps", "efficiency"))
+        own = Part("Who does best", self.bench.case.about, None, ("matrix", "cost", "run"))
+        how = Part("How it was compared", self._how(), ("tuning",))
+        return [own, *([around] if self.steps else []), *([limit] if self.model else []), how]
+
+    def _how(self) -> str:
+        bench, spread = self.bench, self.bench.case.spread
+        shares = (f"{n.replace('_', ' ')} ±{100 * by:.0f} %" for n, by in vars(spread).items())
+        plant = (
+            "The plant is the nominal one."
+            if spread == CERTAIN
+            else f"Scrambled Sobol points spread the plant around the nominal one: "
+            f"{', '.join(shares)}."
+        )
+        tuned = TUNED.format(budget=bench.budget) if bench.tuned else ""
+        criteria = "\n".join(f"- {of.label}: {of.about}" for of in CRITERIA.values())
+        return f"{HOW.format(runs=bench.runs)} {plant} {tuned}\n\n{criteria}"
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What was compared, and how."""
+        return self.bench.facts
+
+    @property
+    def notes(self) -> list[str]:
+        """What is to be known of the case."""
+        return self.bench.notes
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """All of the case, and the errors in the rows of cases around it."""
+        around = {"steps": self.steps, "wrong_k": self.wrong_k, "limit_steps": self.limit}
+        return self.bench.series | {n: vars(each) for n, each in around.items() if each}
+
+    def figures(self) -> list[Figure]:
+        """Return all by all criteria, what a step costs, a run, and the errors around the case."""
+        found = [*self.bench.figures(), late_binding.call("compared_run_figure", self)]
+        for name, swept in (
+            ("steps", self.steps), ("wrong_k", self.wrong_k), ("limit_steps", self.limit)
+        ):  # fmt: skip
+            if swept is not None:
+                found.append(late_binding.call("sweep_figure", name, swept))
+        if self.model is not None:
+            found.append(late_binding.call("efficiency_figure", self.model))
+        return found
 
 
 def learned(case: Case, bearing: Any, names: Sequence[str]) -> dict[str, MagnetModel]:

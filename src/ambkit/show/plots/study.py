@@ -12,16 +12,16 @@ from ambkit.base.escaping import label
 from ambkit.data.signals import signal as name_of
 from ambkit.estimate.registry import KINDS
 from ambkit.estimate.view import View
-from ambkit.judge.comparison.bench import Bench, Standing, Sweep
-from ambkit.judge.comparison.contenders import Contender
+from ambkit.judge.comparison.bench import Sweep
 from ambkit.judge.comparison.criteria import CRITERIA, Criterion
+from ambkit.judge.comparison.standing import Bench, Standing
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
 from ambkit.result.report.markup import symbols
 from ambkit.result.report.style import OF_KINDS
 
 if TYPE_CHECKING:
-    from ambkit.judge.comparison.cases import Trial
+    from ambkit.judge.comparison.study import Study
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def _looks(names: Sequence[str]) -> Iterator[tuple[str, str]]:
         yield name, look(name, others)
 
 
-def matrix_figure(bench: Bench, id: str = "matrix", *, alone: bool = False) -> Figure:
+def matrix_figure(bench: Bench, id: str = "matrix") -> Figure:
     """Show all estimators by all criteria, the darker the worse."""
     standings = list(bench.best.values())
     names = [name for name in CRITERIA if any(np.isfinite(s.mean(name)) for s in standings)]
@@ -65,11 +65,8 @@ def matrix_figure(bench: Bench, id: str = "matrix", *, alone: bool = False) -> F
     return Figure(
         id=id,
         title=f"All estimators by all criteria, {how}",
-        caption="The palest of a column is the best, or as it should be; the darkest is "
-        f"{TIMES:g} times as bad, or more. Empty: the criterion does not apply.",
-        panels=[
-            Panel(Axis(shades if alone else ""), Axis(""), [cells], title=about if alone else "")
-        ],
+        caption="Empty: the criterion does not apply.",
+        panels=[Panel(Axis(shades), Axis(""), [cells], title=about)],
     )
 
 
@@ -101,12 +98,26 @@ def _text(standing: Standing, criterion: Criterion) -> str:
     return f"{value:.1f}" if abs(value) >= 9.95 else f"{value:.2f}"
 
 
-def sweep_figure(
-    id: str, swept: Sweep, axis: Axis, title: str, caption: str, signals: Sequence[str]
-) -> Figure:
+STEP = Axis("step of the position", "mm", 1e3)
+SWEPT = {
+    "steps": (STEP, "Errors against the height of the step", "A step, then a load. Bars: 95 % "
+              "confidence. Where a line leaves the picture, the estimator has lost the rotor or "
+              "nearly so."),
+    "wrong_k": (Axis("magnet constant of the plant, over the known one"),
+                "Errors where the magnet constant is wrong",
+                "A step of three tenths of the travel, then a load."),
+    "limit_steps": (STEP, "Errors and the limit", "Black: what nobody crosses. Near the centre the "
+                    "linear model is right; further out only filters that know the law stay at the "
+                    "limit."),
+}  # fmt: skip
+"""What a row of cases is over, and what is to be seen in it."""
+
+
+def sweep_figure(id: str, swept: Sweep) -> Figure:
     """Show how the errors change with one thing, and the limit where it is known."""
+    axis, title, caption = SWEPT[id]
     panels = []
-    for signal in signals:
+    for signal in ("x", "f_d"):
         items: list[Item] = []
         for name, style in _looks(list(swept.errors)):
             errors = swept.errors[name][signal]
@@ -185,8 +196,9 @@ def efficiency_figure(bench: Bench) -> Figure:
     )
 
 
-def run_figure(trial: Trial, field: Mapping[str, Contender], bench: Bench) -> Figure:
+def run_figure(study: Study) -> Figure:
     """Show one run: position, and the disturbance force as the estimators see it."""
+    trial, field, bench = study.first, study.field, study.bench
     record, time = trial.record, Axis("time", "s")
     view = View(trial.plant)
     axis = view.machine.axes[0].name
@@ -219,7 +231,7 @@ def run_figure(trial: Trial, field: Mapping[str, Contender], bench: Bench) -> Fi
     )  # fmt: skip
 
 
-def cases_figure(benches: Mapping[str, Bench], *, alone: bool = False) -> Figure:
+def cases_figure(benches: Mapping[str, Bench]) -> Figure:
     """Show the error of the disturbance force in several cases, relative to the linear filter's."""
     first = next(iter(benches.values()))
     names = list(first.best)
@@ -243,10 +255,8 @@ def cases_figure(benches: Mapping[str, Bench], *, alone: bool = False) -> Figure
     return Figure(
         id="cases",
         title=f"Error of the disturbance force over that of {base}, {how} in each case",
-        caption=f"{shades[0].upper()}{shades[1:]}.",
-        panels=[
-            Panel(Axis(shades if alone else ""), Axis(""), [cells], title=about if alone else "")
-        ],
+        caption="",
+        panels=[Panel(Axis(shades), Axis(""), [cells], title=about)],
     )
 
 
