@@ -183,7 +183,7 @@ def test_the_result_is_whole_and_repeats() -> None:
     assert found.faults == ["clean", "outage-10ms", "rail", "mixture"]
     # Each in four flights beside the loop and three in it, and the controller in those three.
     assert len(found.outcomes) == 2 * (4 + 3) + 3
-    assert "2 estimators, 4 faults, 17 flights" in repr(found)
+    assert "17 flights through 4 faults" in repr(found)
     again = torture(
         PAPER, ["linear", "low-pass"], faults=["outage-10ms", "rail"], steps=20_000, threads=1
     )

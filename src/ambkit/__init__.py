@@ -195,6 +195,9 @@ _BEHIND = {
         "run_figure": "compared_run_figure",
         "sweep_figure": "sweep_figure",
     },
+    "show.plots.torture": {
+        "torture_figure": "torture_figure",
+    },
     "show.plots.simulation": {
         "simulation_figure": "run_figure",
     },

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,15 +14,13 @@ from ambkit.cli.options import (
     ExpertFile,
     Json,
     Plot,
+    Verbose,
     file_option,
     find_machine,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from ambkit.judge.faults.campaign import Torture
-    from ambkit.judge.faults.flight import Outcome
 
 PRECISIONS = ("float64", "float32", "both")
 
@@ -81,6 +78,7 @@ def torture(
         file_option("Write the figures of each flight: .csv or .parquet.", RECORDS, "--out"),
     ] = None,
     plot: Plot = None,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Put estimators through faults, and say who comes back.
@@ -98,8 +96,6 @@ def torture(
     from ambkit.judge.comparison.contenders import suited
     from ambkit.judge.faults.campaign import chosen_faults, flights_of
     from ambkit.judge.faults.campaign import torture as through
-    from ambkit.show import plots
-    from ambkit.show.plots.torture import torture_figure
 
     plant = find_machine(bearing)
     chosen = suited(names(",".join(estimators or NAMES)), plant)
@@ -112,112 +108,8 @@ def torture(
             plant, built, reading=reading, faults=named, steps=steps,
             seeds=range(seed, seed + runs), precisions=precisions, done=done,
         )  # fmt: skip
-    output.deliver(
-        found.to_dict() | {"seeds": [seed, seed + runs - 1]},
-        [_of_estimators(found, runs), _of_faults(found), *_failed(found)],
-        [
-            (out, lambda path: _save(path, found)),
-            (plot, lambda path: plots.save_figure(torture_figure(found), path)),
-        ],
-        as_json=json,
-    )
-
-
-def _of_estimators(found: Torture, runs: int) -> Any:
-    """A row for each estimator, the controller alone at last."""
-    from ambkit.cli.output import table, value
-    from ambkit.judge.faults.campaign import BASELINE
-
-    rows = []
-    for name in [*found.estimators, BASELINE]:
-        beside = found.select(estimator=name, setting="beside the loop")
-        flown = found.select(estimator=name, setting="in the loop")
-        lost = [each for each in flown if each.levitation == "lost"]
-        back = sum(each.recovered for each in beside)
-        rows.append([
-            name,
-            f"{back} of {len(beside)}" if beside else "–",
-            _samples(found.slowest(name)) if beside else "–",
-            *_worst(beside),
-            f"{sum(each.levitation == 'kept' for each in flown)} of {len(flown)}",
-            str(sum(each.levitation == "touched" for each in flown)),
-            str(len(lost)),
-            value(max(each.at_stop for each in flown), "s"),
-        ])  # fmt: skip
-    campaigns = "1 seed" if runs == 1 else f"{runs} seeds"
-    return table(
-        f"{found.bearing.name}, {campaigns}: beside the loop, and in it",
-        ["", "back", "after samples", "off by x", "off by F_St", "stayed up", "touched", "lost",
-         "longest at a stop"],
-        rows,
-    )  # fmt: skip
-
-
-def _samples(count: float) -> str:
-    return "never" if math.isinf(count) else "–" if math.isnan(count) else f"{count:.0f}"
-
-
-def _worst(outcomes: Sequence[Outcome]) -> list[str]:
-    """Greatest errors of position and force once the fault is over."""
-    from ambkit.cli.output import value
-
-    def greatest(name: str, unit: str) -> str:
-        all_of = [getattr(each, name) for each in outcomes]
-        if any(math.isinf(each) for each in all_of):
-            return "∞"
-        return value(max((e for e in all_of if not math.isnan(e)), default=math.nan), unit, 3)
-
-    return [greatest("after_x", "m"), greatest("after_f_d", "N")]
-
-
-def _of_faults(found: Torture) -> Any:
-    """A row for each fault: who takes longest, and who goes down."""
-    from ambkit.cli.output import table
-    from ambkit.judge.faults.campaign import BASELINE, recovery_text
-    from ambkit.judge.faults.declared import CLEAN, FAULTS
-
-    def slowest(fault: str, setting: str) -> str:
-        of = {
-            name: recovery_text(found.select(fault=fault, estimator=name, setting=setting))
-            for name in found.estimators
-        }
-        of = {name: text for name, text in of.items() if text}
-        bad = [name for name, text in of.items() if not text.isdigit()]
-        if not of:
-            return "–"
-        if bad:
-            said = ", ".join(f"{name} {of[name]}" for name in bad)
-            return said if len(bad) <= 2 else f"{of[bad[0]]}: {len(bad)} of {len(of)}"
-        name = max(of, key=lambda each: int(of[each]))
-        return of[name] if of[name] == "0" or len(of) == 1 else f"{of[name]} ({name})"
-
-    about = {CLEAN.name: CLEAN.about, "mixture": "up to three of them at a time, at random"}
-    about |= {name: fault.about for name, fault in FAULTS.items()}
-    rows = []
-    for fault in found.faults:
-        alone = recovery_text(found.select(fault=fault, estimator=BASELINE)) or "–"
-        settings = ("beside the loop", "in the loop")
-        rows.append([fault, *(slowest(fault, s) for s in settings), alone, about[fault]])
-    return table(
-        "Samples until back, the slowest",
-        ["fault", "beside the loop", "in the loop", "controller alone", "what happens"],
-        rows,
-        wide=True,
-    )
-
-
-def _failed(found: Torture) -> list[str]:
-    """Say who lost the rotor, and who did not come back."""
-    said = []
-    for name in found.estimators:
-        lost = {e.fault for e in found.select(estimator=name, levitation="lost")
-                if e.setting == "in the loop"}  # fmt: skip
-        failed = {each.fault for each in found.failures if each.estimator == name}
-        if lost:
-            said.append(f"{name}: the rotor was lost in {', '.join(sorted(lost))}")
-        if failed:
-            said.append(f"{name}: did not come back from {', '.join(sorted(failed))}")
-    return said or ["no rotor was lost, and all came back"]
+    rows = (out, lambda path: _save(path, found))
+    output.deliver_result(found, [rows], as_json=json, verbose=verbose, plot=plot)
 
 
 def _save(path: Path, found: Torture) -> None:

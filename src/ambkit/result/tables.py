@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from ambkit.result.row import Row
 from ambkit.result.stated import Section, Stated, by_section
-from ambkit.result.table import Table, table
+from ambkit.result.table import LINE, Table, table
 
 MISSED = "✗"
 """Stands behind what does not keep its limit."""
@@ -27,7 +27,8 @@ def by_name(result: Stated, *, verbose: bool = True) -> Iterator[tuple[tuple[str
         section = result.sections.get(name, Section(" ".join(name)))
         lines = _across(rows) if section.across else _down(rows)
         if len(lines) > 1:
-            yield name, table(section.title, lines[0], lines[1:])
+            texts = any(len(cells[-1]) > LINE for cells in lines)
+            yield name, table(section.title, lines[0], lines[1:], wide=texts)
 
 
 def remarks(result: Stated, *, verbose: bool = True) -> list[str]:

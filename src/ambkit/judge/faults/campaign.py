@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base import late_binding
 from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
@@ -19,12 +20,16 @@ from ambkit.judge.comparison.contenders import suited
 from ambkit.judge.faults.declared import CLEAN, FAULTS
 from ambkit.judge.faults.flight import Flight, Outcome
 from ambkit.machine.machine import Machine
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.judge.faults.declared import Channel
     from ambkit.machine.magnets import Precision
+    from ambkit.result.report.figure import Figure
     from ambkit.simulation.run import Run
 
 BASELINE = "measurement"
@@ -37,20 +42,11 @@ SETTINGS = ("beside the loop", "in the loop")
 
 
 @dataclass(frozen=True, repr=False)
-class Torture:
+class Torture(Result):
     """What became of a campaign."""
 
     bearing: Machine  #: Whose.
     outcomes: tuple[Outcome, ...]  #: One a flight.
-
-    def __repr__(self) -> str:
-        failed = sum(not each.recovered for each in self.outcomes)
-        lost = sum(each.levitation == "lost" for each in self.outcomes)
-        return (
-            f"<Torture of {self.bearing.name}: {len(self.estimators)} estimators, "
-            f"{len(self.faults)} faults, {len(self.outcomes)} flights; {failed} did not recover, "
-            f"in {lost} the rotor was lost>"
-        )
 
     @property
     def estimators(self) -> list[str]:
@@ -90,29 +86,124 @@ class Torture:
         took = [each.recovery if each.recovered else math.inf for each in beside]
         return max((each for each in took if not math.isnan(each)), default=math.nan)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all outcomes as plain data, in SI; what is not finite stays so."""
+    @property
+    def title(self) -> str:
+        """Of what machine, how many flights."""
+        faults = f"{len(self.faults)} fault{'s' * (len(self.faults) > 1)}"
+        return f"{self.bearing.name}: {len(self.outcomes)} flights through {faults}"
+
+    @property
+    def finding(self) -> str:
+        """Whether a rotor was lost, and whether all came back."""
+        flown = [each for each in self.outcomes if each.estimator != BASELINE]
+        lost = sum(e.setting == "in the loop" and e.levitation == "lost" for e in flown)
+        failed = len(self.failures)
+        if not lost and not failed:
+            return f"{self.title}: no rotor was lost, and all estimators came back."
+        return f"{self.title}: the rotor was lost in {lost}, no recovery in {failed}."
+
+    @property
+    def notes(self) -> list[str]:
+        """Who lost the rotor, and who did not come back."""
+        said = []
+        for name in self.estimators:
+            failed = {each.fault for each in self.failures if each.estimator == name}
+            if lost := self._lost(name):
+                said.append(f"{name}: the rotor was lost in {', '.join(lost)}.")
+            if failed:
+                said.append(f"{name}: no recovery from {', '.join(sorted(failed))}.")
+        return said
+
+    def _lost(self, name: str) -> list[str]:
+        flown = self.select(estimator=name, setting="in the loop", levitation="lost")
+        return sorted({each.fault for each in flown})
+
+    @property
+    def rows(self) -> list[Row]:
+        """Each estimator over all flights, the controller alone, and each fault."""
+        found = put(self._of(BASELINE), section=("controller_alone",), of=BASELINE)
+        for name in reversed(self.estimators):
+            found = put(self._of(name), section=("estimators",), of=name) + found
+        about = {CLEAN.name: CLEAN.about, MIXTURE: "up to three of them at a time, at random"}
+        about |= {name: fault.about for name, fault in FAULTS.items()}
+        for fault in self.faults:
+            alone = recovery_text(self.select(fault=fault, estimator=BASELINE))
+            found += put([
+                *(Row(s.replace(" ", "_"), s, self._slowest(fault, s)) for s in SETTINGS),
+                Row("controller_alone", "controller alone", alone or None),
+                Row("about", "what happens", about[fault], detail=True),
+            ], section=("faults",), of=fault)  # fmt: skip
+        return found
+
+    def _of(self, name: str) -> list[Row]:
+        """Return the figures of one estimator, or of the controller alone."""
+        beside = self.select(estimator=name, setting="beside the loop")
+        flown = self.select(estimator=name, setting="in the loop")
+        own: list[Row] = []
+        if beside:
+            worst = ([getattr(e, key) for e in beside] for key in ("after_x", "after_f_d"))
+            x, f_d = (max((w for w in each if not math.isnan(w)), default=None) for each in worst)
+            back = sum(each.recovered for each in beside)
+            own = [
+                Row("recovered", "all back", back == len(beside), detail=True),
+                Row("back", "back", back),
+                Row("beside", "of", len(beside)),
+                Row("slowest_recovery", "after samples", self.slowest(name), digits=1),
+                Row("after_x", "off by x", x, "m", 3),
+                Row("after_f_d", "off by F_St", f_d, "N", 3),
+            ]
+        ends = [each.levitation for each in flown]
+        return [
+            *own,
+            Row("flown", "flown", len(flown), detail=True),
+            Row("kept", "stayed up", ends.count("kept")),
+            Row("touched", "touched", ends.count("touched")),
+            Row("lost", "lost", ends.count("lost")),
+            Row("at_stop", "longest at a stop", max((e.at_stop for e in flown), default=None), "s",
+                detail=True),
+        ]  # fmt: skip
+
+    def _slowest(self, fault: str, setting: str) -> str | None:
+        """Say which estimators were lost, or how many samples the slowest took to recover."""
+        of = {
+            name: recovery_text(self.select(fault=fault, estimator=name, setting=setting))
+            for name in self.estimators
+        }
+        of = {name: text for name, text in of.items() if text}
+        if bad := [name for name, text in of.items() if not text.isdigit()]:
+            said = ", ".join(f"{name} {of[name]}" for name in bad)
+            return said if len(bad) <= 2 else f"{of[bad[0]]}: {len(bad)} of {len(of)}"
+        if not of:
+            return None
+        name = max(of, key=lambda each: int(of[each]))
+        return of[name] if of[name] == "0" or len(of) == 1 else f"{of[name]} ({name})"
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        return {
+            ("estimators",): Section("Beside the loop, and in it", across=True),
+            ("controller_alone",): Section("The controller fed by the measurement", across=True),
+            ("faults",): Section("Samples until back, the slowest", across=True),
+        }
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """All flights."""
+        seeds = [each.seed for each in self.outcomes]
         return {
             "bearing": self.bearing.name,
-            "estimators": {
-                name: {
-                    "recovered": all(each.recovered for each in self._beside(name)),
-                    "slowest_recovery": self.slowest(name),
-                    "lost_in_loop": sorted(
-                        {each.fault for each in self.select(estimator=name, setting="in the loop",
-                                                            levitation="lost")}
-                    ),
-                }
-                for name in self.estimators
-            },
+            "seeds": [min(seeds), max(seeds)],
+            "estimators": {name: {"lost_in_loop": self._lost(name)} for name in self.estimators},
             "flights": [
                 asdict(each) | {"recovered": each.recovered, "never": each.recovery == math.inf}
                 for each in self.outcomes
             ],
-        }  # fmt: skip
+        }
 
-    def _beside(self, name: str) -> list[Outcome]:
-        return self.select(estimator=name, setting="beside the loop")
+    def figures(self) -> list[Figure]:
+        """Return each estimator in each fault."""
+        return [late_binding.call("torture_figure", self)]
 
 
 def chosen_faults(names: Iterable[str] | None) -> list[str]:
