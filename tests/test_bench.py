@@ -327,10 +327,10 @@ def test_the_report_of_a_whole_study() -> None:
         BEARING, SHORT, ["linear"], custom={"mine": OwnLinear}, runs=2, budget=3, done=steps.append
     )
     assert len(steps) == pieces_of(2, 3, whole=True)
-    assert [part.title for part in found.parts] == [
+    assert [part.title for part in found.chapters] == [
         "Who does best", "When it matters", "The limit", "How it was compared",
     ]  # fmt: skip
-    assert {figure.id for figure in found.figures()} == {
+    assert {figure.id for part in found.chapters for figure in part.figures} == {
         "matrix", "cost", "run", "steps", "wrong_k", "limit_steps", "efficiency",
     }  # fmt: skip
     model = found.model

@@ -215,9 +215,6 @@ _BEHIND = {
         "design": "workflow.designing.Design",
         "filtering": "workflow.filtering.Filtering",
     },
-    "workflow.campaign.card": {
-        "card": "workflow.campaign.result.Campaign",
-    },
 }
 late_binding.bind(_BEHIND)
 

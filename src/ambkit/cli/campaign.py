@@ -9,10 +9,9 @@ import typer
 from typer.core import TyperGroup
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.options import RECORDS, Json, Plot, file_option
+from ambkit.cli.options import RECORDS, Json, Plot, Verbose, file_option
 
 if TYPE_CHECKING:
-    from ambkit.workflow.campaign.result import Campaign
     from ambkit.workflow.campaign.running import Status
 
 RUN = "run"
@@ -80,6 +79,7 @@ def campaign_run(
         Path | None, file_option("Write a report with pictures.", (".html",), "--report")
     ] = None,
     plot: Plot = None,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Simulate the machines of a study, or go on where that was interrupted.
@@ -107,7 +107,7 @@ def campaign_run(
         found = simulated(
             known, folder, cluster=cluster, workers=workers, threads=threads, done=done
         )
-    _deliver(found, report, plot, json)
+    output.deliver_result(found, as_json=json, verbose=verbose, plot=plot, report=report)
     output.note(f"rows in {found.runs}")
 
 
@@ -117,6 +117,7 @@ def campaign_report(
         Path | None, file_option("Write a report with pictures.", (".html",), "--out")
     ] = None,
     plot: Plot = None,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Say what a campaign came to, finished or not.
@@ -124,9 +125,11 @@ def campaign_report(
     For example:
       ambkit campaign report out --out report.html
     """
+    from ambkit.cli import output
     from ambkit.workflow.campaign.result import Campaign
 
-    _deliver(Campaign.load(folder), out, plot, json)
+    found = Campaign.load(folder)
+    output.deliver_result(found, as_json=json, verbose=verbose, plot=plot, report=out)
 
 
 def campaign_status(folder: FolderName, json: Json = False) -> None:
@@ -157,6 +160,7 @@ def campaign_replay(
         file_option("Write the bearing, or the machine, that was drawn.", (".toml",), "--drawn"),
     ] = None,
     plot: Plot = None,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Simulate one run of a campaign again, with every sample.
@@ -165,9 +169,6 @@ def campaign_replay(
       ambkit campaign replay out 417 --out run-417.csv --plot run-417.png
     """
     from ambkit.cli import output
-    from ambkit.show import plots
-    from ambkit.workflow.campaign.parts import UNITS
-    from ambkit.workflow.campaign.report import said
     from ambkit.workflow.campaign.result import Campaign
 
     of = Campaign.load(folder)
@@ -175,22 +176,16 @@ def campaign_replay(
     estimate = found.run.estimate
     if estimates is not None and estimate is None:
         raise AmbkitError(f"run {run} has no estimator, so there are no --estimates")
-    units = dict(zip(of.plan.names, (key.unit for key in of.plan.keys), strict=True)) | UNITS
-    rows = [
-        [name, said(value, units.get(name, ""))]
-        for name, value in found.row.items() if value is not None and not name.startswith("samples")
-    ]  # fmt: skip
-    picture = found.figure()
-    output.deliver(
-        {"run": run, "row": dict(found.row)},
-        [output.table(f"{of.plan.study.name}, run {run}", ["", ""], rows)],
+    output.deliver_result(
+        found,
         [
             (out, found.run.record.save),
             (estimates, lambda path: estimate.save(path) if estimate is not None else None),
             (machine, found.plant.save),
-            (plot, lambda path: plots.save_figure(picture, path)),
         ],
         as_json=json,
+        verbose=verbose,
+        plot=plot,
     )
 
 
@@ -247,52 +242,10 @@ def campaign_problem(study: StudyName) -> None:
     output.deliver(problem_of(Plan(load(study))), [], as_json=True)
 
 
-def _deliver(found: Campaign, report: Path | None, plot: Path | None, json: bool) -> None:
-    from ambkit.cli import output
-    from ambkit.show import plots
-
-    files: list[Any] = [
-        (report, found.save),
-        (plot, lambda path: plots.save_figure(found.figure(), path)),
-    ]
-    output.deliver(found.to_dict(), [] if json else _tables(found), files, as_json=json)
-
-
-def _tables(found: Campaign) -> list[Any]:
-    from ambkit.cli.output import table
-    from ambkit.workflow.campaign.parts import UNITS
-    from ambkit.workflow.campaign.report import said, share
-
-    if not len(found):
-        return [f"{found.folder}: no part is finished yet"]
-    rows = [["all", share(found.good)]]
-    for name, shares in found.by_choice.items():
-        rows += [[f"{name} {value}", share(each)] for value, each in shares.items()]
-    rows += [[f"fail by {name}", f"{count:,}"] for name, count in found.fails.items()]
-    level = f"{100 * found.plan.study.confidence:g} %"
-    tables = [
-        table(f"{found.plan.study.name}: {len(found):,} machines, {level}", ["", "good"], rows)
-    ]
-    quantiles = [
-        [name, *(said(value, UNITS[name]) for value in of.values())]
-        for name, of in found.quantiles.items()
-    ]
-    heads = ["", *(f"{100 * q:g} %" for q in next(iter(found.quantiles.values()), {}))]
-    tables.append(table("That share is at or below", heads, quantiles))
-    worst = [[str(each.run), said(each.value, UNITS[each.figure]), each.command]
-             for each in found.worst()]  # fmt: skip
-    if worst:
-        by = found.worst(count=1)[0].figure
-        tables.append(table(f"The worst by {by}", ["run", by, "replay"], worst, wide=True))
-    return [*tables, *found.rare()]
-
-
 def _of_status(found: Status) -> str:
-    from ambkit.workflow.campaign.report import share
-
     state = "finished" if found.complete else "not finished"
     left = "" if found.complete else f" of {found.of:,}"
     return (
         f"{found.name}: {state}, {found.runs:,}{left} runs in {found.parts} parts, "
-        f"good {share(found.good)}"
+        f"good {found.good}"
     )

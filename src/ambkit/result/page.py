@@ -40,9 +40,10 @@ def write_result(
     """Write results on one page, which has the title and the facts of the first."""
     first = results[0]
     notes = "\n".join(f"- {markdown(note)}" for each in results for note in remarks(each))
-    figures = {of.id: FigureBlock(of) for each in results for of in each.figures()}
     blocks = {key: of for each in results for key, of in _blocks(each).items()}
-    parts = [_chapter(part, blocks, figures) for each in results for part in each.parts]
+    parts = [_chapter(part, blocks) for each in results for part in each.chapters]
+    shown = {of.figure.id for part in parts for of in part.blocks if isinstance(of, FigureBlock)}
+    figures = [FigureBlock(of) for each in results for of in each.figures() if of.id not in shown]
     report = Report(
         title=first.title,
         subtitle="",
@@ -55,7 +56,7 @@ def write_result(
                 *([Remark("Notes", notes)] if notes else []),
             ]),
             *parts,
-            *([Chapter("figures", "Figures", list(figures.values()))] if figures else []),
+            *([Chapter("figures", "Figures", figures)] if figures else []),
             *([Chapter("signed", "Signed off", [Text(SIGNED)])] if signed else []),
         ],
         facts=dict(first.facts),
@@ -81,12 +82,11 @@ def short(results: Sequence[Stated]) -> str:
     return f"Not kept: {', '.join(missed)}."
 
 
-def _chapter(part: Part, tables: dict[Key, TableBlock], figures: dict[str, FigureBlock]) -> Chapter:
-    """Return a chapter, whose tables and figures are taken out of the others."""
+def _chapter(part: Part, tables: dict[Key, TableBlock]) -> Chapter:
+    """Return a chapter, whose tables are taken out of the others."""
     size = len(part.section or ())
     own = [key for key in tables if part.section and key[1][:size] == part.section]
-    blocks: list[Block] = [figures.pop(id) for id in part.figures if id in figures]
-    blocks += [tables.pop(key) for key in own]
+    blocks: list[Block] = [*map(FigureBlock, part.figures), *map(tables.pop, own)]
     return Chapter(part.title.lower().replace(" ", "-"), part.title, blocks, lead=part.lead)
 
 

@@ -24,7 +24,7 @@ class Part(NamedTuple):
     title: str
     lead: str = ""  #: Markdown.
     section: tuple[str, ...] | None = None  #: Its tables are of the sections that begin so.
-    figures: Sequence[str] = ()  #: By their ids.
+    figures: Sequence[Figure] = ()  #: Those that are in `figures` too are shown here only.
 
 
 class Stated:
@@ -53,7 +53,7 @@ class Stated:
         return {}
 
     @property
-    def parts(self) -> Sequence[Part]:
+    def chapters(self) -> Sequence[Part]:
         """Chapters of the page after the first, which has all that is in none of them."""
         return ()
 

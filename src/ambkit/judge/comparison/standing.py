@@ -270,11 +270,11 @@ class Benches(Result, dict[str, Bench]):
         }  # fmt: skip
 
     @property
-    def parts(self) -> list[Part]:
+    def chapters(self) -> list[Part]:
         """A chapter for each case."""
         return [
             Part(f"{case}: {bench.case.title}", bench.case.about, ("cases", case),
-                 (f"matrix-{case}",))
+                 [late_binding.call("matrix_figure", bench, f"matrix-{case}")])
             for case, bench in self.items()
         ]  # fmt: skip
 
@@ -292,12 +292,8 @@ class Benches(Result, dict[str, Bench]):
         }
 
     def figures(self) -> list[Figure]:
-        """Return the errors in all cases, and each case by all criteria."""
-        return [
-            late_binding.call("cases_figure", self),
-            *(late_binding.call("matrix_figure", bench, f"matrix-{case}")
-              for case, bench in self.items()),
-        ]  # fmt: skip
+        """Return the errors in all cases."""
+        return [late_binding.call("cases_figure", self)]
 
 
 def least(rows: Sequence[Row]) -> str:

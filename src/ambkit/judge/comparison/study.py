@@ -119,13 +119,19 @@ class Study(Result):
         return {**self.bench.sections, ("efficiency",): Section(title, across=True)}
 
     @property
-    def parts(self) -> list[Part]:
-        """When it matters, the limit, and how it was compared."""
-        around = Part("When it matters", AROUND, None, ("steps", "wrong_k"))
-        limit = Part("The limit", LIMIT, ("efficiency",), ("limit_steps", "efficiency"))
-        own = Part("Who does best", self.bench.case.about, None, ("matrix", "cost", "run"))
-        how = Part("How it was compared", self._how(), ("tuning",))
-        return [own, *([around] if self.steps else []), *([limit] if self.model else []), how]
+    def chapters(self) -> list[Part]:
+        """Who does best, when it matters, the limit, and how it was compared."""
+        best = [*self.bench.figures(), late_binding.call("compared_run_figure", self)]
+        around = {"steps": self.steps, "wrong_k": self.wrong_k}
+        found = [Part("Who does best", self.bench.case.about, None, best)]
+        if self.steps is not None:
+            swept = [late_binding.call("sweep_figure", *each) for each in around.items()]
+            found.append(Part("When it matters", AROUND, None, swept))
+        if self.model is not None:
+            limit = [late_binding.call("sweep_figure", "limit_steps", self.limit),
+                     late_binding.call("efficiency_figure", self.model)]  # fmt: skip
+            found.append(Part("The limit", LIMIT, ("efficiency",), limit))
+        return [*found, Part("How it was compared", self._how(), ("tuning",))]
 
     def _how(self) -> str:
         bench, spread = self.bench, self.bench.case.spread
@@ -156,17 +162,9 @@ class Study(Result):
         around = {"steps": self.steps, "wrong_k": self.wrong_k, "limit_steps": self.limit}
         return self.bench.series | {n: vars(each) for n, each in around.items() if each}
 
-    def figures(self) -> list[Figure]:
-        """Return all by all criteria, what a step costs, a run, and the errors around the case."""
-        found = [*self.bench.figures(), late_binding.call("compared_run_figure", self)]
-        for name, swept in (
-            ("steps", self.steps), ("wrong_k", self.wrong_k), ("limit_steps", self.limit)
-        ):  # fmt: skip
-            if swept is not None:
-                found.append(late_binding.call("sweep_figure", name, swept))
-        if self.model is not None:
-            found.append(late_binding.call("efficiency_figure", self.model))
-        return found
+    def figures(self) -> Sequence[Figure]:
+        """Return all by all criteria, and what a step costs."""
+        return self.bench.figures()
 
 
 def learned(case: Case, bearing: Any, names: Sequence[str]) -> dict[str, MagnetModel]:

@@ -165,7 +165,7 @@ class Machines:
     def quantiles(self) -> dict[str, dict[float, float]]:
         """Quantiles of figures, by name; infinite where so many machines have no finite one."""
         found = {}
-        for name in self.figures:
+        for name in self.names_shown:
             values = np.sort(self.column(name))
             values = values[~np.isnan(values)]
             # Of the values themselves: between a finite and an infinite one there is none.
@@ -174,7 +174,7 @@ class Machines:
         return found
 
     @cached_property
-    def figures(self) -> tuple[str, ...]:
+    def names_shown(self) -> tuple[str, ...]:
         """Figures that summaries tell of: they apply to some run."""
         names = [name for name in SHOWN if name in self.columns]
         names += [name for name in self.plan.study.passes.at_most if name not in names]

@@ -48,7 +48,7 @@ def _said(value: object, unit: str) -> str:
 
 def cumulative(campaign: Machines) -> Figure:
     """Show the figures' cumulative curves, apart by the first choice."""
-    figures = [quantity(campaign, name) for name in campaign.figures]
+    figures = [quantity(campaign, name) for name in campaign.names_shown]
     limits = {
         LABELS[name]: limit_of(name, given, campaign.plan.nominal)
         for name, given in campaign.plan.study.passes.at_most.items()
@@ -126,7 +126,7 @@ def indices(found: Indices) -> Figure:
 
 def parallel(campaign: Machines) -> Figure:
     """Show machines as lines through what varies, and through the first figures."""
-    names = [*campaign.plan.names, *campaign.figures[:2]]
+    names = [*campaign.plan.names, *campaign.names_shown[:2]]
     return plots.parallel_figure(
         f"{markdown(campaign.plan.study.name)}: machines, and which of them fail",
         [quantity(campaign, name) for name in names], campaign.column("passed"),

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError
+from ambkit.result.result import Result
+from ambkit.result.row import Row
+from ambkit.result.stated import Section
+from ambkit.show.plots.simulation import simulation_figure
+from ambkit.workflow.campaign.parts import UNITS
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -15,9 +22,11 @@ if TYPE_CHECKING:
     from ambkit.workflow.campaign.plan import Plan
 
 
-class Replayed(NamedTuple):
+@dataclass(frozen=True, eq=False, repr=False)
+class Replayed(Result):
     """A run of a study."""
 
+    plan: Plan  #: The study.
     number: int  #: Its number.
     values: Mapping[str, Any]  #: What varied, in SI.
     planned: Planned  #: Plant, run and estimator.
@@ -29,11 +38,48 @@ class Replayed(NamedTuple):
         """The bearing, or the machine, that was drawn."""
         return self.planned.bearing
 
-    def figure(self) -> Figure:
-        """Return the run as a picture."""
-        from ambkit.show import plots
+    @property
+    def title(self) -> str:
+        """Of what study, which run."""
+        return f"{self.plan.study.name}, run {self.number}"
 
-        return plots.simulation_figure(self.run)
+    @property
+    def finding(self) -> str:
+        """Whether it is good."""
+        fails = self.row["fails"]
+        return f"{self.title}: {f'it fails by {fails}' if fails else 'it is good'}."
+
+    @property
+    def rows(self) -> list[Row]:
+        """What varied, and the figures."""
+        keys = (key.unit for key in self.plan.keys)
+        units = dict(zip(self.plan.names, keys, strict=True)) | UNITS
+        return [
+            Row(name, name, _known(value), units.get(name) or "1", section=("row",),
+                detail=name.startswith("samples"))
+            for name, value in self.row.items()
+        ]  # fmt: skip
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Title of the table."""
+        return {("row",): Section("What varied, and what came of it")}
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Its number."""
+        return {"run": self.number}
+
+    def figures(self) -> list[Figure]:
+        """Return the run."""
+        return [simulation_figure(self.run)]
+
+
+def _known(value: Any) -> Any:
+    """Return a value of a row, whole numbers as such; None where it does not apply."""
+    if not isinstance(value, float) or math.isinf(value):
+        return value
+    return None if math.isnan(value) else int(value) if value.is_integer() else value
 
 
 def replay(plan: Plan, number: int) -> Replayed:
@@ -47,4 +93,4 @@ def replay(plan: Plan, number: int) -> Replayed:
     if drawn.wrong:
         raise AmbkitError(f"run {number}: there can be no such machine: {drawn.wrong}")
     (row,) = compute(plan, number, number + 1).runs.to_pylist()
-    return Replayed(number, drawn.values, drawn.planned, drawn.planned.simulated(), row)
+    return Replayed(plan, number, drawn.values, drawn.planned, drawn.planned.simulated(), row)

@@ -5,9 +5,16 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
-from ambkit.base.showing import Shown
+from ambkit.base.errors import AmbkitError
+from ambkit.base.escaping import markdown
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Part, Section
+from ambkit.workflow.campaign import pictures
 from ambkit.workflow.campaign.counting import Counted
-from ambkit.workflow.campaign.machines import Machines
+from ambkit.workflow.campaign.machines import Machines, Worst
+from ambkit.workflow.campaign.parts import UNITS
+from ambkit.workflow.campaign.rare_file import told
 from ambkit.workflow.campaign.statistics import Share
 from ambkit.workflow.campaign.store import Folder
 
@@ -17,7 +24,11 @@ if TYPE_CHECKING:
     from ambkit.workflow.campaign.sensitivities import Indices
 
 
-class Campaign(Shown, Machines):
+DRIVEN = 3
+"""Figures that are explained."""
+
+
+class Campaign(Result, Machines):
     """The machines of a study that were simulated, and what is to be seen of them.
 
     Parameters
@@ -46,13 +57,6 @@ class Campaign(Shown, Machines):
         """
         place = Folder.existing(folder)
         return cls(place.path, place.plan, Counted(place).counting())
-
-    def __repr__(self) -> str:
-        good = self.good
-        return (
-            f"<Campaign {self.plan.study.name}: {good.passed} of {good.of} machines are good, "
-            f"{100 * good.low:.2f} to {100 * good.high:.2f} %>"
-        )
 
     def replay(self, run: int) -> Replayed:
         """Simulate a run again, with all its samples.
@@ -88,57 +92,126 @@ class Campaign(Shown, Machines):
 
         return indices(self, figure or ("peak_S" if "peak_S" in self.columns else "tracking_peak"))
 
-    def rare(self) -> list[str]:
-        """Return what ``ambkit campaign rare`` found of rare failures, in sentences."""
-        from ambkit.workflow.campaign.rare_file import told
+    @property
+    def title(self) -> str:
+        """Of what study, how many machines."""
+        return f"{self.plan.study.name}: {len(self):,} machines"
 
-        return told(self.folder)
+    @property
+    def finding(self) -> str:
+        """Which share of the machines is good."""
+        if not len(self):
+            return f"{self.folder}: no part is finished yet."
+        return f"{self.title}; {self.good} are good."
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
+    @property
+    def rows(self) -> list[Row]:
+        """Yield, what machines fail by, quantiles of the figures, and the worst machines."""
+        found = put(_of_share(self.good), section=("yield",))
+        for name, shares in self.by_choice.items():
+            for value, of in shares.items():
+                found += put(_of_share(of), section=("by_choice", name), of=value)
+        found += [Row(n, n, count, section=("fails",)) for n, count in self.fails.items()]
+        found += [
+            Row(n, n or "not told", count, section=("zones",)) for n, count in self.zones.items()
+        ]
+        for name, at in self.quantiles.items():
+            found += [
+                Row(f"{q:g}", f"{100 * q:g} %", value, UNITS[name], section=("quantiles",), of=name)
+                for q, value in at.items()
+            ]  # fmt: skip
+        for place, name in enumerate(self.names_shown[:DRIVEN]):
+            for each in self.worst(name):
+                found += put(self._of_worst(each, place > 0), section=("worst_by", name),
+                             of=str(each.run))  # fmt: skip
+        return found
+
+    def _of_worst(self, of: Worst, detail: bool) -> list[Row]:
+        return [
+            Row(of.figure, of.figure, of.value, UNITS[of.figure], detail=detail),
+            *(Row(name, name, of.values[name], key.unit or "1", detail=True)
+              for name, key in zip(self.plan.names, self.plan.keys, strict=True)),
+            Row("command", "replay", of.command, detail=detail),
+        ]  # fmt: skip
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        level = f"{100 * self.plan.study.confidence:g} %"
+        found: dict[tuple[str, ...], Section] = {
+            ("yield",): Section(f"Yield, with its {level} interval"),
+            ("fails",): Section("Machines that fail by"),
+            ("zones",): Section("Machines in each zone of ISO 14839-3, by their linear loops"),
+            ("quantiles",): Section("That share is at or below", across=True),
+        }
+        found |= {("by_choice", n): Section(f"Yield by {n}", True) for n in self.by_choice}
+        return found | {("worst_by", n): Section(f"Worst by {n}", True) for n in self.names_shown}
+
+    @property
+    def chapters(self) -> list[Part]:
+        """What drives the figures, and the worst machines."""
+        if not len(self):
+            raise AmbkitError(f"{self.folder}: no part is finished yet")
+        cannot, drawn = list[str](), [pictures.parallel(self)] if self.plan.names else []
+        for name in self.names_shown[:DRIVEN] if self.plan.names else ():
+            drawn.append(pictures.tornado(self, name))
+            try:
+                drawn.append(pictures.indices(self.indices(name)))
+            except AmbkitError as error:
+                cannot.append(f"No indices of {markdown(name)}: {markdown(str(error))}")
+        lead = "Each command simulates the machine again, with every sample."
+        drives = [Part("What drives it", "\n\n".join(cannot), None, drawn)] if drawn else []
+        return [*drives, Part("The worst machines", lead, ("worst_by",))]
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Of what study, and where its rows are."""
+        study = self.plan.study
+        return {
+            "machine": self.plan.nominal.name,
+            "runs": f"{len(self):,} of {self.plan.runs:,}",
+            "sampling": study.sampling,
+            "seed": str(study.seed),
+            "rows": str(self.runs),
+        }
+
+    @property
+    def notes(self) -> list[str]:
+        """What a good machine is, and what was found of rare failures."""
+        passes = self.plan.study.passes
+        wanted = [] if passes.zone is None else [f"zone {passes.zone} or better"]
+        wanted += [] if passes.contact else ["no contact"]
+        wanted += [f"{name} at most {limit}" for name, limit in passes.at_most.items()]
+        good = (
+            f"Good is a machine with {'; '.join(wanted)}. Intervals by Clopper and Pearson."
+            if wanted
+            else "Any machine counts as good: the study has no criterion."
+        )
+        about = self.plan.study.description
+        return [*([about] if about else []), good, *told(self.folder)]
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Of what study it is, and the worst machines with what varied."""
         return {
             "study": self.plan.study.name,
             "bearing" if self.plan.study.machine is None else "machine": self.plan.nominal.name,
             "folder": str(self.folder),
             "runs": len(self),
-            "yield": _plain(self.good),
             "confidence": self.plan.study.confidence,
-            "by_choice": {
-                name: {value: _plain(share) for value, share in shares.items()}
-                for name, shares in self.by_choice.items()
-            },
-            "fails": self.fails,
-            "zones": self.zones,
-            "quantiles": {
-                name: {f"{q:g}": value for q, value in of.items()}
-                for name, of in self.quantiles.items()
-            },
             "worst": [each._asdict() for each in self.worst()],
         }
 
-    def figure(self) -> Figure:
-        """Return the cumulative curves of the figures as a picture."""
-        from ambkit.workflow.campaign.pictures import cumulative
-
-        return cumulative(self)
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the report, a page of HTML.
-
-        Parameters
-        ----------
-        path : path
-            The file.
-
-        Raises
-        ------
-        AmbkitError
-            It cannot be written.
-        """
-        from ambkit.workflow.campaign.report import write
-
-        write(self, path)
+    def figures(self) -> list[Figure]:
+        """Return the figures' cumulative curves."""
+        return [pictures.cumulative(self)]
 
 
-def _plain(share: Share) -> dict[str, Any]:
-    return {"share": share.value, **share._asdict()}
+def _of_share(of: Share) -> list[Row]:
+    return [
+        Row("share", "good", of.value, "%"),
+        Row("low", "at least", of.low, "%"),
+        Row("high", "at most", of.high, "%"),
+        Row("passed", "good machines", of.passed, detail=True),
+        Row("of", "machines", of.of),
+    ]

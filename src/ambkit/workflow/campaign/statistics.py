@@ -18,6 +18,11 @@ class Share(NamedTuple):
     high: float
     """Upper end [1]."""
 
+    def __str__(self) -> str:
+        if not self.of:
+            return "–"
+        return f"{100 * self.value:.2f} % ({100 * self.low:.2f} to {100 * self.high:.2f} %)"
+
     @property
     def value(self) -> float:
         """The share itself [1]; NaN of none."""
