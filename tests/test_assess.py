@@ -133,9 +133,9 @@ def test_plant_of_several_positions_is_linearised_about_its_own_slope():
 
 def test_a_point_that_nothing_holds_is_refused():
     with pytest.raises(AmbkitError, match="no control current"):
-        ambkit.assess(ZITTAU, load=-500.0)
+        ambkit.assess(ZITTAU, "none", disturbance=-500.0)
     with pytest.raises(AmbkitError, match="up to its stops"):
-        ambkit.assess(ZITTAU, x=2e-3)
+        ambkit.assess(ZITTAU, "none", position=2e-3)
 
 
 # ---- against python-control
@@ -432,11 +432,11 @@ def test_assessment_says_it_all():
     assert data["loops"]["linear"]["bode_holds"]
     assert data["loops"]["linear"]["slowest_pole"] < 0
     assert len(found.figure().panels) == 5
-    assert ambkit.assess(ZITTAU.replace(sampling_time=5e-4)).top == 1000.0
+    assert ambkit.assess(ZITTAU.replace(sampling_time=5e-4), "none").top == 1000.0
 
 
 def test_an_unstable_loop_has_no_margins():
-    found = ambkit.assess(ZITTAU, controller=PID(kp=100.0, ki=0.0, kd=1.0))
+    found = ambkit.assess(ZITTAU, "none", controller=PID(kp=100.0, ki=0.0, kd=1.0))
     each = found.loops[MEASUREMENT]
     assert (each.zone, each.margins) == ("unstable", None)
     assert "unstable" in repr(found)

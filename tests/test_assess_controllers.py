@@ -41,7 +41,9 @@ def told(machine, control):
     ],
 )
 def test_the_simulated_loop_is_the_models_within_two_percent(control, fed):
-    found = ambkit.sweep(TUM, told(TUM, control) if fed else None, control, amplitudes=["1 um"])
+    found = ambkit.assess_sweep(
+        TUM, told(TUM, control) if fed else None, control, amplitudes=["1 um"]
+    )
     (swept,) = found.swept
     assert not swept.limited
     assert swept.deviation < 0.02
@@ -83,7 +85,7 @@ def test_unbalance_is_answered_as_the_simulation_does(control):
 
 
 def test_over_speed_has_the_gains_of_the_machines_own_speed():
-    over = ambkit.assess_over_speed(TUM, "linear", LQG, fastest=2 * TUM.speed, count=3)
+    over = ambkit.assess_speed(TUM, "linear", LQG, fastest=2 * TUM.speed, count=3)
     own = ambkit.assess(TUM, "linear", LQG).loops["linear"]
     assert over.peaks[1] == pytest.approx([at.peak for at in own.axes.values()], rel=1e-6)
     other = ambkit.assess(TUM.model_copy(update={"speed": 2 * TUM.speed}), "linear", LQG)
@@ -95,7 +97,7 @@ def test_over_speed_has_the_gains_of_the_machines_own_speed():
 def test_what_cannot_be_fed_by_the_measurement_needs_a_filter():
     for control in (LQG, CROSSED):
         with pytest.raises(AmbkitError, match="fed by an estimate: give a filter"):
-            ambkit.assess(TUM, None, control)
+            ambkit.assess(TUM, "none", control)
     one = ambkit.Bearing.preset("zittau_axial")
     regulated = [ambkit.assess(one, "linear", c).loops["linear"] for c in (LQG, PID(type="lqg"))]
     assert regulated[0].peak == pytest.approx(regulated[1].peak, rel=1e-9)
@@ -156,14 +158,14 @@ def test_command(given, code, said, capsys, tmp_path, monkeypatch):
 @pytest.mark.parametrize("pid", [PID(type="lqg"), PID(feed_forward=0.5)])
 def test_a_bearings_regulator_and_feed_forward_are_in_its_loop(pid):
     zittau = Bearing.preset("zittau_axial")
-    found = ambkit.sweep(zittau, "linear", pid, amplitudes=["2 um"])
+    found = ambkit.assess_sweep(zittau, "linear", pid, amplitudes=["2 um"])
     assert found.loop.integral.holds
     assert found.swept[0].deviation < 0.02
     plain = ambkit.assess(zittau, "linear").loops["linear"]
     assert found.model.peak != pytest.approx(plain.peak, rel=0.01)
     assert list(ambkit.assess(zittau, "linear", pid).loops) == ["linear"]
     with pytest.raises(AmbkitError, match="fed by an estimate: give a filter"):
-        ambkit.assess(zittau, None, pid)
+        ambkit.assess(zittau, "none", pid)
 
 
 def test_a_sine_beside_the_speed_tells_itself_from_what_still_settles():

@@ -63,7 +63,7 @@ def test_axes_that_do_not_couple_are_bearings_alone():
     found = ambkit.assess(machine, "linear")
     for name, axis in found.loops[MEASUREMENT].axes.items():
         alone = machine.alone(name).replace(rotor__gravity="none")
-        expected = ambkit.assess(alone).loops[MEASUREMENT].worst
+        expected = ambkit.assess(alone, "none").loops[MEASUREMENT].worst
         for figure in ("peak", "peak_frequency", "current_noise", "position_noise"):
             assert getattr(axis, figure) == pytest.approx(getattr(expected, figure), rel=1e-6)
         for figure in ("gain_up", "gain_down", "phase", "delay", "disk", "crossover", "bandwidth"):
@@ -72,7 +72,7 @@ def test_axes_that_do_not_couple_are_bearings_alone():
         capacity = axis.demands.capacity
         assert capacity.current == pytest.approx(expected.demands.capacity.current, rel=1e-3)
         assert capacity.static == pytest.approx(expected.demands.capacity.static, rel=1e-9)
-    alone = {name: ambkit.assess(machine.alone(name)).least for name in ("A1", "B1")}
+    alone = {name: ambkit.assess(machine.alone(name), "none").least for name in ("A1", "B1")}
     assert found.least == pytest.approx(max(alone.values()), rel=1e-6)
 
 
@@ -181,7 +181,7 @@ def test_grades_of_balance():
     assert each.displacement == pytest.approx(max(quiet), rel=1e-9)
     assert grades[6.3e-3].displacement == pytest.approx(2.52 * each.displacement)
     still = UFU.model_copy(update={"speed": 0.0, "unbalance": ()})
-    assert ambkit.assess(still).grades() == []
+    assert ambkit.assess(still, "none").grades() == []
 
 
 def test_the_force_of_an_unbalance_between_bearings_is_shared_by_them():
@@ -201,10 +201,10 @@ def test_a_load_moves_the_work_point():
     assert moved[0] == pytest.approx(20 / k_i, rel=0.01)
     assert moved[1:] == pytest.approx([0, 0, 0], abs=1e-3)
     assert loaded.loop().is_stable
-    of_first = ambkit.assess(UFU, load="-20 N").point.iu
+    of_first = ambkit.assess(UFU, "none", disturbance="-20 N").point.iu
     np.testing.assert_array_equal(of_first, loaded.point.iu)
     with pytest.raises(AmbkitError, match="there is no axis A1"):
-        ambkit.assess(ambkit.Bearing.preset("zittau_axial"), load={"A1": 1.0})
+        ambkit.assess(ambkit.Bearing.preset("zittau_axial"), "none", disturbance={"A1": 1.0})
 
 
 def test_assessment_of_a_machine_says_it_all():
@@ -219,11 +219,11 @@ def test_assessment_of_a_machine_says_it_all():
     assert found.alike("linear") == [["A1", "A2"], ["B1", "B2"]]
     assert len(found.figure().panels) == 7
     assert len(found.capacity_figure().panels) == 2
-    assert ambkit.assess(UFU, x="1 um").point.x == pytest.approx(4 * [1e-6])
+    assert ambkit.assess(UFU, "none", position="1 um").point.x == pytest.approx(4 * [1e-6])
 
 
 def test_lqg_of_a_machine_stands_beside_the_loops():
-    found = ambkit.assess(UFU, lqg=True)
+    found = ambkit.assess(UFU, "none", beside=["lqg"])
     assert list(found.loops) == [MEASUREMENT, "LQG"]
     lqg = found.loops["LQG"]
     assert lqg.stable
@@ -262,7 +262,7 @@ def test_the_verdict_says_which_axis_misses():
     heavy = UFU.model_copy(update={"speed": 6000 * RPM, "unbalance": (
         UFU.unbalance[0].model_copy(update={"amount": 3e-3}),
     )})  # fmt: skip
-    found = ambkit.assess(heavy)
+    found = ambkit.assess(heavy, "none")
     rows = {row.key: row for row in found.rows if row.of == MEASUREMENT}
     assert rows["displacement"].kept is False
     assert rows["bode_holds"].value is True

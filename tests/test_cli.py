@@ -555,7 +555,8 @@ def test_compare_tells_the_limit_where_it_is_known(call):
 
 
 def test_assess(call, tmp_path):
-    found = call("assess", "zittau_axial", "--estimator", "linear,observer", "--load", "1 N")
+    found = call("assess", "zittau_axial", "--filter", "linear", "--filter", "observer",
+                 "--disturbance", "1 N")  # fmt: skip
     assert found.code == 0, found.err
     for said in (
         "zone of ISO 14839-3",
@@ -568,7 +569,7 @@ def test_assess(call, tmp_path):
     ):
         assert said in found.out  # fmt: skip
     picture = tmp_path / "margins.png"
-    told = call("assess", "zittau_axial", "--estimator", "none", "--plot", str(picture), "--json")
+    told = call("assess", "zittau_axial", "--filter", "none", "--plot", str(picture), "--json")
     data = json.loads(told.out)
     assert list(data["loops"]) == ["measurement"]
     assert data["loops"]["measurement"]["zone"] == "A"
@@ -589,7 +590,7 @@ def test_assess_takes_filters_files(call, tmp_path):
         assert peak == pytest.approx(expected.loops["mine"].peak, rel=1e-9)
     both = call("assess", "mine.toml", "--filter", "linear")
     assert (both.code, both.err) == (
-        2, "ambkit: mine.toml is a filter already: leave out --estimator\n"
+        2, "ambkit: mine.toml is a filter already: leave out the other one\n"
     )  # fmt: skip
 
 
@@ -600,12 +601,14 @@ def test_a_signal_is_designed_played_and_assessed(call, tmp_path):
     assert "peak of |S|, expected" in made.out
     call("simulate", "zittau_axial", "--injection", "injection.csv", "--estimator", "observer",
          "--seed", "3", "--out", "run.csv")  # fmt: skip
-    found = call("assess", "run.csv", "--bearing", "zittau_axial", "--filter", "observer",
+    found = call("assess", "log", "run.csv", "--machine", "zittau_axial", "--filter", "observer",
                  "--plot", "measured.png")  # fmt: skip
     assert found.code == 0, found.err
     for said in ("Measured sensitivity", "zone of ISO 14839-3", "within the 95 % intervals"):
         assert said in found.out
-    data = call("assess", "run.csv", "--bearing", "zittau_axial", "--filter", "observer", "--json")
+    data = call(
+        "assess", "log", "run.csv", "--machine", "zittau_axial", "--filter", "observer", "--json"
+    )
     assert data.json["models"]["observer"]["within"] > 0.8
     low, high = data.json["peak_interval_95"]
     assert low < data.json["models"]["observer"]["peak"] < high
@@ -625,14 +628,15 @@ def test_tune_keeps_a_margin_and_shows_what_it_costs(call, tmp_path):
 
 
 def test_assess_writes_a_page_to_be_signed_off(call, tmp_path):
-    found = call("assess", "zittau_axial", "--report", "v.html")
+    found = call("assess", "zittau_axial", "--out", "v.html")
     assert found.code == 0, found.err
     assert "zone of ISO 14839-2" in found.out
     assert "reviewed by" in (tmp_path / "v.html").read_text(encoding="utf-8")
 
 
 def test_assess_sweeps(call):
-    found = call("assess", "zittau_axial", "--sweep", "1 um", "--stepped-sine")
+    found = call("assess", "sweep", "zittau_axial", "--amplitudes", "1 um",
+                 "--kind", "stepped-sine")  # fmt: skip
     assert found.code == 0, found.err
     assert "stepped-sine of the simulated loop" in found.out
     assert "linear model" in found.out
@@ -641,7 +645,7 @@ def test_assess_sweeps(call):
 def test_assess_takes_all_kinds_that_settle_and_a_scenarios_controller(call, tmp_path):
     soft = tmp_path / "soft.toml"
     soft.write_text('[controller]\nkp = "1 A/m"\nki = "0 A/(m s)"\n')
-    found = call("assess", "inteco_ml", "--estimator", "all", "--scenario", str(soft))
+    found = call("assess", "inteco_ml", "--filter", "all", "--controller", str(soft))
     assert found.code == 0, found.err
     assert "multiple-model is left out" in found.err
     assert "unstable" in found.out
@@ -785,23 +789,17 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("filter RUN --bearing zittau_axial --tune 1s --disturbance-noise 1N^2/s", "one of them"),
         ("filter RUN --bearing zittau_axial --tune 0s", "--tune must be greater than 0 s"),
         ("filter missing.csv --bearing zittau_axial", "missing.csv: cannot be read"),
-        ("assess zittau_axial --estimator ukv", 'no estimator "ukv"; known: low-pass'),
-        ("assess zittau_axial --estimator multiple-model", "does not settle to a gain"),
-        ("assess zittau_axial --sweep 1um --filter linear,observer", "one --filter, not 2"),
-        ("assess zittau_axial --from 1s", "--from is for records, and zittau_axial is none"),
-        ("assess zittau_axial --report v.html --filter linear,observer", "one --filter, not 2"),
-        ("assess zittau_axial --report v.html --sweep 1um", "--report is of a machine's linear"),
-        ("assess zittau_axial --lqg --sweep 1um", "--lqg is of a machine's linear loop"),
-        ("assess zittau_axial --stepped-sine", "--stepped-sine says how to --sweep"),
-        ("assess RUN --sweep 1um", "--sweep is of a machine's model, and"),
-        ("assess RUN --filter linear", "--bearing says what controller"),
-        ("assess RUN --bearing zittau_axial", "has no signal injected"),
+        ("assess zittau_axial --filter ukv", 'no estimator "ukv"; known: low-pass'),
+        ("assess zittau_axial --filter multiple-model", "does not settle to a gain"),
+        ("assess sweep zittau_axial --filter ud --filter linear", "is given more than once"),
+        ("assess log RUN --filter linear", "machine says what filter"),
+        ("assess log RUN --machine zittau_axial", "has no signal injected"),
         (
             "excite zittau_axial --for sensitivity --kind prbs",
             "--kind is not for --for sensitivity",
         ),
         ("excite zittau_axial --filter linear", "--estimator is not for --for parameters"),
-        ("assess zittau_axial --load 500N", "no control current from -1.5 to 1.5 A holds"),
+        ("assess zittau_axial --disturbance 500N", "no control current from -1.5 to 1.5 A holds"),
         ("tune zittau_axial --trade-off 2,x", "--trade-off takes numbers with commas"),
         ("tune zittau_axial --trade-off 2 --max-sensitivity 2", "does not go with --trade-off"),
         ("tune zittau_axial --max-sensitivity 1", "max_sensitivity must be above 1.02"),

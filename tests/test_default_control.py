@@ -206,7 +206,7 @@ def test_every_way_to_fly_takes_the_same_choice():
     assert LoopOf(FAST).control_for(None) == found
     flight = settled_scenario(FAST, Scenario())
     assert flight.control == found
-    assert ambkit.assess(FAST).loops["measurement"].peak < ENOUGH
+    assert ambkit.assess(FAST, "none").loops["measurement"].peak < ENOUGH
     assert LoopOf(FAST).flown_by(None).pids == LoopOf(FAST, found).flown_by(None).pids
 
 

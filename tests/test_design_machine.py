@@ -152,7 +152,7 @@ def test_what_cannot_be_stated_is_told_with_its_line(text, told):
 def test_a_pid_is_of_what_there_is(kind, known):
     control = Control(type=kind, pid={"C": PID(kd=1.0)})
     with pytest.raises(AmbkitError, match=f"there is no C; known: {known}"):
-        ambkit.assess(TUM, None, control)
+        ambkit.assess(TUM, "none", control)
 
 
 # ---- the default, on every preset

@@ -172,8 +172,8 @@ def test_every_kind_flies_with_it(kind: str) -> None:
 def test_margins_are_those_of_python_control() -> None:
     """The lag, held stiffness and all: the plant of `assess` is ``1/(1 + s lag)`` in the force."""
     pid = PID().completed(ZITTAU).model_copy(update={"feedback": "measurement"})
-    late = ambkit.assess(LATE, controller=pid).to_dict()
-    prompt = ambkit.assess(ZITTAU, controller=pid).to_dict()
+    late = ambkit.assess(LATE, "none", controller=pid).to_dict()
+    prompt = ambkit.assess(ZITTAU, "none", controller=pid).to_dict()
     k, m, T = ConstantStiffness.of(LATE), LATE.rotor.mass, LATE.sampling_time
     # States x, v, f_e, x_m by hand.
     A = np.array([

@@ -28,7 +28,7 @@ def test_it_keeps_within_the_limits_of_all_axes(designed):
 
 def test_what_it_tells_is_the_models(designed):
     found = designed.expected
-    S = np.abs(ambkit.assess(TUM).loops["measurement"].loop.of_axis(2, found.frequency))
+    S = np.abs(ambkit.assess(TUM, "none").loops["measurement"].loop.of_axis(2, found.frequency))
     distance = np.abs(np.abs(found.sensitivity) - S) / S
     assert np.median(distance) < 0.02  # noise, and what the amplitude adds
     assert distance.max() < 0.08
@@ -46,7 +46,7 @@ def test_commands_design_play_and_assess_it(designed, tmp_path, monkeypatch, cap
         return int(left.value.code or 0), capsys.readouterr()
 
     assert call("simulate", "still.toml", "--injection", "injection.csv", "--out", "l.csv")[0] == 0
-    code, shown = call("assess", "l.csv", "--bearing", "still.toml", "--filter", "none")
+    code, shown = call("assess", "log", "l.csv", "--machine", "still.toml", "--filter", "none")
     assert code == 0
     assert "tum_mlps B1" in shown.out
     code, shown = call("simulate", "ufu_rig", "--injection", "l.csv")

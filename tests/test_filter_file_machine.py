@@ -147,8 +147,6 @@ def test_assess_takes_it(arguments, folder, capsys, monkeypatch):
     (["check", "f.toml"], 0, "ok, filter: linear, for tum_mlps"),
     (["assess", "tum_mlps", "--filter", "f.toml", "--controller", "scenario.toml"], 0,
      "margin, up"),
-    (["assess", "tum_mlps", "--filter", "f.toml", "--synchronous", "runout"], 2,
-     "says itself what it estimates"),
     (["assess", "zittau_axial", "--filter", "f.toml"], 2, "this filter is of tum_mlps, a machine"),
     (["simulate", "tum_mlps", "--scenario", "scenario.toml", "--estimator", "f.toml"], 0, "RMSE"),
     (["filter", "run.csv", "--estimator", "f.toml"], 0, "mean NIS"),

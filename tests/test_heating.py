@@ -85,24 +85,24 @@ def test_the_verdict_says_how_warm_coils_are():
     assert rows["coil_temperature"].limit() == "below 130.0 °C"
     assert rows["coil_temperature"].kept
     assert rows["time_to_coil_temperature_limit"].value == d.heating.until_limit
-    away = ambkit.assess(WARM.replace(coil__thermal_resistance="60 K/W"))
+    away = ambkit.assess(WARM.replace(coil__thermal_resistance="60 K/W"), "none")
     hot = next(row for row in away.rows if row.key == "coil_temperature")
     assert hot.text() == "runs away"
     assert hot.kept is False
-    unknown = ambkit.assess(ambkit.Bearing.preset("zittau_axial"))
+    unknown = ambkit.assess(ambkit.Bearing.preset("zittau_axial"), "none")
     assert any("thermal_resistance" in note for note in unknown.notes)
 
 
 def test_a_run_up_warms_the_coils_of_a_machine():
-    over = ambkit.assess_over_speed(MACHINE, None, fastest="9000 rpm", count=3)
+    over = ambkit.assess_speed(MACHINE, "none", fastest="9000 rpm", count=3)
     assert over.temperature.shape == (3, 4)
-    own = ambkit.assess(MACHINE.model_copy(update={"speed": 0.0, "unbalance": ()}))
+    own = ambkit.assess(MACHINE.model_copy(update={"speed": 0.0, "unbalance": ()}), "none")
     at_rest = [at.demands.heating.temperature for at in own.loops["measurement"].axes.values()]
     assert over.temperature[0] == pytest.approx(at_rest, rel=1e-6)
     assert (over.temperature[2] > over.temperature[0]).all()
     assert over.temperature_limit == 403.15
     assert len(over.run_up_figure().panels) == 3
-    assert ambkit.assess_over_speed(UFU, fastest="9000 rpm", count=2).temperature is None
+    assert ambkit.assess_speed(UFU, "none", fastest="9000 rpm", count=2).temperature is None
     same = ambkit.Machine.from_toml(MACHINE.to_toml())
     assert same.bearing[0].coil == WARM.coil
     assert same.alone("A1").coil == WARM.coil

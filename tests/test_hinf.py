@@ -41,7 +41,7 @@ def test_no_other_controller_weighs_less():
     found = hinf(P)
     best = cost(found.response(f)[:, 0, 0])
     assert best.max() < 1.02 * best.min() + 0.02
-    for loop in ambkit.assess(LATE, lqg=True).loops.values():
+    for loop in ambkit.assess(LATE, "none", beside=["lqg"]).loops.values():
         K = loop.loop.compensator.response(f)[:, 0, 0]
         assert cost(K).max() > best.max()
 
@@ -58,7 +58,7 @@ def test_the_same_bearing_in_other_units_has_the_same_loop():
 
 def test_it_stands_beside_pid_and_lqg():
     pytest.importorskip("slycot")
-    found = ambkit.assess(LATE, "linear", lqg=True, hinf=True)
+    found = ambkit.assess(LATE, "linear", beside=["lqg", "hinf"])
     assert list(found.loops) == ["measurement", "LQG", "H-infinity", "linear"]
     loop = found.loops["H-infinity"]
     assert found.least[0] < loop.peak < found.loops["LQG"].peak
@@ -71,7 +71,7 @@ def test_it_stands_beside_pid_and_lqg():
 @pytest.mark.parametrize("name", ["tum_mlps", "hindawi_2011"])
 def test_of_a_machine_each_axis_has_one(name):
     pytest.importorskip("slycot")
-    found = ambkit.assess(Machine.preset(name), hinf=True)
+    found = ambkit.assess(Machine.preset(name), "none", beside=["hinf"])
     loop = found.loops["H-infinity"]
     assert loop.zone == "A"
     assert loop.integral.holds
@@ -81,9 +81,9 @@ def test_of_a_machine_each_axis_has_one(name):
 def test_without_slycot_it_is_said_in_a_line(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "slycot", None)
     with pytest.raises(AmbkitError, match=r"pip install ambkit\[hinf\]"):
-        ambkit.assess(ZITTAU, hinf=True)
+        ambkit.assess(ZITTAU, "none", beside=["hinf"])
     with pytest.raises(SystemExit) as left:
-        main(["assess", "zittau_axial", "--hinf"])
+        main(["assess", "zittau_axial", "--beside", "hinf"])
     assert left.value.code == 2
     assert "needs python-control and slycot" in capsys.readouterr().err
 
@@ -91,6 +91,6 @@ def test_without_slycot_it_is_said_in_a_line(monkeypatch, capsys):
 def test_command(capsys):
     pytest.importorskip("slycot")
     with pytest.raises(SystemExit) as left:
-        main(["assess", "zittau_axial", "--hinf", "--lqg"])
+        main(["assess", "zittau_axial", "--beside", "hinf", "--beside", "lqg"])
     assert not left.value.code
     assert "H-infinity" in capsys.readouterr().out

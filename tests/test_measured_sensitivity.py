@@ -158,7 +158,7 @@ def test_what_a_record_does_not_tell_is_said(change, told):
 @pytest.mark.parametrize("filter", [None, "linear"])
 @pytest.mark.parametrize("kind", ["multisine", "stepped-sine"])
 def test_sweep_is_the_models_within_two_percent_where_the_loop_is_linear(filter, kind):
-    found = ambkit.sweep(LATE, filter, amplitudes=["2 um", "0.3 mm"], kind=kind)
+    found = ambkit.assess_sweep(LATE, filter, amplitudes=["2 um", "0.3 mm"], kind=kind)
     small, large = found.swept
     assert small.deviation < 0.02
     assert not small.limited
@@ -173,7 +173,7 @@ def test_runout_is_no_part_of_a_sweep():
     turning = LATE.replace(speed=2 * math.pi * 40, sensor__runout=[
         {"order": 1, "amplitude": "3 um"}, {"order": 2, "amplitude": "2 um"}
     ])  # fmt: skip
-    assert ambkit.sweep(turning, "linear", amplitudes=[2e-6]).swept[0].deviation < 0.02
+    assert ambkit.assess_sweep(turning, "linear", amplitudes=[2e-6]).swept[0].deviation < 0.02
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_runout_is_no_part_of_a_sweep():
 )
 def test_what_cannot_be_swept_is_refused(options, told):
     with pytest.raises(AmbkitError, match=told):
-        ambkit.sweep(LATE, **options)
+        ambkit.assess_sweep(LATE, **options)
 
 
 # ---- the experiment

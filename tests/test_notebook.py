@@ -61,7 +61,7 @@ def shown() -> dict[str, Any]:
         Design(Path("d"), BEARING.long, Control(), (candidate,), candidate, assessed, 0.1,
                ("It is slow.",), None, {}),
         identify_by_lift_off(one_sided, points),
-        assessed, ambkit.sweep(BEARING, "linear", amplitudes=["1 um"]),
+        assessed, ambkit.assess_sweep(BEARING, "linear", amplitudes=["1 um"]),
         ambkit.trade_off(BEARING, [2.2], kind="linear", budget=2, runs=1),
         injection, ambkit.assess_log(injection.record, BEARING, "linear"),
     ]  # fmt: skip

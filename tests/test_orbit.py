@@ -28,7 +28,7 @@ ZITTAU = Bearing.preset("zittau_axial").replace(speed="1500 rpm")
 )
 def test_along_an_orbit_model_and_simulation_agree_within_two_percent(filter, share):
     """A fifth of the gap: what the rotor at rest would have is a sixth off."""
-    found = ambkit.sweep(TUM, filter, amplitudes=["1 um"], axis="A1", orbit=share * GAP)
+    found = ambkit.assess_sweep(TUM, filter, amplitudes=["1 um"], axis="A1", orbit=share * GAP)
     (swept,) = found.swept
     assert np.abs(found.loop.of.point.orbit.x).max() == pytest.approx(share * GAP, rel=1e-4)
     assert not swept.limited
@@ -39,7 +39,7 @@ def test_along_an_orbit_model_and_simulation_agree_within_two_percent(filter, sh
 
 def test_of_one_axis_a_load_makes_the_orbit():
     far = 0.08 * ZITTAU.magnet.air_gap
-    (swept,) = ambkit.sweep(ZITTAU, "linear", amplitudes=["2 um"], orbit=far).swept
+    (swept,) = ambkit.assess_sweep(ZITTAU, "linear", amplitudes=["2 um"], orbit=far).swept
     assert swept.deviation < 0.02
     rest = ambkit.assess(ZITTAU, "linear").loops["linear"].loop.of_axis(0, swept.frequency)
     assert np.max(np.abs(swept.sensitivity - rest) / np.abs(rest)) > 0.03
@@ -92,29 +92,29 @@ def test_what_is_said_of_an_orbit():
     assert "along the orbit of" in found.facts
     far = max(at.demands.displacement for at in loop.axes.values())
     assert far == pytest.approx(0.1 * GAP, rel=0.05)
-    own = ambkit.assess(TUM, orbit=True).loops[MEASUREMENT]
-    assert own.peak == pytest.approx(ambkit.assess(TUM).loops[MEASUREMENT].peak, rel=1e-3)
-    over = ambkit.assess_over_speed(TUM, fastest=TUM.speed, count=2, orbit=True)
+    own = ambkit.assess(TUM, "none", orbit="own").loops[MEASUREMENT]
+    assert own.peak == pytest.approx(ambkit.assess(TUM, "none").loops[MEASUREMENT].peak, rel=1e-3)
+    over = ambkit.assess_speed(TUM, "none", fastest=TUM.speed, count=2, orbit="own")
     assert over.peaks[1] == pytest.approx([at.peak for at in own.axes.values()], rel=1e-5)
 
 
 @pytest.mark.parametrize(("machine", "orbit", "said"), [
-    (TUM.model_copy(update={"speed": 0.0, "unbalance": ()}), True, "does not turn"),
-    (TUM.model_copy(update={"unbalance": ()}), True, "no unbalance for an orbit"),
-    (ZITTAU, True, "give its amplitude"),
+    (TUM.model_copy(update={"speed": 0.0, "unbalance": ()}), "own", "does not turn"),
+    (TUM.model_copy(update={"unbalance": ()}), "own", "no unbalance for an orbit"),
+    (ZITTAU, "own", "give its amplitude"),
     (TUM, -1e-6, "greater than 0 m"),
     (TUM, 0.95 * GAP, "where the air gap is"),
 ])  # fmt: skip
 def test_what_has_no_orbit_is_refused(machine, orbit, said):
     with pytest.raises(AmbkitError, match=said):
-        ambkit.assess(machine, orbit=orbit)
+        ambkit.assess(machine, "none", orbit=orbit)
 
 
 @pytest.mark.parametrize(("arguments", "code", "said"), [
     (["tum_mlps", "--filter", "none", "--orbit", "30 um", "--json"], 0, '"orbit": ['),
     (["zittau_axial", "--orbit", "own"], 2, "does not turn: it has no orbit"),
     (["tum_mlps", "--orbit", "far"], 2, "not a number with a unit"),
-    (["tum_mlps", "--orbit", "1 um", "--over-speed", "3000 rpm"], 2, "give --orbit own"),
+    (["speed", "tum_mlps", "--orbit", "1 um"], 2, "invalid choice: '1 um' (choose from 'own')"),
 ])  # fmt: skip
 def test_command(arguments, code, said, capsys):
     with pytest.raises(SystemExit) as left:

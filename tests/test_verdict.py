@@ -12,7 +12,6 @@ from ambkit import Bearing, KalmanFilter, Scenario, Sine
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.machine import presets
-from ambkit.result.page import write_result
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.run import simulate
@@ -95,7 +94,7 @@ def test_runout_moves_the_rotor_by_what_the_simulation_says():
 
 
 def test_copper_loss_is_that_of_both_coils():
-    held = loop_of(LATE, load=3.0)
+    held = loop_of(LATE, disturbance=3.0)
     iu = WorkPoint.hovering(LATE, 0.0, 3.0).iu
     i0 = LATE.magnet.bias_current
     expected = 2.0 * ((i0 + iu) ** 2 + (i0 - iu) ** 2 + 2 * held.current_noise**2)
@@ -119,23 +118,23 @@ def test_zones_are_by_the_share_of_the_clearance(share, zone):
 def test_the_verdict_says_what_is_kept_and_what_not(tmp_path):
     good = ambkit.assess(LATE, "linear")
     assert all(row.kept is not False for row in good.rows)
-    write_result([good], tmp_path / "v.html", signed=True)
+    good.save(tmp_path / "v.html")
     page = (tmp_path / "v.html").read_text(encoding="utf-8")
     for said in ("Verdict on the loop of late", "All that has a limit keeps it", "reviewed by",
                  "an aid, not a certificate", "14839-2"):  # fmt: skip
         assert said in page
-    far = ambkit.assess(LATE, "linear", x=0.5 * LATE.rotor.travel_limit)
+    far = ambkit.assess(LATE, "linear", position=0.5 * LATE.rotor.travel_limit)
     kept = {row.key: row.kept for row in far.rows if row.of == "linear"}
     assert kept["displacement"] is False
     assert kept["verdict"] is False
     assert kept["peak"] == (far.loops["linear"].peak < 3)
     assert "not kept: zone" in far.finding
     assert len(good.capacity_figure().panels) == 3
-    assert len(ambkit.assess(ZITTAU).capacity_figure().panels) == 2
+    assert len(ambkit.assess(ZITTAU, "none").capacity_figure().panels) == 2
 
 
 def test_what_falls_keeps_nothing(tmp_path):
-    weak = ambkit.assess(LATE, controller=ambkit.PID(kp=100.0, ki=0.0, kd=1.0))
+    weak = ambkit.assess(LATE, "none", controller=ambkit.PID(kp=100.0, ki=0.0, kd=1.0))
     assert weak.loops["measurement"].demands is None
     weak.page(tmp_path / "v.html")
     assert "Not kept: zone, the worse of stability" in (tmp_path / "v.html").read_text(
@@ -203,7 +202,7 @@ def test_lqg_makes_its_own_cost_least():
 
 @pytest.mark.parametrize("preset", presets.names())
 def test_lqg_stands_beside_the_loops(preset):
-    found = ambkit.assess(Bearing.preset(preset), "linear", lqg=True)
+    found = ambkit.assess(Bearing.preset(preset), "linear", beside=["lqg"])
     assert list(found.loops) == ["measurement", "LQG", "linear"]
     lqg = found.loops["LQG"]
     assert lqg.stable

@@ -20,6 +20,7 @@ from sphinx.util.docutils import SphinxDirective
 from typer.testing import CliRunner
 
 from ambkit.cli.app import app
+from ambkit.cli.from_verbs import VERBS
 from ambkit.cli.main import main
 
 LANGUAGES = {".toml": "toml", ".csv": "text", ".json": "json"}
@@ -112,8 +113,9 @@ class Manual(SphinxDirective):
         """Ask the command itself."""
         name = self.arguments[0]
         command = typer.main.get_command(app).commands[name]
+        own = [each.removeprefix(f"{name} ") for each in VERBS if each.startswith(f"{name} ")]
         shown = []
-        for inner in ([], *([inner] for inner in getattr(command, "commands", {}))):
+        for inner in ([], *([inner] for inner in (*getattr(command, "commands", ()), *own))):
             arguments = [name, *inner, "--help"]
             text = CliRunner().invoke(app, arguments, prog_name="ambkit", terminal_width=90).output
             shown.append(nodes.literal_block(text, text, language="text"))

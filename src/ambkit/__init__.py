@@ -68,8 +68,10 @@ if TYPE_CHECKING:
     from ambkit.simulation.waveforms import Sequence as Sequence
     from ambkit.simulation.waveforms import Sine as Sine
     from ambkit.simulation.waveforms import Step as Step
-    from ambkit.workflow.assessing import assess as assess
-    from ambkit.workflow.assessing_log import assess_log as assess_log
+    from ambkit.verbs.assess import assess as assess
+    from ambkit.verbs.assess import assess_log as assess_log
+    from ambkit.verbs.assess import assess_speed as assess_speed
+    from ambkit.verbs.assess import assess_sweep as assess_sweep
     from ambkit.workflow.campaign.result import Campaign as Campaign
     from ambkit.workflow.campaign.robust import tune_robust as tune_robust
     from ambkit.workflow.campaign.running import campaign as campaign
@@ -83,11 +85,9 @@ if TYPE_CHECKING:
     from ambkit.workflow.identifying import identify as identify
     from ambkit.workflow.injecting import design_injection as design_injection
     from ambkit.workflow.mode_shapes import mode_shapes as mode_shapes
-    from ambkit.workflow.over_speed import assess_over_speed as assess_over_speed
     from ambkit.workflow.simulating import scenario_for as scenario_for
     from ambkit.workflow.simulating import simulate as simulate
     from ambkit.workflow.simulating import simulate_run as simulate_run
-    from ambkit.workflow.sweeping import sweep as sweep
     from ambkit.workflow.trading_off import trade_off as trade_off
     from ambkit.workflow.tuned_filter import tune as tune
     from ambkit.workflow.unbalance_response import unbalance_response as unbalance_response
@@ -143,9 +143,7 @@ _HOME = {
         "Step",
     ],
     "workflow.comparison": ["compare"],
-    "workflow.assessing": ["assess"],
-    "workflow.assessing_log": ["assess_log"],
-    "workflow.over_speed": ["assess_over_speed"],
+    "verbs.assess": ["assess", "assess_log", "assess_speed", "assess_sweep"],
     "workflow.campaign.result": ["Campaign"],
     "workflow.campaign.robust": ["tune_robust"],
     "workflow.campaign.running": ["campaign"],
@@ -160,7 +158,6 @@ _HOME = {
     "workflow.mode_shapes": ["mode_shapes"],
     "workflow.unbalance_response": ["unbalance_response"],
     "workflow.waterfall": ["waterfall"],
-    "workflow.sweeping": ["sweep"],
     "workflow.trading_off": ["trade_off"],
     "workflow.simulating": ["scenario_for", "simulate", "simulate_run"],
     "workflow.tuned_filter": ["tune"],

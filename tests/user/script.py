@@ -155,9 +155,9 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
     assert_type(ambkit.assess(bearing, "linear").loops["linear"].peak, float)
     traded = ambkit.trade_off(bearing, [2.5], kind="linear", budget=2, runs=1)
     assert_type(traded.points[0].peak, float)
-    assert_type(ambkit.sweep(bearing, amplitudes=["1 um"]).swept[0].deviation, float)
+    assert_type(ambkit.assess_sweep(bearing, "none", amplitudes=["1 um"]).swept[0].deviation, float)
     injection = ambkit.design_injection(bearing, ambkit.Scenario(duration=1.0))
-    assert_type(ambkit.assess_log(injection.record, bearing).zone, str)
+    assert_type(ambkit.assess_log(injection.record, bearing, "none").zone, str)
 
 
 class Raw:
@@ -186,7 +186,7 @@ def whole_machine() -> None:
     found = ambkit.judge_states(machine, ["linear"], seeds=1, duration=0.04, settled=0.02)
     assert isinstance(found, ambkit.Judgement)
     assert_type(ambkit.campbell(machine, count=3).critical, list[float])
-    over = ambkit.assess_over_speed(machine, fastest="3000 rpm", count=2)
+    over = ambkit.assess_speed(machine, "none", fastest="3000 rpm", count=2)
     assert_type(over.farthest, tuple[float, float])
     assert_type(ambkit.waterfall(run.record, "s_A1", window=0.01).amplitude, Array)
     assert_type(ambkit.unbalance_response(machine, 500.0, count=3).amplitude, Array)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperOption
 
-from ambkit.cli.assess import assess
+from ambkit.cli import from_verbs
 from ambkit.cli.campaign import (
     RUN,
     OfCampaigns,
@@ -61,7 +61,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "filter": filter_record,
     "compare": compare,
     "design": design,
-    "assess": assess,
+    "assess": from_verbs.command("assess"),
     "torture": torture,
     "rotor": rotor,
     "pil": pil,
@@ -110,7 +110,10 @@ def _help(command: Callable[..., None]) -> str:
 
 
 for _name, _command in _COMMANDS.items():
-    app.command(_name, cls=Command, help=_help(_command))(_command)
+    if _name in from_verbs.VERBS:
+        app.command(_name, help=_command.__doc__, context_settings=from_verbs.PASSED)(_command)
+    else:
+        app.command(_name, cls=Command, help=_help(_command))(_command)
 
 
 def _print_version(wanted: bool) -> None:

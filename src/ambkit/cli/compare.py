@@ -175,7 +175,7 @@ def compare(
         raise AmbkitError(
             f"{given[0]} is in place of a case, and does not go with {clash[0]}{hint}"
         )
-    from ambkit.cli.kinds import surface_in
+    from ambkit.machine.forces.map_of import surface_in
 
     chosen = "linear,adaptive,closed-law" if estimators is None else estimators
     _in_own_loops(

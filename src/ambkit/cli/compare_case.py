@@ -36,9 +36,9 @@ class Wanted(NamedTuple):
 def in_case(name: str, case_name: str, chosen: str, wanted: Wanted) -> None:
     """Compare in a case, or in all of them, and deliver; see ``ambkit compare --help``."""
     from ambkit.cli import output
-    from ambkit.cli.kinds import surface_in
     from ambkit.judge.comparison.contenders import expand, suited
     from ambkit.judge.comparison.study import pieces_of
+    from ambkit.machine.forces.map_of import surface_in
     from ambkit.workflow.comparing import cases_called, compare_in_all, compare_in_case
     from ambkit.workflow.saved_filters import adequacy_of, save_filters
 
@@ -81,7 +81,7 @@ def in_case(name: str, case_name: str, chosen: str, wanted: Wanted) -> None:
 
 
 def _magnets(bearing: Machine, names: Sequence[str], expert: Path | None) -> dict[str, MagnetModel]:
-    from ambkit.cli.kinds import experts
+    from ambkit.estimate.experts import experts
 
     if expert is None:
         return {}

@@ -147,7 +147,7 @@ def excite(
       ambkit simulate my.toml --reference excitation.csv --out run.csv
       ambkit excite my.toml --for sensitivity --out injection.csv
       ambkit simulate my.toml --injection injection.csv --out injected.csv
-      ambkit assess injected.csv --bearing my.toml
+      ambkit assess log injected.csv --machine my.toml
       ambkit excite tum_mlps --axis A1 --out excitation.csv
       ambkit excite tum_mlps --for sensitivity --axis all --out injection.csv
     """

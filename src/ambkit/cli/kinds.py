@@ -18,8 +18,6 @@ from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, kind_cal
 if TYPE_CHECKING:
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.estimate.named import Factory
-    from ambkit.fuzzy.expert import Expert
-    from ambkit.machine.forces.surface import ForceSurface
     from ambkit.machine.machine import Bearing, Machine
     from ambkit.machine.magnets import MagnetModel
 
@@ -75,6 +73,7 @@ def factories(
     synchronous: Sequence[str] = (),
 ) -> dict[str, Factory]:
     """Return what builds each of the chosen estimators, as often as asked."""
+    from ambkit.estimate.experts import experts
     from ambkit.estimate.named import expanded
     from ambkit.estimate.named import factories as built
 
@@ -88,20 +87,6 @@ def factories(
         return built(chosen, machine, synchronous=synchronous)
 
 
-def experts(path: Path, machine: Machine) -> MagnetModel:
-    """Return the expert in a file for each axis of a machine, whose magnets must be alike."""
-    from ambkit.machine.bank import alone_of, bank_of
-
-    axes = alone_of(machine)
-    other = next((b.name for b in axes if b.magnet != axes[0].magnet), None)
-    if other is not None:
-        raise AmbkitError(
-            f"--expert is of one magnet, and the axes {axes[0].name} and {other} of "
-            f"{machine.name} have different ones"
-        )
-    return bank_of([read_expert(path, axes[0])] * len(axes), machine)
-
-
 class Chosen(NamedTuple):
     """A kind of estimator to export, and what it asks for k_i and k_s; None for the kind's own."""
 
@@ -113,6 +98,7 @@ class Chosen(NamedTuple):
 
 def exported(text: str | None, machine: Machine, choice: Iterable[str] = NAMES) -> Chosen:
     """Return the estimator that a user names, or the adaptive filter of the expert in a file."""
+    from ambkit.estimate.experts import experts
     from ambkit.estimate.filter_file import FilterFile
 
     if text is None or text in choice:
@@ -139,6 +125,7 @@ def to_export(
 ) -> tuple[Machine, Chosen]:
     """Return the machine and the estimator that a user wants to export."""
     from ambkit.estimate.filter_file import FilterFile
+    from ambkit.workflow.given import is_filter
 
     if not is_filter(target):
         machine = find_machine(target)
@@ -157,43 +144,9 @@ def axis_to_export(
     return only_axis(machine, target), found
 
 
-def is_filter(text: str) -> bool:
-    """Whether a TOML file is a filter's: only these have a ``kind``."""
-    import tomllib
-
-    try:
-        path = Path(text)
-        if path.suffix != FILTER_SUFFIX:
-            return False
-        return "kind" in tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):  # which is told by who reads it
-        return False
-
-
 def _learned(name: str, bearing: Machine) -> MagnetModel | None:
     """Return what is learned for a kind; None where it knows by itself."""
     if name != "adaptive":
         return learned_magnet(name, bearing)
     with output.progress("training the expert"):
         return learned_magnet(name, bearing)
-
-
-def read_expert(path: Path, bearing: Bearing) -> Expert | ForceSurface:
-    """Return the expert in a file, and note if it was trained for another bearing."""
-    # Of a table of points of the force it is the surface through them.
-    from ambkit.fuzzy.expert import Expert
-
-    if path.suffix.lower() in (".csv", ".parquet"):
-        return surface_in(path, bearing)
-    trained = Expert.load(path)
-    if not trained.source.startswith(bearing.name):
-        output.note(f"{path}: was trained for {trained.source}, not for {bearing.name}")
-    return trained
-
-
-def surface_in(path: Path, bearing: Bearing) -> ForceSurface:
-    """Return the surface through the points of a force map."""
-    from ambkit.machine.forces.map_of import surface_in as found_in
-
-    with output.progress("finding the force"):
-        return found_in(path, bearing)

@@ -31,6 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
         streams.prepare()
         output.written.clear()
+        output.heed_notes()
         given = sys.argv[1:] if arguments is None else arguments
         debug = "--debug" in given
         if alone and not debug:  # what overflows shows in the results
@@ -78,10 +79,11 @@ def _run(arguments: list[str], debug: bool) -> int:
     except TyperException as error:
         _trace(debug)
         message = error.format_message().replace("Value error, ", "")
-        return _refused(message, getattr(error, "ctx", None))
+        context = getattr(error, "ctx", None)
+        return _refused(message, context and context.command_path)
     except AmbkitError as error:
         _trace(debug)
-        return _refused(str(error))
+        return _refused(str(error), getattr(error, "command", None))
     except MemoryError:
         _trace(debug)
         return _refused("there is not enough memory for this many samples")
@@ -129,11 +131,11 @@ def _interrupted() -> None:
     output.note(f"\ninterrupted; {files}")
 
 
-def _refused(message: str, context: Any = None) -> int:
+def _refused(message: str, command: str | None = None) -> int:
     """Print one message, and where the command's help is if the command was not understood."""
     from ambkit.cli import output
 
-    hint = f"\ntry {context.command_path} --help" if context is not None else ""
+    hint = f"\ntry {command} --help" if command is not None else ""
     output.note(f"ambkit: {message}{hint}")
     return 2
 

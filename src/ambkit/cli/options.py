@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -147,15 +146,9 @@ Synchronous = Annotated[
 
 def find_machine(text: str) -> Machine:
     """Return the machine that the user named: a preset, or one in a TOML file."""
-    from ambkit.machine import presets
     from ambkit.machine.loading import load_machine
 
-    known = presets.all_names()
-    if text in known or Path(text).suffix == ".toml" or os.sep in text or Path(text).exists():
-        return load_machine(text)
-    near = difflib.get_close_matches(text, known, 1)
-    hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(known)}"
-    raise AmbkitError(f'there is no preset and no file "{text}"; {hint}')
+    return load_machine(text)
 
 
 def find_axis(text: str) -> Bearing:

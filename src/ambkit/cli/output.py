@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -78,7 +79,7 @@ def deliver_result(
 
     drawn: list[File] = [
         *files,
-        (plot, lambda path: _save_figure(result, path)),
+        (plot, lambda path: save_figure(result, path)),
         (report, lambda path: write_result([result], path)),
     ]
     deliver(
@@ -86,10 +87,11 @@ def deliver_result(
     )
 
 
-def _save_figure(result: Result, path: Path) -> None:
-    from ambkit.show.plots import save_figure
+def save_figure(result: Result, path: Path) -> None:
+    """Draw a result's main picture."""
+    from ambkit.show.plots import saving
 
-    save_figure(result.figures()[0], path)
+    saving.save_figure(result.figures()[0], path)
 
 
 def told(result: Result, *, verbose: bool | None = None) -> Iterator[Table | str]:
@@ -137,6 +139,22 @@ def note(text: str) -> None:
     """Say something on stderr; where nobody can hear it, nothing is left to be done."""
     with suppress(OSError):
         print(escaping.lines(text), file=sys.stderr)
+
+
+class Notes(logging.Handler):
+    """Says what the library notes, as commands do."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Say it."""
+        note(record.getMessage())
+
+
+def heed_notes() -> None:
+    """Say on stderr what the library notes."""
+    notes = logging.getLogger("ambkit")
+    if not notes.handlers:
+        notes.addHandler(Notes())
+        notes.propagate = False
 
 
 def value(number: Any, unit: str, digits: int = 4, like: float | None = None) -> str:

@@ -125,8 +125,9 @@ def simulate(
     """
     from ambkit.base.errors import AmbkitError
     from ambkit.cli import output
-    from ambkit.cli.kinds import factories, surface_in
+    from ambkit.cli.kinds import factories
     from ambkit.judge.adequacy import judge_adequacy
+    from ambkit.machine.forces.map_of import surface_in
     from ambkit.show import plots
     from ambkit.workflow.harmonics import harmonics
     from ambkit.workflow.simulating import RunSummary, scenario_for, simulate_run

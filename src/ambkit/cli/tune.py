@@ -138,9 +138,9 @@ def tune(
       ambkit export c filter.toml --out out/
     """
     from ambkit.cli import output
-    from ambkit.cli.kinds import experts
-    from ambkit.cli.loop_query import control_of
     from ambkit.cli.options import arguments_of_the_user
+    from ambkit.estimate.experts import experts
+    from ambkit.workflow.given import given_controller
     from ambkit.workflow.trading_off import trade_off
     from ambkit.workflow.tuned_filter import tune as tuned
 
@@ -181,7 +181,7 @@ def tune(
     others = [_load(path, channel_map, known, None, None) for path in validate or ()]
     inputs = None if channel_map is None else _inputs(channel_map)
     span = "" if begin is None and end is None else f", {_shown(begin)} to {_shown(end)}"
-    pid = control_of(known.long, None if scenario is None else str(scenario))[0]
+    pid = given_controller(known.long, scenario)[0]
     if ceilings is not None:
         alone = {"--max-sensitivity": max_sensitivity, "--out": out, "--free": free,
                  "--validate": validate or None}  # fmt: skip

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ambkit.base.asked import names_in
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import MARK, load_class
+from ambkit.estimate.experts import EXPERTS, experts
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.own import own_factory
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, learned_magnet
@@ -19,6 +21,9 @@ if TYPE_CHECKING:
     from ambkit.estimate.noise import FilterNoise
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel, Precision
+
+PLUS = "+"
+"""Between a kind and what it estimates too of a rotor that turns, as in ``linear+unbalance``."""
 
 USUAL = ("linear", "adaptive", "closed-law")
 """Who is compared where nobody says it: without, with a learned and with the exact stiffness."""
@@ -67,12 +72,17 @@ def factories(
             if synchronous:
                 raise AmbkitError(f"synchronous is of kinds; {name} is a class of your own")
             return own_factory(*load_class(name), bearing)
-        magnet = given[name] if name in given else learned_magnet(name, bearing)
-        turning = {"synchronous": synchronous} if synchronous else {}
+        kind, *own = name.split(PLUS)
+        magnet: MagnetModel | None
+        if name.endswith(EXPERTS):
+            kind, magnet = "adaptive", experts(Path(name), bearing)
+        else:
+            magnet = given[name] if name in given else learned_magnet(kind, bearing)
+        turning = {"synchronous": (*synchronous, *own)} if synchronous or own else {}
 
         def make(noise: FilterNoise | None = None, **options: Any) -> Estimator:
             try:
-                return KINDS[name].make(bearing, magnet, noise=noise, **turning, **options)
+                return KINDS[kind].make(bearing, magnet, noise=noise, **turning, **options)
             except ValueError as error:
                 raise AmbkitError(str(error)) from error
 

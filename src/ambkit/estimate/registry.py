@@ -291,11 +291,11 @@ def kind_called(name: str) -> Kind:
 
 def check_named(name: str) -> None:
     """Refuse what is neither a kind, ``"all"`` of them, a filter's file, nor a user's class."""
-    known_so = name in KINDS or name == "all" or name.endswith(FILTER_SUFFIX) or MARK in name
-    if not known_so:
+    is_kind = name == "all" or name.partition("+")[0] in KINDS
+    if not (is_kind or name.endswith((FILTER_SUFFIX, ".json", ".csv", ".parquet")) or MARK in name):
         known = (
-            f"known: {', '.join(KINDS)}, all, the file of a filter ({FILTER_SUFFIX}), or a class "
-            "of your own as file.py:Class"
+            f"known: {', '.join(KINDS)}, all, the file of a filter ({FILTER_SUFFIX}), of an expert "
+            "(.json) or a force map (.csv), or a class of your own as file.py:Class"
         )
         raise AmbkitError(f'there is no estimator "{name}"; {known}')
 

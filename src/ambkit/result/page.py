@@ -34,11 +34,9 @@ SIGNED = (
 """Where a page is signed."""
 
 
-def write_result(
-    results: Sequence[Stated], path: str | os.PathLike[str], *, signed: bool = False
-) -> None:
+def write_result(results: Sequence[Stated], path: str | os.PathLike[str]) -> None:
     """Write results on one page, which has the title and the facts of the first."""
-    first = results[0]
+    first, signed = results[0], any(each.signed for each in results)
     notes = "\n".join(f"- {markdown(note)}" for each in results for note in remarks(each))
     blocks = {key: of for each in results for key, of in _blocks(each).items()}
     parts = [_chapter(part, blocks) for each in results for part in each.chapters]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from ambkit.result.row import Row
 
@@ -31,6 +31,9 @@ class Stated:
     """What a result states, for the tellers."""
 
     __slots__ = ()
+
+    signed: ClassVar[bool] = False
+    """Whether its page is a verdict, to be signed off."""
 
     @property
     def title(self) -> str:

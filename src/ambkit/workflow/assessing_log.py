@@ -28,7 +28,7 @@ from ambkit.workflow.assessment_rows import of_loop
 
 if TYPE_CHECKING:
     from ambkit.result.report.figure import Figure
-    from ambkit.simulation.scenario import PID
+    from ambkit.simulation.scenario import PID, Control
 
 BASIS = (
     "Zones after ISO 14839-3, of one record at the frequencies that it tells: an aid, not a "
@@ -178,39 +178,13 @@ def assess_log(
     record: Record,
     bearing: Machine | None = None,
     filter: Any = None,
-    controller: PID | None = None,
+    controller: PID | Control | None = None,
     *,
     logged: Logged = "after",
     x: Given = 0.0,
     load: Given | Mapping[str, Given] = 0.0,
 ) -> AssessedLog:
-    """Assess a loop by a record in which a signal was added to its measurement.
-
-    Parameters
-    ----------
-    record : Record
-        With ``y`` [m] and ``injected`` [m]; see `ambkit.judge.loop.measured.measured_sensitivity`.
-        Of a machine with ``y_NAME`` of each reading, and ``injected_NAME`` of the axis at whose
-        summing point the signal was added.
-    bearing : Bearing or Machine, optional
-        Gives the speed, and the model that is laid over.
-    filter, controller, x, load : optional
-        Of the model, as for `ambkit.assess`.
-    logged : {"after", "before"}, optional
-        Whether ``y`` was logged after the signal was added to it, or before.
-
-    Returns
-    -------
-    AssessedLog
-        With tables (`to_dict`) and a picture (`figure`).
-
-    Raises
-    ------
-    RecordError
-        The record does not tell a sensitivity.
-    AmbkitError
-        See `ambkit.assess`.
-    """
+    """Assess a loop by a record in which a signal was added to its measurement."""
     of_type(Record, record=record)
     axis = 0
     if bearing is not None and not bearing.single:

@@ -65,6 +65,8 @@ def _poles_and_orbit(loop: AssessedLoop) -> dict[str, Any]:
 class Assessment(Result):
     """Loops of a machine and its controllers, assessed."""
 
+    signed = True
+
     of: LoopOf  #: Plant, controllers and work point.
     estimators: dict[str, Estimator]  #: Those in the loops.
     #: Peaks of S and T, by their largest singular values, that no controller can be below with this

@@ -234,7 +234,7 @@ def design(
         if found.rotor.type != "mass":
             note("looking at one speed after the other")
             pages.append(assess_over_speed(found, {chosen.kind: estimator}, controller))
-        write_result(pages, place / "verdict.html", signed=True)
+        write_result(pages, place / "verdict.html")
     run = run_of(found, control)
     adequacy = tuple(adequacy_of(chosen, run))
     fatal = [each for each in adequacy if each.fatal and each.name != "peak of |S|"]

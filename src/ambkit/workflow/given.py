@@ -1,25 +1,155 @@
-"""What a caller gives to be assessed, as it is needed: loads in SI, estimators by their names."""
+"""What a caller gives to a verb, as it is needed: objects for names, files and texts."""
 
 from __future__ import annotations
 
+import logging
+import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from ambkit.base.asked import in_si, names_in, of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.data.reading import load_filled
+from ambkit.data.record import Record
+from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.named import factories
 from ambkit.estimate.own import OwnEstimator, is_own
+from ambkit.estimate.registry import FILTER_SUFFIX
+from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
+from ambkit.simulation import default_control
+from ambkit.simulation.controllers import TYPES
+from ambkit.simulation.linear.settled import tells
+from ambkit.simulation.scenario import Control, Scenario
+from ambkit.simulation.waveforms import Constant
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
+    from ambkit.simulation.scenario import PID
+
+NOTES = logging.getLogger("ambkit")
+
+NONE = "none"
+"""Name of the filter of a loop that has none."""
+
+
+class LoopGiven(NamedTuple):
+    """What is in a closed loop that a caller named."""
+
+    machine: Machine
+    filters: dict[str, Estimator]
+    controller: PID | Control | None
+    position: float  #: Along the axes [m].
+    disturbance: Mapping[str, float]  #: By the names of the axes [N].
+
+    def one(self) -> LoopGiven:
+        """Refuse several filters for what is of one loop."""
+        if len(self.filters) > 1:
+            raise AmbkitError(f"this is of one loop: give one filter, not {len(self.filters)}")
+        return self
+
+
+def loop_given(
+    machine: Any, filter: Any, controller: Any, position: Any, disturbance: Any
+) -> LoopGiven:
+    """Return machine, filters and controller; the file of a filter gives the first two."""
+    if is_filter(machine):
+        if filter is not None:
+            raise AmbkitError(f"{machine} is a filter already: leave out the other one")
+        filter, machine = machine, FilterFile.load(machine).plant
+    plant = given_machine(machine)
+    control, constant, measured = given_controller(plant, controller)
+    if filter is None:
+        filter = NONE if measured else "linear"
+    filters = {} if filter in (NONE, [NONE]) else given_estimators(filter, plant)
+    if filter in ("all", ["all"]):
+        for name in [name for name, each in filters.items() if not tells(each)]:
+            NOTES.warning("%s is left out: it does not settle to a gain", name)
+            del filters[name]
+    forces = dict(constant)
+    if disturbance:
+        forces |= given_load(plant, disturbance)
+    return LoopGiven(plant, filters, control, in_si("position", position, "m"), forces)
+
+
+def given_machine(given: Any) -> Machine:
+    """Return the machine that is given or named."""
+    if isinstance(given, str | os.PathLike):
+        return load_machine(given)
+    of_type(Machine, machine=given)
+    return cast(Machine, given)
+
+
+def is_filter(given: Any) -> bool:
+    """Whether this is the TOML file of a filter: only these have a ``kind``."""
+    import tomllib
+
+    try:
+        if not isinstance(given, str | os.PathLike) or Path(given).suffix != FILTER_SUFFIX:
+            return False
+        return "kind" in tomllib.loads(Path(given).read_text(encoding="utf-8"))
+    except (OSError, ValueError):  # which is told by who reads it
+        return False
+
+
+def given_controller(
+    machine: Machine, given: Any
+) -> tuple[PID | Control | None, dict[str, float], bool]:
+    """Return the controllers, the constant disturbances, and whether a measurement feeds them."""
+    if not isinstance(given, str | os.PathLike):
+        return given, {}, False
+    if given in TYPES:
+        return Control.model_validate({"type": given}), {}, False
+    if Path(given).suffix != ".toml":
+        raise AmbkitError(
+            f"controller: {given!r} is none of {', '.join(TYPES)}, and no file that ends with .toml"
+        )
+    scenario, axes = Scenario.load(given), tuple(axis.name for axis in machine.axes)
+    wrong = list(scenario.wrong_for(axes, body=not machine.single))
+    if wrong:
+        raise AmbkitError(f"{given}: {'; '.join(wrong)}")
+    if machine.single:
+        return scenario.controller, {}, False
+    forces = {
+        axis: signal.value
+        for axis, signal in scenario.by_axis("disturbance", axes[0]) if isinstance(signal, Constant)
+    }  # fmt: skip
+    control = scenario.control
+    if default_control.fastest_of(machine, scenario) > abs(machine.speed):
+        control = default_control.control_of(machine, scenario)
+    return control, forces, default_control.feedback_of(machine, scenario) == "measurement"
+
+
+def given_orbit(given: Any) -> Any:
+    """Return whether a loop is linearised along its orbit, or of which half axis that is [m]."""
+    if given in (None, "own"):
+        return given is not None
+    return in_si("orbit", given, "m")
+
+
+def given_record(given: Any, channels: Any = None, window: Any = None) -> Record:
+    """Return a record, filled where its log has gaps, or the part of it that is wanted."""
+    record: Record = given
+    if isinstance(given, str | os.PathLike):
+        record = load_filled(given, channels, NOTES.warning)
+    of_type(Record, record=record)
+    if window is None:
+        return record
+    ends = window.split(",") if isinstance(window, str) else list(window)
+    if len(ends) != 2:
+        raise AmbkitError(f'window must be two times such as "2 s,5 s", is {window!r}')
+    start, stop = (None if end in (None, "") else end for end in ends)
+    return record.between(start, stop)
 
 
 def given_load(bearing: Machine, load: Any) -> dict[str, float]:
     """Return constant loads by the names of axes [N]; a number is of the first axis."""
     if load is None or isinstance(load, Mapping):
-        return {name: in_si(f"load of {name}", each, "N") for name, each in (load or {}).items()}
-    return {bearing.long.axes[0].name: in_si("load", load, "N")}
+        return {
+            name: in_si(f"disturbance of {name}", each, "N") for name, each in (load or {}).items()
+        }
+    return {bearing.long.axes[0].name: in_si("disturbance", load, "N")}
 
 
 def given_estimators(given: Any, bearing: Machine) -> dict[str, Estimator]:

@@ -64,6 +64,8 @@ GREATEST = ("greatest",)
 class OverSpeed(Result):
     """A machine's loop at several speeds of rotation."""
 
+    signed = True
+
     machine: Machine  #: The machine.
     fed_by: str  #: What its controllers are fed by.
     axes: tuple[str, ...]  #: Names of its p axes.
@@ -239,41 +241,7 @@ def assess_over_speed(
     load: Mapping[str, Given] | None = None,
     orbit: bool = False,
 ) -> OverSpeed:
-    """Look at a machine's loop over its speed of rotation, whose gyroscopics change it.
-
-    Sensitivity of each axis with all others closed, poles of the closed loop, and what unbalance
-    and runout ask in a run-up that is slow. The unbalance is that which the machine has at its own
-    speed. The filter is told the speed.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine.
-    filter : optional
-        In the loop, as for `ambkit.assess`, one at most; None: the measurement alone.
-    controller : PID or Control, optional
-        As for `ambkit.assess`; a regulator has the gains of the machine's own speed.
-    fastest : float or str, optional
-        Up to where [rad/s]; by default twice the machine's speed, or 1000 rad/s.
-    count : int, optional
-        Speeds, from rest on.
-    load : mapping of str to float or str, optional
-        Constant disturbance forces, by the names of the axes [N].
-    orbit : bool, optional
-        Whether the loop is linearised along the orbit of its unbalance at each speed, see
-        `ambkit.assess`.
-
-    Returns
-    -------
-    OverSpeed
-        With figures (`to_dict`) and pictures (`figure`, `run_up_figure`).
-
-    Raises
-    ------
-    AmbkitError
-        `fastest` is not greater than 0 or turns half a revolution within a sample, `count` is less
-        than 2, or see `ambkit.assess`.
-    """
+    """Look at a machine's loop over its speed of rotation, whose gyroscopics change it."""
     of_type(Machine, machine=machine)
     if machine.rotor.type == "mass":
         raise AmbkitError(f"{machine.name} does not turn: its rotor moves along one axis")

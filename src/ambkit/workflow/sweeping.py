@@ -193,48 +193,7 @@ def sweep(
     load: Given | Mapping[str, Given] = 0.0,
     orbit: Given | bool = False,
 ) -> Sweep:
-    """Sweep the simulated loop through the summing point at its measurement.
-
-    Without noise; of a rotor that turns, what runout and unbalance do alone is taken off. A
-    multisine gives the best linear approximation at its amplitude, a stepped sine the first
-    harmonic of each sine. Of a machine one axis is swept, with all others closed: the signal goes
-    to the readings as if the rotor had moved along that axis.
-
-    Parameters
-    ----------
-    bearing : Bearing or Machine
-        The plant, with its nonlinear magnets, limits and stops.
-    filter : optional
-        In the loop, as for `ambkit.assess`, one at most; None: the controller is fed by the
-        measurement.
-    controller : PID or Control, optional
-        What is not said of it is tuned to the bearing, or to each axis alone; or how a machine is
-        controlled.
-    amplitudes : sequence of float or str, optional
-        Greatest values of what is added to the measurement [m]; by default 0.1 %, 1 % and 3 % of
-        the air gap.
-    kind : {"multisine", "stepped-sine"}, optional
-        What is added.
-    axis : str, optional
-        Of a machine, by its name; by default that which decides its zone.
-    x, load : float or str, optional
-        Displacement [m] and constant load [N] at which it is done; of a machine only loads, by the
-        names of its axes.
-    orbit : float, str or bool, optional
-        See `ambkit.assess`; a machine is simulated with the unbalance of that orbit, a bearing with
-        a load at its speed.
-
-    Returns
-    -------
-    Sweep
-        With a table (`to_dict`) and a picture (`figure`).
-
-    Raises
-    ------
-    AmbkitError
-        An amplitude is not greater than 0; there is no such axis; the loop is not stable; or see
-        `ambkit.assess`.
-    """
+    """Sweep the simulated loop through the summing point at its measurement."""
     of_type(Machine, bearing=bearing)
     if kind not in get_args(Kind):
         raise AmbkitError(f"kind must be one of {', '.join(get_args(Kind))}, is {kind!r}")

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.progress import progress
 from ambkit.machine.forces.file import load_force_points
 from ambkit.machine.forces.surface import ForceSurface
 
@@ -32,7 +33,8 @@ def surface_in(path: str | os.PathLike[str], bearing: Bearing) -> ForceSurface:
     """Return the surface through the points of a force map of its own, with the usual columns."""
     points = load_force_points(path)
     try:
-        return ForceSurface(bearing, points)
+        with progress("finding the force"):
+            return ForceSurface(bearing, points)
     except AmbkitError as error:
         raise AmbkitError(f"{path}: {error}") from None
 

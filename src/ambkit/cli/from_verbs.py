@@ -1,0 +1,277 @@
+"""Commands made from verbs: options from their signatures, help from their docstrings."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import inspect
+import os
+import re
+from collections.abc import Callable, Sequence
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+)
+
+from ambkit.base.errors import AmbkitError
+
+if TYPE_CHECKING:
+    from ambkit.result.result import Result
+
+VERBS = {
+    "assess": "assess:assess",
+    "assess sweep": "assess:assess_sweep",
+    "assess speed": "assess:assess_speed",
+    "assess log": "assess:assess_log",
+}
+"""Module and function of each command."""
+
+PASSED = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+"""How typer passes all that follows the name of a command."""
+
+PICTURES = (".png", ".svg", ".html")
+ROWS = (".json", ".csv", ".tex", ".html")
+"""What every result can be written as."""
+
+
+SAME = re.compile(r"[Aa]s for `ambkit ([\w -]+)`")
+"""Of a parameter that has the meaning that it has in another command."""
+
+
+class Misused(AmbkitError):
+    """A command line that its command does not understand."""
+
+    def __init__(self, message: str, command: str) -> None:
+        super().__init__(message)
+        self.command = command
+
+
+class Description(NamedTuple):
+    """What a command needs of a numpydoc docstring."""
+
+    summary: str
+    text: str
+    parameters: dict[str, str]
+    examples: list[str]
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose refusals are errors like all others."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(
+            name, formatter_class=Layout, allow_abbrev=False, add_help=False, exit_on_error=False
+        )
+        self.add_argument("-h", "--help", action="help", help="Show this help.")
+
+    def error(self, message: str) -> Any:
+        """Refuse the command line, with the option that was perhaps meant."""
+        unknown = re.match(r"unrecognized arguments: (--[^\s=]+)", message)
+        if unknown:
+            near = difflib.get_close_matches(unknown[1], self._option_string_actions, 1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            message = f"there is no option {unknown[1]}{hint}"
+        raise Misused(message, self.prog)
+
+
+class Layout(argparse.RawDescriptionHelpFormatter):
+    """Help in columns, on a terminal of any width."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, max_help_position=28, width=100)
+
+    def _format_action_invocation(self, action: argparse.Action) -> str:
+        if not action.option_strings or action.nargs == 0:
+            return super()._format_action_invocation(action)
+        value = self._format_args(action, action.dest.upper())
+        return f"{', '.join(action.option_strings)} {value}"
+
+
+class Once(argparse.Action):
+    """An option that is taken once: the first of two would be dropped."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option: str | None = None) -> None:
+        """Take the value."""
+        if self.dest in namespace:
+            raise Misused(f"{option} is given more than once", parser.prog)
+        setattr(namespace, self.dest, values)
+
+
+def verb_called(name: str) -> Callable[..., Any]:
+    """Return the verb of a command."""
+    module, _, function = VERBS[name].partition(":")
+    return cast(Callable[..., Any], getattr(import_module(f"ambkit.verbs.{module}"), function))
+
+
+def described(verb: Callable[..., Any]) -> Description:
+    """Read the docstring of a verb; what is as for another is looked up there."""
+    text, *sections = re.split(r"\n(?=[A-Z][\w ]+\n-+\n)", inspect.getdoc(verb) or "")
+    parts = {title: body for title, _, body in (part.split("\n", 2) for part in sections)}
+    parameters = {}
+    for entry in re.split(r"\n(?=\S)", parts.get("Parameters", "")):
+        names, _, told = entry.partition("\n")
+        text_of, same = " ".join(told.split()).replace("`", ""), SAME.search(told)
+        other = described(verb_called(same[1])).parameters if same else {}
+        for name in names.partition(" :")[0].split(", "):
+            parameters[name] = other.get(name, text_of)
+    examples = [line.strip() for line in parts.get("Examples", "").splitlines()]
+    examples = [line.removeprefix("$ ") for line in examples if line.startswith("$ ")]
+    return Description(text.partition("\n")[0], text.strip().replace("`", ""), parameters, examples)
+
+
+def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
+    """Return the parser of a command: what the verb takes, and what is done with its result."""
+    about = described(verb)
+    parser = Parser(f"ambkit {name}")
+    lines = "".join(f"\n    {line}" for line in about.examples)
+    parser.description = about.text + (f"\n\nFor example:{lines}" if lines else "")
+    beside = [other for other in VERBS if other.startswith(f"{name} ")]
+    if beside:
+        parser.description += f"\n\nFurther commands: {', '.join(beside)}."
+    for each in inspect.signature(verb).parameters.values():
+        told = about.parameters[each.name].replace("%", "%%")
+        # Annotations of parameters alone: those of results name what is not imported.
+        settings = _settings(eval(each.annotation, verb.__globals__))
+        if each.default is each.empty:
+            parser.add_argument(each.name, help=told, **_positional(settings))
+        else:
+            flag = f"--{each.name.replace('_', '-')}"
+            parser.add_argument(
+                flag,
+                dest=each.name,
+                help=told + _default(each.default),
+                default=argparse.SUPPRESS,
+                **{"action": Once} | settings,
+            )
+    _add_outputs(parser)
+    return parser
+
+
+def _positional(settings: dict[str, Any]) -> dict[str, Any]:
+    several = settings.pop("action", None) == "append"
+    return settings | ({"nargs": "+"} if several else {})
+
+
+def _add_outputs(parser: Parser) -> None:
+    parser.add_argument(
+        "--out",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help=f"Write the result: {', '.join(ROWS)} (page). May be repeated.",
+    )
+    parser.add_argument(
+        "--plot",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help=f"Draw it: {', '.join(PICTURES)}. May be repeated.",
+    )
+    parser.add_argument("--json", action="store_true", help="Print JSON, in SI units.")
+    parser.add_argument("--verbose", action="store_true", help="Print all figures.")  # fmt: skip
+
+
+def _default(value: Any) -> str:
+    """Return a default as the help shows it."""
+    if value in (None, False, inspect.Parameter.empty) or value == ():
+        return ""
+    return f" [default: {value}]"
+
+
+def _settings(annotation: Any) -> dict[str, Any]:
+    """Return what argparse must know of a type: a text where the verb itself reads it."""
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin in (Union, UnionType):
+        kinds = [part for part in parts if part is not NoneType]
+        return _settings(next(filter(_is_list, kinds), kinds[0]))
+    if origin is Annotated:
+        return {"metavar": annotation.__metadata__[0]}
+    if _is_list(annotation):
+        return _settings(parts[0]) | {"action": "append"}
+    if origin is Literal:
+        return {"choices": parts}
+    if annotation is bool:
+        return {"action": "store_true"}
+    if annotation in (int, float):
+        return {"type": annotation, "metavar": "N" if annotation is int else "NUMBER"}
+    return {"metavar": "NAME"}
+
+
+def _is_list(annotation: Any) -> bool:
+    return get_origin(annotation) is Sequence
+
+
+def run(name: str, arguments: Sequence[str]) -> None:
+    """Call a verb with what a shell gives, and print, write and draw its result."""
+    from ambkit.cli import output
+
+    if arguments and f"{name} {arguments[0]}" in VERBS:
+        name, arguments = f"{name} {arguments[0]}", arguments[1:]
+    verb = verb_called(name)
+    parser = parser_of(name, verb)
+    try:
+        given = vars(parser.parse_args(arguments))
+    except argparse.ArgumentError as error:
+        parser.error(str(error))
+    out, plots = given.pop("out"), given.pop("plot")
+    as_json, verbose = given.pop("json"), given.pop("verbose")
+    _check_files("--out", out, ROWS, given)
+    _check_files("--plot", plots, PICTURES, given)
+    result: Result = verb(**given)
+    output.deliver_result(
+        result,
+        [
+            *((path, result.save) for path in out),
+            *((path, partial(output.save_figure, result)) for path in plots),
+        ],
+        as_json=as_json,
+        verbose=verbose,
+    )
+
+
+def _check_files(
+    option: str, paths: Sequence[Path], endings: Sequence[str], given: dict[str, Any]
+) -> None:
+    """Refuse files that cannot be written, or that the command reads, before it begins."""
+    texts = [each for value in given.values()
+             for each in (value if isinstance(value, list) else [value])]  # fmt: skip
+    read = [Path(each) for each in texts if isinstance(each, str)]
+    for path in paths:
+        problem = None
+        if path.suffix.lower() not in endings:
+            problem = f"must end with {' or '.join(endings)}"
+        elif path.is_dir():
+            problem = "is a folder"
+        elif not path.parent.is_dir():
+            problem = f"cannot be written: there is no folder {path.parent}"
+        elif not os.access(path.parent, os.W_OK):
+            problem = f"cannot be written: nor can its folder {path.parent}"
+        elif path.exists() and any(each.is_file() and each.samefile(path) for each in read):
+            problem = "is read by this command, and would be overwritten"
+        if problem:
+            raise AmbkitError(f"{option}: {path} {problem}")
+
+
+def command(name: str) -> Callable[[Any], None]:
+    """Return the command for typer, which passes all that follows its name."""
+    import typer
+
+    def called(context: typer.Context) -> None:
+        run(name, context.args)
+
+    called.__doc__ = described(verb_called(name)).summary
+    called.__annotations__ = {"context": typer.Context}
+    return called

@@ -1,0 +1,30 @@
+"""Types of what verbs take: objects in Python, and everywhere texts such as ``"0.3 mm"``.
+
+The second part of each is how the help of a command writes its value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+    import ambkit
+    from ambkit.data.channelmap import ChannelMap
+    from ambkit.simulation.scenario import Control
+
+Machine = Annotated["str | PathLike[str] | ambkit.Machine", "MACHINE"]
+Filter = Annotated["str | PathLike[str] | ambkit.Estimator", "FILTER"]
+Filters = Filter | Sequence[Filter] | Mapping[str, Filter]
+Controller = Annotated["str | PathLike[str] | ambkit.PID | Control", "CONTROLLER"]
+Record = Annotated["str | PathLike[str] | ambkit.Record", "RECORD"]
+Channels = Annotated["str | PathLike[str] | ChannelMap", "FILE.toml"]
+Axis = Annotated[str, "AXIS"]
+Length = Annotated["float | str", "LENGTH"]
+Force = Annotated["float | str | Mapping[str, float | str]", "FORCE"]
+Orbit = Annotated["float | str", "own|LENGTH"]
+Speed = Annotated["float | str", "SPEED"]
+Time = Annotated["float | str", "TIME"]
+Window = Annotated["tuple[float | str | None, float | str | None] | str", "FROM,TO"]
