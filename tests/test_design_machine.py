@@ -19,7 +19,6 @@ from ambkit.simulation.holding import overshoot
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.scenario import PID, Control, Reference, Scenario
 from ambkit.simulation.waveforms import Step
-from ambkit.workflow.cards import design as card_of
 from ambkit.workflow.design_candidates import objections_to
 from ambkit.workflow.designing import FILES, design
 
@@ -46,7 +45,7 @@ def test_what_is_written_reads_back_as_the_loop_that_was_chosen(designed):
     )  # fmt: skip
     assert list(again.loops.values())[-1].peak == pytest.approx(designed.loop.peak, rel=1e-9)
     assert json.loads(json.dumps(designed.to_dict()))["controllers"]["A1"]["kp"] > 0
-    assert "Fly the linear Kalman filter" in card_of(designed).html()
+    assert "Fly the linear Kalman filter" in designed._repr_html_()
     assert "Fly the linear Kalman filter" in (designed.folder / "design.html").read_text()
 
 

@@ -26,7 +26,7 @@ from ambkit.result.report.items import Axis, Heatmap
 from ambkit.simulation.scenario import Control
 from ambkit.workflow.comparing import LoopScores, compare_in_case
 from ambkit.workflow.design_candidates import Candidate
-from ambkit.workflow.designing import Design
+from ambkit.workflow.designed import Design
 from tests.hostile import NOT_PRINTABLE, PRINTABLE, Page, called
 
 BEARING = Bearing.preset("zittau_axial")

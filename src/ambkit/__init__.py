@@ -209,7 +209,6 @@ _BEHIND = {
         "side_by_side": "identification.online.side_by_side.SideBySide",
     },
     "workflow.cards": {
-        "design": "workflow.designing.Design",
         "filtering": "workflow.filtering.Filtering",
     },
 }

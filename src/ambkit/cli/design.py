@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from ambkit.cli.export import Precision
 from ambkit.cli.kinds import NAMES, known, names
-from ambkit.cli.options import Json, MapFile, find_machine
-
-if TYPE_CHECKING:
-    from ambkit.workflow.designing import Design
+from ambkit.cli.options import Json, MapFile, Verbose, find_machine
 
 
 def design(
@@ -89,6 +86,7 @@ def design(
         ),
     ] = False,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of all that is drawn.")] = 0,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Go from a machine and its logs to what flies: identify, tune, judge, export.
@@ -118,48 +116,8 @@ def design(
             free=None if free is None else free.replace(" ", "").split(","),
             max_sensitivity=max_sensitivity if math.isfinite(max_sensitivity) else None,
         )  # fmt: skip
-    output.deliver(found.to_dict(), [*_tables(found), found.why], as_json=json)
-    for said in (*found.objections, *found.notes):
-        output.note(f"note: {said}")
+    output.deliver_result(found, as_json=json, verbose=verbose)
     output.note(f"wrote {found.folder}: {', '.join(found.made)}")
     if found.exported is None:
         output.note("nothing was exported: --anyway does it all the same")
         raise typer.Exit(1)
-
-
-def _tables(found: Design) -> list[Any]:
-    """Return controllers, the filters that were tried, and the loop."""
-    from ambkit.cli import output
-    from ambkit.estimate.registry import KINDS
-    from ambkit.workflow.tuning_tasks import AHEAD
-
-    gains = [
-        [name, output.value(pid.kp, "A/m", 3), output.value(pid.ki, "A/(m s)", 3),
-         output.value(pid.kd, "A s/m", 3), output.value(pid.derivative_filter, "s", 3),
-         f"{pid.setpoint_weight:g}"]
-        for name, pid in found.control.pid.items()
-    ]  # fmt: skip
-    steps = {f"{n} step{'s' if n > 1 else ''} ahead": figure for n, figure in AHEAD.items()}
-    steps = {head: each for head, each in steps.items() if each in found.chosen.unseen}
-    tried = [
-        [KINDS[c.kind].label, "tuned" if c.kept else "untuned",
-         *(output.value(c.unseen[figure], "m", 3) for figure in steps.values()),
-         output.value(c.errors["x"], "m", 3), output.value(c.errors["f_d"], "N", 3),
-         "–" if math.isnan(c.efficiency) else f"{100 * c.efficiency:.0f} %",
-         "–" if math.isnan(c.peak) else f"{c.peak:.3f}"]
-        for c in found.candidates
-    ]  # fmt: skip
-    loops = [
-        [f"fed by {name}", each.zone, f"{each.peak:.3f}", f"{each.largest[0]:.3f}",
-         output.value(each.current_noise, "A", 3)]
-        for name, each in found.assessed.loops.items() if each.stable
-    ]  # fmt: skip
-    of_gains = ["", "kp", "ki", "kd", "derivative filter", "set-point weight"]
-    of_tried = ["", "", *steps, "error of x", "of f_d", "x: of the bound", "peak of |S|"]
-    of_loops = ["these controllers", "zone", "peak of |S|", "largest singular value",
-                "noise's current"]  # fmt: skip
-    return [
-        *([output.table(f"Controllers of {found.machine.name}", of_gains, gains)] if gains else []),
-        output.table("Filters that were tried, on what they were not tuned on", of_tried, tried),
-        output.table("The loop", of_loops, loops),
-    ]

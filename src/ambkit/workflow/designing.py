@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,33 +11,24 @@ from typing import TYPE_CHECKING, Any
 from ambkit.base import files
 from ambkit.base.asked import names_in, of_type
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Shown
 from ambkit.base.threads import one_thread
-from ambkit.base.units import percent
 from ambkit.data.channelmap import ChannelMap, inputs_of
 from ambkit.data.reading import load_filled
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.registry import KINDS, kind_called
+from ambkit.estimate.registry import kind_called
 from ambkit.judge.adequacy import sentences
-from ambkit.judge.adequacy_criteria import Finding
-from ambkit.judge.evaluation import evaluate
 from ambkit.judge.loop.loop_of import ZONE_A
 from ambkit.machine.bank import slowest_time
 from ambkit.machine.machine import Machine
 from ambkit.result.page import write_result
-from ambkit.show.pages.design import write_design
-from ambkit.show.plots.filters import filter_figure
-from ambkit.simulation.control_candidates import name_of
 from ambkit.simulation.holding import overshoot
-from ambkit.simulation.scenario import GAINS, Control
+from ambkit.simulation.scenario import Control
 from ambkit.workflow.assessing import assess
 from ambkit.workflow.design_candidates import (
-    Candidate,
     adequacy_of,
     best_of,
     candidate_in,
-    evidence_for,
     exported_filter,
     judged,
     objections_to,
@@ -52,84 +42,18 @@ from ambkit.workflow.design_control import (
     objections_to_loop,
     run_of,
 )
+from ambkit.workflow.designed import Design
 from ambkit.workflow.found_toml import annotated_toml
 from ambkit.workflow.identifying import identified_filter, identify
 from ambkit.workflow.over_speed import assess_over_speed
 from ambkit.workflow.stages import Stages, read_json, write_json
 from ambkit.workflow.tuned_filter import BUDGET, RUNS
-from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.export.c import CExport
-    from ambkit.workflow.assessed_loop import AssessedLoop
-    from ambkit.workflow.assessment import Assessment
 
 KINDS_TRIED = ("linear", "extended", "adaptive")
 """Who is tried where nobody says it: without, with the exact, and with a learned stiffness."""
-
-
-@dataclass(frozen=True, eq=False)
-class Design(Shown):
-    """Controllers and a filter to fly, and why."""
-
-    folder: Path  #: Where all of it lies.
-    machine: Machine  #: The machine, as the records tell it where it was identified.
-    control: Control  #: The controllers, with all their gains.
-    candidates: tuple[Candidate, ...]  #: Who was tried.
-    chosen: Candidate  #: Who is to fly.
-    #: The loop with it, and the one with the same controllers on the measurement.
-    assessed: Assessment
-    overshoot: float  #: Of a step of a reference, of all axes the greatest [1].
-    objections: tuple[str, ...]  #: What speaks against flying it; empty if nothing does.
-    exported: CExport | None  #: The C; None where objections kept it from being written.
-    made: Mapping[str, str]  #: Its files in the folder, and what they are.
-    notes: tuple[str, ...] = ()  #: What is to be known of what was identified.
-    adequacy: tuple[Finding, ...] = ()  #: Whether the chosen filter may fly.
-
-    @property
-    def loop(self) -> AssessedLoop:
-        """The loop with the chosen filter."""
-        return self.assessed.loops[self.chosen.kind]
-
-    @property
-    def why(self) -> str:
-        """Which filter is to fly and why, and what the loop comes to."""
-        structure = name_of(self.control.model_copy(update={"pid": {}}))
-        return (
-            f"Fly the {KINDS[self.chosen.kind].label} with {structure} control: the "
-            f"peak of |S| is {self.loop.peak:.4g}, zone {self.loop.zone} of ISO 14839-3, and a "
-            f"step overshoots by {percent(max(0.0, self.overshoot))}. "
-            f"{evidence_for(self.chosen, self.candidates)}"
-        )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
-        return {
-            "folder": str(self.folder),
-            "machine": self.machine.name,
-            "chosen": self.chosen.kind,
-            "why": self.why,
-            "objections": list(self.objections),
-            "adequacy": [each.to_dict() for each in self.adequacy],
-            "notes": list(self.notes),
-            "peak": self.loop.peak,
-            "zone": self.loop.zone,
-            "overshoot": self.overshoot,
-            "control": {"type": self.control.type, "cross_feedback": self.control.cross_feedback,
-                        "gain_scheduling": self.control.gain_scheduling},
-            "controllers": {name: {key: getattr(pid, key) for key in sorted(GAINS)}
-                            for name, pid in self.control.pid.items()},
-            "raw_sensor": self.chosen.raw,
-            "exported": self.exported is not None,
-            "files": list(self.made),
-            "candidates": [
-                {"kind": c.kind, "file": str(c.file), "kept": c.kept, "by": c.by,
-                 "unseen": dict(c.unseen), "errors": dict(c.errors), "efficiency": c.efficiency,
-                 "peak": c.peak, "load": c.load}
-                for c in self.candidates
-            ],
-        }  # fmt: skip
 
 
 @one_thread()
@@ -253,10 +177,10 @@ def design(
     step = overshoot(loop.loop, slowest_time(found), len(found.axes))
     design = Design(
         place, found, control, tuple(candidates), chosen, assessed, step,
-        objections, exported, made, notes, adequacy,
+        objections, exported, made, notes, adequacy, work.last_record(),
     )  # fmt: skip
     note("drawing")
-    _report(design, work.last_record())
+    design.page(place / "design.html")
     return design
 
 
@@ -365,34 +289,6 @@ class _Work:
             f"judge {kind}", [files.sha256(file), seed, "under a load"], (name,),
             lambda: write_json(place / name, judged(file, seed)),
         )  # fmt: skip
-
-
-def _report(of: Design, record: Record | None) -> None:
-    figures: dict[str, Callable[[Candidate], float]] = {
-        "peak of |S|": lambda c: c.peak,
-        "error of $x$ [µm]": lambda c: 1e6 * c.errors["x"],
-        "of $v$ [mm/s]": lambda c: 1e3 * c.errors["v"],
-        r"of $F_\mathrm{St}$ [N]": lambda c: c.errors["f_d"],
-    }
-    if record is not None:
-        figures = {
-            "log likelihood a sample": lambda c: -c.unseen[JUDGED["likelihood"]],
-            "mean NIS": lambda c: c.unseen["nis"],
-            "1 step ahead [µm]": lambda c: 1e6 * c.unseen[AHEAD[1]],
-            "10 steps [µm]": lambda c: 1e6 * c.unseen[AHEAD[10]],
-            "bound over error of $x$": lambda c: c.efficiency,
-        } | figures
-    rows = {KINDS[c.kind].label: [each(c) for each in figures.values()] for c in of.candidates}
-    along = None
-    if record is not None:
-        evaluated = {
-            KINDS[c.kind].name: evaluate(Estimator.load(c.file), record) for c in of.candidates
-        }
-        along = filter_figure(record, evaluated)
-    write_design(
-        of.folder / "design.html", of.machine.name, of.why, of.objections, of.notes, rows,
-        list(figures), along, of.made,
-    )  # fmt: skip
 
 
 def _identified(

@@ -1,0 +1,192 @@
+"""What a design came to: controllers and a filter to fly, and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base.units import engineering, percent
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.registry import KINDS
+from ambkit.judge.adequacy_criteria import Finding
+from ambkit.judge.comparison.criteria import EVALUATED
+from ambkit.judge.evaluation import evaluate
+from ambkit.machine.machine import Machine
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Part, Section
+from ambkit.show.plots.design import design_figure
+from ambkit.show.plots.filters import filter_figure
+from ambkit.simulation.control_candidates import name_of
+from ambkit.simulation.scenario import GAINS, PID, Control
+from ambkit.workflow.design_candidates import Candidate, evidence_for
+from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.export.c import CExport
+    from ambkit.result.report.figure import Figure
+    from ambkit.workflow.assessed_loop import AssessedLoop
+    from ambkit.workflow.assessment import Assessment
+
+UNITS = {"kp": "A/m", "ki": "A/(m s)", "kd": "A s/m", "derivative_filter": "s", "anti_windup": "s"}
+"""Of gains; the others have none."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Design(Result):
+    """Controllers and a filter to fly, and why."""
+
+    folder: Path  #: Where all of it lies.
+    machine: Machine  #: The machine, as the records tell it where it was identified.
+    control: Control  #: The controllers, with all their gains.
+    candidates: tuple[Candidate, ...]  #: Who was tried.
+    chosen: Candidate  #: Who is to fly.
+    #: The loop with it, and the one with the same controllers on the measurement.
+    assessed: Assessment
+    overshoot: float  #: Of a step of a reference, of all axes the greatest [1].
+    objections: tuple[str, ...]  #: What speaks against flying it; empty if nothing does.
+    exported: CExport | None  #: The C; None where objections kept it from being written.
+    made: Mapping[str, str]  #: Its files in the folder, and what they are.
+    remarks: tuple[str, ...] = ()  #: What is to be known of what was identified.
+    adequacy: tuple[Finding, ...] = ()  #: Whether the chosen filter may fly.
+    record: Record | None = None  #: The last log.
+
+    @property
+    def loop(self) -> AssessedLoop:
+        """The loop with the chosen filter."""
+        return self.assessed.loops[self.chosen.kind]
+
+    @property
+    def why(self) -> str:
+        """Which filter is to fly and why, and what the loop comes to."""
+        return f"{self.finding} {evidence_for(self.chosen, self.candidates)}"
+
+    @property
+    def title(self) -> str:
+        """For what machine."""
+        return f"A filter for {self.machine.name}"
+
+    @property
+    def finding(self) -> str:
+        """Which filter is to fly, and what the loop comes to."""
+        structure = name_of(self.control.model_copy(update={"pid": {}}))
+        return (
+            f"Fly the {KINDS[self.chosen.kind].label} with {structure} control: the "
+            f"peak of |S| is {self.loop.peak:.4g}, zone {self.loop.zone} of ISO 14839-3, and a "
+            f"step overshoots by {percent(max(0.0, self.overshoot))}."
+        )
+
+    @property
+    def notes(self) -> list[str]:
+        """What speaks for it, what against it, and what is to be known."""
+        why = evidence_for(self.chosen, self.candidates)
+        return [why, *(f"Objection: {each}" for each in self.objections), *self.remarks]
+
+    @property
+    def rows(self) -> list[Row]:
+        """Controllers, filters that were tried, and loops."""
+        found: list[Row] = []
+        for name, pid in self.control.pid.items():
+            found += put(_of_gains(pid), section=("controllers",), of=name)
+        for each in self.candidates:
+            found += put(_of_candidate(each), section=("candidates",), of=each.kind)
+        for name, loop in self.assessed.loops.items():
+            if loop.stable:
+                found += put([
+                    Row("zone", "zone", loop.zone),
+                    Row("peak", "peak of |S|", loop.peak, "|S|"),
+                    Row("largest_singular_value", "largest singular value", loop.largest[0]),
+                    Row("current_noise", "current by noise, rms", loop.current_noise, "A", 3),
+                ], section=("loops",), of=f"fed by {name}")  # fmt: skip
+        return found
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        tried = "Filters that were tried, on what they were not tuned on"
+        return {
+            ("controllers",): Section(f"Controllers of {self.machine.name}", across=True),
+            ("candidates",): Section(tried),
+            ("loops",): Section("The loop with these controllers", across=True),
+        }
+
+    @property
+    def chapters(self) -> list[Part]:
+        """Estimates along the record, and the files."""
+        files = "\n".join(f"- `{name}`: {what}" for name, what in self.made.items())
+        made = Part("What was made", files)
+        if self.record is None:
+            return [made]
+        of = {KINDS[c.kind].name: evaluate(Estimator.load(c.file), self.record)
+              for c in self.candidates}  # fmt: skip
+        return [Part("Along the record", "", None, [filter_figure(self.record, of)]), made]
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """What was chosen and why, the structure of the control, and the files."""
+        control = self.control
+        return {
+            "folder": str(self.folder),
+            "machine": self.machine.name,
+            "chosen": self.chosen.kind,
+            "why": self.why,
+            "objections": list(self.objections),
+            "adequacy": [each.to_dict() for each in self.adequacy],
+            "peak": self.loop.peak,
+            "zone": self.loop.zone,
+            "overshoot": self.overshoot,
+            "control": {"type": control.type, "cross_feedback": control.cross_feedback,
+                        "gain_scheduling": control.gain_scheduling},
+            "raw_sensor": self.chosen.raw,
+            "exported": self.exported is not None,
+            "files": list(self.made),
+            "candidates": {
+                c.kind: {"file": str(c.file), "by": c.by, "unseen": dict(c.unseen), "load": c.load}
+                for c in self.candidates
+            },
+        }  # fmt: skip
+
+    def figures(self) -> list[Figure]:
+        """Return the errors of the filters that were tried."""
+        raw = engineering(self.chosen.raw, "m", 3)
+        return [
+            design_figure(
+                [c.kind for c in self.candidates],
+                [c.errors for c in self.candidates],
+                self.chosen.raw,
+                f"The {self.chosen.kind} filter is chosen; the sensors alone err by {raw}",
+            )
+        ]
+
+
+def _of_gains(pid: PID) -> list[Row]:
+    shown = ("kp", "ki", "kd", "derivative_filter", "setpoint_weight")
+    return [
+        Row(key, key.replace("_", " "), getattr(pid, key), UNITS.get(key, "1"), 3,
+            detail=key not in shown)
+        for key in (*shown, *sorted(GAINS - set(shown)))
+    ]  # fmt: skip
+
+
+def _of_candidate(of: Candidate) -> list[Row]:
+    ahead = [
+        Row(f"ahead_{n}", f"{n} step{'s' * (n > 1)} ahead", of.unseen[name], "m", 3)
+        for n, name in AHEAD.items() if name in of.unseen
+    ]  # fmt: skip
+    likelihood = of.unseen.get(JUDGED["likelihood"])
+    return [
+        Row("kept", "tuned", of.kept),
+        *ahead,
+        Row("log_likelihood", "log likelihood a sample", None if likelihood is None
+            else -likelihood, detail=True),
+        Row("nis", "mean NIS", of.unseen.get("nis"), detail=True),
+        *(Row(name, f"error of {name}", of.errors[name], unit, 3)
+          for name, unit in EVALUATED.items()),
+        Row("efficiency", "x: of the bound",
+            None if math.isnan(of.efficiency) else of.efficiency, "%"),
+        Row("peak", "peak of |S|", None if math.isnan(of.peak) else of.peak, "|S|"),
+    ]  # fmt: skip
