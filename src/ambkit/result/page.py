@@ -84,8 +84,10 @@ def _chapter(part: Part, tables: dict[Key, TableBlock]) -> Chapter:
     """Return a chapter, whose tables are taken out of the others."""
     size = len(part.section or ())
     own = [key for key in tables if part.section and key[1][:size] == part.section]
-    blocks: list[Block] = [*map(FigureBlock, part.figures), *map(tables.pop, own)]
-    return Chapter(part.title.lower().replace(" ", "-"), part.title, blocks, lead=part.lead)
+    lead, _, text = part.lead.partition("\n\n")
+    blocks: list[Block] = [Text(text)] if text else []
+    blocks += [*map(FigureBlock, part.figures), *map(tables.pop, own)]
+    return Chapter(part.title.lower().replace(" ", "-"), part.title, blocks, lead=lead)
 
 
 def _blocks(result: Stated) -> dict[Key, TableBlock]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering, percent
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.registry import KINDS
@@ -118,7 +119,7 @@ class Design(Result):
     def chapters(self) -> list[Part]:
         """Estimates along the record, and the files."""
         files = "\n".join(f"- `{name}`: {what}" for name, what in self.made.items())
-        made = Part("What was made", files)
+        made = Part("What was made", f"All of it lies in {markdown(self.folder)}.\n\n{files}")
         if self.record is None:
             return [made]
         of = {KINDS[c.kind].name: evaluate(Estimator.load(c.file), self.record)
