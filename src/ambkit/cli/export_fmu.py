@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.kinds import NAMES, axis_to_export, estimator_option
+from ambkit.cli.kinds import NAMES, axis_to_export, estimator_option, to_export
 from ambkit.cli.options import BearingOrFilter, Force, Json, file_option
 
 if TYPE_CHECKING:
@@ -77,6 +77,7 @@ def export_fmu(
       ambkit export fmu zittau_axial --kind plant --fmi 2 --out plant.fmu
       ambkit export fmu zittau_axial --kind closed-loop --estimator closed-law --out loop.fmu
       ambkit export fmu zittau_axial --kind whole-controller --scenario lqg.toml --out flown.fmu
+      ambkit export fmu tum_mlps --out filter.fmu
     """
     from ambkit.cli import output
     from ambkit.export import fmu
@@ -89,7 +90,7 @@ def export_fmu(
             "--scenario is for --kind closed-loop, controller and whole-controller: only these "
             "have a controller"
         )
-    model, chosen = axis_to_export(bearing, estimator)
+    model, chosen = to_export(bearing, estimator)
     written = fmu.export_fmu(
         model,
         chosen.magnet,

@@ -11,9 +11,13 @@ from ambkit.export.c import control_scenes, data, selftest
 from ambkit.export.c.crc import Constants
 from ambkit.export.c.data import CPrecision, Name
 from ambkit.machine.magnets import own_time
+from ambkit.simulation.control import Controller
+from ambkit.simulation.controllers import controllers_of
+from ambkit.simulation.default_control import settled_scenario
+from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
-    from ambkit.simulation.control import Controller
+    from ambkit.estimate.base import Estimator
     from ambkit.simulation.scenario import Scenario
 
 SOURCES = ("src/control.c", "src/controllers.c", "src/controller.c", "src/sequence.c")
@@ -43,12 +47,26 @@ class Structs(NamedTuple):
     control: dict[str, Any]
 
 
-def structs(controller: Controller, name: str) -> Structs:
-    """Return a controller's constants."""
+def controller_of(estimator: Estimator, scenario: Scenario) -> Controller:
+    """Return the controller that a scenario states around an estimator."""
+    machine = estimator.machine
+    if machine.single:
+        pid = scenario.of_one_axis(estimator.bearing).controller
+        return Controller.of_axis(estimator.bearing, estimator, pid, scenario.sequence)
+    settled = settled_scenario(machine, scenario)
+    feeding = estimator if settled.feedback == "estimate" else None
+    plant, speeds = Plant(machine), control_scenes.speeds_of(machine, settled)
+    fastest = machine.speed if speeds is None else max(map(abs, speeds))
+    found = controllers_of(plant, settled.control, feeding, fastest=fastest)
+    return Controller(plant, estimator, found, settled.sequence, feeding is not None)
+
+
+def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Structs:
+    """Return a controller's constants; `of_filter`: several axes start as their filter does."""
     fields, machine = controller.fields, controller.estimator.machine
-    several = len(machine.axes) > 1
-    of_filter = {key: Name(f"{name}_{key}") for key in ("start", "start_by") if several}
-    keys = (*_LAW, *_GAINS, *(key for key in _CONTROL if key not in of_filter))
+    several = len(machine.axes) > 1 and of_filter
+    elsewhere = {key: Name(f"{name}_{key}") for key in ("start", "start_by") if several}
+    keys = (*_LAW, *_GAINS, *(key for key in _CONTROL if key not in elsewhere))
     told = {key: fields[key] for key in keys if fields[key] is not None}
     let_turn: dict[str, Any] = {}
     if fields["let_turn_motion"] is not None:
@@ -59,7 +77,7 @@ def structs(controller: Controller, name: str) -> Structs:
     arrays = {f"of_{key}": np.array(values, float) for key, values in told.items()}
 
     def at(key: str) -> Name:
-        return of_filter.get(key, Name(f"of_{key}" if key in told else "NULL"))
+        return elsewhere.get(key, Name(f"of_{key}" if key in told else "NULL"))
 
     pids = [
         {"T": machine.sampling_time} | dict(zip(_PID, gains, strict=True))

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import calibration, cost, data_file, folder, render
-from ambkit.export.c.control_scenes import speeds_of
+from ambkit.export.c import calibration, control, cost, data_file, folder, render
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.data import CPrecision, called
 from ambkit.export.c.prefix import checked
@@ -21,9 +20,7 @@ from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision
 from ambkit.simulation.control import Controller
-from ambkit.simulation.controllers import controllers_of
 from ambkit.simulation.default_control import settled_scenario
-from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import Control, Scenario
 from ambkit.simulation.sequence import LiftOff
 
@@ -170,27 +167,21 @@ def _controller(
     estimator: Estimator, scenario: Scenario, *, editable: bool
 ) -> tuple[Controller, Scenario]:
     """Return the controller, and the scenario as its self-test flies it."""
-    bearing, machine, sequence = (
-        estimator.bearing,
-        estimator.machine,
-        scenario.sequence or LiftOff(),
-    )
+    machine, sequence = estimator.machine, scenario.sequence or LiftOff()
     scenario.check_for(tuple(axis.name for axis in machine.axes), body=not machine.single)
     if editable:
         raise AmbkitError("editable is for a filter alone, and not for the whole controller")
-    if bearing.single:
-        pid = scenario.of_one_axis(bearing).controller
-        control = Control(type="lqg" if pid.type == "lqg" else "decentralised")
-        tested = Scenario(
-            feedback=pid.feedback, control=control, sequence=sequence, seed=scenario.seed
-        )
-        return Controller.of_axis(bearing, estimator, pid, sequence), tested
-    tested = settled_scenario(machine, scenario).model_copy(update={"sequence": sequence})
-    feeding = estimator if tested.feedback == "estimate" else None
-    plant, speeds = Plant(machine), speeds_of(machine, tested)
-    fastest = machine.speed if speeds is None else max(map(abs, speeds))
-    found = controllers_of(plant, tested.control, feeding, fastest=fastest)
-    return Controller(plant, estimator, found, sequence, feeding is not None), tested
+    controller = control.controller_of(
+        estimator, scenario.model_copy(update={"sequence": sequence})
+    )
+    if not machine.single:
+        tested = settled_scenario(machine, scenario)
+        return controller, tested.model_copy(update={"sequence": sequence})
+    pid = controller.pid
+    law = Control(type="lqg" if pid.type == "lqg" else "decentralised")
+    return controller, Scenario(
+        feedback=pid.feedback, control=law, sequence=sequence, seed=scenario.seed
+    )
 
 
 def _facts(magnet: MagnetModel | None, precision: CPrecision) -> dict[str, str]:

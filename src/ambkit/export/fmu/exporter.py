@@ -64,8 +64,9 @@ def export_fmu(
     # on an estimator's input is a lost sensor.
     # FMUs are for co-simulation. A plant without a dead time is for model exchange too: its
     # importer integrates it, and its outputs follow at any time.
-    of_type(Bearing, bearing=bearing.short)
-    axis = bearing.alone("")
+    of_type(Machine, bearing=bearing)
+    short = bearing.short
+    machine: Any = short.alone("") if short.single else short
     if kind not in (known := get_args(Kind)):
         raise AmbkitError(f"there is no FMU of kind {kind!r}; known: {', '.join(known)}")
     if precision == "float" and kind not in ("estimator", "whole-controller"):
@@ -78,25 +79,31 @@ def export_fmu(
         filter_ = filter_file.make(magnet=magnet, **of)
     else:
         kind_of_filter = estimator or ("linear" if magnet is None else "adaptive")
-        filter_ = kind_called(kind_of_filter).make(axis, magnet, **of)
+        filter_ = kind_called(kind_of_filter).make(machine, magnet, **of)
     if kind != "plant":
-        require_adequate(filter_, axis, scenario, force=force)
+        require_adequate(filter_, bearing, scenario, force=force)
     what = scenario or Scenario()
-    what = what.model_copy(update={"controller": what.controller.completed(axis)})
+    if short.single:
+        what = what.model_copy(update={"controller": what.controller.completed(machine)})
+    elif kind in ("plant", "closed-loop", "controller"):
+        raise AmbkitError(
+            f"{short.name} has several axes: of these there are FMUs of kind estimator and "
+            f"whole-controller, and no {kind}"
+        )
     match kind:
         case "estimator":
             parts = _estimator(filter_)
         case "plant":
-            parts = _plant(axis, flown.starts_at(axis, what))
+            parts = _plant(machine, flown.starts_at(machine, what))
         case "closed-loop":
             parts = _whole_loop(filter_, what) if flown.is_whole(what) else _loop(filter_, what)
         case "controller":
-            parts = _regulator(filter_, what) if flown.is_whole(what) else _pid(axis, what)
+            parts = _regulator(filter_, what) if flown.is_whole(what) else _pid(machine, what)
         case "whole-controller":
             parts = _whole(filter_, what)
-    made = _content(axis, kind, fmi, parts, token="")
+    made = _content(short, kind, fmi, parts, token="")
     token = _token(made.files)
-    made = _content(axis, kind, fmi, parts, token)
+    made = _content(short, kind, fmi, parts, token)
     binaries = compiler.binaries(
         made.in_sources, made.model.sources, made.model.identifier, fmi, everywhere=everywhere
     )
@@ -118,7 +125,7 @@ class _Parts(NamedTuple):
 
 def _estimator(estimator: Estimator) -> _Parts:
     return _Parts(
-        f"The {estimator.name} of bearing {estimator.bearing.name}",
+        f"The {estimator.name} of {estimator.bearing.name}",
         "estimator",
         variables.of_estimator(estimator),
         sources.data_files("estimator", filter=sources.filter_data(estimator)),
@@ -208,8 +215,8 @@ def _whole_loop(estimator: Estimator, scenario: Scenario) -> _Parts:
 def _whole(estimator: Estimator, scenario: Scenario) -> _Parts:
     of, precision = flown.flown(estimator, scenario), sources.precision_of(estimator)
     return _Parts(
-        f"The whole controller of bearing {estimator.bearing.name}: {estimator.name}, "
-        + _called(scenario.controller),
+        f"The whole controller of {estimator.bearing.name}: {estimator.name}, "
+        + (_called(scenario.controller) if estimator.machine.single else "of all axes"),
         "flight",
         variables.of_whole(estimator, of),
         sources.data_files(
@@ -232,19 +239,19 @@ class _Content(NamedTuple):
     files: dict[str, str]  # of the FMU, without the binary
 
 
-def _content(bearing: Bearing, kind: Kind, fmi: Fmi, parts: _Parts, token: str) -> _Content:
+def _content(machine: Machine, kind: Kind, fmi: Fmi, parts: _Parts, token: str) -> _Content:
     """Return all texts of the FMU, with the token in them."""
     fixed = sources.model_files(parts.model, fmi) | parts.data
     fixed |= sources.library_files(fixed, parts.estimator)
     compiled = sources.compiled_files([*fixed, "description.c"])
     model = Model(
-        identifier=_identifier(bearing, kind),
-        name=f"{bearing.name} {kind}",
+        identifier=_identifier(machine, kind),
+        name=f"{machine.name} {kind}",
         about=parts.about,
         version=version("ambkit"),
         token=token,
-        sampling_time=bearing.sampling_time,
-        variables=variables.in_unit(parts.variables, bearing.amplifier.control_unit),
+        sampling_time=machine.sampling_time,
+        variables=variables.in_unit(parts.variables, machine.control_unit),
         sources=compiled,
     )
     in_sources = fixed | sources.description_files(parts.model, model)
@@ -259,8 +266,8 @@ def _content(bearing: Bearing, kind: Kind, fmi: Fmi, parts: _Parts, token: str) 
     return _Content(model, in_sources, files)
 
 
-def _identifier(bearing: Bearing, kind: Kind) -> str:
-    words = re.sub(r"\W", "_", f"{bearing.name}_{kind}", flags=re.ASCII)
+def _identifier(machine: Machine, kind: Kind) -> str:
+    words = re.sub(r"\W", "_", f"{machine.name}_{kind}", flags=re.ASCII)
     return words if words[0].isalpha() else f"model_{words}"
 
 

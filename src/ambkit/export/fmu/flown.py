@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.export.c import control, data
@@ -24,8 +25,13 @@ class Flown(NamedTuple):
 
     controller: Controller
     hovering: bool  # in flight, else at power-on
-    place: float  # where the rotor is at the start [m]
-    current: float  # that is demanded until then [A]
+    place: NDArray[np.float64]  # where the rotor is at the start along the axes (p,) [m]
+    current: NDArray[np.float64]  # that is demanded until then (p,) [A]
+
+    @property
+    def coils(self) -> list[int]:
+        """How many coils the magnet of each axis has."""
+        return [1 + (each.magnet.type == "two-sided") for each in self.controller.plant.alone]
 
 
 def is_whole(scenario: Scenario) -> bool:
@@ -35,13 +41,20 @@ def is_whole(scenario: Scenario) -> bool:
 
 def flown(estimator: Estimator, scenario: Scenario) -> Flown:
     """Return what :func:`ambkit.simulate` flies, started as there."""
-    bearing = estimator.bearing
-    pid = scenario.controller.completed(bearing)
-    controller = Controller.of_axis(bearing, estimator, pid, scenario.sequence)
+    controller = control.controller_of(estimator, scenario)
+    alone, nothing = controller.plant.alone, np.zeros(len(controller.plant.alone))
     hovering = scenario.start == "hover" or scenario.sequence is None
-    current = hovers_at(bearing) if scenario.start == "hover" else 0.0
-    held = min(max(current, bearing.current_min), bearing.current_max)
-    return Flown(controller, hovering, starts_at(bearing, scenario), held)
+    current = nothing
+    if scenario.start == "hover":
+        single = len(alone) == 1 and estimator.machine.single
+        held = [hovers_at(alone[0])] if single else controller.plant.hovering(nothing, nothing)[1]
+        current = np.array(held)
+    low, high = (
+        np.array([getattr(each, f"current_{end}") for each in alone]) for end in ("min", "max")
+    )
+    lies = scenario.start == "rest" and scenario.sequence is not None
+    place = controller.down if lies else nothing
+    return Flown(controller, hovering, place, np.clip(current, low, high))
 
 
 def starts_at(bearing: Bearing, scenario: Scenario) -> float:
@@ -59,21 +72,28 @@ def hovers_at(bearing: Bearing) -> float:
 def flown_data(of: Flown, precision: CPrecision) -> dict[str, Any]:
     """Return what the data files say of a whole controller."""
     controller, current = of.controller, of.current
-    told = control.structs(controller, "amb_data")
-    integral = controller.integral(current, 0.0)
-    by_current = controller.integral(current + 1.0, 0.0) - integral
-    by_place = controller.integral(current, 1.0) - integral
+    told = control.structs(controller, "amb_data", of_filter=False)
+    nothing, each = np.zeros(len(current)), np.eye(len(current))
+    integral = controller.integrals(current, nothing)
+    by_current = [controller.integrals(current + at, nothing) - integral for at in each]
+    by_place = [controller.integrals(current, at) - integral for at in each]
     fields = told.control | {"estimator": Name("NULL")}
+    arrays = {
+        "integral": integral,
+        "integral_by_current": np.column_stack(by_current).ravel(),
+        "integral_by_place": np.column_stack(by_place).ravel(),
+        "current": current,
+        "bias": np.array([each.magnet.bias_current for each in controller.plant.alone]),
+    }
     return {
         "law": _law(told, precision),
         "flown": {
             "sequence": data.struct(told.sequence, precision, {}) if told.sequence else None,
             "control": data.struct(fields, precision, {}),
             "hovering": of.hovering,
-            "integral": data.array(np.array([integral, by_current, by_place]), precision),
-            "current": data.number(current, precision),
-            "coils": controller.coils,
-            "bias": data.number(controller.bearing.magnet.bias_current, precision),
+            "coils": of.coils,
+            "turning": not controller.plant.machine.single,
+            **{name: data.array(values, precision) for name, values in arrays.items()},
         },
     }
 
@@ -96,5 +116,6 @@ def _law(told: control.Structs, precision: CPrecision, *, alone: bool = False) -
     return {
         "arrays": data.declared(arrays, precision),
         "pids": [data.struct(pid, precision, {}) for pid in told.pids],
+        "let_turn": data.struct(told.let_turn, precision, {}) if told.let_turn else "",
         "text": text,
     }

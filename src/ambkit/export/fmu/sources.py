@@ -10,16 +10,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.base import escaping
 from ambkit.export import core
-from ambkit.export.c import data
+from ambkit.export.c import data, data_file
 from ambkit.export.c.data import MAGNETS, CPrecision
-from ambkit.export.c.model import LOOPS, InC, in_c
+from ambkit.export.c.model import LOOPS, in_c
 from ambkit.export.fmu.xml import Fmi, Model
-from ambkit.machine.magnets import MagnetModel, core_module, magnet_of, own_time
+from ambkit.machine.magnets import core_module, magnet_of, own_time
 from ambkit.models.parts.typical import Typical
 from ambkit.simulation import parts
+from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import PID, Scenario
 
 if TYPE_CHECKING:
@@ -30,7 +32,7 @@ _PRECISION = "include/ambkit/precision.h"
 _HERE = Path(__file__).parent
 _IN_LOOP = ("loop_model", "estimates", "filter", "rig")
 _MODELS: dict[str, tuple[str, ...]] = {
-    "estimator": ("estimator_model", "filter"),
+    "estimator": ("estimator_model", "estimates", "filter"),
     "plant": ("plant_model", "rig", "plant_exchange", "exchange"),
     "late-plant": ("plant_model", "rig", "plant_alone"),
     "loop-pid": (*_IN_LOOP, "loop_pid"),
@@ -51,18 +53,17 @@ def precision_of(estimator: Estimator | None) -> CPrecision:
     return "float" if estimator is not None and estimator.precision == "float32" else "double"
 
 
-def straight_line(estimator: Estimator) -> InC:
-    """Return the model in C: without arrays, so that an instance can be copied with its bytes."""
-    return in_c(estimator, loops=False)
-
-
 def library_files(texts: dict[str, str], estimator: Estimator | None) -> dict[str, str]:
     """Return the library's own C, core and simulation, that C files include."""
     # With each header goes the C file of the same name. All lies in ``sources/`` such that this is
     # the one folder that a compiler must know.
-    instead = {LOOPS: None} if estimator is None else straight_line(estimator).instead
-    if precision_of(estimator) == "float":
-        instead = instead | {_PRECISION: rendered("precision.h.j2", {"version": version("ambkit")})}
+    of_model = None if estimator is None else in_c(estimator)
+    instead = {LOOPS: None} if of_model is None else of_model.instead
+    room = {} if of_model is None else of_model.room
+    if room or precision_of(estimator) == "float":
+        known = {"version": version("ambkit"), "room": room}
+        told = known | {"float": precision_of(estimator) == "float"}
+        instead = instead | {_PRECISION: rendered("precision.h.j2", told)}
     simulation, sim = core.folder().parent / "sim", {}
     stems = _included("sim", texts)
     while more := _beside(simulation, stems) - stems:
@@ -128,12 +129,12 @@ def data_files(model: str, **context: Any) -> dict[str, str]:
     """Return the files that define what the headers of this model declare as data."""
     given: dict[str, Any] = dict.fromkeys(_DATA) | context
     headers = [f"{stem}.h" for stem in _MODELS[model] if (_HERE / "c" / f"{stem}.h").is_file()]
-    magnets = [given[part]["magnet_header"] for part in ("filter", "rig") if given[part]]
-    headers += dict.fromkeys(magnets)
+    magnets = [*(given["filter"] or {}).get("magnets", ()), *filter(None, [given["rig"]])]
+    headers += dict.fromkeys(each["magnet_header"] for each in magnets)
     known = {"version": version("ambkit"), "headers": headers}
     files = {"data.c": rendered("data.c.j2", known | given)}
     if given["filter"]:
-        told = {"in_core": given["filter"]["in_core"], "flown": given["flown"]}
+        told = {"in_core": given["filter"]["in_core"]} | {k: given[k] for k in ("flown", "law")}
         files["data.h"] = rendered("data.h.j2", known | told)
     return files
 
@@ -143,6 +144,7 @@ def description_files(kind: str, model: Model) -> dict[str, str]:
     context = {
         "kind_header": f"{_MODELS[kind][0]}.h",
         "variables": model.variables,
+        "blocks": [variable for variable in model.variables if variable.first],
         "version": model.version,
         "token": model.token,
         "sampling_time": data.number(model.sampling_time, "double"),
@@ -156,20 +158,48 @@ def description_files(kind: str, model: Model) -> dict[str, str]:
 
 def filter_data(estimator: Estimator) -> dict[str, Any]:
     """Return what the data file says of an estimator."""
-    in_core, precision = data.called(estimator), precision_of(estimator)
-    return magnet_data(estimator.magnet, "magnet", precision) | {
+    in_core, precision, of_model = data.called(estimator), precision_of(estimator), in_c(estimator)
+    magnets = [
+        magnet_data(held, f"magnet_{k}", precision)
+        for k, held in enumerate(data_file.magnets_of(estimator))
+    ]
+    return {
+        "magnets": magnets,
         "settings": data.struct_with_arrays(estimator.core.parameters["set"], precision),
-        "model": data.struct(straight_line(estimator).numbers, precision, {}),
+        "arrays": data.declared(of_model.arrays, precision),
+        "model": data.struct(of_model.numbers, precision, {}),
         "in_core": in_core,
         "own": data.own(estimator, precision),
         "std": data.array(np.asarray(estimator.default_std()), precision),
-        "hover": data.array(np.asarray(estimator.hover), precision),
+        **{name: data.array(each, precision) for name, each in _starts(estimator).items()},
     }
 
 
-def magnet_data(magnet: MagnetModel, name: str, precision: CPrecision = "double") -> dict[str, Any]:
-    """Return what the data file says of a magnet, which it calls `name`."""
-    held = magnet.in_core(core_module("float32" if precision == "float" else "float64"))
+def _starts(estimator: Estimator) -> dict[str, NDArray[np.float64]]:
+    """Return at which states an estimator starts, by places, by currents and by readings."""
+    view, states = estimator.view, estimator.states
+    nothing, each = np.zeros(len(view.alone)), np.eye(len(view.alone))
+
+    def at(q: NDArray[np.float64], currents: NDArray[np.float64]) -> NDArray[np.float64]:
+        return view.at_rest(states, estimator.hover, q, None, currents).ravel()
+
+    middle, shown = np.zeros(view.H.shape[1]), np.linalg.pinv(view.H[:, : view.rigid])
+    moved = np.zeros((len(middle), len(nothing)))
+    moved[: view.rigid] = shown
+    hovers = middle if view.single else Plant(estimator.machine).hovering(nothing, nothing)[0]
+    found = {
+        "rest": at(hovers, nothing),
+        "by_place": np.column_stack([at(q, nothing) for q in moved.T]).ravel(),
+        "by_current": np.column_stack([at(middle, each_) for each_ in each]).ravel(),
+    }
+    if view.single:
+        return found | {"start_by": np.zeros(0), "hover": np.asarray(estimator.hover)}
+    start, start_by = view.start_form(states, estimator.hover)
+    return found | {"start": start, "start_by": start_by.ravel(), "hover": np.zeros(2)}
+
+
+def magnet_data(held: Any, name: str, precision: CPrecision = "double") -> dict[str, Any]:
+    """Return what the data file says of a magnet of the core, which it calls `name`."""
     kind, fields = MAGNETS[type(held).__name__], held.parameters
     arrays = data.arrays_of(fields)
     names = {path: f"{name}_{path.replace('.', '_')}" for path in arrays}
@@ -179,15 +209,7 @@ def magnet_data(magnet: MagnetModel, name: str, precision: CPrecision = "double"
         "magnet_type": kind.type,
         "magnet_methods": kind.methods,
         "magnet_header": f"ambkit/{kind.source}.h",
-        "arrays": [
-            {
-                "name": names[path],
-                "type": data.type_of(values),
-                "length": len(values),
-                "text": data.array(values, precision),
-            }
-            for path, values in arrays.items()
-        ],
+        "arrays": data.declared({names[path]: each for path, each in arrays.items()}, precision),
     }
 
 
@@ -214,7 +236,8 @@ def rig_data(bearing: Bearing) -> dict[str, Any]:
         fields |= {"with_parts": True, "parts": with_parts}
         if (coil := parts.coil_fields(bearing)) is not None:
             fields["coil"] = coil
-    return magnet_data(law, "rig") | {"text": data.struct_with_arrays(fields, "double")}
+    held = law.in_core(core_module("float64"))
+    return magnet_data(held, "rig") | {"text": data.struct_with_arrays(fields, "double")}
 
 
 def nominals(bearing: Bearing, states: Sequence[str]) -> list[float]:

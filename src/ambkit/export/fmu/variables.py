@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
+from ambkit.data.signals import signal
+from ambkit.estimate.view import several
 from ambkit.export.c.model import states
 from ambkit.simulation.parts import between_magnet_and_rotor
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.export.fmu.flown import Flown
-    from ambkit.machine.machine import Bearing
+    from ambkit.machine.machine import Bearing, Machine
     from ambkit.simulation.scenario import PID
 
 Kind = Literal["estimator", "plant", "closed-loop", "controller", "whole-controller"]
@@ -39,6 +41,8 @@ class Variable:
     held: bool = False  #: Changes only with a sample.
     rate_of: str = ""  #: State whose derivative it is.
     event: bool = False  #: Whether an event begins where its sign changes.
+    #: In C, of those that stand together and of which this is the first; empty for others.
+    first: str = ""
 
     @property
     def integer(self) -> bool:
@@ -58,6 +62,9 @@ UNITS: dict[str, dict[str, int]] = {
     "m2": {"m": 2},
     "m/s": {"m": 1, "s": -1},
     "m/s2": {"m": 1, "s": -2},
+    "rad": {"rad": 1},
+    "rad/s": {"rad": 1, "s": -1},
+    "kg.m": {"kg": 1, "m": 1},
     "N/s": {"kg": 1, "m": 1, "s": -3},
     "kg": {"kg": 1},
     "A": {"A": 1},
@@ -87,71 +94,87 @@ def in_unit(variables: Sequence[Variable], control: str) -> tuple[Variable, ...]
 
 def of_estimator(estimator: Estimator) -> tuple[Variable, ...]:
     """Return the variables of an estimator."""
+    about = "control signal u[k] from sample k on (C step: u_previous = u[k-1]); NaN: not known"
     return (
         TIME,
-        Variable("y", "input", "m", "measured position; NaN: lost", limit="losable"),
-        Variable(
-            "u",
-            "input",
-            "V",
-            "control signal u[k] from sample k on (C step: u_previous = u[k-1]); NaN: not known",
-            limit="losable",
-        ),
+        *_readings(estimator.machine),
+        *_each("u", "input", "V", about, _axes(estimator.machine), limit="losable"),
         *_estimates("", estimator),
         *_variances(estimator),
     )
 
 
+def _axes(machine: Machine) -> list[str]:
+    return [axis.name for axis in machine.axes]
+
+
+def _each(
+    what: str, role: Role, unit: str, about: str, names: Sequence[str],
+    starts: Iterable[float] | float = 0.0, **more: Any,
+) -> list[Variable]:  # fmt: skip
+    """Return a variable for each name of an axis or a reading."""
+    given = several(starts) * (1 if isinstance(starts, tuple | list) else len(names))
+    block = what.rsplit(".", 1)[-1]
+    return [
+        Variable(signal(what, name), role, unit, about + (f", {name}" if name else ""),
+                 float(start), first="" if k else block, **more)
+        for k, (name, start) in enumerate(zip(names, given, strict=True))
+    ]  # fmt: skip
+
+
+def _readings(machine: Machine) -> list[Variable]:
+    names = [reading.name for reading in machine.readings]
+    return _each("y", "input", "m", "measured position; NaN: lost", names, limit="losable")
+
+
+def _references(machine: Machine, **more: Any) -> list[Variable]:
+    return _each("r", "input", "m", "position that is demanded", _axes(machine), **more)
+
+
 def _estimates(prefix: str, estimator: Estimator) -> list[Variable]:
     known = {"x": "displacement", "x_m": "position as the sensor shows it"}
-    texts = (
-        *(
-            (state.field, described.unit, f"estimated {known.get(state.field, described.role)}")
-            for state, described in zip(states(estimator.states), estimator.states, strict=True)
-        ),
-        *(
-            (f"std_{state.field}", described.unit, f"standard deviation of {state.field}")
-            for state, described in zip(states(estimator.states), estimator.states, strict=True)
-        ),
-        ("k_i", "N/A", "current stiffness that the prediction used"),
-        ("k_s", "N/m", "position stiffness that the prediction used"),
-        ("innovation", "m", "measurement less its prediction, 0 where it was not used"),
-        ("variance", "m2", "variance of the innovation, as the filter expects it"),
-        ("status", "", "sum of flags, 0 where all is well (sources/ambkit/status.h)"),
-    )
-    return [
-        Variable(prefix + name, "output", unit, about, held=True) for name, unit, about in texts
-    ]
+    axes, shown = _axes(estimator.machine), [r.name for r in estimator.machine.readings]
+    found = []
+    for block, before, about in (
+        ("mean", "", "estimated {known}"), ("std", "std_", "standard deviation of {field}"),
+    ):  # fmt: skip
+        both = zip(states(estimator.states), estimator.states, strict=True)
+        for k, (state, described) in enumerate(both):
+            said = about.format(known=known.get(state.field, described.role), field=state.field)
+            unit = described.unit.replace(" ", ".")
+            name = f"{prefix}{before}{state.field}"
+            first = "" if k else block
+            found.append(Variable(name, "output", unit, said, held=True, first=first))
+    for name, unit, about, of in (
+        ("k_i", "N/A", "current stiffness that the prediction used", axes),
+        ("k_s", "N/m", "position stiffness that the prediction used", axes),
+        ("innovation", "m", "measurement less its prediction, 0 where it was not used", shown),
+        ("variance", "m2", "variance of the innovation, as the filter expects it", shown),
+        ("status", "", "sum of flags, 0 where all is well (sources/ambkit/status.h)", [""]),
+    ):
+        found += _each(prefix + name, "output", unit, about, of, held=True)
+    return found
 
 
 def _variances(estimator: Estimator) -> list[Variable]:
-    assumed = estimator.variances
+    assumed, axes = estimator.variances, _axes(estimator.machine)
+    shown = [reading.name for reading in estimator.machine.readings]
+    told: Any = (
+        ("measurement_variance", "m2", "variance of the measurement", shown, assumed.measurement,
+         "positive"),
+        ("control_variance", "V2", "variance of the control signal", axes, assumed.control,
+         "not negative"),
+        ("disturbance_growth", "N2/s", "growth of the disturbance force's variance", axes,
+         assumed.disturbance, "not negative"),
+    )  # fmt: skip
     return [
-        Variable(
-            "measurement_variance",
-            "tunable",
-            "m2",
-            "variance of the measurement that the filter assumes",
-            assumed.measurement,
-            "positive",
-        ),
-        Variable(
-            "control_variance",
-            "tunable",
-            "V2",
-            "variance of the control signal that the filter assumes",
-            assumed.control,
-            "not negative",
-        ),
-        Variable(
-            "disturbance_growth",
-            "tunable",
-            "N2/s",
-            "growth of the disturbance force's variance that the filter assumes",
-            assumed.disturbance,
-            "not negative",
-        ),
-    ]
+        variable
+        for name, unit, about, of, starts, limit in told
+        for variable in _each(
+            name, "tunable", unit, f"{about} that the filter assumes", of, several(starts),
+            limit=limit,
+        )
+    ]  # fmt: skip
 
 
 def of_plant(bearing: Bearing, place: float = 0.0) -> tuple[Variable, ...]:
@@ -220,35 +243,51 @@ def of_loop(
         *_forced(),
         *_estimates("estimate.", estimator),
         *_mode(flown),
-        *_rig(estimator.bearing, 0.0 if flown is None else flown.place),
+        *_rig(estimator.bearing, 0.0 if flown is None else float(flown.place[0])),
         *_variances(estimator),
-        *(_gains(controller, estimator.bearing) if flown is None else [_current(flown.current)]),
+        *(
+            _gains(controller, estimator.bearing)
+            if flown is None
+            else [_current(float(flown.current[0]))]
+        ),
     )
 
 
 def of_whole(estimator: Estimator, flown: Flown) -> tuple[Variable, ...]:
     """Return the variables of a whole controller."""
-    pair = flown.controller.coils == 2
-    coils = ("the coil towards +x", "the other coil") if pair else ("the coil",)
+    machine = estimator.machine
+    axes, demanded = _axes(machine), "control current that is demanded"
+    coils = [
+        Variable(signal(f"coil_{k}", axis.name), "output", "A",
+                 f"current of {'the coil' if many < 2 else AT[k]}"
+                 + (f", {axis.name}" if axis.name else ""), held=True)
+        for axis, many in zip(machine.axes, flown.coils, strict=True) for k in range(many)
+    ]  # fmt: skip
     return (
         TIME,
-        Variable("y", "input", "m", "measured position; NaN: lost", limit="losable"),
-        Variable("r", "input", "m", "position that is demanded", limit="losable"),
+        *_readings(machine),
+        *_references(machine, limit="losable"),
         *_wanted(flown),
-        *(
-            Variable(f"coil_{k}", "output", "A", f"current of {coil}", held=True)
-            for k, coil in enumerate(coils)
-        ),
-        Variable("u", "output", "V", "control signal", held=True),
-        Variable("iu", "output", "A", "control current that is demanded", held=True),
+        *([] if machine.single else [
+            Variable("speed", "input", "rad/s", "speed of rotation", machine.speed)
+        ]),
+        replace(coils[0], first="coil_0"), *coils[1:],
+        *_each("u", "output", "V", "control signal", axes, held=True),
+        *_each("iu", "output", "A", demanded, axes, held=True),
         Variable("on", "output", "1", "1 where there are currents, else 0", held=True),
         Variable("status", "output", "", "sum of flags, of estimator and controller", held=True),
         *_mode(flown),
         *_estimates("estimate.", estimator),
         *_variances(estimator),
-        _place(flown.place),
-        _current(flown.current),
-    )
+        *_each("start_position", "fixed", "m", "displacement at the start", axes,
+               flown.place.tolist()),
+        *_each("start_current", "fixed", "A", "demanded until the start", axes,
+               flown.current.tolist()),
+    )  # fmt: skip
+
+
+AT = ("the coil towards +x", "the other coil")
+"""The two coils of a pair."""
 
 
 def _wanted(flown: Flown | None) -> list[Variable]:

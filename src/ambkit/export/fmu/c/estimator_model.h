@@ -8,8 +8,8 @@ typedef struct amb_unit {
   amb_kalman filter;
   amb_data_state state;
   amb_kalman_result result;
-  amb_real last_u; /* control signal that has acted since the last sample [V] */
-  bool sampled;    /* whether there was one */
+  amb_real last_u[AMB_CONTROLS]; /* control signals that have acted since the last sample [V] */
+  bool sampled;                  /* whether there was one */
 } amb_unit;
 
 #endif

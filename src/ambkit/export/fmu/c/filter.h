@@ -8,24 +8,36 @@
 extern const amb_kalman_settings amb_data_settings;
 extern const amb_model amb_data_model;
 extern const amb_real amb_data_std[AMB_STATES]; /* at the start */
-extern const amb_real amb_data_hover[2]; /* current that holds the rotor [A], and per metre */
-extern const amb_magnet amb_data_magnet; /* what the filter knows of its magnet */
-extern const void *const amb_data_own;   /* what only its kind has, or NULL */
+/* At the start: the rotor in the middle without current, and what each metre along an axis and each
+ * ampere adds. Where the first readings show it: of several axes the middle, and what each metre of
+ * a reading adds; of one, NULL, the current that holds it there [A], and per metre. */
+extern const amb_real amb_data_rest[AMB_STATES];
+extern const amb_real amb_data_by_place[AMB_STATES * AMB_CONTROLS];
+extern const amb_real amb_data_by_current[AMB_STATES * AMB_CONTROLS];
+extern const amb_real *const amb_data_start;
+extern const amb_real *const amb_data_start_by;
+extern const amb_real amb_data_hover[2];
+extern const amb_magnet amb_data_magnet[AMB_FORCES]; /* what the filter knows of its magnets */
+extern const void *const amb_data_own;               /* what only its kind has, or NULL */
 
-/* Other variances: of the measurement [m^2], of the control signal [V^2], and the growth of the
- * disturbance force's variance [N^2/s]. Returns as amb_kalman_init does. */
-amb_status amb_filter_tune(amb_kalman *filter, amb_real measurement, amb_real control,
-                           amb_real growth);
+/* With the variances among the values. Returns as amb_kalman_init does. */
+amb_status amb_filter_tune(amb_kalman *filter, const double value[]);
 
-/* The estimator that a filter is, for as long as the filter stays where it is. */
-amb_estimator amb_filter_estimator(const amb_kalman *filter);
+/* The estimator that a filter is, for as long as the filter stays where it is; its model is anew
+ * that of this process, as a state may come from another. */
+amb_estimator amb_filter_estimator(amb_kalman *filter);
 
-/* At rest at x [m], where the sensor shows x_m [m] and a current [A] holds the rotor; the result is
- * that of no sample yet. */
-void amb_filter_start(const amb_kalman *filter, amb_data_state *state, amb_kalman_result *result,
-                      amb_real x, amb_real x_m, amb_real current);
+/* The states of a rotor at rest at these places along the axes [m], with these currents [A] ... */
+void amb_filter_at(const amb_real place[], const amb_real current[], amb_real mean[AMB_STATES]);
+
+/* ... and where the readings y [m] show it, or in the middle where one is beyond the stops. */
+void amb_filter_shown(const amb_kalman *filter, const amb_real y[], amb_real mean[AMB_STATES]);
+
+/* At these states; the result is that of no sample yet. */
+void amb_filter_start(amb_kalman *filter, amb_data_state *state, amb_kalman_result *result,
+                      const amb_real mean[AMB_STATES]);
 
 /* Write the standard deviations of the states, one after the other. */
-void amb_filter_show_std(const amb_kalman *filter, const amb_data_state *state, double *std);
+void amb_filter_show_std(const amb_data_state *state, double *std);
 
 #endif

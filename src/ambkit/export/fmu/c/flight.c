@@ -9,13 +9,19 @@ amb_control amb_flight_control(const amb_estimator *estimator)
 }
 
 void amb_flight_start(const amb_control *control, amb_control_state *state, void *filter,
-                      amb_control_output *flown, amb_real x, amb_real current)
+                      amb_control_output *flown, const amb_real place[], const amb_real current[])
 {
   if (amb_data_hovering) {
-    const amb_real integral = amb_data_integral[0] +
-                              amb_data_integral[1] * (current - amb_data_current) +
-                              amb_data_integral[2] * x;
-    amb_control_hover(control, state, &current, &integral);
+    amb_real integral[AMB_DATA_PIDS];
+    for (int q = 0; q < AMB_DATA_PIDS; q++) {
+      integral[q] = amb_data_integral[q];
+      for (int c = 0; c < AMB_CONTROLS; c++) {
+        const amb_real more = current[c] - amb_data_current[c];
+        integral[q] += amb_data_integral_by_current[q * AMB_CONTROLS + c] * more;
+        integral[q] += amb_data_integral_by_place[q * AMB_CONTROLS + c] * place[c];
+      }
+    }
+    amb_control_hover(control, state, current, integral);
   } else {
     amb_control_init(control, state, filter);
   }
@@ -44,5 +50,18 @@ void amb_flight_show(const amb_control_output *flown, double value[])
 {
   (void)flown;
   (void)value;
+}
+#endif
+
+#ifdef AMB_DATA_TURNING
+amb_real amb_flight_speed(const double value[])
+{
+  return (amb_real)value[VR_speed];
+}
+#else
+amb_real amb_flight_speed(const double value[])
+{
+  (void)value;
+  return 0;
 }
 #endif

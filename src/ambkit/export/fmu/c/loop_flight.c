@@ -20,8 +20,8 @@ void amb_held_start(const amb_loop *loop, amb_unit *model, const double value[])
 {
   amb_loop_state *s = &model->state;
   (void)value;
-  amb_flight_start(loop->control, &s->control, &model->estimate, &s->flown, s->plant.X[0],
-                   s->demanded[0]);
+  amb_flight_start(loop->control, &s->control, &model->estimate, &s->flown, s->plant.X,
+                   s->demanded);
 }
 
 bool amb_held_wanted(const double value[])

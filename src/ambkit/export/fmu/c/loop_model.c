@@ -5,8 +5,7 @@
 
 amb_status amb_unit_tune(amb_unit *model, const double value[AMB_VARIABLES])
 {
-  if (amb_filter_tune(&model->filter, value[VR_measurement_variance], value[VR_control_variance],
-                      value[VR_disturbance_growth]) != AMB_OK)
+  if (amb_filter_tune(&model->filter, value) != AMB_OK)
     return AMB_BAD_PARAMETER;
   amb_held_tune(model, value);
   amb_rig_tune(&model->rig, value[VR_mass], value[VR_magnet_constant]);
@@ -48,7 +47,9 @@ amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
   const amb_real x = amb_clamp(value[VR_start_position], -rig->travel, rig->travel);
   amb_plant_settle(&plant, &s->plant, &x, s->demanded);
   /* Nobody tells it the runout. */
-  amb_filter_start(&model->filter, &model->estimate, &s->result, x, rig->K_sen * x, s->demanded[0]);
+  amb_real mean[AMB_STATES];
+  amb_filter_at(&x, s->demanded, mean);
+  amb_filter_start(&model->filter, &model->estimate, &s->result, mean);
   amb_held_start(&loop, model, value);
   s->y[0] = amb_parts_reading(plant.sensor, s->plant.X[2], value[VR_noise_y]);
   const amb_acts acts = amb_rig_acts(rig, s->demanded, &x);
@@ -98,6 +99,6 @@ void amb_unit_show(const amb_unit *model, double value[AMB_VARIABLES])
   value[VR_u] = s->u[0];
   value[VR_iu] = s->acting[0].iu;
   value[VR_f_mag] = amb_rig_acting(&model->rig, &now, s->demanded[0]).force;
-  amb_estimates_show(&model->filter, &model->estimate, &s->result, value);
+  amb_estimates_show(&model->estimate, &s->result, value);
   amb_held_show(model, value);
 }
