@@ -195,6 +195,9 @@ _BEHIND = {
     "show.plots.torture": {
         "torture_figure": "torture_figure",
     },
+    "show.plots.pil": {
+        "instructions_figure": "instructions_figure",
+    },
     "show.plots.simulation": {
         "simulation_figure": "run_figure",
     },

@@ -8,18 +8,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base import late_binding
+from ambkit.base.units import engineering
+from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION
 from ambkit.export.pil import build
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 from ambkit.simulation.sequence import Mode
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
+    from ambkit.result.report.figure import Figure
     from ambkit.simulation.run import Run
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Pil:
+@dataclass(frozen=True, eq=False, repr=False)
+class Pil(Result):
     """What a processor in the loop gave."""
 
     record: Record  #: Its record: what the plant did.
@@ -47,11 +54,66 @@ class Pil:
         """Whether all bits are the same."""
         return self.unequal + self.unequal_frames + self.selftest == 0
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all but the records and the answers."""
-        left = ("record", "answers", "frames", "run")
-        told = {k: each for k, each in vars(self).items() if k not in left}
-        return told | {"passed": self.passed, "built": self.built._asdict()}
+    @property
+    def title(self) -> str:
+        """Of what machine."""
+        return f"{self.run.machine.name} flown by a processor"
+
+    @property
+    def finding(self) -> str:
+        """Whether all bits are the same."""
+        said = "every number is Python's to the last bit"
+        if not self.passed:
+            wrong = self.unequal + self.unequal_frames + self.selftest
+            said = f"{wrong} numbers are not Python's"
+        return f"{self.title}, {self.samples:,} samples: {said}."
+
+    @property
+    def rows(self) -> list[Row]:
+        """Bits, flight and cost."""
+        built, clock = self.built, engineering(CLOCK, "Hz")
+        modes = ", ".join(f"{name} {engineering(t, 's', 4)}" for t, name in self.modes)
+        time = self.most * CYCLES_PER_INSTRUCTION / CLOCK
+        return [
+            Row("samples", "samples", self.samples),
+            Row("unequal", "numbers other than Python's", self.unequal, below=1),
+            Row("unequal_frames", "  in the telemetry", self.unequal_frames, below=1),
+            Row("selftest", "  in its self-test", self.selftest, below=1),
+            Row("modes", "modes", modes, detail=True),
+            Row("worst", "off the reference in flight, at most", self.worst, "m", 3),
+            Row("rms", "  rms", self.rms, "m", 3),
+            Row("touched", "samples on a stop in flight", self.touched),
+            Row("instructions", "instructions a step, median", self.instructions),
+            Row("most", "  the most seen", self.most),
+            Row("time", "  time of the most seen", time, "s", 3, below=self.record.sampling_time,
+                note=f"at {clock}, {CYCLES_PER_INSTRUCTION} cycles an instruction assumed"),
+            Row("stack_seen", "stack of a step, the most seen [byte]", self.stack_seen),
+            Row("state", "memory of an instance [byte]", self.state),
+            *put([
+                Row("compiler", "compiler", built.compiler, detail=True),
+                Row("code", "code [byte]", built.code),
+                Row("constants", "constants [byte]", built.constants),
+                Row("variables", "memory besides [byte]", built.variables),
+                Row("stack", "stack of a step, at most by the call graph [byte]", built.stack),
+            ], section=("built",)),
+        ]  # fmt: skip
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        return {(): Section("Processor in the loop"),
+                ("built",): Section(f"Built for: {self.board}")}  # fmt: skip
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """The modes, and what it was built for."""
+        return {"modes": self.modes, "board": self.board, "passed": self.passed}
+
+    def figures(self) -> list[Figure]:
+        """Return the flight, and the instructions."""
+        counted = self.answers["instructions"]
+        return [late_binding.call("run_figure", self.run),
+                late_binding.call("instructions_figure", self.record.t, counted)]  # fmt: skip
 
 
 def others_sent(told: NDArray[np.void], frames: Record, names: list[str], coils: bool) -> int:
