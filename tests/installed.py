@@ -85,7 +85,7 @@ def main() -> None:
         ambkit("export", "c", "my.toml", "--estimator", "expert.json", "--out", "c")
         ambkit("export", "fmu", "my.toml", "--out", "filter.fmu")
         compiled(Path("c").resolve())
-        ambkit("tune", "run.csv", "--bearing", "found.toml", "--evaluations", "10",
+        ambkit("tune", "found.toml", "run.csv", "--budget", "10",
                "--out", "filter.toml")  # fmt: skip
         ambkit("export", "c", "filter.toml", "--out", "tuned")
         print("examples/thread.py", flush=True)

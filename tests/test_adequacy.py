@@ -281,14 +281,14 @@ tolerance = "2 %"
     ["compare", "slow.bearing.toml", "--estimators", "linear", "--tune", "1", "--runs", "1",
      "--save-filters", "filters"],
     ["train", "slow.bearing.toml", "--rules", "2x2", "--save-filter", "filter.toml"],
-    ["tune", "slow.toml", "--robust", "--evaluations", "1", "--max-sensitivity", "5",
+    ["tune", "robust", "slow.toml", "--budget", "1", "--max-sensitivity", "5",
      "--out", "filter.toml"],
 ], ids=lambda words: words[0])  # fmt: skip
 def test_whatever_writes_a_filter_shows_whether_it_may_fly(
     words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    if "--robust" in words:
+    if "robust" in words:
         pytest.importorskip("optuna")
     monkeypatch.chdir(tmp_path)
     slow = AXIS.replace(sampling_time="2.5 ms", name="slow")  # of 8.3 ms in which the rotor falls

@@ -141,9 +141,9 @@ def test_tuned_over_the_machines_it_is_gone_on_with_and_written(tmp_path: Path) 
     pytest.importorskip("optuna")
     study = Study.from_toml(STUDY)
     kept = tmp_path / "search.log"
-    first = ambkit.tune_robust(study, evaluations=3, storage=kept, max_sensitivity=4.0)
+    first = ambkit.tune_robust(study, budget=3, storage=kept, max_sensitivity=4.0)
     assert len(first.tried) == 3
-    found = ambkit.tune_robust(study, evaluations=6, storage=kept, max_sensitivity=4.0)
+    found = ambkit.tune_robust(study, budget=6, storage=kept, max_sensitivity=4.0)
     assert [each.error for each in found.tried[:3]] == [each.error for each in first.tried]
     assert len(found.tried) == 6
     before, after = found.tried[0], found.tried[found.taken]
@@ -158,9 +158,9 @@ def test_tuned_over_the_machines_it_is_gone_on_with_and_written(tmp_path: Path) 
     assert controller.kp == found.controller.kp
     assert "tuned" in found._repr_html_()
     with pytest.raises(AmbkitError, match="is of another search"):
-        ambkit.tune_robust(study, evaluations=6, storage=kept, max_sensitivity=3.0)
+        ambkit.tune_robust(study, budget=6, storage=kept, max_sensitivity=3.0)
     with pytest.raises(AmbkitError, match=r"none keeps 95 % of .* below a peak of 1\.01"):
-        ambkit.tune_robust(study, evaluations=1, max_sensitivity=1.01)
+        ambkit.tune_robust(study, budget=1, max_sensitivity=1.01)
     with pytest.raises(AmbkitError, match=r"there is no controller\.kx"):
         ambkit.tune_robust(study, free=["controller.kx"])
 
@@ -172,7 +172,7 @@ def test_the_size_of_the_expert_is_searched_and_is_that_of_the_filter(
     pytest.importorskip("optuna")
     monkeypatch.setattr(robust, "SIZES", (3, 5))
     study = Study.from_toml(STUDY).model_copy(update={"estimator": "adaptive", "runs": 4})
-    found = ambkit.tune_robust(study, free=["expert.rules"], evaluations=4, max_sensitivity=4.0)
+    found = ambkit.tune_robust(study, free=["expert.rules"], budget=4, max_sensitivity=4.0)
     tried = {each.values["expert.rules"]: each.error for each in found.tried}
     assert set(tried) == {3.0, 5.0}
     assert len(set(tried.values())) == len(tried)  # another size is another filter

@@ -616,12 +616,13 @@ def test_a_signal_is_designed_played_and_assessed(call, tmp_path):
 
 
 def test_tune_keeps_a_margin_and_shows_what_it_costs(call, tmp_path):
-    often = ("--estimator", "linear", "--evaluations", "8", "--runs", "1")
+    often = ("--filter", "linear", "--budget", "8", "--runs", "1")
     found = call("tune", "zittau_axial", *often, "--max-sensitivity", "2.2", "--out", "f.toml")
     assert found.code == 0, found.err
     assert re.search(r"zone A, to stay below 2\.2; untuned 1\.\d+\.", found.out)
     assert call("assess", "f.toml", "--json").json["loops"]["f.toml"]["peak"] < 2.2
-    found = call("tune", "zittau_axial", *often, "--trade-off", "1.1,2.2", "--plot", "it.png")
+    found = call("tune", "trade-off", "zittau_axial", *often, "--peaks", "1.1", "--peaks", "2.2",
+                 "--plot", "it.png")  # fmt: skip
     assert found.code == 0, found.err
     assert "none below 1.1" in found.out
     assert (tmp_path / "it.png").stat().st_size > 5_000
@@ -800,8 +801,7 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ),
         ("excite zittau_axial --filter linear", "--estimator is not for --for parameters"),
         ("assess zittau_axial --disturbance 500N", "no control current from -1.5 to 1.5 A holds"),
-        ("tune zittau_axial --trade-off 2,x", "--trade-off takes numbers with commas"),
-        ("tune zittau_axial --trade-off 2 --max-sensitivity 2", "does not go with --trade-off"),
+        ("tune trade-off zittau_axial --peaks x", "invalid float value: 'x'"),
         ("tune zittau_axial --max-sensitivity 1", "max_sensitivity must be above 1.02"),
         ("torture zittau_axial --estimator ukv", 'no estimator "ukv"; known: low-pass'),
         ("torture zittau_axial --faults gremlin", 'no fault "gremlin"; known: lift-off'),

@@ -57,12 +57,12 @@ def shown() -> dict[str, Any]:
         Benches({"paper": study.bench}), LoopScores(BEARING, {}, {"a step": scores}, range(1)),
         ambkit.identify_online(RECORD, BEARING), learn_online(RECORD, BEARING),
         ambkit.filter(BEARING, RECORD, ["linear"], settling="5 ms"),
-        ambkit.tune(BEARING, kind="linear", budget=2, runs=1),
+        ambkit.tune(BEARING, filter="linear", budget=2, runs=1),
         Design(Path("d"), BEARING.long, Control(), (candidate,), candidate, assessed, 0.1,
                ("It is slow.",), None, {}),
         identify_by_lift_off(one_sided, points),
         assessed, ambkit.assess_sweep(BEARING, "linear", amplitudes=["1 um"]),
-        ambkit.trade_off(BEARING, [2.2], kind="linear", budget=2, runs=1),
+        ambkit.tune_trade_off(BEARING, peaks=[2.2], filter="linear", budget=2, runs=1),
         injection, ambkit.assess_log(injection.record, BEARING, "linear"),
     ]  # fmt: skip
     return {type(each).__name__: each for each in made}

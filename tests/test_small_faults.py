@@ -128,7 +128,7 @@ def test_a_filter_that_there_is_not_is_named_with_those_that_there_are(given: An
         lambda: ambkit.torture(ZITTAU, given),
         lambda: ambkit.compare(ZITTAU, estimators=given),
         lambda: export_fmu(ZITTAU, "estimator", "a.fmu", estimator=given),
-        lambda: ambkit.tune(ZITTAU, kind=given),
+        lambda: ambkit.tune(ZITTAU, filter=given),
     ]
     for call in calls:
         with pytest.raises(AmbkitError, match=r"there is no estimator .*linear"):

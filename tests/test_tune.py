@@ -49,12 +49,12 @@ def test_what_is_wrong_is_mended_on_records_that_it_did_not_see() -> None:
 
 
 def test_simulated_truth_is_tuned_by_without_records() -> None:
-    found = ambkit.tune(BEARING, kind="extended", budget=24, runs=3)
+    found = ambkit.tune(BEARING, filter="extended", budget=24, runs=3)
     assert found.by == "truth"
     before, after = found.unseen["error over the untuned linear filter's"]
     assert found.kept == (after < before)
     assert after < before  # a load that stays is followed with less noise
-    again = ambkit.tune(BEARING, kind="extended", budget=24, runs=3)
+    again = ambkit.tune(BEARING, filter="extended", budget=24, runs=3)
     assert [each.cost for each in again.trace] == [each.cost for each in found.trace]
 
 
@@ -68,7 +68,8 @@ def test_a_load_that_rests_does_not_make_a_filter_that_follows_none() -> None:
 
 
 def test_the_file_is_the_filter(walks: list[Record], tmp_path) -> None:
-    found = ambkit.tune(BEARING, walks[:1], "linear", budget=12, source="walk.csv")
+    walks[0].save(tmp_path / "walk.csv")
+    found = ambkit.tune(BEARING, tmp_path / "walk.csv", "linear", budget=12)
     found.save(tmp_path / "f.toml")
     read = Estimator.load(tmp_path / "f.toml")
     np.testing.assert_array_equal(read.run(walks[1]).mean, found.estimator.run(walks[1]).mean)
@@ -161,7 +162,7 @@ def test_likelihood_takes_the_loop_s_margin_and_a_ceiling_keeps_it(calm: Record)
 
 def test_a_ceiling_is_kept_even_where_the_untuned_filter_is_the_better_one() -> None:
     untuned = ambkit.assess(NOISY, "linear", STIFF).loops["linear"].peak
-    held = ambkit.tune(NOISY, kind="linear", budget=24, runs=2, controller=STIFF,
+    held = ambkit.tune(NOISY, filter="linear", budget=24, runs=2, controller=STIFF,
                        max_sensitivity=0.95 * untuned)  # fmt: skip
     assert held.kept
     assert held.peak < 0.95 * untuned
@@ -171,25 +172,27 @@ def test_a_ceiling_is_kept_even_where_the_untuned_filter_is_the_better_one() -> 
 
 def test_the_controller_of_the_loop_is_the_one_that_is_given() -> None:
     soft = ambkit.PID(kp=2000.0, ki=5000.0, kd=8.0)
-    found = ambkit.tune(LATE, kind="linear", budget=1, runs=1, controller=soft)
+    found = ambkit.tune(LATE, filter="linear", budget=1, runs=1, controller=soft)
     expected = ambkit.assess(LATE, "linear", soft).loops["linear"].peak
     assert found.peaks[0] == pytest.approx(expected, rel=1e-4)
 
 
 def test_a_ceiling_that_cannot_be_kept_is_refused() -> None:
     with pytest.raises(AmbkitError, match=r"none keeps the peak of \|S\| below 1.1, the least is"):
-        ambkit.tune(LATE, kind="linear", budget=4, runs=1, max_sensitivity=1.1)
+        ambkit.tune(LATE, filter="linear", budget=4, runs=1, max_sensitivity=1.1)
     with pytest.raises(AmbkitError, match=r"max_sensitivity must be above 1\.0"):
-        ambkit.tune(LATE, kind="linear", budget=4, runs=1, max_sensitivity=1.0)
+        ambkit.tune(LATE, filter="linear", budget=4, runs=1, max_sensitivity=1.0)
     with pytest.raises(AmbkitError, match="does not settle to a gain"):
-        ambkit.tune(LATE, kind="multiple-model", budget=1, runs=1, max_sensitivity=2.0)
-    assert np.isnan(ambkit.tune(LATE, kind="multiple-model", budget=1, runs=1).peak)
+        ambkit.tune(LATE, filter="multiple-model", budget=1, runs=1, max_sensitivity=2.0)
+    assert np.isnan(ambkit.tune(LATE, filter="multiple-model", budget=1, runs=1).peak)
 
 
 def test_trade_off_is_a_curve_from_which_to_pick() -> None:
     untuned = ambkit.assess(NOISY, "linear", STIFF).loops["linear"].peak
     ceilings = [1.1, 0.9 * untuned, 1.2 * untuned]
-    found = ambkit.trade_off(NOISY, ceilings, kind="linear", budget=16, runs=2, controller=STIFF)
+    found = ambkit.tune_trade_off(
+        NOISY, peaks=ceilings, filter="linear", budget=16, runs=2, controller=STIFF
+    )
     never, tight, wide = found.points
     assert never.tuned is None
     assert never.zone == "–"
@@ -200,9 +203,9 @@ def test_trade_off_is_a_curve_from_which_to_pick() -> None:
     assert [each["reached"] for each in points] == [False, True, True]
     assert f"below {ceilings[1]:g}" in repr(found)
     with pytest.raises(AmbkitError, match="none keeps the peak"):
-        ambkit.trade_off(NOISY, [1.1], kind="linear", budget=2, runs=1)
+        ambkit.tune_trade_off(NOISY, peaks=[1.1], filter="linear", budget=2, runs=1)
     with pytest.raises(AmbkitError, match="one value or more"):
-        ambkit.trade_off(NOISY, [], kind="linear")
+        ambkit.tune_trade_off(NOISY, peaks=[], filter="linear")
 
 
 def test_no_peak_is_computed_that_nobody_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -214,7 +217,7 @@ def test_no_peak_is_computed_that_nobody_asked_for(monkeypatch: pytest.MonkeyPat
         return old(self, *given)
 
     monkeypatch.setattr(LoopOf, "peak", spy)
-    found = ambkit.tune(BEARING, kind="linear", runs=1, budget=6)
+    found = ambkit.tune(BEARING, filter="linear", runs=1, budget=6)
     assert len(computed) <= 2  # of the untuned and of the tuned filter, for the warning
     told = found.to_dict()
     assert found.peaks[0] == told["loop"]["untuned"]["peak"] > 1

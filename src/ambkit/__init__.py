@@ -72,8 +72,10 @@ if TYPE_CHECKING:
     from ambkit.verbs.assess import assess_log as assess_log
     from ambkit.verbs.assess import assess_speed as assess_speed
     from ambkit.verbs.assess import assess_sweep as assess_sweep
+    from ambkit.verbs.tune import tune as tune
+    from ambkit.verbs.tune import tune_robust as tune_robust
+    from ambkit.verbs.tune import tune_trade_off as tune_trade_off
     from ambkit.workflow.campaign.result import Campaign as Campaign
-    from ambkit.workflow.campaign.robust import tune_robust as tune_robust
     from ambkit.workflow.campaign.running import campaign as campaign
     from ambkit.workflow.campaign.study import Study as Study
     from ambkit.workflow.campbell import campbell as campbell
@@ -88,8 +90,6 @@ if TYPE_CHECKING:
     from ambkit.workflow.simulating import scenario_for as scenario_for
     from ambkit.workflow.simulating import simulate as simulate
     from ambkit.workflow.simulating import simulate_run as simulate_run
-    from ambkit.workflow.trading_off import trade_off as trade_off
-    from ambkit.workflow.tuned_filter import tune as tune
     from ambkit.workflow.unbalance_response import unbalance_response as unbalance_response
     from ambkit.workflow.waterfall import waterfall as waterfall
 
@@ -144,8 +144,8 @@ _HOME = {
     ],
     "workflow.comparison": ["compare"],
     "verbs.assess": ["assess", "assess_log", "assess_speed", "assess_sweep"],
+    "verbs.tune": ["tune", "tune_robust", "tune_trade_off"],
     "workflow.campaign.result": ["Campaign"],
-    "workflow.campaign.robust": ["tune_robust"],
     "workflow.campaign.running": ["campaign"],
     "workflow.campaign.study": ["Study"],
     "workflow.campbell": ["campbell"],
@@ -158,9 +158,7 @@ _HOME = {
     "workflow.mode_shapes": ["mode_shapes"],
     "workflow.unbalance_response": ["unbalance_response"],
     "workflow.waterfall": ["waterfall"],
-    "workflow.trading_off": ["trade_off"],
     "workflow.simulating": ["scenario_for", "simulate", "simulate_run"],
-    "workflow.tuned_filter": ["tune"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

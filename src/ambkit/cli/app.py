@@ -40,7 +40,6 @@ from ambkit.cli.rotor import rotor
 from ambkit.cli.simulate import simulate
 from ambkit.cli.torture import torture
 from ambkit.cli.train import train
-from ambkit.cli.tune import tune
 
 # Plain help: typer's help in colour takes longer to import than all else here together.
 app = typer.Typer(
@@ -57,7 +56,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "read": read,
     "identify": identify,
     "train": train,
-    "tune": tune,
+    "tune": from_verbs.command("tune"),
     "filter": filter_record,
     "compare": compare,
     "design": design,

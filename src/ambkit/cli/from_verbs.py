@@ -34,8 +34,14 @@ VERBS = {
     "assess sweep": "assess:assess_sweep",
     "assess speed": "assess:assess_speed",
     "assess log": "assess:assess_log",
+    "tune": "tune:tune",
+    "tune robust": "tune:tune_robust",
+    "tune trade-off": "tune:tune_trade_off",
 }
 """Module and function of each command."""
+
+MAKES = {"tune": (".toml",), "tune robust": (".toml",)}
+"""Endings of what a command makes, beside those of all results."""
 
 PASSED = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 """How typer passes all that follows the name of a command."""
@@ -143,8 +149,8 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
         told = about.parameters[each.name].replace("%", "%%")
         # Annotations of parameters alone: those of results name what is not imported.
         settings = _settings(eval(each.annotation, verb.__globals__))
-        if each.default is each.empty:
-            parser.add_argument(each.name, help=told, **_positional(settings))
+        if each.default is each.empty or each.name == "records":
+            parser.add_argument(each.name, help=told, **_positional(settings, each.default))
         else:
             flag = f"--{each.name.replace('_', '-')}"
             parser.add_argument(
@@ -154,23 +160,24 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
                 default=argparse.SUPPRESS,
                 **{"action": Once} | settings,
             )
-    _add_outputs(parser)
+    _add_outputs(parser, (*MAKES.get(name, ()), *ROWS))
     return parser
 
 
-def _positional(settings: dict[str, Any]) -> dict[str, Any]:
-    several = settings.pop("action", None) == "append"
-    return settings | ({"nargs": "+"} if several else {})
+def _positional(settings: dict[str, Any], default: Any) -> dict[str, Any]:
+    if settings.pop("action", None) != "append":
+        return settings
+    return settings | {"nargs": "+" if default is inspect.Parameter.empty else "*"}
 
 
-def _add_outputs(parser: Parser) -> None:
+def _add_outputs(parser: Parser, endings: Sequence[str]) -> None:
     parser.add_argument(
         "--out",
         type=Path,
         action="append",
         default=[],
         metavar="FILE",
-        help=f"Write the result: {', '.join(ROWS)} (page). May be repeated.",
+        help=f"Write the result: {', '.join(endings)} (page). May be repeated.",
     )
     parser.add_argument(
         "--plot",
@@ -186,9 +193,10 @@ def _add_outputs(parser: Parser) -> None:
 
 def _default(value: Any) -> str:
     """Return a default as the help shows it."""
-    if value in (None, False, inspect.Parameter.empty) or value == ():
+    if value is None or value is False or value == ():
         return ""
-    return f" [default: {value}]"
+    shown = ", ".join(map(str, value)) if isinstance(value, tuple) else value
+    return f" [default: {shown}]"
 
 
 def _settings(annotation: Any) -> dict[str, Any]:
@@ -228,7 +236,7 @@ def run(name: str, arguments: Sequence[str]) -> None:
         parser.error(str(error))
     out, plots = given.pop("out"), given.pop("plot")
     as_json, verbose = given.pop("json"), given.pop("verbose")
-    _check_files("--out", out, ROWS, given)
+    _check_files("--out", out, (*MAKES.get(name, ()), *ROWS), given)
     _check_files("--plot", plots, PICTURES, given)
     result: Result = verb(**given)
     output.deliver_result(
@@ -240,6 +248,8 @@ def run(name: str, arguments: Sequence[str]) -> None:
         as_json=as_json,
         verbose=verbose,
     )
+    if as_json:  # else it is among the notes
+        output.say_adequacy(getattr(result, "adequacy", ()))
 
 
 def _check_files(

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel, Precision
 
+AT = "@"
+"""Between a kind and the file with what it asks of its magnet, as in ``adaptive@expert.json``."""
+
 PLUS = "+"
 """Between a kind and what it estimates too of a rotor that turns, as in ``linear+unbalance``."""
 
@@ -72,10 +75,12 @@ def factories(
             if synchronous:
                 raise AmbkitError(f"synchronous is of kinds; {name} is a class of your own")
             return own_factory(*load_class(name), bearing)
-        kind, *own = name.split(PLUS)
+        kind, *own = name.partition(AT)[0].split(PLUS)
         magnet: MagnetModel | None
         if name.endswith(EXPERTS):
-            kind, magnet = "adaptive", experts(Path(name), bearing)
+            file = name.partition(AT)[2]
+            magnet = experts(Path(file or name), bearing)
+            kind = kind if file else "adaptive"
         else:
             magnet = given[name] if name in given else learned_magnet(kind, bearing)
         turning = {"synchronous": (*synchronous, *own)} if synchronous or own else {}

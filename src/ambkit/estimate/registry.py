@@ -291,7 +291,7 @@ def kind_called(name: str) -> Kind:
 
 def check_named(name: str) -> None:
     """Refuse what is neither a kind, ``"all"`` of them, a filter's file, nor a user's class."""
-    is_kind = name == "all" or name.partition("+")[0] in KINDS
+    is_kind = name == "all" or name.partition("@")[0].partition("+")[0] in KINDS
     if not (is_kind or name.endswith((FILTER_SUFFIX, ".json", ".csv", ".parquet")) or MARK in name):
         known = (
             f"known: {', '.join(KINDS)}, all, the file of a filter ({FILTER_SUFFIX}), of an expert "

@@ -268,7 +268,7 @@ class _Work:
                 source=", ".join(Path(path).name for path in self.logs),
             )  # fmt: skip
             files.make_folder(place / "candidates")
-            tuned.save(place / name, bearing=place / "machine.toml")
+            tuned.named(bearing=place / "machine.toml").save(place / name)
             write_json(place / f"candidates/{kind}.json", of_tuning(tuned))
 
         known = [place / each for each in ("machine.toml", "scenario.toml", "identified.toml")]

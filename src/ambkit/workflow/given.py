@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from ambkit.base.asked import in_si, names_in, of_type
-from ambkit.base.errors import AmbkitError
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.data.channelmap import ChannelMap, inputs_of
 from ambkit.data.reading import load_filled
 from ambkit.data.record import Record
+from ambkit.estimate.experts import experts
 from ambkit.estimate.filter_file import FilterFile
-from ambkit.estimate.named import factories
+from ambkit.estimate.named import AT, factories
 from ambkit.estimate.own import OwnEstimator, is_own
-from ambkit.estimate.registry import FILTER_SUFFIX
+from ambkit.estimate.registry import FILTER_SUFFIX, kind_called
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
 from ambkit.simulation import default_control
@@ -23,9 +25,12 @@ from ambkit.simulation.controllers import TYPES
 from ambkit.simulation.linear.settled import tells
 from ambkit.simulation.scenario import Control, Scenario
 from ambkit.simulation.waveforms import Constant
+from ambkit.workflow.belonging import check_belongs
 
 if TYPE_CHECKING:
+    from ambkit.data.rig_units import Inputs
     from ambkit.estimate.base import Estimator
+    from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.scenario import PID
 
 NOTES = logging.getLogger("ambkit")
@@ -71,6 +76,68 @@ def loop_given(
     if disturbance:
         forces |= given_load(plant, disturbance)
     return LoopGiven(plant, filters, control, in_si("position", position, "m"), forces)
+
+
+class TuningGiven(NamedTuple):
+    """What is tuned, and by what, as a caller named it."""
+
+    machine: Machine
+    records: list[Record]
+    kind: str
+    magnet: MagnetModel | None
+    controller: PID | Control | None
+    channels: Any
+    source: str  #: Names of the records' files.
+    machine_file: str | os.PathLike[str] | None
+    magnet_file: str | None
+
+    @property
+    def inputs(self) -> Inputs | None:
+        """What the controller reads: the same numbers as the log has."""
+        if self.channels is None:
+            return None
+        known = isinstance(self.channels, ChannelMap)
+        return inputs_of(self.channels if known else ChannelMap.load(self.channels))
+
+    def others(self, given: Any) -> list[Record]:
+        """Return further records."""
+        return given_records(given, self.machine, self.channels)
+
+
+def tuning_given(
+    machine: Any, records: Any, filter: Any, controller: Any, channels: Any
+) -> TuningGiven:
+    """Return machine, records and kind of filter; ``KIND@FILE`` names what its magnet asks."""
+    plant = given_machine(machine)
+    kind, _, file = filter.partition(AT) if isinstance(filter, str) else (filter, "", "")
+    kind_called(kind)
+    named = names_in(Record, records=records)
+    return TuningGiven(
+        plant,
+        given_records(named, plant, channels),
+        kind,
+        experts(Path(file), plant) if file else None,
+        given_controller(plant.long, controller)[0],
+        channels,
+        ", ".join(Path(each).name for each in named if not isinstance(each, Record)),
+        machine if isinstance(machine, str | os.PathLike) else None,
+        file or None,
+    )
+
+
+def given_records(given: Any, machine: Machine, channels: Any) -> list[Record]:
+    """Return records; where files do not look like those of the machine, that is noted."""
+    found = []
+    for each in names_in(Record, records=given):
+        found.append(given_record(each, channels))
+        if not isinstance(each, Record):
+            try:
+                odd = check_belongs(found[-1], machine)
+            except RecordError as error:
+                raise RecordError([f"{each}: {problem}" for problem in error.problems]) from None
+            for text in odd:
+                NOTES.warning("%s: %s", each, text)
+    return found
 
 
 def given_machine(given: Any) -> Machine:

@@ -134,30 +134,7 @@ def trade_off(
     seed: int = 0,
     done: Callable[[], None] = lambda: None,
 ) -> TradeOff:
-    """Tune a filter under one ceiling on the peak of abs(S) after another.
-
-    Where it is the likelihood of records that they are tuned by, they are still judged by their
-    errors in simulated runs: a record does not tell the load.
-
-    Parameters
-    ----------
-    bearing : Bearing or Machine
-        What is filtered; a machine's errors are those along its axes.
-    ceilings : sequence of float
-        What the peak of abs(S) must stay below [1].
-    records, kind, controller, magnet, runs, budget, seed, done : optional
-        See `ambkit.tune`; `budget` is spent under each ceiling.
-
-    Returns
-    -------
-    TradeOff
-        With a table (`to_dict`) and a picture (`figure`), from which to pick.
-
-    Raises
-    ------
-    AmbkitError
-        There is no ceiling; or none of them can be kept.
-    """
+    """Tune a filter under one ceiling on the peak of abs(S) after another."""
     of_type(Machine, bearing=bearing)
     if not ceilings:
         raise AmbkitError("ceilings must be one value or more")

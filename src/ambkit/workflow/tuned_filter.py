@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.filter_saving import made_by, origin_of
 from ambkit.estimate.registry import FILTER_SUFFIX, kind_called, learned_magnet
-from ambkit.judge.adequacy import judge_adequacy
+from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
 from ambkit.judge.comparison.criteria import EVALUATED
@@ -90,19 +90,19 @@ class Tuned(Result):
     max_sensitivity: float | None  #: What the peak of abs(S) was to stay below.
     controller: PID | Control | None  #: Of that loop; None: each axis of a machine has its own.
     warnings: tuple[str, ...] = field(default=())  #: What is odd about the result.
+    #: Of the machine and the magnet, where they have files.
+    files: Mapping[str, Any] = field(default_factory=dict)
 
-    def save(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        bearing: str | os.PathLike[str] | None = None,
-        magnet: str | os.PathLike[str] | None = None,
-    ) -> None:
+    def save(self, path: str | os.PathLike[str]) -> None:
         """Write the filter, see :meth:`ambkit.Estimator.save`; or the result, by the ending."""
         if Path(path).suffix == FILTER_SUFFIX:
-            self.estimator.save(path, bearing=bearing, magnet=magnet)
+            self.estimator.save(path, **self.files)
         else:
             super().save(path)
+
+    def named(self, **files: str | os.PathLike[str] | None) -> Tuned:
+        """Return it with the files of its machine and its magnet, which the filter's file names."""
+        return replace(self, files=files)
 
     @cached_property
     def _loop(self) -> LoopOf:
@@ -207,8 +207,8 @@ class Tuned(Result):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is odd about the result."""
-        return self.warnings
+        """What is odd about the result, and what speaks against flying it."""
+        return (*self.warnings, *sentences(self.adequacy))
 
     @property
     def series(self) -> dict[str, Any]:
@@ -251,61 +251,7 @@ def tune(
     seed: int = 0,
     done: Callable[[], None] = lambda: None,
 ) -> Tuned:
-    """Tune a filter: by the likelihood of records, or without any by simulated truth.
-
-    By likelihood (Schweppe 1965) the first half of each record is used, and its second half, or the
-    records of `validate`, judge; the tuned filter is taken only where these are more likely with
-    it. By truth the case "paper" is simulated, and other seeds judge.
-
-    Parameters
-    ----------
-    bearing : Bearing or Machine
-        What is filtered. Of a machine the variances of all axes are tuned together.
-    records : Record or sequence of Record, optional
-        With ``y`` [m] and ``u`` [V]; of a machine with those of all readings and axes.
-    kind : str
-        One of :data:`ambkit.estimate.registry.KINDS`.
-    validate : sequence of Record, optional
-        Others, to judge by.
-    max_sensitivity : float, optional
-        What the peak of abs(S) in the loop with this filter must stay below [1], as `ambkit.assess`
-        has it; 3 is the end of zone A of ISO 14839-3.
-    controller : PID or Control, optional
-        Of that loop; what is not said of it is tuned to the bearing, or to each axis.
-    free : iterable of str, optional
-        What may change, by the names of the kind's tunables, such as ``noise.disturbance``; by
-        default what the records tell, or with simulated runs all.
-    magnet : optional
-        What the filter knows of its magnet; by default what its kind does.
-    inputs : Inputs, optional
-        What the controller reads, for the filter's file.
-    source : str
-        What the records are called, for the filter's file.
-    runs, budget, seed : int
-        Simulated runs to tune on, evaluations, and the seed of all that is drawn.
-    done : callable
-        Called after each evaluation.
-
-    Returns
-    -------
-    Tuned
-        The filter, and what speaks for it.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such kind or tunable; the kind has no likelihood, as a low-pass; or nothing that
-        was tried keeps the peak of abs(S) below `max_sensitivity`.
-    TypeError
-        `bearing` is no bearing, or one of `records` no record.
-
-    Examples
-    --------
-    >>> from ambkit import Bearing, tune
-    >>> tuned = tune(Bearing.preset("zittau_axial"), kind="linear", budget=1, runs=1)
-    >>> tuned.kept, tuned.estimator.name
-    (False, 'linear Kalman filter')
-    """
+    """Tune a filter: by the likelihood of records, or without any by simulated truth."""
     of_type(Machine, bearing=bearing)
     kind_called(kind)
     given = all_of_type(Record, records=records)

@@ -17,7 +17,7 @@ from ambkit.base.errors import AmbkitError, ExtraMissing
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, learned_magnet
-from ambkit.judge.adequacy import judge_adequacy
+from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.contenders import Range, contender_of_kind
 from ambkit.judge.loop.loop_of import ZONE_A
@@ -158,6 +158,11 @@ class Robust(Result):
             "adequacy": [each.to_dict() for each in self.adequacy],
         }  # fmt: skip
 
+    @property
+    def notes(self) -> list[str]:
+        """What speaks against flying it."""
+        return sentences(self.adequacy)
+
     def figures(self) -> list[Figure]:
         """Return the Pareto front."""
         return [self.figure()]
@@ -195,57 +200,24 @@ def tune_robust(
     quantile: float = QUANTILE,
     max_sensitivity: float = ZONE_A,
     free: Sequence[str] | None = None,
-    evaluations: int = EVALUATIONS,
+    budget: int = EVALUATIONS,
     storage: str | os.PathLike[str] | None = None,
     seed: int = 0,
     threads: int | None = None,
     done: Callable[..., None] = lambda text="", steps=1: None,
 ) -> Robust:
-    """Tune controller and filter over the machines of a study, as ``ambkit tune --robust`` does.
-
-    What is made small is a quantile over the machines of the force's error, and beside it that of
-    the peak of abs(S); by Optuna's tree-structured Parzen estimator (Bergstra et al. 2011). All are
-    flown with the same machines and the same noise.
-
-    Parameters
-    ----------
-    study : Study or path
-        What varies; all its runs are flown at each evaluation: some hundred are enough.
-    quantile : float
-        Of the machines, the share that is no worse.
-    max_sensitivity : float
-        What that quantile of the peak of abs(S) has to stay below [1].
-    free : sequence of str, optional
-        What may change: of `GAINS`, of the kind's tunables such as ``noise.disturbance``, and of
-        the adaptive filter ``expert.rules``; by default all.
-    evaluations : int
-        How many are made.
-    storage : path, optional
-        A file that keeps what was tried, so that the search can be interrupted and gone on with.
-    seed : int
-        Of the search.
-    threads : int, optional
-        Of the engine.
-    done : callable
-        Called after each evaluation.
-
-    Raises
-    ------
-    AmbkitError
-        Optuna is not installed; the study is not valid, or has no margins or no filter of one kind;
-        the storage is of another search; nothing that was tried is allowed.
-    """
+    """Tune controller and filter over the machines of a study."""
     try:
         import optuna
     except ImportError:
-        raise ExtraMissing("tune --robust", "optuna", "campaign") from None
+        raise ExtraMissing("tune robust", "optuna", "campaign") from None
     plan = Plan(load(study))
     plan.check()
     task = _Task(plan, quantile, max_sensitivity, threads)
     ranges = task.chosen(free)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     search = _opened(optuna, storage, task, ranges, seed)
-    for number in range(len(search.trials), evaluations):
+    for number in range(len(search.trials), budget):
         trial = search.ask()
         if number == 0:  # as it is without tuning
             values = {each.name: each.default for each in ranges}
