@@ -1,0 +1,118 @@
+"""Commands made from verbs."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import pytest
+
+from ambkit.cli import from_verbs
+
+Length = Annotated["float | str", "LENGTH"]
+
+
+def halve(
+    machine: Annotated[str, "MACHINE"],
+    records: Sequence[Annotated[str, "RECORD"]] = (),
+    *,
+    position: Length | None = None,
+    peaks: Sequence[float] = (1.5, 2.0),
+    kind: Literal["a", "b"] = "a",
+    count: int = 3,
+    quick: bool = False,
+):
+    """Halve a thing.
+
+    Parameters
+    ----------
+    machine : str
+        What is halved by 50 %.
+    records : sequence of str, optional
+        Of it.
+    position : optional
+        As for `ambkit assess`.
+    peaks : optional
+        Limits.
+    kind, count, quick : optional
+        How.
+
+    Examples
+    --------
+    $ ambkit halve thing
+    """
+
+
+def parsed(*arguments):
+    return vars(from_verbs.parser_of("halve", halve).parse_args(arguments))
+
+
+@pytest.mark.parametrize(("arguments", "expected"), [
+    (["m"], {"machine": "m", "records": []}),
+    (["m", "a.csv", "b.csv"], {"records": ["a.csv", "b.csv"]}),
+    (["m", "--position", "0.1 mm"], {"position": "0.1 mm"}),
+    (["m", "--peaks", "1.7", "--peaks", "2"], {"peaks": [1.7, 2.0]}),
+    (["m", "--kind", "b", "--count", "4", "--quick"], {"kind": "b", "count": 4, "quick": True}),
+    (["m", "--out", "a.json", "--out", "a.csv"], {"out": [Path("a.json"), Path("a.csv")]}),
+])  # fmt: skip
+def test_arguments_reach_the_verb(arguments, expected):
+    found = parsed(*arguments)
+    assert found | expected == found
+
+
+def test_what_is_not_given_is_left_to_the_verb():
+    assert set(parsed("m")) == {"machine", "records", "out", "plot", "json", "verbose"}
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["m", "--cuont", "3"], "there is no option --cuont; did you mean --count?"),
+    (["m", "--coun", "3"], "there is no option --coun; did you mean --count?"),
+    (["m", "--count", "3", "--count", "4"], "--count is given more than once"),
+    (["m", "--kind", "c"], "invalid choice: 'c'"),
+    (["m", "--peaks", "high"], "invalid float value: 'high'"),
+    ([], "required: MACHINE"),
+])  # fmt: skip
+def test_what_is_not_understood_is_refused(arguments, message):
+    parser = from_verbs.parser_of("halve", halve)
+    with pytest.raises((from_verbs.Misused, from_verbs.argparse.ArgumentError), match=message):
+        parser.parse_args(arguments)
+
+
+def test_the_help_is_the_docstring():
+    text = from_verbs.parser_of("halve", halve).format_help()
+    for said in (
+        "Halve a thing.",
+        "For example:\n    ambkit halve thing",
+        "--position LENGTH",
+        "by 50 %",
+        "[default: 1.5, 2.0]",
+        "[default: a]",
+        "MACHINE [RECORD ...]",
+    ):
+        assert said in text  # fmt: skip
+    assert "--seed" not in text
+
+
+@pytest.mark.parametrize("name", from_verbs.VERBS)
+def test_each_verb_is_described(name):
+    verb = from_verbs.verb_called(name)
+    parameters = inspect.signature(verb).parameters
+    about = from_verbs.described(verb)
+    assert set(about.parameters) - {""} == set(parameters)
+    assert not any(text.startswith("As for") for text in about.parameters.values())
+    assert about.examples
+    assert all(f"ambkit {name} " in example for example in about.examples)
+    assert len(parameters) + 4 <= 16
+    assert from_verbs.parser_of(name, verb).format_help()
+
+
+@pytest.mark.parametrize("name", from_verbs.VERBS)
+def test_the_examples_of_each_verb_are_understood(name):
+    import shlex
+
+    verb = from_verbs.verb_called(name)
+    for example in from_verbs.described(verb).examples:
+        words = shlex.split(example)[1 + len(name.split()) :]
+        assert from_verbs.parser_of(name, verb).parse_args(words)
