@@ -30,10 +30,10 @@ def test_at_constant_speed_there_is_a_covariance_and_no_amplitude() -> None:
         assert each.by_start
         assert each.amplitude is None
         assert each.angle is None
-        as_data = each.to_dict()
-        assert as_data["start_dominates"]
-        assert "amplitude" not in as_data
-        np.testing.assert_array_equal(as_data["covariance"], each.covariance)
+        said = {row.key: row.value for row in each.rows(())}
+        assert said["start_dominates"]
+        assert "amplitude" not in said
+        assert said["cosine_std"] == np.sqrt(each.covariance[0, 0])
     off = complex(found["U1"].cosine, found["U1"].sine) - TRUE * np.exp(0.6j)
     assert abs(off) < 4 * found["U1"].std
 

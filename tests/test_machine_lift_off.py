@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,6 @@ from ambkit.simulation.scenario import Control, Disturbance
 from ambkit.simulation.sequence import LiftOff, Mode
 from ambkit.simulation.waveforms import Ramp, Step
 from ambkit.workflow.filtering import filter as filter_record
-from ambkit.workflow.simulating import RunSummary
 
 COMPILER = shutil.which("gcc") or shutil.which("clang")
 compiled = pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc or clang) here")
@@ -152,7 +152,7 @@ def test_a_summary_is_of_the_flight(stop: float | None) -> None:
     )  # fmt: skip
     kalman = KalmanFilter(machine, synchronous=("unbalance",))
     run = simulate_machine(machine, flight, estimator=kalman)
-    found = RunSummary(run, harmonics(kalman, run.record)).to_dict()
+    found = replace(run, turning=harmonics(kalman, run.record)).to_dict()
     modes = [each["mode"] for each in found["modes"]]
     assert modes[:3] == ["waiting", "lifting", "flying"]
     assert found["rmse"]["x"] < 2e-6
@@ -163,7 +163,7 @@ def test_a_summary_ends_where_the_power_fails() -> None:
     machine = Machine.preset("tum_mlps").replace(speed=0.0)
     whole, failing = (Scenario(duration=0.2, off=off, seed=1) for off in (None, 0.1))
     rmse = [
-        RunSummary(simulate_machine(machine, flight, estimator=KalmanFilter(machine))).to_dict()
+        simulate_machine(machine, flight, estimator=KalmanFilter(machine)).to_dict()
         for flight in (whole, failing)
     ]
     assert rmse[1]["samples_at_the_stop"] > 0

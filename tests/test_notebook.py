@@ -56,6 +56,7 @@ def shown() -> dict[str, Any]:
         BEARING, RECORD, ESTIMATE, Expert.paper(), scores, study, study.bench,
         Benches({"paper": study.bench}), LoopScores(BEARING, {}, {"a step": scores}, range(1)),
         ambkit.identify_online(RECORD, BEARING), learn_online(RECORD, BEARING),
+        ambkit.simulate_run(BEARING, duration="10 ms"),
         ambkit.filter(BEARING, RECORD, ["linear"], settling="5 ms"),
         ambkit.tune(BEARING, filter="linear", budget=2, runs=1),
         Design(Path("d"), BEARING.long, Control(), (candidate,), candidate, assessed, 0.1,
@@ -70,8 +71,8 @@ def shown() -> dict[str, Any]:
 
 NAMES = (
     "Bearing", "Record", "Estimate", "Expert", "Scores", "Study", "Bench", "Benches",
-    "LoopScores", "Identification", "SideBySide", "Filtering", "Tuned", "Design", "LiftedOff",
-    "Assessment", "TradeOff", "Sweep", "Injection", "AssessedLog",
+    "LoopScores", "Identification", "SideBySide", "Run", "Filtering", "Tuned", "Design",
+    "LiftedOff", "Assessment", "TradeOff", "Sweep", "Injection", "AssessedLog",
 )  # fmt: skip
 
 

@@ -152,3 +152,12 @@ def test_a_verbs_result_is_one():
     assert repr(found).startswith("<Assessment: zittau_axial, controller fed by measurement: zone")
     row = found.to_pandas().query("section == 'loops' and of == 'linear' and key == 'peak'")
     assert row["value"].item() == found.loops["linear"].peak
+
+
+def test_figures_by_axis_are_nested_in_json_and_lines_of_tables():
+    rows = [Row("rms", "rms", {"A1": 1e-6, "A2": 3e-6}, "m"), Row("error.x", "x", 2e-6, "m")]
+    result = Made(put(rows, section=("part",)))
+    assert result.to_dict()["part"] == {"rms": {"A1": 1e-6, "A2": 3e-6}, "error": {"x": 2e-6}}
+    (table,) = tables(result)
+    assert table.rows == [["rms, A1", "1 µm"], ["rms, A2", "3 µm"], ["x", "2 µm"]]
+    assert list(result.to_pandas()["key"]) == ["rms.A1", "rms.A2", "error.x"]

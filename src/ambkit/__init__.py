@@ -199,6 +199,9 @@ _BEHIND = {
     "show.plots.simulation": {
         "simulation_figure": "run_figure",
     },
+    "show.plots.filters": {"filter_figure": "filter_figure"},
+    "judge.evaluation": {"errors_along": "errors_along"},
+    "workflow.separation": {"separations": "separations", "sentence": "separation"},
     "show.notebook.things": {
         "record": "data.record.Record",
         "estimate": "estimate.estimate.Estimate",
@@ -208,9 +211,6 @@ _BEHIND = {
     "show.notebook.results": {
         "identification": "identification.online.magnet_constant.Identification",
         "side_by_side": "identification.online.side_by_side.SideBySide",
-    },
-    "workflow.cards": {
-        "filtering": "workflow.filtering.Filtering",
     },
 }
 late_binding.bind(_BEHIND)

@@ -1,4 +1,4 @@
-"""What a notebook shows of an object, described in a room above the object's own."""
+"""What a notebook shows of an object: of some described in a room above the object's own."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from typing import Any
 from ambkit.base import late_binding
 
 
-class Shown:
-    """An object that notebooks show as a table with a picture, and that can be plotted."""
+class Drawn:
+    """An object with a figure, that can be plotted."""
 
     __slots__ = ()
 
-    def _card(self) -> Any:
-        names = (f"{of.__module__}.{of.__name__}"[len("ambkit.") :] for of in type(self).__mro__)
-        return late_binding.call(next(filter(late_binding.is_bound, names)), self)
+    def figure(self) -> Any:
+        """Return its figure."""
+        raise NotImplementedError
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
-        html: str = self._card().html()
+        html: str = late_binding.call("image", self.figure())
         return html
 
     def plot(self, *, ax: Any = None, panel: int | str = 0, static: bool = False) -> Any:
@@ -45,23 +45,23 @@ class Shown:
         AmbkitError
             There is no such panel, or `ax` is no axes.
         """
-        return self._card().plot(ax=ax, panel=panel, static=static)
+        return late_binding.call("plot", self.figure(), ax=ax, panel=panel, static=static)
 
 
-class Drawn:
-    """An object with a figure, that can be plotted."""
+class Shown(Drawn):
+    """An object that notebooks show as a table with a picture."""
 
     __slots__ = ()
 
+    def _card(self) -> Any:
+        names = (f"{of.__module__}.{of.__name__}"[len("ambkit.") :] for of in type(self).__mro__)
+        return late_binding.call(next(filter(late_binding.is_bound, names)), self)
+
     def figure(self) -> Any:
         """Return its figure."""
-        raise NotImplementedError
+        return self._card().figure
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
-        html: str = late_binding.call("image", self.figure())
+        html: str = self._card().html()
         return html
-
-    def plot(self, *, ax: Any = None, panel: int | str = 0, static: bool = False) -> Any:
-        """Draw it, as `Shown.plot` does."""
-        return late_binding.call("plot", self.figure(), ax=ax, panel=panel, static=static)

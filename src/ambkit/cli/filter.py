@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,6 +19,7 @@ from ambkit.cli.options import (
     Plot,
     Synchronous,
     To,
+    Verbose,
     arguments_of_the_user,
     file_option,
     find_machine,
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from ambkit.data.channelmap import ChannelMap
     from ambkit.data.record import Record
     from ambkit.estimate.filter_file import FilterFile
-    from ambkit.judge.evaluation import Evaluation
     from ambkit.workflow.filtering import Filtered, Filtering, Stretch
     from ambkit.workflow.oddities import OutsideOfBox
 
@@ -117,6 +116,7 @@ def filter_record(
         Path | None, file_option("Write the estimates: .csv or .parquet.", RECORDS, "--out")
     ] = None,
     plot: Plot = None,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Run estimators along a record.
@@ -135,7 +135,6 @@ def filter_record(
     from ambkit.cli.logs import load_log
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.estimate.noise import FilterNoise
-    from ambkit.show import plots
     from ambkit.workflow.filtering import filter as filtered
     from ambkit.workflow.filtering import stretch_to_tune_on
 
@@ -174,17 +173,13 @@ def filter_record(
     adequacy = {name: _adequacy(name, one, built[name], machine)
                 for name, one in found.estimators.items()}  # fmt: skip
 
-    def drawn() -> Any:
-        return plots.filter_figure(found.record, found.evaluations, found.smoothed)
-
-    output.deliver(
-        {"record": str(record), "adequacy": adequacy} | found.to_dict(),
-        _tables(found, f"{record.name}, {len(found.record)} samples, {machine.name}"),
-        [
-            (out, lambda path: found.to_record().save(path)),
-            (plot, lambda path: plots.save_figure(drawn(), path)),
-        ],
+    output.deliver_result(
+        found,
+        [(out, lambda path: found.to_record().save(path))],
         as_json=json,
+        verbose=verbose,
+        plot=plot,
+        more={"record": str(record), "adequacy": adequacy},
     )
 
 
@@ -290,79 +285,3 @@ def _of_the_box(name: str, outside: OutsideOfBox) -> str:
         f"current {current}, displacement {displacement}; there it answers as at the edge: "
         "train it on a larger one ('ambkit train --reach')"
     )
-
-
-def _tables(found: Filtering, title: str) -> list[Any]:
-    from ambkit.cli import harmonics
-    from ambkit.cli.output import table, value
-    from ambkit.data.signals import each_of
-    from ambkit.workflow.filtering import HORIZONS
-    from ambkit.workflow.tuning import growth_text
-
-    evaluated = found.evaluations
-    after = {name: found.after(name) for name in found.smoothed}
-    evaluations = list(evaluated.values())
-
-    def row(what: str, entry: Any) -> list[str]:
-        return [what, *(entry(evaluation) for evaluation in evaluations)]
-
-    one, units = evaluations[0], evaluations[0].estimate.units
-    flags = list(dict.fromkeys(flag for j in evaluations for flag in j.status))
-    rows = [
-        row("measurements used", lambda j: f"{j.used} of {j.samples}"),
-        *(row(f"  status: {flag}", lambda j, f=flag: str(j.status.get(f, 0))) for flag in flags),
-        row("innovation, mean", lambda j: value(j.innovation_mean, "m")),
-        row("innovation, std", lambda j: value(j.innovation_std, "m")),
-        row("  std that the filter expects", lambda j: value(_or_none(j.expected_std), "m")),
-        row("  mean NIS (1: consistent)", lambda j: "–" if j.nis != j.nis else f"{j.nis:.3f}"),
-        row("  lags within 95 % bound", _white),
-        row("load, mean", lambda j: value(j.disturbance_mean, "N")),
-        row("load, std", lambda j: value(j.disturbance_std, "N")),
-    ]
-    rows += [
-        row(f"error of {name}, rms", lambda j, n=name: value(j.rmse[n], units[n]))
-        for name in one.rmse
-    ]
-    if after:
-        spreads = (value(s["disturbance_std"], "N") for s in after.values())
-        rows.append(["load, std, smoothed", *spreads])
-        rows += [
-            [f"error of {name}, rms, smoothed"]
-            + [value(s["rmse"][name], units[name]) for s in after.values()]
-            for name in one.rmse
-        ]
-    growths = [each.noise.disturbance for each in found.estimators.values()]
-    if any(growth is not None for growth in growths):
-        told = ("–" if growth is None else growth_text(growth) for growth in growths)
-        rows.append(["load, noise assumed", *told])
-    turning = [
-        dict(harmonics.rows({h.name: h.to_dict() for h in each.turning}))
-        for each in found.estimators.values()
-    ]
-    for what in dict.fromkeys(what for each in turning for what in each):
-        rows.append([what, *(each.get(what, "–") for each in turning)])
-    headers = ["", *(f"{ahead} step{'s' * (ahead > 1)} ahead" for ahead in HORIZONS)]
-    ways = {name: evaluation.prediction for name, evaluation in evaluated.items()}
-    ways |= {"last measurement held": one.held, **one.logged}
-    gap = max(placed.magnet.air_gap for placed in found.machine.bearings)
-    errors = [
-        [name, *("beyond the gap" if max(each_of(way[ahead])) > gap else value(way[ahead], "m")
-                 for ahead in HORIZONS)]
-        for name, way in ways.items()
-    ]  # fmt: skip
-    return [
-        table(title, ["", *evaluated], rows),
-        table("Error of the predicted measurement, rms", headers, errors),
-    ]
-
-
-def _white(evaluation: Evaluation) -> str:
-    from ambkit.data.signals import each_of
-
-    white = [each.share_within if each else math.nan for each in each_of(evaluation.whiteness)]
-    return "too few" if math.isnan(min(white)) else f"{100 * min(white):.0f} %"
-
-
-def _or_none(expected: Any) -> Any:
-    """Return None where nothing is expected."""
-    return expected if isinstance(expected, dict) else expected or None

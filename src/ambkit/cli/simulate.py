@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +16,7 @@ from ambkit.cli.options import (
     Json,
     Plot,
     Synchronous,
+    Verbose,
     file_option,
     find_machine,
     quantity,
@@ -24,12 +24,12 @@ from ambkit.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
     from ambkit.estimate.base import Estimator
     from ambkit.machine.machine import Machine
     from ambkit.simulation.run import Run
-    from ambkit.workflow.separation import Separation
+    from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.waterfall import Waterfall
 
 
@@ -112,6 +112,7 @@ def simulate(
             "--waterfall",
         ),
     ] = None,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Simulate a bearing or a whole machine in closed loop.
@@ -129,8 +130,7 @@ def simulate(
     from ambkit.judge.adequacy import judge_adequacy
     from ambkit.machine.forces.map_of import surface_in
     from ambkit.show import plots
-    from ambkit.workflow.harmonics import harmonics
-    from ambkit.workflow.simulating import RunSummary, scenario_for, simulate_run
+    from ambkit.workflow.simulating import scenario_for, simulate_run
 
     plant = find_machine(bearing)
     if not plant.single:
@@ -153,25 +153,14 @@ def simulate(
     true = surface_in(magnet, plant.alone("")) if magnet and plant.single else None
     with output.progress("simulating"):
         run = simulate_run(plant, scenario, estimator=kalman, magnet=true, **said)
+    adequacy = output.say_adequacy(judge_adequacy(kalman, plant, happening, run.nis))
     of = None if isinstance(kalman, str) else kalman
-    turning = harmonics(of, run.record) if of and not plant.single else ()
-    data = RunSummary(run, turning).to_dict()
-    apart, speed = _separations(run)
-    if not plant.single:
-        data["critical_speeds"] = [each.to_dict() for each in apart]
-    found = judge_adequacy(kalman, plant, happening, data.get("nis", math.nan))
-    data["adequacy"] = output.say_adequacy(found)
-    output.deliver(
-        data,
-        [_table(data, {} if run.estimate is None else run.estimate.units)],
-        [
-            (out, run.record.save),
-            (plot, lambda path: plots.save_figure(run.figure(), path)),
-            (waterfall, lambda path: plots.save_figure(_waterfall(run).figure(), path)),
-        ],
-        as_json=json,
-    )
-    for text in _notes(run, happening, of, data, apart, speed):
+    spectra = (waterfall, lambda path: plots.save_figure(_waterfall(run).figure(), path))
+    output.deliver_result(
+        run, [(out, run.record.save), spectra], as_json=json, verbose=verbose, plot=plot,
+        more={"adequacy": adequacy},
+    )  # fmt: skip
+    for text in _notes(run, happening, of):
         output.note(text)
 
 
@@ -186,30 +175,12 @@ def _note_default(machine: Machine, happening: Any) -> None:
             output.note(chosen.summary)
 
 
-def _separations(run: Run) -> tuple[tuple[Separation, ...], float]:
-    """Return the critical speeds near the speed at the end of a run, and that [rad/s]."""
-    from ambkit.workflow.separation import separations
-
-    if run.plant.single:
-        return (), 0.0
-    speed = float(run.record["speed"][-1]) if "speed" in run.record else run.machine.speed
-    return tuple(separations(run.machine, speed)), speed
-
-
-def _notes(
-    run: Run, happening: Any, estimator: Estimator | None, data: Mapping[str, Any],
-    apart: tuple[Separation, ...], speed: float,
-) -> Iterator[str]:  # fmt: skip
-    """Yield what is to be said beside the table."""
+def _notes(run: Run, happening: Scenario, estimator: Estimator | None) -> Iterator[str]:
+    """Yield what may help, where the rotor does not fly as it is to."""
     from ambkit.simulation.holding import holding
-    from ambkit.workflow.separation import sentence
     from ambkit.workflow.simulating import plain_control
 
     machine, touched = run.plant, run.samples_at_the_stop
-    if apart:
-        yield sentence(apart, speed)
-    if any(each["mode"] == "tripped" for each in data.get("modes", ())):
-        yield "it tripped: see lost and overload in [sequence]"
     if not machine.single:
         plain = plain_control(machine, happening, estimator)
         if plain is not None:
@@ -245,30 +216,3 @@ def _waterfall(run: Run) -> Waterfall:
     t = run.record.t
     window = min(0.1, float(t[-1] - t[0]) / 4)
     return waterfall(run.record, run.displacement(run.axes[0]), window=window)
-
-
-def _table(data: Mapping[str, Any], units: Mapping[str, str]) -> Any:
-    from ambkit.cli import harmonics
-    from ambkit.cli.output import table, value
-
-    def greatest(of: Any, unit: str) -> str:
-        if not isinstance(of, dict):
-            return value(of, unit)
-        return ", ".join(f"{name} {value(each, unit)}" for name, each in of.items())
-
-    rows = [
-        ["duration", f"{value(data['duration'], 's')}, {data['samples']} samples"],
-        ["greatest displacement", greatest(data["greatest_displacement"], "m")],
-        ["  at the stop", f"{data['samples_at_the_stop']} samples"],
-        ["greatest control current", greatest(data["greatest_current"], "A")],
-        ["  at its limit", f"{data['samples_at_the_current_limit']} samples"],
-    ]
-    since = [f"{each['mode']} from {value(each['since'], 's')}" for each in data.get("modes", ())]
-    rows += [["lift-off and landing", ", ".join(since)]] if since else []
-    if "rmse" in data:
-        rows.append([f"{data['estimator']}: RMSE", ""])
-        rows += [[f"  {name}", value(each, units[name])] for name, each in data["rmse"].items()]
-        rows.append(["  mean NIS (1: consistent)", f"{data['nis']:.3f}"])
-    rows += [[f"  {what}", said] for what, said in harmonics.rows(data.get("synchronous", {}))]
-    name = data.get("bearing", data.get("machine"))
-    return table(f"{name}, seed {data['seed']}", ["", ""], rows)

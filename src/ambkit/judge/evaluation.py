@@ -14,10 +14,12 @@ from ambkit.base.errors import RecordError
 from ambkit.data.signals import by_name, each_of, signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.innovations import Whiteness, whiteness
+from ambkit.result.row import Row
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
+    from ambkit.machine.machine import Machine
 
 Array = NDArray[np.float64]
 
@@ -63,33 +65,40 @@ class Evaluation:
     disturbance_mean: Any  #: Of the estimated disturbance force [N], by axis.
     disturbance_std: Any
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI, ready for JSON; without the estimate."""
-        white = each_of(self.whiteness)
-        of_white = {
-            f"white_{key}": by_name(self.estimate.readings or ("",), [
-                getattr(w, name) if w else None for w in white
-            ])
-            for key, name in (("share", "share_within"), ("bound", "bound"))
-        }  # fmt: skip
-        return {
-            "estimator": self.estimate.estimator,
-            "settling": self.settling,
-            "samples": self.samples,
-            "used": self.used,
-            "innovation_mean": self.innovation_mean,
-            "innovation_std": self.innovation_std,
-            "expected_std": self.expected_std,
-            "nis": self.nis,
-            **of_white,
-            "status": dict(self.status),
-            "prediction": _by_text(self.prediction),
-            "held": _by_text(self.held),
-            "logged": {name: _by_text(errors) for name, errors in self.logged.items()},
-            "rmse": dict(self.rmse),
-            "disturbance_mean": self.disturbance_mean,
-            "disturbance_std": self.disturbance_std,
-        }
+    def rows(self, machine: Machine, flags: Sequence[str]) -> list[Row]:
+        """Return the figures; of several readings the means only for those who ask for more."""
+        several, units, white = not machine.single, self.estimate.units, each_of(self.whiteness)
+        share, bound = (
+            by_name(self.estimate.readings or ("",), [w and getattr(w, name) for w in white])
+            for name in ("share_within", "bound")
+        )
+        gap = max(placed.magnet.air_gap for placed in machine.bearings)
+        ways = {
+            "prediction": ("error {} ahead, rms", self.prediction),
+            "held": ("  last measurement held, {}", self.held),
+        } | {f"logged.{name}": (f"  {name}, {{}}", way) for name, way in self.logged.items()}
+        return [
+            Row("estimator", "estimator", self.estimate.estimator, detail=True),
+            Row("samples", "samples that count", self.samples),
+            Row("used", "measurements used", self.used),
+            *(Row(f"status.{flag}", f"  status: {flag}", self.status.get(flag)) for flag in flags),
+            Row("settling", "settling time", self.settling, "s", detail=True),
+            Row("innovation_mean", "innovation, mean", self.innovation_mean, "m", detail=several),
+            Row("innovation_std", "innovation, std", self.innovation_std, "m"),
+            Row("expected_std", "  expected by the filter", self.expected_std, "m",
+                detail=several),
+            Row("nis", "  mean NIS (1: consistent)", self.nis),
+            Row("white_share", "  lags within 95 % bound", share, "%", detail=several),
+            Row("white_bound", "  that bound", bound, detail=True),
+            *(Row(f"{key}.{ahead}", name.format(f"{ahead} step{'s' * (ahead > 1)}"), error, "m",
+                  note="beyond the air gap" if max(each_of(error)) > gap else "",
+                  detail=several and key != "prediction")
+              for key, (name, way) in ways.items() for ahead, error in way.items()),
+            Row("disturbance_mean", "load, mean", self.disturbance_mean, "N"),
+            Row("disturbance_std", "load, std", self.disturbance_std, "N"),
+            *(Row(f"rmse.{name}", f"error of {name}, rms", error, units[name])
+              for name, error in self.rmse.items()),
+        ]  # fmt: skip
 
 
 def evaluate(
@@ -250,7 +259,3 @@ def _flags(status: NDArray[np.uint16]) -> dict[str, int]:
         str(flag.name).lower(): int(np.count_nonzero(status & np.uint16(flag))) for flag in Status
     }
     return {name: count for name, count in counts.items() if count}
-
-
-def _by_text(errors: Mapping[int, Any]) -> dict[str, Any]:
-    return {str(ahead): error for ahead, error in errors.items()}

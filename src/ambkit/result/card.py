@@ -10,7 +10,6 @@ from typing import Any
 
 from ambkit.base.escaping import one_line
 from ambkit.base.units import figure, typeset
-from ambkit.result.drawing import plot
 from ambkit.result.report.figure import Figure
 from ambkit.result.report.static import light
 from ambkit.result.report.static_items import WIDTH
@@ -48,11 +47,6 @@ class Card:
                 "</div>",
             ]
         )
-
-    def plot(self, *, ax: Any, panel: int | str, static: bool) -> Any:
-        """Draw the picture, see :meth:`ambkit.base.showing.Shown.plot`."""
-        assert self.figure is not None
-        return plot(self.figure, ax=ax, panel=panel, static=static)
 
     def _table(self) -> str:
         head = "".join(f"<th{_LEFT}>{_text(name)}</th>" for name in self.headers)

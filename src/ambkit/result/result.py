@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base import escaping, files
 from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Drawn
 from ambkit.result.plain import plain
-from ambkit.result.row import Row
+from ambkit.result.row import Row, singles
 from ambkit.result.stated import Stated
 
 if TYPE_CHECKING:
     import pandas
 
+    from ambkit.result.report.figure import Figure
 
-class Result(Stated):
+
+class Result(Stated, Drawn):
     """A result: it tells in every form what it states."""
 
     __slots__ = ()
@@ -36,9 +40,10 @@ class Result(Stated):
         found: dict[str, Any] = {"finding": self.finding, "notes": list(self.notes)}
         for row in self.rows:
             place = found
-            for name in (*row.section, *([row.of] if row.of else [])):
+            *within, key = row.key.split(".")
+            for name in (*row.section, *([row.of] if row.of else []), *within):
                 place = place.setdefault(name, {})
-            place |= _stated(row)
+            place |= _stated(replace(row, key=key))
         return _merged(found, self.series)
 
     def to_json(self) -> str:
@@ -70,7 +75,7 @@ class Result(Stated):
                 "at_unit": row.at and row.at.unit, "limit": row.limit(), "kept": row.kept,
                 "note": row.note,
             }
-            for row in self.rows
+            for row in singles(self.rows)
         )  # fmt: skip
 
     def to_latex(self) -> str:
@@ -122,33 +127,9 @@ class Result(Stated):
 
         write_result([self], path)
 
-    def plot(self, *, ax: Any = None, panel: int | str = 0, static: bool = False) -> Any:
-        """Draw its main picture: interactive in a notebook, or with matplotlib to go on with.
-
-        Parameters
-        ----------
-        ax : matplotlib axes, or a sequence of such; optional
-            Draw into these: into one the panel that `panel` names, into several the first panels
-            in their order.
-        panel : int or str
-            Number of the panel, or a part of its name such as ``"force"``; for `ax`.
-        static : bool
-            Draw a figure of matplotlib, rather than an interactive one.
-
-        Returns
-        -------
-        plotly Figure, matplotlib axes or ndarray of such (panels,)
-            The interactive figure; `ax` where it is given; else the axes of the figure that was
-            made. Where plotly is not installed, a figure of matplotlib.
-
-        Raises
-        ------
-        AmbkitError
-            There is no such panel, or `ax` is no axes.
-        """
-        from ambkit.result.drawing import plot
-
-        return plot(self.figures()[0], ax=ax, panel=panel, static=static)
+    def figure(self) -> Figure:
+        """Return its main picture."""
+        return self.figures()[0]
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the finding, the first table, the main picture."""

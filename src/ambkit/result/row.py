@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -53,9 +53,11 @@ class At(NamedTuple):
 class Row:
     """One figure of merit of one thing: of a loop, an axis, an estimator."""
 
-    key: str  #: In JSON.
+    key: str  #: In JSON; of figures that stand together such as ``rmse.x``.
     name: str  #: As it is shown; two blanks before the name of one that belongs to the last.
-    value: Value  #: In SI; None where it is not known.
+    value: (
+        Value | Mapping[str, Any]
+    )  #: In SI; None where it is not known; of several axes by their names.
     unit: str = "1"  #: Of SI, or one of `FORMS`.
     digits: int = 4
     of: str = ""  #: What it is of: a column of the table.
@@ -90,6 +92,7 @@ class Row:
     def text(self) -> str:
         """Return the value as it is shown, with its unit and its error."""
         value, error = self.value, self.error
+        assert not isinstance(value, Mapping)  # `singles` are shown
         if not error or not isinstance(value, float) or self.unit in FORMS:
             return self.shown(value)
         if not (math.isfinite(value) and math.isfinite(error)):
@@ -140,6 +143,18 @@ class Row:
     def confidence(self) -> str:
         """Return its interval as text; empty where there is none."""
         return "" if self.interval is None else self.shown(self.interval)
+
+
+def singles(rows: Iterable[Row]) -> Iterator[Row]:
+    """Yield rows of one value each: of several by name, such as by axis, one for each of them."""
+    for row in rows:
+        if not isinstance(row.value, Mapping):
+            yield row
+            continue
+        yield from singles(
+            replace(row, key=f"{row.key}.{name}", name=f"{row.name}, {name}", value=value)
+            for name, value in row.value.items()
+        )
 
 
 def put(rows: list[Row], **where: Any) -> list[Row]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from ambkit.result.row import Row
+from ambkit.result.row import Row, singles
 from ambkit.result.stated import Section, Stated, by_section
 from ambkit.result.table import LINE, Table, table
 
@@ -20,7 +20,7 @@ def tables(result: Stated, *, verbose: bool = True) -> Iterator[Table]:
 
 def by_name(result: Stated, *, verbose: bool = True) -> Iterator[tuple[tuple[str, ...], Table]]:
     """Yield each section and its table."""
-    asked = [row for row in result.rows if verbose or not row.detail]
+    asked = [row for row in singles(result.rows) if verbose or not row.detail]
     known = {(row.section, row.name) for row in asked if row.value is not None}
     shown = [row for row in asked if (row.section, row.name) in known]
     for name, rows in by_section(shown):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -13,20 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base import late_binding
 from ambkit.base.arrays import real
 from ambkit.base.asked import of_type
 from ambkit.base.copying import own_version
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Drawn
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
-from ambkit.data.signals import signal
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.hovering import hover_current
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import Law, MagnetModel, core_module, magnet_of
 from ambkit.simulation import parts
 from ambkit.simulation.control import Controller, needs_states
@@ -34,6 +30,7 @@ from ambkit.simulation.controllers import gains_of
 from ambkit.simulation.imposed import Faults, Imposed, series_of
 from ambkit.simulation.noise import drawn, white
 from ambkit.simulation.scenario import AXES, Scenario
+from ambkit.simulation.simulated import Run as Run
 
 UNITS = {
     "r": "m", "y": "m", "u": "V",
@@ -52,60 +49,6 @@ MODE_UNITS = {"mode": "1"}
 
 INJECTED_UNITS = {"injected": "m"}
 """What was added to the measurement; where the scenario has it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Run(Drawn):
-    """A simulated run: what happened, and what the estimator said meanwhile."""
-
-    plant: Machine  #: What was simulated; one axis in its short form.
-    #: Measurements and control signals, and the truth. Of one axis ``y``, ``u``, ``r``, ``x``,
-    #: ``v``, ``x_m``, ``iu``, ``f_mag``, ``f_d``. Of several each reading ``y_NAME`` [m], each
-    #: axis's ``u_NAME`` [V], displacement ``s_NAME`` [m], current ``iu_NAME`` [A], magnet force
-    #: ``f_mag_NAME`` [N] and load ``f_d_NAME`` [N]; the rotor's coordinates and velocities; the
-    #: speed of rotation [rad/s]. With lift-off and landing the ``mode``,
-    #: `ambkit.simulation.sequence.Mode`.
-    record: Record
-    estimate: Estimate | None  #: What the estimator said meanwhile.
-    status: NDArray[np.uint16]  #: (n,) The sum of the flags of estimator and controllers, `Status`.
-    #: (n,) With lift-off and landing, whether what feeds the controllers could be used.
-    usable: NDArray[np.bool_] | None = None
-
-    def figure(self) -> Any:
-        """Return its figure: of several axes with orbits."""
-        return late_binding.call("run_figure", self)
-
-    @property
-    def machine(self) -> Machine:
-        """The plant as a machine."""
-        return self.plant.long
-
-    @property
-    def axes(self) -> list[str]:
-        """The names of the axes; a single one has none."""
-        return [axis.name for axis in self.machine.axes]
-
-    def displacement(self, axis: str) -> str:
-        """Return the name of the signal of the displacement along an axis."""
-        return signal("s", axis) if axis else "x"
-
-    @property
-    def fed(self) -> slice:
-        """The samples in which magnets have current: up to where the power fails."""
-        # From then on no control current says so: it takes from one side what it gives the other.
-        off = self.record.meta.get("scenario", {}).get("off")
-        return slice(None) if off is None else slice(int(np.searchsorted(self.record.t, off)))
-
-    @property
-    def samples_at_the_stop(self) -> int:
-        """Samples in which a stop was touched."""
-        return int(self.record.meta["stop_touched"])
-
-    @property
-    def first_touch(self) -> int | None:
-        """The first of those samples; None where there is none."""
-        found = self.record.meta["first_touch"]
-        return None if found is None else int(found)
 
 
 def _adds_noise(bearing: Bearing) -> bool:

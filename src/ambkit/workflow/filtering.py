@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base import late_binding
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Shown
 from ambkit.data.record import Record
-from ambkit.data.signals import by_name, signal
+from ambkit.data.signals import by_name, each_of, signal
 from ambkit.estimate.named import USUAL, Factory, FromFile, factories
 from ambkit.estimate.noise import FilterNoise
 from ambkit.judge.evaluation import Evaluation, errors_along, evaluate
 from ambkit.machine.machine import Machine
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 from ambkit.simulation.sequence import Mode
 from ambkit.workflow.harmonics import Harmonic, harmonics
 from ambkit.workflow.oddities import OutsideOfBox, outside_of_box
@@ -26,9 +30,13 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.estimate import Estimate
     from ambkit.machine.magnets import MagnetModel
+    from ambkit.result.report.figure import Figure
 
 HORIZONS = (1, 10)
 """Steps ahead that are predicted."""
+
+ESTIMATORS = ("estimators",)
+"""Section of its rows."""
 
 ABSURD_NIS = 25.0
 """Mean NIS from which on filter and record have nothing to do with each other."""
@@ -92,8 +100,8 @@ class Filtered:
         return self.evaluation.nis > ABSURD_NIS
 
 
-@dataclass(frozen=True, eq=False)
-class Filtering(Shown):
+@dataclass(frozen=True, eq=False, repr=False)
+class Filtering(Result):
     """Estimators along a record."""
 
     machine: Machine  #: What they assume.
@@ -133,19 +141,79 @@ class Filtering(Shown):
         axes, growth = (axis.name for axis in self.machine.axes), noise.disturbance
         return dict(zip(axes, growth, strict=True)) if isinstance(growth, tuple) else growth
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
+    @property
+    def title(self) -> str:
+        """Of what machine and record."""
+        return f"{self.machine.name}, {len(self.record)} samples"
+
+    @property
+    def finding(self) -> str:
+        """Which filter predicts the measurement best, beside the last measurement held."""
+        ahead, gain = HORIZONS[-1], {}
+        for name, e in self.evaluations.items():
+            pairs = zip(each_of(e.prediction[ahead]), each_of(e.held[ahead]), strict=True)
+            ratios = [error / held if held > 0 else math.inf for error, held in pairs]
+            gain[name] = max(r if math.isfinite(r) else math.inf for r in ratios)
+        best = min(gain, key=gain.__getitem__)
+        if math.isinf(gain[best]):
+            return f"{self.title}: no filter's prediction can be judged."
+        nis = self[best].evaluation.nis
+        return (
+            f"{self.title}: {best} predicts {ahead} steps ahead with {gain[best]:.3g} of the error "
+            f"of holding the last measurement{'' if math.isnan(nis) else f'; mean NIS {nis:.3f}'}."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        """Innovations, predictions, load and errors of each estimator, and what turns."""
+        flags = dict.fromkeys(flag for e in self.evaluations.values() for flag in e.status)
+        found, turning = [], []
+        for name, each in self.estimators.items():
+            found += put(self._of(each, list(flags)), section=ESTIMATORS, of=name)
+            turning += [row for of in each.turning for row in of.rows((*ESTIMATORS, name))]
+        return found + turning
+
+    def _of(self, each: Filtered, flags: Sequence[str]) -> list[Row]:
+        """Return the figures of one estimator."""
+        after: dict[str, Any] = {} if each.smoothed is None else self.after(each.name)
+        units = each.evaluation.estimate.units
+        return [
+            *each.evaluation.rows(self.machine, flags),
+            Row("disturbance_noise", "load, noise assumed", self.growth(each.noise), "N^2/s"),
+            Row("smoothed.disturbance_mean", "load, mean, smoothed",
+                after.get("disturbance_mean"), "N", detail=True),
+            Row("smoothed.disturbance_std", "load, std, smoothed",
+                after.get("disturbance_std"), "N"),
+            *(Row(f"smoothed.rmse.{name}", f"error of {name}, rms, smoothed", error, units[name])
+              for name, error in after.get("rmse", {}).items()),
+        ]  # fmt: skip
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        turning: dict[tuple[str, ...], Section] = {
+            (*ESTIMATORS, name, "synchronous"): Section(f"{name}: what turns", across=True)
+            for name in self.estimators
+        }
+        return {ESTIMATORS: Section(self.title), **turning}
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Machine, and what is left of the estimators' figures."""
         return {
             "machine": self.machine.name,
             "estimators": {
-                name: each.evaluation.to_dict()
-                | {"disturbance_noise": self.growth(each.noise)}
-                | ({"smoothed": self.after(name)} if each.smoothed is not None else {})
-                | ({"synchronous": {h.name: h.to_dict() for h in each.turning}}
-                   if each.turning else {})
+                name: {key: {} for key in ("rmse", "status", "logged")}
+                | {"synchronous": {
+                    h.name: {"covariance": h.covariance.tolist()} for h in each.turning
+                }}
                 for name, each in self.estimators.items()
             },
         }  # fmt: skip
+
+    def figures(self) -> list[Figure]:
+        """Return the estimates over the record."""
+        return [late_binding.call("filter_figure", self.record, self.evaluations, self.smoothed)]
 
     def to_record(self) -> Record:
         """Return the estimates; of several estimators, each signal carries the name."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.asked import of_type
 from ambkit.estimate.base import Estimator
+from ambkit.result.row import Row, put
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -74,17 +75,34 @@ class Harmonic:
         std = math.sqrt(float(across @ self.covariance @ across)) / size[0]
         return math.atan2(self.sine, self.cosine), std
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data, in SI; amplitude and angle where there are."""
-        found: dict[str, Any] = {
-            "role": self.role, "order": self.order, "cosine": self.cosine, "sine": self.sine,
-            "covariance": self.covariance.tolist(), "start_std": self.start,
-            "start_share": self.start_share, "start_dominates": self.by_start,
-        }  # fmt: skip
+    def rows(self, of: tuple[str, ...]) -> list[Row]:
+        """Return its figures; cosine and sine are shown where there is no amplitude."""
+        shown, known = "g mm" if self.role == "unbalance" else "m", self.amplitude is not None
+        (cc, cs), (_, ss) = self.covariance
+        both = math.sqrt(cc * ss)
+        why = "the start says more than the record" if self.by_start else "it is not clear of 0"
+        note = f"{self.name}: {why}, correlation {cs / both if both > 0 else 0.0:.2f}"
+        found = [
+            Row("role", "what", self.role),
+            Row("order", "order", self.order, detail=True),
+            Row("cosine", "cosine", self.cosine, shown, 3, detail=known,
+                note="" if known else note),
+            Row("cosine_std", "its std", math.sqrt(max(cc, 0.0)), shown, 2, detail=known),
+            Row("sine", "sine", self.sine, shown, 3, detail=known),
+            Row("sine_std", "std of sine", math.sqrt(max(ss, 0.0)), shown, 2, detail=known),
+            Row("start_std", "std at the start", self.start, shown, detail=True),
+            Row("start_share", "share of the start", self.start_share, "%", detail=True),
+            Row("start_dominates", "start dominates", self.by_start, detail=True),
+        ]  # fmt: skip
         if self.amplitude is not None and self.angle is not None:
-            found["amplitude"], found["amplitude_std"] = self.amplitude
-            found["angle"], found["angle_std"] = self.angle
-        return found
+            (size, doubt), (angle, off) = self.amplitude, self.angle
+            found += [
+                Row("amplitude", "amplitude", size, shown),
+                Row("amplitude_std", "std of amplitude", doubt, shown, 2),
+                Row("angle", "angle", angle, "deg"),
+                Row("angle_std", "std of angle", off, "deg"),
+            ]
+        return put(found, section=(*of, "synchronous"), of=self.name)
 
 
 def harmonics(estimator: Estimator, record: Record) -> list[Harmonic]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,8 +18,6 @@ from ambkit.data.signals import signal
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.named import factories
 from ambkit.estimate.own import EstimatorProtocol, OwnEstimator, is_own
-from ambkit.judge.evaluation import errors_along
-from ambkit.machine.bank import alone_of
 from ambkit.machine.forces.map_of import surface_in
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import ConstantStiffness
@@ -29,14 +27,13 @@ from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.run import simulate_run as looped
 from ambkit.simulation.scenario import Scenario
-from ambkit.simulation.sequence import Mode
 from ambkit.simulation.waveforms import Recorded, Step
+from ambkit.workflow.harmonics import harmonics
 
 if TYPE_CHECKING:
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.imposed import Imposed
     from ambkit.simulation.run import Run
-    from ambkit.workflow.harmonics import Harmonic
 
 STEP_AT, LOAD_AT = 0.1, 0.5
 """When the step of the reference and that of the load come, in lengths of the run."""
@@ -234,7 +231,8 @@ def simulate_run(
         for name, each in given.items():
             if each is not None:
                 raise AmbkitError(f"{name}: is of one axis, and {machine.name} has several")
-        return simulate_machine(machine, happening, estimator=made)
+        run = simulate_machine(machine, happening, estimator=made)
+        return run if made is None else replace(run, turning=harmonics(made, run.record))
     axis = machine.alone("")
     if force_map is not None:
         if magnet is not None:
@@ -310,75 +308,3 @@ def plain_control(machine: Machine, happening: Scenario, estimator: Estimator | 
     low, high = float(speed.min()), float(speed.max())
     turn = controllers_of(Plant(machine), flight.control, estimator, fastest=high).let_turn
     return None if turn is None else turn.sentence(flight.control.unbalance, low, high)
-
-
-@dataclass(frozen=True)
-class RunSummary:
-    """What a run came to."""
-
-    run: Run  #: Record, and estimate if there was an estimator.
-    #: What its estimator says of unbalance and runout at the end, where it flies then.
-    turning: Sequence[Harmonic] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI; of several axes by their names."""
-        run, record, estimate = self.run, self.run.record, self.run.estimate
-        machine, (first, end) = run.plant, self._in_flight()
-        found: dict[str, Any] = {
-            "bearing" if machine.single else "machine": machine.name,
-            "samples": len(record),
-            "duration": record.t[-1],
-            "seed": record.meta["seed"],
-            "greatest_displacement": self._by_axis(
-                {axis: np.abs(record[run.displacement(axis)]).max() for axis in run.axes}
-            ),
-            "greatest_current": self._by_axis(
-                {axis: np.abs(iu).max(initial=0.0) for axis, iu in self._currents.items()}
-            ),
-            "samples_at_the_current_limit": self._at_the_limit,
-            "samples_at_the_stop": run.samples_at_the_stop,
-        }
-        if estimate is not None:
-            found["estimator"] = estimate.estimator
-            found["rmse"] = errors_along(estimate, record, first, end)
-            found["nis"] = float(np.mean(estimate.nis[first:end][1:]))
-        if self.turning and end is None:
-            found["synchronous"] = {each.name: each.to_dict() for each in self.turning}
-        if "mode" in record:
-            found["modes"] = self._modes()
-        return found
-
-    def _by_axis(self, values: Mapping[str, Any]) -> Any:
-        return values[""] if self.run.plant.single else values
-
-    @property
-    def _currents(self) -> dict[str, Any]:
-        """The control currents of each axis (n,) while magnets have any [A]."""
-        run = self.run
-        return {axis: run.record[signal("iu", axis)][run.fed] for axis in run.axes}
-
-    @property
-    def _at_the_limit(self) -> int:
-        limits = [(each.current_min, each.current_max) for each in alone_of(self.run.plant)]
-        each = zip(self._currents.values(), limits, strict=True)
-        return int(np.any([(iu >= high) | (iu <= low) for iu, (low, high) in each], axis=0).sum())
-
-    def _in_flight(self) -> tuple[int, int | None]:
-        """Return the first sample in which the rotor flew and the one after it last did."""
-        # A rotor that lies has the backup bearings' forces, which no estimator knows, and a filter
-        # takes the magnets for switched on; so it is after a power failure. 0 and None: all of the
-        # record.
-        if "mode" not in self.run.record:
-            return 0, self.run.fed.stop
-        mode = self.run.record["mode"]
-        flew = np.flatnonzero(mode == Mode.FLYING)
-        if not flew.size:
-            return 0, len(mode)
-        end = int(flew[-1]) + 1
-        return int(flew[0]), None if end == len(mode) else end
-
-    def _modes(self) -> list[dict[str, Any]]:
-        """Return what lift-off and landing did, and since when [s]."""
-        t, mode = self.run.record.t, self.run.record["mode"]
-        changed = np.flatnonzero(np.diff(mode, prepend=-1.0))
-        return [{"mode": Mode(int(mode[k])).name.lower(), "since": float(t[k])} for k in changed]

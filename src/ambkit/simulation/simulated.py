@@ -1,0 +1,226 @@
+"""A simulated run, and what it came to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base import late_binding
+from ambkit.base.units import figure
+from ambkit.data.record import Record
+from ambkit.data.signals import signal
+from ambkit.estimate.estimate import Estimate
+from ambkit.machine.bank import alone_of
+from ambkit.machine.machine import Machine
+from ambkit.result.result import Result
+from ambkit.result.row import At, Row
+from ambkit.result.stated import Section
+from ambkit.simulation.sequence import Mode
+
+if TYPE_CHECKING:
+    from ambkit.result.report.figure import Figure
+
+ERRORS = ("rmse",)
+TURNING = ("synchronous",)
+"""Sections of its rows."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run(Result):
+    """A simulated run: what happened, and what the estimator said meanwhile."""
+
+    plant: Machine  #: What was simulated; one axis in its short form.
+    #: Measurements and control signals, and the truth. Of one axis ``y``, ``u``, ``r``, ``x``,
+    #: ``v``, ``x_m``, ``iu``, ``f_mag``, ``f_d``. Of several each reading ``y_NAME`` [m], each
+    #: axis's ``u_NAME`` [V], displacement ``s_NAME`` [m], current ``iu_NAME`` [A], magnet force
+    #: ``f_mag_NAME`` [N] and load ``f_d_NAME`` [N]; the rotor's coordinates and velocities; the
+    #: speed of rotation [rad/s]. With lift-off and landing the ``mode``,
+    #: `ambkit.simulation.sequence.Mode`.
+    record: Record
+    estimate: Estimate | None  #: What the estimator said meanwhile.
+    status: NDArray[np.uint16]  #: (n,) The sum of the flags of estimator and controllers, `Status`.
+    #: (n,) With lift-off and landing, whether what feeds the controllers could be used.
+    usable: NDArray[np.bool_] | None = None
+    #: What its estimator says of unbalance and runout at the end, where it flies then.
+    turning: Sequence[Any] = ()
+
+    @property
+    def title(self) -> str:
+        """Of what machine, how long."""
+        t, seed = self.record.t, self.record.meta["seed"]
+        return f"{self.plant.name}, seed {seed}: {figure(t[-1], 's')} simulated, {len(t)} samples"
+
+    @property
+    def finding(self) -> str:
+        """Whether it flew without touching a stop, and how well it was estimated."""
+        said = "a stop was touched" if self.samples_at_the_stop else "no stop was touched"
+        if self.estimate is None:
+            return f"{self.title}; {said}."
+        return f"{self.title}; {said}, mean NIS {self.nis:.3f} ({self.estimate.estimator})."
+
+    @cached_property
+    def rows(self) -> list[Row]:
+        """Greatest displacement and current, errors of the estimate, and what turns."""
+        record, t, at = self.record, self.record.t, self.first_touch
+        modes = [f"{each['mode']} from {figure(each['since'], 's')}" for each in self.modes]
+        # It is there by the end of the sample.
+        touch = None if at is None else At("first_touch", t[min(at + 1, len(t) - 1)], "s")
+        found = [
+            Row("samples", "samples", len(record)),
+            Row("duration", "duration", float(t[-1]), "s"),
+            Row("seed", "seed of the noise", record.meta["seed"], detail=True),
+            Row("greatest_displacement", "greatest displacement", self._by_axis(
+                {axis: np.abs(record[self.displacement(axis)]).max() for axis in self.axes}), "m"),
+            Row("samples_at_the_stop", "  samples at the stop", self.samples_at_the_stop, at=touch),
+            Row("greatest_current", "greatest control current", self._by_axis(
+                {axis: np.abs(iu).max(initial=0.0) for axis, iu in self._currents.items()}), "A"),
+            Row("samples_at_the_current_limit", "  samples at its limit", self._at_the_limit),
+            Row("sequence", "lift-off and landing", ", ".join(modes) or None),
+        ]  # fmt: skip
+        if self.estimate is None:
+            return found
+        units, errors = self.estimate.units, late_binding.call(
+            "errors_along", self.estimate, record, *self._in_flight
+        )  # fmt: skip
+        found += [
+            Row("estimator", "estimator", self.estimate.estimator),
+            Row("nis", "  mean NIS (1: consistent)", self.nis),
+            *(Row(name, name, error, units[name], section=ERRORS)
+              for name, error in errors.items()),
+        ]  # fmt: skip
+        if self._in_flight[1] is None:
+            found += [row for each in self.turning for row in each.rows(())]
+        return found
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        return {
+            (): Section("The run"),
+            ERRORS: Section("Errors of the estimate, rms"),
+            TURNING: Section("What turns with the rotor", across=True),
+        }
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Modes of lift-off and landing, critical speeds near the speed at the end."""
+        found: dict[str, Any] = {"bearing" if self.plant.single else "machine": self.plant.name}
+        if "mode" in self.record:
+            found["modes"] = self.modes
+        if self.turning and self._in_flight[1] is None:
+            found["synchronous"] = {
+                each.name: {"covariance": each.covariance.tolist()} for each in self.turning
+            }
+        if not self.plant.single:
+            found["critical_speeds"] = [each.to_dict() for each in self._apart]
+        return found
+
+    @property
+    def notes(self) -> list[str]:
+        """What is to be said of its speed, and of the controller where it tripped."""
+        said = [late_binding.call("separation", self._apart, self._speed)] if self._apart else []
+        if any(each["mode"] == "tripped" for each in self.modes):
+            said.append("It tripped: see lost and overload in [sequence].")
+        return said
+
+    def figures(self) -> list[Figure]:
+        """Return its figure: of several axes with orbits."""
+        return [late_binding.call("run_figure", self)]
+
+    @property
+    def modes(self) -> list[dict[str, Any]]:
+        """What lift-off and landing did, and since when [s]."""
+        if "mode" not in self.record:
+            return []
+        t, mode = self.record.t, self.record["mode"]
+        changed = np.flatnonzero(np.diff(mode, prepend=-1.0))
+        return [{"mode": Mode(int(mode[k])).name.lower(), "since": float(t[k])} for k in changed]
+
+    @property
+    def _speed(self) -> float:
+        """The speed at the end [rad/s]."""
+        return float(self.record["speed"][-1]) if "speed" in self.record else self.machine.speed
+
+    @cached_property
+    def _apart(self) -> Sequence[Any]:
+        """The critical speeds near the speed at the end."""
+        found: Sequence[Any] = () if self.plant.single else late_binding.call(
+            "separations", self.machine, self._speed
+        )  # fmt: skip
+        return found
+
+    @property
+    def nis(self) -> float:
+        """Mean normalised innovation squared in flight; NaN without an estimate."""
+        if self.estimate is None:
+            return math.nan
+        first, end = self._in_flight
+        return float(np.mean(self.estimate.nis[first:end][1:]))
+
+    def _by_axis(self, values: Mapping[str, Any]) -> Any:
+        each = {axis: float(value) for axis, value in values.items()}
+        return each[""] if self.plant.single else each
+
+    @property
+    def _currents(self) -> dict[str, NDArray[np.float64]]:
+        """The control currents of each axis (n,) while magnets have any [A]."""
+        return {axis: self.record[signal("iu", axis)][self.fed] for axis in self.axes}
+
+    @property
+    def _at_the_limit(self) -> int:
+        limits = [(each.current_min, each.current_max) for each in alone_of(self.plant)]
+        each = zip(self._currents.values(), limits, strict=True)
+        return int(np.any([(iu >= high) | (iu <= low) for iu, (low, high) in each], axis=0).sum())
+
+    @cached_property
+    def _in_flight(self) -> tuple[int, int | None]:
+        """The first sample in which the rotor flew, and the one after it last did."""
+        # A rotor that lies has the backup bearings' forces, which no estimator knows, and a filter
+        # takes the magnets for switched on; so it is after a power failure. 0 and None: all of the
+        # record.
+        if "mode" not in self.record:
+            return 0, self.fed.stop
+        mode = self.record["mode"]
+        flew = np.flatnonzero(mode == Mode.FLYING)
+        if not flew.size:
+            return 0, len(mode)
+        end = int(flew[-1]) + 1
+        return int(flew[0]), None if end == len(mode) else end
+
+    @property
+    def machine(self) -> Machine:
+        """The plant as a machine."""
+        return self.plant.long
+
+    @property
+    def axes(self) -> list[str]:
+        """The names of the axes; a single one has none."""
+        return [axis.name for axis in self.machine.axes]
+
+    def displacement(self, axis: str) -> str:
+        """Return the name of the signal of the displacement along an axis."""
+        return signal("s", axis) if axis else "x"
+
+    @property
+    def fed(self) -> slice:
+        """The samples in which magnets have current: up to where the power fails."""
+        # From then on no control current says so: it takes from one side what it gives the other.
+        off = self.record.meta.get("scenario", {}).get("off")
+        return slice(None) if off is None else slice(int(np.searchsorted(self.record.t, off)))
+
+    @property
+    def samples_at_the_stop(self) -> int:
+        """Samples in which a stop was touched."""
+        return int(self.record.meta["stop_touched"])
+
+    @property
+    def first_touch(self) -> int | None:
+        """The first of those samples; None where there is none."""
+        found = self.record.meta["first_touch"]
+        return None if found is None else int(found)
