@@ -5,6 +5,7 @@ import pytest
 
 import ambkit
 from ambkit.estimate.noise import FilterNoise
+from ambkit.estimate.observer import unstable_pole
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison import criteria
 from ambkit.simulation.imposed import Faults, Imposed
@@ -75,6 +76,49 @@ def test_kinds_of_other_covariances_flag_no_healthy_sensor(kind, precision, stat
         scenario = ambkit.Scenario(duration=(N - 1) * T, controller=ambkit.PID.for_bearing(bearing))
         estimate = simulate_run(bearing, scenario, estimator=kalman).estimate
         assert not (estimate.status & ambkit.Status.FROZEN).any()
+
+
+@pytest.mark.parametrize("kind", ["observer", "steady-state"])
+@pytest.mark.parametrize("name", ["zittau_axial", "inteco_ml"])
+@pytest.mark.parametrize("ratio", [12, 20, 50, 85, 100])
+def test_a_constant_gain_in_the_loop_is_no_worse_than_raw(kind, name, ratio):
+    quiet = ambkit.Bearing.preset(name).replace(sensor__noise_variance=NOISE**2)
+    bearing = quiet.replace(sensor__quantisation=ratio * NOISE)
+    walk = np.sqrt(1e-4 * (2 * bearing.weight) ** 2 * bearing.sampling_time)
+    pid = ambkit.PID.for_bearing(bearing).model_copy(update={"feedback": "estimate"})
+    ours, raw = [], []
+    for seed in range(4):
+        load = np.cumsum(np.random.default_rng(seed).normal(size=N)) * walk
+        made = Scenario(duration=(N - 1) * bearing.sampling_time, seed=seed, controller=pid)
+        imposed = Imposed(disturbance=load)
+        run = simulate_run(bearing, made, estimator=KINDS[kind].make(bearing), imposed=imposed)
+        assert not (run.estimate.status & ambkit.Status.FROZEN).any()
+        ours.append(run.estimate["x"] - run.record["x"])
+        raw.append(run.record["y"] - run.record["x"])
+    assert rms(np.array(ours).T) <= 1.01 * rms(np.array(raw).T)
+
+
+@pytest.mark.parametrize("ratio", [8, 10.9])
+def test_a_rotor_that_stays_in_a_coarse_step_is_no_frozen_sensor(ratio):
+    bearing = PAPER.replace(sensor__quantisation=ratio * NOISE)
+    pid = ambkit.PID.for_bearing(bearing).model_copy(update={"feedback": "estimate"})
+    kalman = KINDS["unscented"].make(bearing)
+    for seed in range(12):
+        scenario = ambkit.Scenario(duration=(N - 1) * T, seed=seed, controller=pid)
+        estimate = simulate_run(bearing, scenario, estimator=kalman).estimate
+        assert not (estimate.status & ambkit.Status.FROZEN).any()
+
+
+def test_a_slowly_sampled_stuck_sensor_is_flagged_within_three_own_times():
+    quiet = ambkit.Bearing.preset("inteco_ml").replace(sensor__noise_variance=NOISE**2)
+    bearing = quiet.replace(sensor__quantisation=5 * NOISE)
+    none, since = Faults.none(N), np.maximum(np.arange(N) - 2000 + 1.0, 0.0)
+    faults = Faults(since, none.y_times, none.y_plus, none.u_times, none.u_plus, none.current)
+    made = Scenario(duration=(N - 1) * bearing.sampling_time)
+    kalman = ambkit.ExtendedKalmanFilter(bearing)
+    run = simulate_run(bearing, made, estimator=kalman, imposed=Imposed(faults=faults))
+    flagged = np.flatnonzero(run.estimate.status & ambkit.Status.FROZEN)
+    assert 0 <= (flagged[0] - 2000) * bearing.sampling_time <= 3 / unstable_pole(bearing)
 
 
 def test_a_quiet_sensor_that_has_shown_no_step_yet_is_not_frozen_at_once():

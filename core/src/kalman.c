@@ -8,8 +8,10 @@
 /* Half a step, in such, from which on it says more than its rounding's variance. */
 #define NARROW AMB_C(0.5)
 
-/* Chance that a step is repeated where the rotor is known no better than that, as after a start. */
-#define UNKNOWN AMB_C(0.9)
+/* Where the rotor is known no better than a step, as after a start, it stays in one for less than
+ * three of its own time constants: exponent of the chance of a repeat, over the samples that it
+ * stays in a very coarse one. */
+#define UNKNOWN AMB_C(6.4)
 
 /* Least variance of the noise, over that in the middle (amb_noise_share). */
 #define LEAST_NOISE AMB_C(0.015625)
@@ -69,8 +71,10 @@ static amb_real mills(amb_real t)
          (AMB_C(5.26497952) + t * (AMB_C(7.44659211) + t * (AMB_C(4.06105618) + t)));
 }
 
-amb_rounded amb_kalman_rounded(amb_real e, amb_real shown, amb_real noise, amb_real step)
+amb_rounded amb_kalman_rounded(const amb_kalman *kf, int r, amb_real e, amb_real shown,
+                               amb_real noise)
 {
+  const amb_real step = kf->set.step[r];
   const amb_real S = shown + noise;
   const amb_real s = amb_root(S);
   const amb_real middle = amb_magnitude(e) / s;
@@ -91,7 +95,7 @@ amb_rounded amb_kalman_rounded(amb_real e, amb_real shown, amb_real noise, amb_r
   as.chance = (near > AMB_C(0.0)) ? (d_near * mills(near) - tail)
                                   : (AMB_C(1.0) - d_near * mills(-near) - tail);
   if (half < NARROW) {
-    as.chance = UNKNOWN;
+    as.chance = amb_exp_negative(UNKNOWN / amb_at_least(kf->set.dwell, AMB_C(1.0)));
     return as;
   }
   const amb_real shift = (d_near - d_far) / as.chance;

@@ -189,6 +189,12 @@ AMB_INLINE bool amb_step_very_coarse(const amb_kalman *kf, int r)
   return (kf->set.step[r] * kf->set.step[r]) > (AMB_VERY_COARSE * kf->set.var_y[r]);
 }
 
+/* Whether a healthy rotor can stay in a step for longer than it needs to fall. */
+AMB_INLINE bool amb_step_stays(const amb_kalman *kf, int r)
+{
+  return (kf->set.step[r] * kf->set.step[r]) > (AMB_STAYING * kf->set.var_y[r]);
+}
+
 /* Square of the smallest change of late, after one of this square; forgets slowly [m^2]. */
 AMB_INLINE amb_real amb_step_least_change(const amb_kalman *kf, int r, amb_real before,
                                           amb_real square)
@@ -377,19 +383,20 @@ AMB_INLINE amb_rounded amb_step_rounded(const amb_kalman *kf, amb_kalman_state *
   }
   const bool again = !((y < sensor->last_y) || (y > sensor->last_y));
   const bool very = amb_step_very_coarse(kf, r);
-  const bool coarse = interval && amb_step_coarse(kf, r);
+  const bool coarse = very || (interval && amb_step_coarse(kf, r));
+  const bool stays = amb_step_stays(kf, r);
   if (coarse) {
     const amb_real shown = amb_model_shown_variance(&kf->model, r, base->cov);
     const amb_real e = y - amb_model_shown(&kf->model, r, base->mean);
     if (AMB_WITHIN(e, AMB_REAL_ROOT) && (shown > AMB_C(0.0)) && (shown <= AMB_REAL_ROOT)) {
       as = very ? amb_kalman_edge(kf, r, e, y - sensor->last_y, shown, noise)
-                : amb_kalman_rounded(e, shown, noise, kf->set.step[r]);
+                : amb_kalman_rounded(kf, r, e, shown, noise);
     }
   }
-  if (again && (very || !coarse)) {
+  if (again && (stays || !coarse)) {
     /* What an observer says of its variance is no bound of what a rotor at rest does. */
     const amb_real shown =
-        interval ? amb_model_shown_variance(&kf->model, r, base->cov) : AMB_C(0.0);
+        (interval && !stays) ? amb_model_shown_variance(&kf->model, r, base->cov) : AMB_C(0.0);
     as.chance = amb_kalman_repeats(kf, r, sensor->least_change, shown + noise);
   }
   amb_step_watch(kf, sensor, r, y, as.chance);

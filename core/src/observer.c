@@ -1,5 +1,10 @@
 #include "ambkit/observer.h"
+#include "at_rest.h"
 #include "kalman_step.h"
+
+/* Of a very coarse step, how far from its middle the rotor is taken to be at most: a constant gain
+ * comes too late where it crosses an edge, and beyond the edges it is not. */
+#define MIDDLE AMB_C(0.3)
 
 static const amb_observer *own(const amb_estimator *self)
 {
@@ -49,6 +54,19 @@ static bool is_far(const amb_kalman *kf, const amb_observer *observer,
   return !within; /* or not a number */
 }
 
+/* Bring the rotor into the very coarse step that sensor r shows. */
+static void hold_to_step(const amb_kalman *kf, int r, amb_kalman_state *s)
+{
+  const amb_real half = MIDDLE * kf->set.step[r];
+  const amb_real off = s->sensor[r].last_y - amb_model_shown(&kf->model, r, s->mean);
+  const amb_real beyond = off - amb_clamp(off, -half, half);
+  amb_real one[AMB_STATES];
+  amb_rest_where_shown(&kf->model, r, one);
+  for (int i = 0; i < amb_states(&kf->model); i++) {
+    s->mean[i] += beyond * one[i];
+  }
+}
+
 static amb_status take_in(const amb_kalman *kf, const void *constants, void *of, int r, amb_real y,
                           amb_real noise, amb_step_surprise *told)
 {
@@ -70,6 +88,9 @@ static amb_status take_in(const amb_kalman *kf, const void *constants, void *of,
     } else {
       for (int i = 0; i < amb_states(&kf->model); i++) {
         s->mean[i] += observer->gain[r][i] * e;
+      }
+      if (amb_step_very_coarse(kf, r)) {
+        hold_to_step(kf, r, s);
       }
       s->sensor[r].residual = seen - amb_model_shown(&kf->model, r, s->mean);
       if (is_far(kf, observer, s->mean)) {

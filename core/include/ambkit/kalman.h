@@ -45,6 +45,10 @@ extern "C" {
 #define AMB_COARSE AMB_C(4.0)
 #define AMB_VERY_COARSE AMB_C(121.0)
 
+/* The same, beyond which a healthy rotor can stay in a step for longer than it needs to fall: a
+ * step of five standard deviations is not beyond. */
+#define AMB_STAYING AMB_C(26.0)
+
 /* Least square of a change of the measurement that counts, over the variance of the noise. */
 #define AMB_FINEST AMB_C(1e-4)
 
@@ -130,7 +134,8 @@ typedef struct amb_rounded {
 /* The measurement of innovation e [m] says that the unrounded one is within half a step [m] of it.
  * Of a prediction of variance `shown` and white noise of variance `noise` [m^2], both as normal,
  * mean and variance are those of the truncated normal distribution (Simon 2006, ch. 7.5). */
-amb_rounded amb_kalman_rounded(amb_real e, amb_real shown, amb_real noise, amb_real step);
+amb_rounded amb_kalman_rounded(const amb_kalman *kf, int r, amb_real e, amb_real shown,
+                               amb_real noise);
 
 /* A very coarse measurement of innovation e [m], by `change` [m] after the last one. A change by
  * one step says that the rotor has just crossed the edge between the two: it is between this edge

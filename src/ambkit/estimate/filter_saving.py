@@ -109,7 +109,8 @@ def save(
 def preset_of(known: Machine) -> str | None:
     """Return the name of the preset that a bearing or a machine is, if it is one."""
     usual = known.name in presets.all_names() and load_machine(known.name) == known
-    return known.name if usual else None
+    kept = usual and load_machine(known.name).control_unit == known.control_unit
+    return known.name if kept else None
 
 
 def _asks_its_own(estimator: Estimator) -> bool:

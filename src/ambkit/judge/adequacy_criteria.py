@@ -56,7 +56,7 @@ NOISE_FACTOR = 1e3
 """Factor in a noise intensity beyond what tuning may find."""
 
 STEPS = 50.0
-"""Quantisation over the noise's deviation from which on an estimate in the loop gains nothing."""
+"""Quantisation over the noise's deviation from which on an estimate in the loop gains hardly anything."""
 
 WEIGHTS = 1e3
 """Load capacity in weights from which on mass or magnet is doubtful."""
@@ -183,7 +183,7 @@ def _steps(plant: Machine) -> Iterator[Finding]:
         text = (
             f"a quantisation of {engineering(step, 'm', digits=3)} is {step / std:.3g} standard "
             f"deviations of the sensor's noise; beyond {STEPS:g} an estimate that feeds the "
-            "controller is no better than the measurement: take a finer converter"
+            "controller is hardly better than the measurement: take a finer converter"
         )
     yield Finding("quantisation over noise", step / std, "1", STEPS, text)
 
