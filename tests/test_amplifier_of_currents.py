@@ -61,3 +61,22 @@ def test_a_study_that_varies_its_gain_keeps_its_unit(tmp_path: Path) -> None:
     assert varied.amplifier.gain == 2.1
     assert varied.amplifier.control_unit == "A"
     assert 'gain = "2.1 A/A"' in varied.to_toml()
+
+
+def test_a_filters_file_names_its_unit(tmp_path: Path) -> None:
+    """Also where the bearing is a preset but for that: it is no preset then."""
+    read = ambkit.Bearing.load(in_amperes(tmp_path, "2 A/A"))
+    usual = ambkit.Bearing.preset("zittau_axial")
+    as_usual = read.replace(amplifier__gain="1 A/A")
+    assert as_usual == usual
+    noise = ambkit.FilterNoise(control="100 mA^2")
+    for name, bearing in (("a", read), ("b", as_usual)):
+        ambkit.ExtendedKalmanFilter(bearing, noise=noise).save(tmp_path / f"{name}.toml")
+        text = (tmp_path / f"{name}.toml").read_text(encoding="utf-8")
+        assert 'control = "100 mA^2"' in text
+        assert '[inputs.u]\nunit = "A"' in text
+        again = ambkit.Estimator.load(tmp_path / f"{name}.toml")
+        assert again.machine.control_unit == again.inputs.u.unit == "A"
+        assert again.variances.control == 1e-4
+    with pytest.raises(ValueError, match=r"noise\.control is in A\^2; the control signal is in V"):
+        ambkit.ExtendedKalmanFilter(usual, noise=noise)

@@ -186,12 +186,11 @@ def filter_record(
 def _channels(files: Mapping[str, FilterFile], channel_map: Path | None) -> ChannelMap | None:
     """Return the map of the log, with y and u as the filters' files have them."""
     from ambkit.data.channelmap import ChannelMap
-    from ambkit.data.rig_units import Inputs
 
     if channel_map is None:
         return None
     channels = ChannelMap.load(channel_map)
-    said = {name: file.inputs for name, file in files.items() if file.inputs != Inputs()}
+    said = {name: file.inputs for name, file in files.items() if not file.inputs.in_si}
     if not said:
         return channels
     first, *others = said

@@ -100,12 +100,17 @@ class Inputs(Part):
     u: Scaling = Field(default_factory=lambda: Scaling(unit="V"))
     """The control signal that acts until the next sample."""
 
+    @property
+    def in_si(self) -> bool:
+        """Whether its numbers are those of the signals."""
+        return all(each.gain == 1 and not each.zero for each in (self.y, self.u))
+
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        for name, unit in (("y", "m"), ("u", "V")):
+        for name, allowed in (("y", ("m",)), ("u", ("V", "A"))):
             given = read(name)
-            if isinstance(given, Scaling) and given.si_unit != unit:
-                what = f"makes {name} a quantity in {given.si_unit}, it is one in {unit}"
+            if isinstance(given, Scaling) and given.si_unit not in allowed:
+                what = f"makes {name} a quantity in {given.si_unit}, it is one in {allowed[0]}"
                 yield f"{name}.unit", what
 
 

@@ -17,7 +17,7 @@ from ambkit.base.arrays import real
 from ambkit.base.asked import of_type
 from ambkit.base.copying import Copyable
 from ambkit.data.record import Record
-from ambkit.data.rig_units import Inputs
+from ambkit.data.rig_units import Inputs, Scaling
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.model import LinearModel
@@ -160,7 +160,7 @@ class Estimator(Copyable):
     @cached_property
     def inputs(self) -> Inputs:
         """What the controller reads; the exported C takes its inputs so. It may be set."""
-        return Inputs()
+        return Inputs(u=Scaling(unit=self.machine.control_unit))
 
     @property
     def options(self) -> Mapping[str, Any]:

@@ -235,7 +235,9 @@ class FilterFile(Document):
             made.reset()
         except ValueError as error:
             raise AmbkitError(str(error)) from None
-        made.inputs, made.origin, made.description = self.inputs, self.origin, self.description
+        if "inputs" in self.model_fields_set:
+            made.inputs = self.inputs
+        made.origin, made.description = self.origin, self.description
         return made
 
 
@@ -282,8 +284,15 @@ def _contradictions_of(view: View, read: Read) -> Iterator[tuple[str, str]]:
         yield "magnets", f"must be of {', '.join(names_of)}, is of {', '.join(magnets)}"
     if not single and isinstance(read("magnet"), Reference):
         yield "magnet", "is of one axis; of several write [magnets.NAME] for each bearing"
-    if not single and isinstance(inputs := read("inputs"), Inputs) and inputs != Inputs():
+    inputs = read("inputs")
+    if not single and isinstance(inputs, Inputs) and inputs != Inputs():
         yield "inputs", "are of one axis; readings of several are in m, control signals in V"
+    if (
+        single
+        and isinstance(inputs, Inputs)
+        and (inputs.u.si_unit, machine.control_unit) == ("A", "V")
+    ):
+        yield "inputs.u.unit", "makes u a quantity in A, it is one in V"
     noise = read("noise")
     if isinstance(noise, Assumed):
         yield from view.count_of(FilterNoise(**noise.model_dump()))

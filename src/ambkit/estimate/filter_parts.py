@@ -84,7 +84,10 @@ class Assumed(Part):
     ) = None
     """R, of the measured position [m^2]."""
     control: (
-        Annotated[float | tuple[float, ...], OneOrEach("V^2", "100 mV^2", at_least=0, also=("A^2",))] | None
+        Annotated[
+            float | tuple[float, ...], OneOrEach("V^2", "100 mV^2", at_least=0, also=("A^2",))
+        ]
+        | None
     ) = None
     """Of the control signal [V^2], or [A^2] where that is a current."""
     disturbance: (

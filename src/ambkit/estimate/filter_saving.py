@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base.config.quantities import InOther
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.filter_file import FilterFile, written
 from ambkit.estimate.filter_parts import Assumed, PlantOf, Reference
@@ -47,7 +48,7 @@ def described(
         kind=kind,
         description=estimator.description,
         sampling_time=estimator.bearing.sampling_time,
-        noise=Assumed(**{name: _one_or_each(getattr(estimator.variances, name)) for name in UNITS}),
+        noise=_assumed(estimator),
         options=options,
         start={name: written(std, by_name[name]) for name, std in estimator.start_std.items()},
         inputs=estimator.inputs,
@@ -55,6 +56,17 @@ def described(
         **limits,
         **of,
     )
+
+
+def _assumed(estimator: Estimator) -> Assumed:
+    """Return what it assumes of the noise, that of a control signal in the signal's unit."""
+    found = {name: _one_or_each(getattr(estimator.variances, name)) for name in UNITS}
+    if estimator.machine.control_unit == "A":
+        given = found["control"]
+        each = given if isinstance(given, tuple) else (given,)
+        said = tuple(InOther.of(value, "A^2") for value in each)
+        found["control"] = said if isinstance(given, tuple) else said[0]
+    return Assumed(**found)
 
 
 def _one_or_each(variances: Any) -> Any:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ambkit.base import units
 from ambkit.base.asked import Given, in_si
-from ambkit.machine.bearing import GRAVITY
+from ambkit.base.config.quantities import InOther
 from ambkit.machine.magnets import own_time
 
 if TYPE_CHECKING:
@@ -32,7 +34,8 @@ class FilterNoise:
     measurement : float or str, or sequence of them, optional
         R, variance of the measured position [m^2], such as ``"83 µm^2"``.
     control : float or str, or sequence of them, optional
-        Variance of the control signal [V^2]; enters as ``B var B'`` (paper, below eq. 21).
+        Variance of the control signal [V^2], or [A^2] where that is a current; enters as
+        ``B var B'`` (paper, below eq. 21).
     disturbance : float or str, or sequence of them, optional
         Growth of the disturbance force's variance [N^2/s]; times T a sample. Default ``(2 m g)^2``:
         a force that wanders by twice the rotor's weight in a second. The paper leaves it to
@@ -61,11 +64,21 @@ class FilterNoise:
             told: Any = given[name]
             several = isinstance(told, Sequence) and not isinstance(told, str)
             value = (
-                tuple(in_si(f"noise.{name}", each, unit) for each in told)
+                tuple(_read(name, each, unit) for each in told)
                 if several
-                else in_si(f"noise.{name}", told, unit)
+                else _read(name, told, unit)
             )
             object.__setattr__(self, name, value)
+
+
+def _read(name: str, value: Given | None, unit: str) -> float | None:
+    """Return a variance in SI; that of a control signal may be of a current."""
+    if isinstance(value, InOther):
+        return value
+    if name == "control" and isinstance(value, str):
+        with suppress(ValueError):
+            return InOther.of(units.parse(value, "A^2"), "A^2")
+    return in_si(f"noise.{name}", value, unit)
 
 
 class Variances(NamedTuple):
@@ -81,21 +94,6 @@ class Variances(NamedTuple):
         """The variances of a model's noises: the load's in a sample [N^2], the others' own."""
         _, *others = noises
         return [T * self.disturbance, *(noise.size**2 for noise in others)]
-
-
-def completed(bearing: Bearing, noise: FilterNoise) -> Variances:
-    """Fill in the bearing's figures and check all of them."""
-    for name in UNITS:
-        if isinstance(getattr(noise, name), tuple):
-            raise ValueError(f"noise.{name} must be one number for one axis, got several")
-    weight = bearing.rotor.mass * GRAVITY
-    full = Variances(
-        bearing.sensor.noise_variance if noise.measurement is None else noise.measurement,
-        bearing.amplifier.noise_variance if noise.control is None else noise.control,
-        (2 * weight) ** 2 if noise.disturbance is None else noise.disturbance,
-    )
-    check_variances(full)
-    return full
 
 
 def dwell(axes: Sequence[Bearing]) -> float:

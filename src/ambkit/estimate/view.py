@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.config.quantities import InOther
 from ambkit.base.errors import AmbkitError
 from ambkit.data.signals import signal
 from ambkit.estimate.noise import FilterNoise, Variances, check_variances, dwell
@@ -128,6 +129,9 @@ class View:
                 yield f"noise.{name}", "must be one number for one axis, is a list"
             elif isinstance(given, tuple) and len(given) != count:
                 yield f"noise.{name}", f"must be one number or {count}, is {len(given)}"
+        control = noise.control if isinstance(noise.control, tuple) else (noise.control,)
+        if self.machine.control_unit == "V" and any(isinstance(v, InOther) for v in control):
+            yield "noise.control", "is in A^2; the control signal is in V"
 
     def _each(self, name: str, noise: FilterNoise, own: Sequence[float]) -> Any:
         """Return the variances that a noise states, or the machine's own."""

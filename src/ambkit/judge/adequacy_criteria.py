@@ -56,7 +56,7 @@ NOISE_FACTOR = 1e3
 """Factor in a noise intensity beyond what tuning may find."""
 
 STEPS = 50.0
-"""Quantisation over the noise's deviation from which on an estimate in the loop gains hardly anything."""
+"""Quantisation over the noise's deviation from which on an estimate in the loop gains little."""
 
 WEIGHTS = 1e3
 """Load capacity in weights from which on mass or magnet is doubtful."""

@@ -300,7 +300,7 @@ def _identified(
 ) -> None:
     records = [load_filled(path, channels) for path in logs]
     found = identify(machine.short, records, free=free)
-    inputs = Inputs() if channels is None else inputs_of(ChannelMap.load(channels))
+    inputs = None if channels is None else inputs_of(ChannelMap.load(channels))
     files.write_text(place / "machine.toml", annotated_toml(found.likelihood, place))
     source = ", ".join(Path(path).name for path in logs)
     write_json(place / "identified.json", {"notes": found.of_the_zeros})

@@ -270,13 +270,13 @@ def identified_filter(
     found: Identified, inputs: Inputs | None = None, source: str = ""
 ) -> Estimator:
     """Return the extended filter of what was found: its noise, its delay, the log's offsets."""
-    model, of_log = found.likelihood.model, inputs or Inputs()
+    model = found.likelihood.model
     made, raised = _following_a_load(found.machine.short, model.load_growth)
     free = {p.name for p in found.likelihood.parameters}
     if not found.machine.single:
         made.origin = raised
         return made
-    made.inputs = of_log
+    made.inputs = of_log = inputs or made.inputs
     if found.likelihood.offsets_count:
         volts = model.current_offset / found.bearing.amplifier.gain
         made.inputs = Inputs(y=of_log.y.shifted(-model.position_offset), u=of_log.u.shifted(volts))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -46,8 +46,13 @@ class InOther(float):
         """Return a number in the unit of the one whose place it takes."""
         if not isinstance(old, InOther) or not isinstance(value, numbers.Real):
             return value
+        return cls.of(float(value), old.unit)
+
+    @classmethod
+    def of(cls, value: float, unit: str) -> Self:
+        """Return a number in a unit."""
         made = cls(value)
-        made.unit = old.unit
+        made.unit = unit
         return made
 
 
@@ -87,12 +92,12 @@ class Quantity:
 
     def _number(self, value: Any, in_file: bool) -> float:
         unit = self._unit()
+        if isinstance(value, InOther) and value.unit in self.also:
+            return value
         if isinstance(value, str):
             for other in self.also:
                 with suppress(ValueError):
-                    number = InOther(units.parse(value, other))
-                    number.unit = self.also[0]
-                    return number
+                    return InOther.of(units.parse(value, other), self.also[0])
             return Said.of(value, self.unit) if unit is None else units.parse(value, unit)
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise ValueError(f"{json.dumps(value, default=repr)} is not a number")
