@@ -69,6 +69,7 @@ def test_a_limit_is_kept_or_not():
     assert Row("v", "v", "unstable", below="A").kept is False
     assert Row("v", "v", "A", below="A").kept is True
     assert Row("c", "c", None, "degC", below=403.15).kept is None
+    assert Row("n", "n", math.nan, "degC", below=403.15).kept is None
 
 
 @pytest.mark.parametrize("across", [False, True])

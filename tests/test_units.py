@@ -167,6 +167,9 @@ def test_a_comma_is_no_unit(text):
 
 
 def test_typeset_as_in_a_book():
+    assert units.typeset("ISO 14839-3, force-free, arm-none-eabi-gcc") == (
+        "ISO 14839-3, force-free, arm-none-eabi-gcc"
+    )
     assert units.typeset(engineering(-6.7e-6, "N m^2/A^2")) == "−6.7\u00a0N\u00a0mm²/A²"
     assert units.typeset("2.6 to 2.87 N mm^2/A^2") == "2.6 to 2.87\u00a0N\u00a0mm²/A²"
     assert (

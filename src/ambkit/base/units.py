@@ -171,7 +171,8 @@ def percent(share: float, digits: int = 2) -> str:
 def typeset(text: str) -> str:
     """Typeset what `engineering` prints: ``"-6 mm^2"`` becomes ``"−6 mm²"``."""
     # No line ends between a number and its unit, within a unit, or before an error.
-    text = text.replace("^2", "²").replace("-", "−").replace(" ± ", "\u00a0±\u00a0")
+    text = text.replace("^2", "²").replace(" ± ", "\u00a0±\u00a0")
+    text = re.sub(r"(?<![\w.)])-(?=[\d.∞])", "−", text)  # not in words, nor in "ISO 14839-3"
     return _WITHIN_QUANTITY.sub("\u00a0", text)
 
 

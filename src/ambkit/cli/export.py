@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,13 +11,10 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.kinds import NAMES, estimator_option, to_export
-from ambkit.cli.options import BearingOrFilter, Force, Json, Synchronous, quantity
+from ambkit.cli.options import BearingOrFilter, Force, Json, Synchronous, Verbose, quantity
 
 if TYPE_CHECKING:
-    from ambkit.cli.output import Table
-    from ambkit.export.c import Cost
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.scenario import Scenario
 
 
 class Precision(StrEnum):
@@ -108,6 +105,7 @@ def export_c(
         ),
     ] = None,
     force: Force = False,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Write a filter as a folder of C99 that compiles alone.
@@ -154,72 +152,19 @@ def export_c(
         telemetry=telemetry,
         force=force,
     )
-    data: dict[str, Any] = {
-        "folder": str(written.folder),
-        "name": written.name,
-        "precision": written.precision,
-        "configuration": written.configuration,
-        "sources": list(written.sources),
-        "files": list(written.files),
-    }
-    if written.table is not None:
-        rows, columns = written.table.k_i.shape
-        data |= {
-            "table": {
-                "rows": rows,
-                "columns": columns,
-                "force_bound": written.table.bound,
-                "force_error": written.table.error,
-            }
-        }
-    tables = []
-    if written.cost is not None and (cost or clock is not None):
-        clock = clock or CLOCK
-        rate = {"clock": clock, "highest_rate": written.cost.highest_rate(clock)}
-        data["cost"] = asdict(written.cost) | rate
-        tables.append(_cost_table(written.cost, clock))
-    output.deliver(data, tables, as_json=json)
+    if cost or clock is not None:
+        written = replace(written, clock=clock or CLOCK)
+    output.deliver_result(written, as_json=json, verbose=verbose)
     output.note(f"wrote {written.folder}, {len(written.files) + 1} files")
-
-
-def _scenario(path: Path | None) -> Scenario | None:
-    from ambkit.simulation.scenario import Scenario
-
-    return None if path is None else Scenario.load(path)
 
 
 def _flown(
     model: Machine, controller: Path | None, synchronous: list[str] | None
 ) -> dict[str, Any]:
-    """Return whose controller is exported, and what else only a whole machine has."""
+    """Return whose controller is exported, and what else only a rotor that turns has."""
+    from ambkit.simulation.scenario import Scenario
+
     if synchronous and model.single:
         raise AmbkitError(f"--synchronous is of a rotor that turns; {model.name} is a mass")
     options: dict[str, Any] = {"synchronous": tuple(synchronous)} if synchronous else {}
-    return options | {"scenario": _scenario(controller)}
-
-
-def _cost_table(spent: Cost, clock: float) -> Table:
-    from ambkit.base.units import engineering
-    from ambkit.cli import output
-    from ambkit.export.c import CYCLES_PER_INSTRUCTION
-
-    rows = [
-        ("instructions a step, as a rule", f"{spent.instructions}"),
-        ("instructions a step, the most seen", f"{spent.most}"),
-        ("instructions a step, at most on any path", f"{spent.bound}"),
-        (
-            "instructions of the step that trusts its input",
-            "no such step" if spent.trusted is None else f"{spent.trusted}",
-        ),
-        ("code", f"{spent.code} bytes"),
-        ("constants", f"{spent.constants} bytes"),
-        ("state of an instance", f"{spent.state} bytes"),
-        ("stack, the most seen", f"{spent.stack} bytes"),
-        ("code by", spent.compiler),
-        (
-            f"highest sampling rate at {engineering(clock, 'Hz')}, "
-            f"{CYCLES_PER_INSTRUCTION} cycles an instruction assumed",
-            engineering(spent.highest_rate(clock), "Hz", digits=3),
-        ),
-    ]
-    return output.table("Cost on a Cortex-M4F, measured in qemu", ("", ""), rows)
+    return options | {"scenario": controller and Scenario.load(controller)}

@@ -14,6 +14,7 @@ from ambkit.result.report.figure import Figure
 from ambkit.result.report.static import light
 from ambkit.result.report.static_items import WIDTH
 from ambkit.result.stated import Stated
+from ambkit.result.table import table
 from ambkit.result.tables import tables
 
 LONGEST = 300
@@ -88,6 +89,6 @@ def value(number: Any, unit: str, digits: int = 4) -> str:
 
 def card_of(result: Stated) -> Card:
     """Describe a result by its first table."""
-    first = next(tables(result, verbose=False))
+    first = next(tables(result, verbose=False), table("", [], []))
     rows = [[name, *map(typeset, cells)] for name, *cells in first.rows]
     return Card(result.finding, rows, next(iter(result.figures()), None), first.headers)

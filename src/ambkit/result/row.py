@@ -73,10 +73,15 @@ class Row:
     detail: bool = False  #: Whether it is shown only to those who ask for more.
 
     @property
+    def known(self) -> bool:
+        """Whether there is a value."""
+        return self.value is not None and self.value == self.value
+
+    @property
     def kept(self) -> bool | None:
         """Whether it keeps its limit; None where there is none, or it is not known."""
         value: Any = self.value
-        if value is None:
+        if not self.known:
             return None
         if self.least is not None:
             return bool(value >= self.least)

@@ -178,16 +178,14 @@ def _of_candidate(of: Candidate) -> list[Row]:
         Row(f"ahead_{n}", f"{n} step{'s' * (n > 1)} ahead", of.unseen[name], "m", 3)
         for n, name in AHEAD.items() if name in of.unseen
     ]  # fmt: skip
-    likelihood = of.unseen.get(JUDGED["likelihood"])
+    likelihood = of.unseen.get(JUDGED["likelihood"], math.nan)
     return [
         Row("kept", "tuned", of.kept),
         *ahead,
-        Row("log_likelihood", "log likelihood a sample", None if likelihood is None
-            else -likelihood, detail=True),
+        Row("log_likelihood", "log likelihood a sample", -likelihood, detail=True),
         Row("nis", "mean NIS", of.unseen.get("nis"), detail=True),
         *(Row(name, f"error of {name}", of.errors[name], unit, 3)
           for name, unit in EVALUATED.items()),
-        Row("efficiency", "x: of the bound",
-            None if math.isnan(of.efficiency) else of.efficiency, "%"),
-        Row("peak", "peak of |S|", None if math.isnan(of.peak) else of.peak, "|S|"),
+        Row("efficiency", "x: of the bound", of.efficiency, "%"),
+        Row("peak", "peak of |S|", of.peak, "|S|"),
     ]  # fmt: skip

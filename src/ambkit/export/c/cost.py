@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base.units import engineering
 from ambkit.export.c.data import arrays_of
 from ambkit.machine.magnets import core_module
+from ambkit.result.row import Row, put
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -54,6 +56,25 @@ class Cost:
     def highest_rate(self, clock: float) -> float:
         """Return how many steps a second [Hz] a processor with this clock [Hz] has time for."""
         return clock / (self.most * CYCLES_PER_INSTRUCTION)
+
+    def rows(self, clock: float) -> list[Row]:
+        """Return what it costs on a processor with this clock [Hz]."""
+        cycles = f"{CYCLES_PER_INSTRUCTION} cycles an instruction assumed"
+        return put([
+            Row("instructions", "instructions a step, as a rule", self.instructions),
+            Row("most", "  the most seen", self.most),
+            Row("bound", "  at most on any path", self.bound),
+            Row("trusted", "  of the step that trusts its input", self.trusted),
+            Row("code", "code [byte]", self.code),
+            Row("constants", "constants [byte]", self.constants),
+            Row("state", "state of an instance [byte]", self.state),
+            Row("stack", "stack, the most seen [byte]", self.stack),
+            Row("selftest", "instructions of the self-test", self.selftest, detail=True),
+            Row("compiler", "code by", self.compiler, detail=True),
+            Row("clock", "clock", clock, "Hz", detail=True),
+            Row("highest_rate", "highest sampling rate", self.highest_rate(clock), "Hz", 3,
+                note=f"at {engineering(clock, 'Hz')}, {cycles}"),
+        ], section=("cost",))  # fmt: skip
 
 
 def of(estimator: Estimator) -> Cost | None:

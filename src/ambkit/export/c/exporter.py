@@ -19,6 +19,9 @@ from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 from ambkit.simulation.control import Controller
 from ambkit.simulation.default_control import settled_scenario
 from ambkit.simulation.scenario import Control, Scenario
@@ -36,8 +39,8 @@ MOST_COUNTED = 65535
 _CORE_PRECISION: dict[CPrecision, Precision] = {"float": "float32", "double": "float64"}
 
 
-@dataclass(frozen=True)
-class CExport:
+@dataclass(frozen=True, repr=False)
+class CExport(Result):
     """What was written."""
 
     folder: Path  #: Where.
@@ -51,6 +54,45 @@ class CExport:
     #: What it costs on a Cortex-M4F, which computes in float and not in double; None also where
     #: that was not measured: a kind with another magnet than its own.
     cost: Cost | None
+    clock: float | None = None  #: Of the processor whose cost is shown [Hz]; None: of none.
+
+    @property
+    def title(self) -> str:
+        """What it is."""
+        return f"{self.name} as C"
+
+    @property
+    def finding(self) -> str:
+        """Where it is."""
+        return f"{self.title}: {self.folder}, {len(self.files) + 1} files."
+
+    @property
+    def rows(self) -> list[Row]:
+        """How far the table is from the rules, and what a step costs."""
+        found: list[Row] = []
+        if self.table is not None:
+            rows, columns = self.table.k_i.shape
+            found = put([
+                Row("rows", "rows", rows),
+                Row("columns", "columns", columns),
+                Row("force_bound", "from the rules, at most", self.table.bound, "N"),
+                Row("force_error", "  greatest found", self.table.error, "N"),
+            ], section=("table",))  # fmt: skip
+        if self.cost is not None and self.clock is not None:
+            found += self.cost.rows(self.clock)
+        return found
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        return {("table",): Section("Table of the expert"),
+                ("cost",): Section("Cost on a Cortex-M4F, measured in qemu")}  # fmt: skip
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Its files, and what it was made from."""
+        shown = ("name", "precision", "configuration", "sources", "files")
+        return {"folder": str(self.folder)} | {name: getattr(self, name) for name in shown}
 
 
 def export_c(

@@ -62,15 +62,10 @@ class Standing:
     def rows(self) -> list[Row]:
         """Return the mean of each criterion, with its 95 % interval."""
         return [
-            Row(name, of.label, known(self.mean(name)), of.si, 3, error=self.half_width(name),
+            Row(name, of.label, self.mean(name), of.si, 3, error=self.half_width(name),
                 error_key="half_width", detail=name not in SHOWN)
             for name, of in CRITERIA.items() if name in self.figures
         ]  # fmt: skip
-
-
-def known(value: float) -> float | None:
-    """Return a value, None where it is not known."""
-    return None if math.isnan(value) else value
 
 
 @dataclass(frozen=True, repr=False)
@@ -250,7 +245,7 @@ class Benches(Result, dict[str, Bench]):
     def rows(self) -> list[Row]:
         """The error of the disturbance force in each case, and all of each case."""
         overview = [
-            Row(case, case, known(bench.best[name].mean("f_d")), "N", 3, of=name, section=("f_d",))
+            Row(case, case, bench.best[name].mean("f_d"), "N", 3, of=name, section=("f_d",))
             for name in self._first.best for case, bench in self.items()
         ]  # fmt: skip
         return overview + [
@@ -298,14 +293,14 @@ class Benches(Result, dict[str, Bench]):
 
 def least(rows: Sequence[Row]) -> str:
     """Say who has the least error of the disturbance force."""
-    errors = {row.of: row for row in rows if row.key == "f_d" and isinstance(row.value, float)}
-    values = {name: float(str(row.value)) for name, row in errors.items()}
-    if not values:
+    errors: dict[str, Any] = {r.of: r.value for r in rows if r.key == "f_d" and r.known}
+    if not errors:
         return "No estimator has finished a run"
-    first = min(values, key=values.__getitem__)
-    text = f"{first} estimates the disturbance force best, to {errors[first].text()} rms"
-    if "linear" in values and first != "linear":
-        text += f", {percent(values[first] / values['linear'])} of linear's"
+    first = min(errors, key=errors.__getitem__)
+    text = next(row.text() for row in rows if row.of == first and row.key == "f_d")
+    text = f"{first} estimates the disturbance force best, to {text} rms"
+    if "linear" in errors and first != "linear":
+        text += f", {percent(errors[first] / errors['linear'])} of linear's"
     return text
 
 

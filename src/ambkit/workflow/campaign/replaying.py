@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -55,9 +54,9 @@ class Replayed(Result):
         keys = (key.unit for key in self.plan.keys)
         units = dict(zip(self.plan.names, keys, strict=True)) | UNITS
         return [
-            Row(name, name, _known(value), units.get(name) or "1", section=("row",),
-                detail=name.startswith("samples"))
-            for name, value in self.row.items()
+            Row(name, name, int(of) if isinstance(of, float) and of.is_integer() else of,
+                units.get(name) or "1", section=("row",), detail=name.startswith("samples"))
+            for name, of in self.row.items()
         ]  # fmt: skip
 
     @property
@@ -73,13 +72,6 @@ class Replayed(Result):
     def figures(self) -> list[Figure]:
         """Return the run."""
         return [simulation_figure(self.run)]
-
-
-def _known(value: Any) -> Any:
-    """Return a value of a row, whole numbers as such; None where it does not apply."""
-    if not isinstance(value, float) or math.isinf(value):
-        return value
-    return None if math.isnan(value) else int(value) if value.is_integer() else value
 
 
 def replay(plan: Plan, number: int) -> Replayed:
