@@ -263,8 +263,8 @@ def test_identify_finds_the_magnet_constant(call, made):
 def test_identify_says_where_the_constant_still_drifts(call, made):
     assert call("simulate", "zittau_axial", "--duration", "80 ms", "--out", "short.csv").code == 0
     start = ("--bearing", "zittau_axial", "--start", "3 N mm^2/A^2")
-    assert "still drifts" in call("identify", "short.csv", *start).err
-    assert "drifts" not in call("identify", made / "run.csv", *start).err
+    assert "still drifts" in call("identify", "short.csv", *start).out
+    assert "drifts" not in call("identify", made / "run.csv", *start).out
 
 
 def test_identify_from_lift_off_points_gives_gap_and_bias(call, made):

@@ -208,10 +208,8 @@ _BEHIND = {
         "expert": "fuzzy.expert.Expert",
         "bearing": "machine.machine.Bearing",
     },
-    "show.notebook.results": {
-        "identification": "identification.online.magnet_constant.Identification",
-        "side_by_side": "identification.online.side_by_side.SideBySide",
-    },
+    "show.plots.identification": {"identification_figure": "identification_figure"},
+    "show.plots.online": {"online_figure": "online_figure"},
 }
 late_binding.bind(_BEHIND)
 

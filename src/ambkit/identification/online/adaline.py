@@ -17,6 +17,7 @@ from ambkit.identification.late import acting
 from ambkit.identification.online.ideal import as_ideal, is_ideal
 from ambkit.identification.online.result import OnlineResult, last_quarter, mean_error
 from ambkit.machine.magnets import core_module
+from ambkit.result.row import Row
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -34,6 +35,11 @@ class AdalineResult(OnlineResult):
     #: iu = i0, x = 0 [1].
     excitation: Array
     memory: float  #: Samples over which k is averaged.
+
+    def rows(self) -> list[Row]:
+        """Return what was learned, and the excitation at the end."""
+        end = Row("excitation", "excitation", float(self.excitation[-1]), digits=3, detail=True)
+        return [*super().rows(), end]
 
     @property
     def standard_error(self) -> float:

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
+from ambkit.base import late_binding
 from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Shown
+from ambkit.base.units import figure
 from ambkit.data.record import Record
 from ambkit.identification.online.adaline import Adaline, AdalineResult
 from ambkit.identification.online.augmented import AugmentedIdentifier
-from ambkit.identification.online.result import OnlineResult
+from ambkit.identification.online.result import CONSTANT, OnlineResult
 from ambkit.identification.online.rls import RecursiveLeastSquares
 from ambkit.machine.machine import Bearing
+from ambkit.result.result import Result
+from ambkit.result.row import Row
+
+if TYPE_CHECKING:
+    from ambkit.result.report.figure import Figure
 
 
-@dataclass(frozen=True, eq=False)
-class Identification(Shown):
+@dataclass(frozen=True, eq=False, repr=False)
+class Identification(Result):
     """What a record says about a bearing."""
 
     bearing: Bearing  #: The one that was given, with the identified magnet constant.
@@ -32,6 +38,27 @@ class Identification(Shown):
     #: :class:`~ambkit.identification.online.rls.LeastSquaresResult`, or an
     #: :class:`~ambkit.identification.online.augmented.AugmentedResult`.
     history: OnlineResult
+
+    @property
+    def title(self) -> str:
+        """Of what bearing."""
+        return f"Identification of {self.bearing.name}"
+
+    @property
+    def finding(self) -> str:
+        """The magnet constant, and whether it settled."""
+        said = figure(self.magnet_constant, CONSTANT)
+        settled = "" if self.history.settled else "; it still drifts, a longer record may settle it"
+        return f"{self.bearing.name}: the magnet constant is {said}{settled}."
+
+    @property
+    def rows(self) -> list[Row]:
+        """What was learned, and how sure it is."""
+        return self.history.rows()
+
+    def figures(self) -> list[Figure]:
+        """Return what was learned over the record."""
+        return [late_binding.call("identification_figure", self, float(self.history.k[0]))]
 
 
 Learner = type[Adaline] | type[RecursiveLeastSquares] | type[AugmentedIdentifier]

@@ -8,7 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.result.row import Row
+
 Array = NDArray[np.float64]
+
+CONSTANT = "N m^2/A^2"
+"""Unit of a magnet constant."""
 
 CONFIDENCE = 1.96
 """Standard errors to either side within which 95 % of normal estimates lie."""
@@ -51,6 +56,19 @@ class OnlineResult:
     def standard_error(self) -> float:
         """Standard error of `magnet_constant` [N m^2/A^2]; NaN where nothing is known of it."""
         raise NotImplementedError
+
+    def rows(self) -> list[Row]:
+        """Return what was learned, and how sure it is."""
+        k, error = self.magnet_constant, self.standard_error
+        return [
+            Row("magnet_constant", "magnet constant, found", k, CONSTANT),
+            Row("standard_error", "  standard error", error, CONSTANT, 2),
+            Row("half_width", "  95 % interval, ±", CONFIDENCE * error / k, "%"),
+            Row("spread", "  standard deviation, last quarter", self.spread, CONSTANT, 2,
+                detail=True),
+            Row("drift", "  drift over the last quarter", self.drift, CONSTANT, 2),
+            Row("held_share", "held for want of excitation", float(self.held.mean()), "%"),
+        ]  # fmt: skip
 
 
 def last_quarter(values: Array) -> slice:

@@ -11,16 +11,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ambkit.base.showing import Shown
+from ambkit.base import late_binding
+from ambkit.base.units import figure
 from ambkit.identification.online.adaline import AdalineResult
 from ambkit.identification.online.augmented import AugmentedResult
 from ambkit.identification.online.magnet_constant import ONLINE
-from ambkit.identification.online.result import CONFIDENCE, OnlineResult, last_quarter
+from ambkit.identification.online.result import CONFIDENCE, CONSTANT, OnlineResult, last_quarter
 from ambkit.identification.online.rls import LeastSquaresResult
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.machine import Bearing
+    from ambkit.result.report.figure import Figure
 
 NAMES = {
     "adaline": "ADALINE",
@@ -30,6 +35,9 @@ NAMES = {
 """Who learns, in words."""
 
 _THE = NAMES | {"augmented": "the Kalman filter with k"}
+
+LEARNERS = ("learners",)
+"""Section of its rows."""
 
 NEAR = 0.01
 """Part of itself by which two constants may differ, whatever their errors: what discretisation and
@@ -42,8 +50,8 @@ Sensor noise that is correlated over a sample (a low-pass at a sixth of the samp
 0.34, and moves the filter's k by a standard error or two."""
 
 
-@dataclass(frozen=True, eq=False)
-class SideBySide(Shown):
+@dataclass(frozen=True, eq=False, repr=False)
+class SideBySide(Result):
     """What each learned along one record, from one start."""
 
     bearing: Bearing  #: The one that was given.
@@ -76,6 +84,7 @@ class SideBySide(Shown):
         a, b = self.results[one], self.results[other]
         apart = abs(a.magnet_constant - b.magnet_constant)
         error = CONFIDENCE * math.hypot(a.standard_error, b.standard_error)
+        error = 0.0 if math.isnan(error) else error
         return not apart > max(error, NEAR * abs(a.magnet_constant + b.magnet_constant) / 2)
 
     @property
@@ -151,16 +160,52 @@ class SideBySide(Shown):
         carried = float(np.abs(rls.force[last_quarter(rls.k)]).mean())
         return load if load is not None and abs(load) > 0.02 * carried else None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, SI, ready for JSON."""
+    @property
+    def title(self) -> str:
+        """Of what bearing."""
+        return f"Magnet constant of {self.bearing.name}, learned online"
+
+    @property
+    def finding(self) -> str:
+        """Who agrees with whom."""
+        return f"{self.bearing.name}: {self.agreement}"
+
+    @property
+    def rows(self) -> list[Row]:
+        """What each learned, and how sure it is."""
+        found: list[Row] = []
+        for name, one in self.results.items():
+            k, truth = one.magnet_constant, self.truth
+            against = f"against the true {figure(truth, CONSTANT)}"
+            found += put([
+                Row("start", "magnet constant, start", self.start, CONSTANT),
+                *one.rows(),
+                Row("change", "change from the start", k / self.start - 1, "%"),
+                Row("off_truth", against, k / truth - 1 if truth else None, "%"),
+                Row("load", "load that was not known", unknown_load(one), "N", 3),
+            ], section=LEARNERS, of=name)  # fmt: skip
+        return found
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Title of the table."""
+        return {LEARNERS: Section(self.title)}
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Start, truth, and how white the filter's innovations are."""
         return {
+            "bearing": self.bearing.name,
             "start": self.start,
             "truth": self.truth,
-            "learners": {name: figures(result) for name, result in self.results.items()},
             "agreement": self.agreement,
             "innovation_correlation": self.colour,
             "coloured": self.coloured,
         }
+
+    def figures(self) -> list[Figure]:
+        """Return what was learned over the record."""
+        return [late_binding.call("online_figure", self)]
 
 
 def learn_online(
@@ -202,21 +247,6 @@ def unknown_load(result: OnlineResult) -> float | None:
     if not isinstance(result, LeastSquaresResult | AugmentedResult):
         return None
     return float(result.load[last_quarter(result.k)].mean())
-
-
-def figures(result: OnlineResult) -> dict[str, Any]:
-    """Return what is told of one of them, SI."""
-    told: dict[str, Any] = {
-        "magnet_constant": result.magnet_constant,
-        "standard_error": result.standard_error,
-        "spread": result.spread,
-        "drift": result.drift,
-        "held_share": float(result.held.mean()),
-    }
-    if isinstance(result, AdalineResult):
-        told["excitation"] = float(result.excitation[-1])
-    load = unknown_load(result)
-    return told if load is None else told | {"load": load}
 
 
 def _listed(names: list[str]) -> str:
