@@ -143,6 +143,7 @@ class Design(Result):
             "control": {"type": control.type, "cross_feedback": control.cross_feedback,
                         "gain_scheduling": control.gain_scheduling},
             "raw_sensor": self.chosen.raw,
+            "controllers": {},
             "exported": self.exported is not None,
             "files": list(self.made),
             "candidates": {

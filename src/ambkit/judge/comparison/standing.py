@@ -204,6 +204,7 @@ class Bench(Result):
             "seed": self.seed,
             "budget": self.budget,
             "raw_sensor": self.raw,
+            "limit": dict(self.limit),
         } | {
             how: {n: {"label": s.label, "values": dict(s.values)} for n, s in of.items()}
             for how, of in standings.items() if of
@@ -295,7 +296,7 @@ def least(rows: Sequence[Row]) -> str:
     """Say who has the least error of the disturbance force."""
     errors: dict[str, Any] = {r.of: r.value for r in rows if r.key == "f_d" and r.known}
     if not errors:
-        return "No estimator has finished a run"
+        return "no estimator has finished a run"
     first = min(errors, key=errors.__getitem__)
     text = next(row.text() for row in rows if row.of == first and row.key == "f_d")
     text = f"{first} estimates the disturbance force best, to {text} rms"

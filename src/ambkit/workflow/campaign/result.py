@@ -197,6 +197,7 @@ class Campaign(Result, Machines):
             "study": self.plan.study.name,
             "bearing" if self.plan.study.machine is None else "machine": self.plan.nominal.name,
             "folder": str(self.folder),
+            **{name: {} for name in ("by_choice", "fails", "zones", "quantiles")},
             "runs": len(self),
             "confidence": self.plan.study.confidence,
             "worst": [each._asdict() for each in self.worst()],
