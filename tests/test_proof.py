@@ -86,12 +86,13 @@ def export_proved(what: str, out: Path) -> CExport:
     return export(what if what in KINDS else "linear", out, prefix="f", **of)
 
 
-WITH_PROOF = [*KINDS, "editable", *prover.CONTROLLERS]
+MACHINES = ["machine", "machine and its controllers"]
+WITH_PROOF = [*KINDS, "editable", *prover.CONTROLLERS, *MACHINES]
 LAWS = prover.CONTROLLERS | {"calibrated": PID()}
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
-@pytest.mark.parametrize("what", quick(WITH_PROOF, ["linear", "editable", *prover.CONTROLLERS]))
+@pytest.mark.parametrize("what", quick(WITH_PROOF, ["linear", "editable", *prover.CONTROLLERS, *MACHINES]))
 def test_script_and_harness_parse(what: str, tmp_path: Path) -> None:
     """As a shell has the one, and a compiler the other, with what Frama-C has built in."""
     folder = export_proved(what, tmp_path / "c").folder
@@ -113,7 +114,7 @@ def test_script_and_harness_parse(what: str, tmp_path: Path) -> None:
         assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("what", ["editable"])
+@pytest.mark.parametrize("what", ["editable", *MACHINES])
 def test_a_script_that_was_not_run_is_called_no_proof(what: str, tmp_path: Path) -> None:
     folder = export_proved(what, tmp_path / "c").folder
     text = (folder / "proof" / "README.md").read_text(encoding="utf-8")
@@ -121,9 +122,8 @@ def test_a_script_that_was_not_run_is_called_no_proof(what: str, tmp_path: Path)
     assert "# Proof" not in text
 
 
-@pytest.mark.parametrize("what", ["machine", "machine and its controllers", "calibrated"])
-def test_of_what_is_not_proved_nothing_is_said(what: str, tmp_path: Path) -> None:
-    made = export_proved(what, tmp_path / "c")
+def test_of_what_is_not_proved_nothing_is_said(tmp_path: Path) -> None:
+    made = export_proved("calibrated", tmp_path / "c")
     assert not [file for file in made.files if file.startswith("proof/")]
     readme = (made.folder / "README.md").read_text(encoding="utf-8")
     assert "proof" not in readme

@@ -49,6 +49,32 @@ int main(void)
 }
 """
 
+USES = '#include "rig_telemetry.h"\nint main(void) { return 0; }\n'
+
+OF_COMMAND = """#include "rig_telemetry.h"
+#include <stdio.h>
+static rig_telemetry frames;
+int main(void)
+{
+  static rig_command out;
+  uint32_t words[RIG_TELEMETRY_WORDS];
+  for (int f = 0; f < AMB_CONTROLS; f++) {
+    out.coil[f][1] = (amb_real)f + AMB_C(0.5);
+    out.u[f] = (amb_real)f + AMB_C(0.25);
+  }
+  out.estimates.FIRST = AMB_C(0.75);
+  out.mode = AMB_FLYING;
+  rig_telemetry_init(&frames);
+  for (int k = 0; k < 2; k++)
+    (void)rig_telemetry_put(&frames, &out, AMB_OK);
+  while (rig_telemetry_take(&frames, words))
+    for (unsigned int i = 0; i < RIG_TELEMETRY_WORDS; i++)
+      for (int k = 0; k < 4; k++)
+        (void)putchar((int)((words[i] >> (8 * k)) & 0xFFU));
+  return 0;
+}
+""".replace("FIRST", KalmanFilter(machine()).states[0].name)
+
 
 def built(made: CExport, folder: Path, source: str) -> Path:
     (folder / "main.c").write_text(source)
@@ -144,19 +170,35 @@ def test_what_are_no_frames_of_it_is_said(made: CExport, sent: bytes, tmp_path: 
 
 
 @compiled
-def test_frames_of_a_machine(tmp_path: Path) -> None:
-    made = export_c(machine(), None, tmp_path / "c", prefix="rig", telemetry=True)
+@pytest.mark.parametrize("flown", [False, True], ids=["filter", "controller"])
+def test_frames_of_a_machine(flown: bool, tmp_path: Path) -> None:
+    scenario = Scenario() if flown else None
+    made = export_c(
+        machine(), None, tmp_path / "c", prefix="rig", telemetry=True, scenario=scenario
+    )
     told = json.loads((made.folder / "telemetry.json").read_text())
     names = [each["name"] for each in told["numbers"]]
     one = KalmanFilter(machine(), precision="float32")
     readings = [each.name for each in machine().readings]
-    assert names[: len(one.states)] == [state.name for state in one.states]
-    assert names[len(one.states) :] == [
-        f"{what}_{name}" for what in ("innovation", "variance") for name in readings
+    axes = [axis.name for axis in machine().axes] if flown else []
+    assert names == [
+        *(state.name for state in one.states),
+        *(f"{what}_{name}" for what in ("innovation", "variance") for name in readings),
+        *(f"{what}_{name}" for name in axes for what in ("coil_0", "coil_1", "iu", "u")),
     ]
     folder = tmp_path / "user"
     folder.mkdir()
-    built(made, folder, '#include "rig_telemetry.h"\nint main(void) { return 0; }\n')
+    program = built(made, folder, OF_COMMAND if flown else USES)
+    if flown:
+        record = ambkit.read_telemetry(
+            subprocess.run([program], capture_output=True, timeout=60).stdout,
+            made.folder / "telemetry.json",
+        )
+        for k, name in enumerate(axes):
+            np.testing.assert_array_equal(record[f"coil_1_{name}"], np.float32([k + 0.5] * 2))
+            np.testing.assert_array_equal(record[f"u_{name}"], np.float32([k + 0.25] * 2))
+        np.testing.assert_array_equal(record[names[0]], [0.75, 0.75])
+        np.testing.assert_array_equal(record["mode"], [3, 3])
 
 
 def test_an_export_without_has_none(tmp_path: Path) -> None:

@@ -85,7 +85,7 @@ def _record(words: Any, told: dict[str, Any], skipped: int) -> Record:
     units = {each["name"]: each["unit"] for each in told["numbers"]}
     flags = words[:, 3]
     more = {"status": flags & 0xFFFF, "mode": flags >> 16 & 0xFF, "usable": flags >> 24 & 1}
-    if "coil_0" not in signals:
+    if not any(name.startswith("coil_0") for name in signals):
         del more["mode"]
     signals |= {name: placed(each) for name, each in more.items()}
     t = (int(words[0, 2]) + np.arange(n)) * told["sampling_time"]

@@ -13,6 +13,7 @@ from ambkit.estimate.registry import KINDS
 from ambkit.export.c import calibration, control, cost, data_file, folder, render
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.data import CPrecision, called
+from ambkit.export.c.exported import Export
 from ambkit.export.c.prefix import checked
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy.expert import Expert
@@ -154,17 +155,11 @@ def export_c(
     if estimator.description:
         facts = {"for": estimator.description} | facts
     content = render.render(
-        estimator,
-        name,
-        precision,
-        facts,
-        loops=loops,
-        editable=editable,
-        controller=controller,
-        scenario=scenario,
-        calibrated=calibrated,
-        framed=telemetry,
-    )
+        Export(
+            estimator, name, precision, facts, loops, editable, controller, scenario, calibrated,
+            framed=telemetry,
+        )
+    )  # fmt: skip
     if wrong and calibrated:  # which an A2L file is made from later
         told = json.loads(content.files["calibration.json"]) | {"must_not_fly": wrong}
         content.files["calibration.json"] = json.dumps(told, indent=2) + "\n"

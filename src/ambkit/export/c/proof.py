@@ -19,7 +19,7 @@ from ambkit.export.c import cost
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.export.c.data import CPrecision
-    from ambkit.simulation.control import Controller
+    from ambkit.export.c.exported import Export
     from ambkit.simulation.scenario import PID
 
 STORED = Path(__file__).with_name("proof.json")
@@ -72,11 +72,21 @@ def recorded(
     return None if found is None else Proof(**found, tool=stored["tool"])
 
 
-def outputs(states: list[str], coils: int | None) -> list[str]:
-    """Return the numbers of a step's struct, each as C names it; `coils`: of a controller."""
-    if coils is None:
+def outputs(states: list[str], export: Export) -> list[str]:
+    """Return the numbers of a step's struct, each as C names it."""
+    machine, one = export.estimator.machine, export.one
+    if one is not None:
+        coils = (f"coil[{k}]" for k in range(one.coils))
+        return [*coils, "iu", "u", *states, "innovation", "variance"]
+    if not export.several:
         return [*states, "k_i", "k_s", "innovation", "variance"]
-    return [*(f"coil[{k}]" for k in range(coils)), "iu", "u", *states, "innovation", "variance"]
+    axes, readings = range(len(machine.axes)), range(len(machine.readings))
+    told = [*states, *(f"{what}[{k}]" for what in ("k_i", "k_s") for k in axes)]
+    told += [f"{what}[{k}]" for what in ("innovation", "variance") for k in readings]
+    if not export.beside:
+        return told
+    of_axes = ("iu[{}]", "u[{}]", "coil[{}][0]", "coil[{}][1]")
+    return [*(f"estimates.{each}" for each in told), *(w.format(k) for w in of_axes for k in axes)]
 
 
 @cache
@@ -85,18 +95,12 @@ def _stored() -> dict[str, Any]:
     return read
 
 
-def context(
-    estimator: Estimator,
-    context: dict[str, Any],
-    core_files: dict[str, str],
-    controller: Controller | None,
-) -> dict[str, Any]:
-    """Return what the files of the proof say, of an axis."""
-    coils, control = (None, None) if controller is None else (controller.coils, controller.pid)
-    fields = [state.field for state in context["states"]]
-    asked = {name: text for name, text in core_files.items() if name.endswith(".c")}
+def context(export: Export, context: dict[str, Any]) -> dict[str, Any]:
+    """Return what the files of the proof say."""
+    estimator, one = export.estimator, export.one
+    asked = [text for name, text in export.core_files.items() if name.endswith(".c")]
     uses = {
-        called: any(f"{called}(" in text for text in asked.values())
+        called: any(f"{called}(" in text for text in asked)
         for called in ("amb_exp_negative", "amb_root")
     }
     contracts = [called for called, used in uses.items() if used]
@@ -104,13 +108,14 @@ def context(
     models = estimator.core.own.get("n", 0)  # their number is data, no constant that Eva sees
     by_model = f" -eva-min-loop-unroll {models + 1}" if models else ""
     others = ",hold_each:60" if models else ""  # the ways through the bounds of each model
-    others += "" if controller is None else ",see:60"
+    others += "" if export.controller is None else ",see:60"
     return {
-        "outputs": outputs(fields, coils),
+        "outputs": outputs([state.field for state in context["states"]], export),
         "options": OPTIONS.format(tag=context["tag"], others=others) + by_model + by_contract,
         "recorded": recorded(
-            estimator, context["precision"], control, editable=bool(context["editable"])
+            estimator, export.precision, None if one is None else one.pid,
+            editable=export.editable,
         ),
         "uses_exponential": uses["amb_exp_negative"],
         "uses_root": uses["amb_root"],
-    }
+    }  # fmt: skip

@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ambkit.base import escaping
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
-from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core
 from ambkit.export.c import (
     calibration,
     control,
-    control_scenes,
     data,
     data_file,
     model,
@@ -25,15 +23,14 @@ from ambkit.export.c import (
     telemetry,
     vectors,
 )
-from ambkit.export.c.data import MAGNETS, CPrecision, Kind
+from ambkit.export.c.data import CPrecision, Kind
+from ambkit.export.c.exported import Export
 from ambkit.machine.bearing import FILES
 from ambkit.machine.machine import Machine
 from ambkit.simulation.control import bound_of, settling_of
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.simulation.control import Controller
-    from ambkit.simulation.scenario import Scenario
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
 _PROVED = (
@@ -54,177 +51,40 @@ class Content(NamedTuple):
     configuration: str  # hash of all that it was made from
 
 
-def render(
-    estimator: Estimator,
-    name: str,
-    precision: CPrecision,
-    facts: dict[str, str],
-    *,
-    loops: bool | None = None,
-    editable: bool = False,
-    controller: Controller | None = None,
-    scenario: Scenario | None = None,
-    calibrated: bool = False,
-    framed: bool = False,
-) -> Content:
+def render(export: Export) -> Content:
     """Write all texts."""
-    if editable and not estimator.engine.built_in:
+    if export.editable and not export.estimator.engine.built_in:
         raise AmbkitError(
             "editable is for the paper's axis: of other models C has the matrices, and not what "
             "they were made from"
         )
-    magnets = data_file.magnets_of(estimator)
-    magnet, kinds = magnets[0], [MAGNETS[type(each).__name__] for each in magnets]
-    kind = kinds[0]
-    called = data.called(estimator)
-    whole = estimator.whole is not None
-    # Whose step goes through the interface.
-    one = None if whole else controller
-    in_core = None if called is PAPER and not whole and controller is None else called
-    # The paper's filter is given its constants, and asks no magnet.
-    given = in_core is None and kind is MAGNETS["Constant"]
-    needed = ["src/kalman.c", "src/envelope.c", "src/at_rest.c"]
-    needed += ["include/ambkit/crc.h", "include/ambkit/root.h"]
-    needed += [] if given else [f"src/{each.source}.c" for each in kinds]
-    if in_core is not None:
-        needed += [f"src/{stem}.c" for stem in ("estimator", in_core.source, *in_core.calls)]
-        inner = getattr(estimator, "inner", None)
-        if inner is not None:
-            needed += [f"src/{data.called(inner).source}.c"]
-    speeds = None
-    if scenario is not None and estimator.whole is not None:
-        speeds = control_scenes.speeds_of(estimator.whole.machine, scenario)
-    of_model = model.in_c(estimator, loops=loops, speeds=speeds)
-    needed += [*of_model.sources, *(control.SOURCES if controller is not None else ())]
-    needed += calibration.SOURCES if calibrated else ()
-    needed += telemetry.SOURCES if framed else ()
-    flown: dict[str, Any] = {}
-    if controller is not None and scenario is not None:
-        flown = control.context(controller, scenario, name, precision)
-    found = core.closure(needed, instead=of_model.instead)
-    core_files = {f"core/{file}": text for file, text in found.items()}
-    c_files = tuple(file for file in core_files if file.endswith(".c"))
-    more = ("_telemetry",) if framed else ()
-    changed = ("_calibration",) if calibrated else ("_control",) if whole and flown else ()
-    sources = (*(f"{name}{file}.c" for file in ("", *changed, "_data", *more)), *c_files)
-    beside = ("control_selftest", "control_vectors") if whole and flown else ()
-    of_test = ("selftest", "vectors", *beside)
-    tests = tuple(f"selftest/{name}_{file}.c" for file in of_test)
-    settling, bound = settling_of(estimator), bound_of(estimator)
-    if one is None:
-        tested = vectors.make(estimator, magnets, settling=settling, bound=bound)
-        told = selftest.context(tested, estimator, precision)
-    else:
-        told = {key: flown["in_flight"][key] for key in ("runs", "coverage")}
-    bearing = estimator.bearing
-    base = "" if in_core is None else in_core.base
-    context: dict[str, Any] = {
-        "name": name,
-        "guard": name.upper(),
-        "title": f"{estimator.name} for {bearing.name}",
-        "bearing": bearing.name,
-        "version": version("ambkit"),
-        "precision": precision,
-        "sampling_time": engineering(bearing.sampling_time, "s"),
-        "several": data_file.several(estimator, magnets, kinds, precision) if whole else None,
-        "y_given": "const amb_real y[AMB_SENSORS]" if whole else "amb_real y",
-        "u_given": "const amb_real u_previous[AMB_CONTROLS]" if whole else "amb_real u_previous",
-        "sources": sources,
-        "calibrated": calibrated,
-        "bit_headers": _bit_headers(core_files, alone=one is None),
-        "cast_sources": _casts(
-            kind,
-            in_core,
-            given,
-            calibrated=calibrated,
-            flown=controller is not None,
-        ),
-        "selftest_sources": ("selftest/main.c", *tests),
-        "bound": (_BOUNDS_OF_MACHINES if whole else _BOUNDS)[precision],
-        **{key: told[key] for key in told if key != "arrays"},
-        "flown": None if one is None else flown,
-        "controller": None,
-        "base_of_calibration": None,
-        "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
-        "given": given,
-        "in_core": in_core,
-        "built_in": estimator.engine.built_in,
-        "single": estimator.machine.single,
-        "strict": in_core is None and estimator.engine.built_in,
-        "magnet_header": f"{kind.source}.h",
-        "magnet_about": _about(kinds),
-        "sampled": _sampled(estimator),
-        "assumed": _assumed(estimator),
-        "inputs": {
-            "y": data_file.raw("y", estimator.inputs.y, precision),
-            "u": data_file.raw("u", estimator.inputs.u, precision),
-        },
-        "facts": {
-            **_assumed(estimator),
-            "magnet": _about(kinds),
-            "between samples": _sampled(estimator),
-            **facts,
-        },
-        "room": of_model.room,
-        "symbols": core.external_names(),
-        "tag": precision[0] + core.hashed(*map(str, of_model.instead.values()), str(of_model.room)),
-        "states": model.states(
-            estimator.states, "" if whole else data_file.hover(estimator, precision)
-        ),
-        "diagonal": vectors.diagonal(len(estimator.states)),
-        "shown": selftest.first(estimator, "sensor"),
-        "load": selftest.first(estimator, "disturbance force"),
-        **selftest.of_roles(estimator),
-        **selftest.stops_in_c(estimator, precision),
-        "base": base,
-        "covariance": (in_core.covariance if in_core else "") or f"{base}cov",
-        **data_file.data_context(estimator, magnet, kind, precision, of_model, editable=editable),
-        "controlled": whole and bool(flown),
-        "turning": _turning(of_model, speeds, precision),
-        "speed_own": data.number(bearing.speed, precision) if whole else "",
-        **flown,
-        "editable": editable,
-        "framed": framed,
-        "as_printed": estimator.engine.as_printed,
-        "mass": "" if whole else data.number(bearing.rotor.mass, precision),
-        "own": "" if in_core is None else data.own(estimator, precision),
-        "settling": settling,
-        "bound_of_output": f"{bound:.1f}",
-        "crc": data_file.crc(
-            estimator,
-            name,
-            precision,
-            of_model,
-            editable=editable,
-            flown=controller,
-            calibrated=calibrated,
-        ),
-        "proof_sentence": _PROVED.replace("NAME", name)
-        if one is None
-        else _PROVED.replace("NAME_reset", "NAME_take_over")
-        .replace("the estimates", "the output")
-        .replace("NAME", name),
-    }
-    # Of machines nothing is proved, nor of what can be calibrated; and nothing is said.
-    shown = not whole and not calibrated
-    context["proof"] = proof.context(estimator, context, core_files, one) if shown else None
-    context["control_unit"] = estimator.machine.control_unit
-    for each, si in (("y", "m"), ("u", context["control_unit"])):
-        context[f"{each}_unit"] = context["inputs"][each]["unit"] if context["inputs"][each] else si
-    context["inputs_text"] = repr(context["inputs"])
-    if calibrated and one is not None:
-        context["base_of_calibration"] = calibration.context(one, name, precision)
-    context["configuration"] = _configuration(estimator, context, core_files)
-    context["frame"] = telemetry.frame(
-        estimator.states,
-        context["states"],
-        context["several"]["readings"] if whole else (),
-        None if one is None else one.coils,
-        context["control_unit"],
+    context = _context(export)
+    described = {}
+    if export.calibrated and export.one is not None:
+        told = calibration.described(export.one, export.name, export.precision)
+        described["calibration.json"] = told
+    if export.framed:
+        T = export.estimator.bearing.sampling_time
+        of_frame = (export.name, context["configuration"], T, context["frame"])
+        described["telemetry.json"] = telemetry.described(*of_frame)
+    templates = _templates()
+    texts = (
+        export.core_files
+        | described
+        | {
+            file: templates.get_template(f"{template}.j2").render(context)
+            for file, template in _made(export).items()
+        }
     )
+    return Content(dict(sorted(texts.items())), export.sources, context["configuration"])
+
+
+def _made(export: Export) -> dict[str, str]:
+    """Return the files that are written, and by which template."""
+    name = export.name
     made = {
         f"{name}.h": "filter.h",
-        f"{name}.c": "filter.c" if in_core is None else "estimator.c",
+        f"{name}.c": "filter.c" if export.in_core is None else "estimator.c",
         f"{name}_data.h": "data.h",
         f"{name}_data.c": "data.c",
         f"selftest/{name}_selftest.h": "selftest.h",
@@ -237,28 +97,140 @@ def render(
         "misra.txt": "misra.txt",
         "selftest/COVERAGE.md": "COVERAGE.md",
     }
-    if shown:
-        made |= {file.format(name): template for file, template in proof.TEMPLATES.items()}
-    if controller is not None:
-        more_files = calibration.TEMPLATES if calibrated else {}
-        of = f"{name}_control" if whole else name
-        made |= {file.format(of): template for file, template in control.TEMPLATES.items()}
-        made |= {file.format(name): template for file, template in more_files.items()}
-        made |= {} if whole else {"README.md": "control.md"}
-        if calibrated and one is not None:
-            described = calibration.described(one, name, precision)
-            core_files |= {"calibration.json": described}
-    if framed:
-        made |= {file.format(name): template for file, template in telemetry.TEMPLATES.items()}
-        T = estimator.bearing.sampling_time
-        of_frame = (name, context["configuration"], T, context["frame"])
-        core_files |= {"telemetry.json": telemetry.described(*of_frame)}
-    templates = _templates()
-    texts = core_files | {
-        file: templates.get_template(f"{template}.j2").render(context)
-        for file, template in made.items()
+    more = [(name, proof.TEMPLATES)] if export.proved else []
+    if export.controller is not None:
+        more.append((f"{name}_control" if export.several else name, control.TEMPLATES))
+        more += [(name, calibration.TEMPLATES)] if export.calibrated else []
+        more += [] if export.several else [(name, {"README.md": "control.md"})]
+    more += [(name, telemetry.TEMPLATES)] if export.framed else []
+    for of, templates in more:
+        made |= {file.format(of): template for file, template in templates.items()}
+    return made
+
+
+def _context(export: Export) -> dict[str, Any]:
+    """Return what the templates are told."""
+    estimator, name, precision, one = (
+        export.estimator, export.name, export.precision, export.one
+    )  # fmt: skip
+    context = {
+        "controller": None,
+        "base_of_calibration": None,
+        "flown": None if one is None else export.flown,
+        **_names(export),
+        **_tested(export),
+        **_numbers(export),
+        **export.flown,
+        "controlled": export.beside,
+        "crc": data_file.crc(
+            estimator, name, precision, export.of_model, editable=export.editable,
+            flown=export.controller, calibrated=export.calibrated,
+        ),
+    }  # fmt: skip
+    context["proof"] = proof.context(export, context) if export.proved else None
+    if export.calibrated and one is not None:
+        context["base_of_calibration"] = calibration.context(one, name, precision)
+    context["configuration"] = _configuration(estimator, context, export.core_files)
+    context["frame"] = telemetry.frame(export, context["states"])
+    return context
+
+
+def _names(export: Export) -> dict[str, Any]:
+    """Return what is said in words, and which files there are."""
+    estimator, name, in_core = export.estimator, export.name, export.in_core
+    bearing, several, base = estimator.bearing, export.several, in_core.base if in_core else ""
+    assumed, sampled, magnets = _assumed(estimator), _sampled(estimator), _about(export.kinds)
+    proved = _PROVED
+    if export.one is not None:
+        proved = _PROVED.replace("NAME_reset", "NAME_take_over")
+        proved = proved.replace("the estimates", "the output")
+    of_files = [*map(str, export.of_model.instead.values()), str(export.of_model.room)]
+    return {
+        "name": name,
+        "guard": name.upper(),
+        "title": f"{estimator.name} for {bearing.name}",
+        "bearing": bearing.name,
+        "version": version("ambkit"),
+        "y_given": "const amb_real y[AMB_SENSORS]" if several else "amb_real y",
+        "u_given": "const amb_real u_previous[AMB_CONTROLS]" if several else "amb_real u_previous",
+        "sources": export.sources,
+        "calibrated": export.calibrated,
+        "bit_headers": _bit_headers(export.core_files, alone=export.one is None),
+        "cast_sources": _casts(export),
+        "selftest_sources": export.tests,
+        "given": export.given,
+        "in_core": in_core,
+        "built_in": estimator.engine.built_in,
+        "single": estimator.machine.single,
+        "strict": in_core is None and estimator.engine.built_in,
+        "magnet_header": f"{export.kinds[0].source}.h",
+        "magnet_about": magnets,
+        "sampled": sampled,
+        "assumed": assumed,
+        "facts": assumed | {"magnet": magnets, "between samples": sampled} | export.facts,
+        "symbols": core.external_names(),
+        "tag": export.precision[0] + core.hashed(*of_files),
+        "base": base,
+        "covariance": (in_core.covariance if in_core else "") or f"{base}cov",
+        "editable": export.editable,
+        "framed": export.framed,
+        "as_printed": estimator.engine.as_printed,
+        "proof_sentence": proved.replace("NAME", name),
     }
-    return Content(dict(sorted(texts.items())), sources, context["configuration"])
+
+
+def _tested(export: Export) -> dict[str, Any]:
+    """Return what the files of the self-test say."""
+    estimator, precision = export.estimator, export.precision
+    settling, bound = settling_of(estimator), bound_of(estimator)
+    if export.one is None:
+        tested = vectors.make(estimator, export.magnets, settling=settling, bound=bound)
+        told = selftest.context(tested, estimator, precision)
+    else:
+        told = {key: export.flown["in_flight"][key] for key in ("runs", "coverage")}
+    return {
+        "bound": (_BOUNDS_OF_MACHINES if export.several else _BOUNDS)[precision],
+        **told,
+        "diagonal": vectors.diagonal(len(estimator.states)),
+        "shown": selftest.first(estimator, "sensor"),
+        "load": selftest.first(estimator, "disturbance force"),
+        **selftest.of_roles(estimator),
+        **selftest.stops_in_c(estimator, precision),
+        "settling": settling,
+        "bound_of_output": f"{bound:.1f}",
+    }
+
+
+def _numbers(export: Export) -> dict[str, Any]:
+    """Return the constants, and the units of what comes in."""
+    estimator, precision, several = export.estimator, export.precision, export.several
+    bearing, unit = estimator.bearing, estimator.machine.control_unit
+    inputs = {
+        each: data_file.raw(each, getattr(estimator.inputs, each), precision) for each in "yu"
+    }
+    units = {"y": "m", "u": unit} | {each: of["unit"] for each, of in inputs.items() if of}
+    hover = "" if several else data_file.hover(estimator, precision)
+    return {
+        "precision": precision,
+        "sampling_time": engineering(bearing.sampling_time, "s"),
+        "several": data_file.several(estimator, export.magnets, export.kinds, precision)
+        if several else None,
+        "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
+        "inputs": inputs,
+        "inputs_text": repr(inputs),
+        "control_unit": unit,
+        **{f"{each}_unit": of for each, of in units.items()},
+        "room": export.of_model.room,
+        "states": model.states(estimator.states, hover),
+        **data_file.data_context(
+            estimator, export.magnets[0], export.kinds[0], precision, export.of_model,
+            editable=export.editable,
+        ),
+        "turning": _turning(export.of_model, export.speeds, precision),
+        "speed_own": data.number(bearing.speed, precision) if several else "",
+        "mass": "" if several else data.number(bearing.rotor.mass, precision),
+        "own": "" if export.in_core is None else data.own(estimator, precision),
+    }  # fmt: skip
 
 
 def _turning(
@@ -305,14 +277,13 @@ def _about(kinds: list[Kind]) -> str:
     return ", ".join(dict.fromkeys(kind.about for kind in kinds))
 
 
-def _casts(
-    kind: Kind, in_core: InCore | None, given: bool, *, flown: bool, calibrated: bool
-) -> tuple[str, ...]:
+def _casts(export: Export) -> tuple[str, ...]:
     """Return the files that cast from ``void *``, which MISRA C advises against."""
-    stems = [] if given else [kind.source]
-    if in_core is not None:
-        stems += ["estimator", *in_core.casts, *(["control"] if flown else [])]
-        stems += ["calibration"] if calibrated else []
+    stems = [] if export.given else [export.kinds[0].source]
+    if export.in_core is not None:
+        stems += ["estimator", *export.in_core.casts]
+        stems += ["control"] if export.controller is not None else []
+        stems += ["calibration"] if export.calibrated else []
     return tuple(f"core/src/{stem}.c" for stem in sorted(stems))
 
 

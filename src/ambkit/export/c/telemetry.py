@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from ambkit.data.signals import signal
 from ambkit.export.c.model import State
-from ambkit.models.model import Descriptor
+
+if TYPE_CHECKING:
+    from ambkit.export.c.exported import Export
 
 SOURCES = ("src/telemetry.c",)
 TEMPLATES = {"{}_telemetry.h": "telemetry.h", "{}_telemetry.c": "telemetry.c"}
@@ -21,26 +24,30 @@ class Number(NamedTuple):
     place: str  # in the struct that comes out of a step
 
 
-def frame(
-    described: Sequence[Descriptor],
-    fields: Sequence[State],
-    readings: Sequence[str],
-    coils: int | None,
-    control_unit: str,
-) -> list[Number]:
+def frame(export: Export, fields: Sequence[State]) -> list[Number]:
     """Return the numbers of a frame."""
+    machine, inside = export.estimator.machine, "estimates." if export.beside else ""
     found = [
-        Number(state.name, state.unit, field.field)
-        for state, field in zip(described, fields, strict=True)
+        Number(state.name, state.unit, inside + field.field)
+        for state, field in zip(export.estimator.states, fields, strict=True)
     ]
-    for what, unit in (("innovation", "m"), ("variance", "m^2")):
-        if readings:
-            found += [Number(f"{what}_{of}", unit, f"{what}[{r}]") for r, of in enumerate(readings)]
-        else:
-            found.append(Number(what, unit, what))
-    if coils is not None:
-        found += [Number(f"coil_{k}", "A", f"coil[{k}]") for k in range(coils)]
-        found += [Number("iu", "A", "iu"), Number("u", control_unit, "u")]
+
+    def at(what: str, k: int) -> str:
+        return f"{what}[{k}]" if export.several else what
+
+    found += [
+        Number(signal(what, reading.name), unit, inside + at(what, r))
+        for what, unit in (("innovation", "m"), ("variance", "m^2"))
+        for r, reading in enumerate(machine.readings)
+    ]
+    for f, axis in enumerate(machine.axes if export.controller is not None else ()):
+        coils = 2 if axis.bearing.magnet.type == "two-sided" else 1
+        found += [
+            Number(signal(f"coil_{k}", axis.name), "A", f"{at('coil', f)}[{k}]")
+            for k in range(coils)
+        ]
+        found += [Number(signal("iu", axis.name), "A", at("iu", f)),
+                  Number(signal("u", axis.name), machine.control_unit, at("u", f))]  # fmt: skip
     return found
 
 
