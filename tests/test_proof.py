@@ -92,7 +92,7 @@ LAWS = prover.CONTROLLERS | {"calibrated": PID()}
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
-@pytest.mark.parametrize("what", quick(WITH_PROOF, ["linear", "editable", *prover.CONTROLLERS, *MACHINES]))
+@pytest.mark.parametrize("what", quick(WITH_PROOF, ["linear", *WITH_PROOF[len(KINDS) :]]))
 def test_script_and_harness_parse(what: str, tmp_path: Path) -> None:
     """As a shell has the one, and a compiler the other, with what Frama-C has built in."""
     folder = export_proved(what, tmp_path / "c").folder

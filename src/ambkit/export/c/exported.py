@@ -15,7 +15,6 @@ from ambkit.export.c import (
     data,
     data_file,
     model,
-    telemetry,
 )
 from ambkit.export.c.data import MAGNETS, CPrecision, Kind
 
@@ -110,7 +109,7 @@ class Export:
         needed += self.of_model.sources
         needed += control.SOURCES if self.controller is not None else ()
         needed += calibration.SOURCES if self.calibrated else ()
-        needed += telemetry.SOURCES if self.framed else ()
+        needed += ["src/telemetry.c"] if self.framed else []
         found = core.closure(needed, instead=self.of_model.instead)
         return {f"core/{file}": text for file, text in found.items()}
 

@@ -12,7 +12,6 @@ from ambkit.export.c.model import State
 if TYPE_CHECKING:
     from ambkit.export.c.exported import Export
 
-SOURCES = ("src/telemetry.c",)
 TEMPLATES = {"{}_telemetry.h": "telemetry.h", "{}_telemetry.c": "telemetry.c"}
 
 
