@@ -209,6 +209,7 @@ _BEHIND = {
         "bearing": "machine.machine.Bearing",
     },
     "show.plots.identification": {"identification_figure": "identification_figure"},
+    "show.plots.excitation": {"excitation_figure": "excitation_figure"},
     "show.plots.online": {"online_figure": "online_figure"},
 }
 late_binding.bind(_BEHIND)

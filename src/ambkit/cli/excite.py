@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.base.units import percent
 from ambkit.cli.excite_sensitivity import DURATION, deliver_injections
 from ambkit.cli.kinds import NAMES, known, names
 from ambkit.cli.options import (
@@ -25,7 +24,6 @@ from ambkit.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from ambkit.identification.excitation import Design
     from ambkit.machine.machine import Machine
 
 
@@ -34,10 +32,6 @@ class Purpose(StrEnum):
 
     parameters = "parameters"
     sensitivity = "sensitivity"
-
-
-CERTAIN = 0.95
-"""Correlation from which on two parameters are said to hang together."""
 
 
 def excite(
@@ -153,8 +147,6 @@ def excite(
     """
     from ambkit.cli import output
     from ambkit.identification.excitation import Limits, design
-    from ambkit.show.plots import save_figure
-    from ambkit.show.plots.excitation import excitation_figure
     from ambkit.workflow.injecting import design_injection
     from ambkit.workflow.simulating import experiment_duration, scenario_for
 
@@ -198,15 +190,8 @@ def excite(
             load=load,
             done=lambda text: step(f"comparing bands: {text}"),
         )
-    output.deliver(
-        {"bearing": plant.name} | found.to_dict(),
-        [_experiment(found), _expected(found), *_remarks(found)],
-        [
-            (out, found.file(axis or "").save),
-            (plot, lambda path: save_figure(excitation_figure(found), path)),
-        ],
-        as_json=json,
-    )
+    reference = (out, found.file(axis or "").save)
+    output.deliver_result(found, [reference], as_json=json, plot=plot)
 
 
 def _axes(machine: Machine, named: str | None) -> list[str | None]:
@@ -223,61 +208,3 @@ def _ends(band: str | None) -> tuple[float, float] | None:
         return None
     low, high = read_quantities(band, "Hz", "--band", count=2)
     return low, high
-
-
-def _experiment(found: Design) -> Any:
-    import numpy as np
-
-    from ambkit.cli.output import table, value
-
-    record, limits = found.record, found.limits
-    low, high = (value(end, "Hz", 3) for end in found.band)
-    current, far = (float(np.max(np.abs(record[name]))) for name in ("iu", "x"))
-    rows = [
-        ["duration", f"{value(record.t[-1], 's')}, {len(record)} samples"],
-        ["band", f"{low} to {high}"],
-        ["reference, greatest value", value(found.amplitude, "m")],
-        ["  crest factor of the signal", f"{found.excitation.crest_factor:.2f}"],
-        [
-            "control current, greatest",
-            f"{value(current, 'A', like=limits.current)} of {value(limits.current, 'A')}",
-        ],
-        [
-            "displacement, greatest",
-            f"{value(far, 'm', like=limits.displacement)} of {value(limits.displacement, 'm')}",
-        ],
-    ]
-    model = found.expectation.model
-    return table(f"{found.excitation.kind} for {model.bearing.name}", ["", ""], rows)
-
-
-def _expected(found: Design) -> Any:
-    from ambkit.cli.output import table, value
-
-    expectation = found.expectation
-    rows = []
-    for parameter, error in zip(expectation.parameters, expectation.errors, strict=True):
-        at = parameter.of(expectation.model)
-        share = percent(error / at) if parameter.positive else "–"
-        name = parameter.name.replace("_", " ")
-        rows.append(
-            [name, value(at, parameter.unit), value(error, parameter.unit, 3, like=at), share]
-        )
-    rows += [[name.replace("_", " "), "–", "–", "–"] for name in expectation.held]
-    return table("Expected", ["parameter", "value", "standard error", "of the value"], rows)
-
-
-def _remarks(found: Design) -> list[str]:
-    """Say in words what cannot be told, or only together."""
-    expectation = found.expectation
-    lines = [
-        f"{name} will not be found: {why}".replace("_", " ")
-        for name, why in expectation.held.items()
-    ]
-    names = [parameter.name.replace("_", " ") for parameter in expectation.parameters]
-    for i, name in enumerate(names):
-        for j in range(i):
-            together = expectation.correlation[i, j]
-            if abs(together) > CERTAIN:
-                lines.append(f"{names[j]} and {name} hang together: correlation {together:+.3f}")
-    return lines

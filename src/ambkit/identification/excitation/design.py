@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base import late_binding
 from ambkit.base.errors import AmbkitError
-from ambkit.base.units import engineering
+from ambkit.base.units import engineering, percent
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.identification.excitation.signals import KINDS, Band, Excitation
@@ -27,11 +28,15 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import usual
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import ConstantStiffness
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 from ambkit.simulation.run import samples, simulate
 from ambkit.simulation.waveforms import Recorded
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
+    from ambkit.result.report.figure import Figure
     from ambkit.simulation.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -50,6 +55,12 @@ TRIES = 8
 
 SEEDS = 5
 """Noises under which the limits are checked at the end."""
+
+EXPECTED = ("expected", "parameters")
+"""Section of its rows."""
+
+CERTAIN = 0.95
+"""Correlation from which on two parameters are said to hang together."""
 
 CALM = 0.01
 """By how much the load of a quiet rig is taken to wander in a second, times the rotor's weight."""
@@ -86,8 +97,8 @@ class Limits:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Design:
+@dataclass(frozen=True, eq=False, repr=False)
+class Design(Result):
     """An experiment, and what it would tell."""
 
     excitation: Excitation  #: The signal, of amplitude 1.
@@ -113,24 +124,85 @@ class Design:
         name = signal("r", axis)
         return Record(self.record.t, {name: self.reference}, {name: "m"}, meta=meta)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, SI, ready for JSON."""
+    @property
+    def title(self) -> str:
+        """Of what signal and bearing."""
+        return f"{self.excitation.kind} for {self.expectation.model.bearing.name}"
+
+    @property
+    def finding(self) -> str:
+        """Which parameter it would tell best, and what it would not."""
+        expected, positive = self.expectation, []
+        for p, error in zip(expected.parameters, expected.errors, strict=True):
+            at = p.of(expected.model)
+            positive += [(float(error / at), p.name)] if p.positive and at else []
+        share, name = min(positive, default=(math.nan, ""))
+        if not positive:
+            return f"{self.title}: no parameter has a relative error."
+        surest = name.replace("_", " ")
+        return f"{self.title}: surest is the {surest}, with a standard error of {percent(share)}."
+
+    @property
+    def rows(self) -> list[Row]:
+        """Signal and limits, and what is expected of each parameter."""
+        record, limits, expected = self.record, self.limits, self.expectation
+        current, far = (float(np.max(np.abs(record[name]))) for name in ("iu", "x"))
+        found = [
+            Row("duration", "duration", float(record.t[-1]), "s"),
+            Row("samples", "  samples", len(record)),
+            Row("band", "band", self.band, "Hz", 3),
+            Row("amplitude", "reference, greatest value", self.amplitude, "m"),
+            Row("crest_factor", "  crest factor of the signal", self.excitation.crest_factor,
+                digits=3),
+            Row("greatest_current", "control current, greatest", current, "A",
+                below=limits.current),
+            Row("greatest_displacement", "displacement, greatest", far, "m",
+                below=limits.displacement),
+        ]  # fmt: skip
+        for p, error in zip(expected.parameters, expected.errors, strict=True):
+            at = p.of(expected.model)
+            found += put([
+                Row("value", "value", at, p.unit),
+                Row("standard_error", "standard error", float(error), p.unit, 3),
+                Row("share", "of the value", float(error / at) if p.positive else None, "%"),
+            ], section=EXPECTED, of=p.name)  # fmt: skip
+        return found
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        return {(): Section(self.title), EXPECTED: Section("Expected", across=True)}
+
+    @property
+    def notes(self) -> list[str]:
+        """What cannot be told, or only together."""
+        expected, names = self.expectation, [p.name for p in self.expectation.parameters]
+        said = [f"{name} will not be found: {why}" for name, why in expected.held.items()]
+        said += [
+            f"{names[j]} and {name} hang together: correlation {expected.correlation[i, j]:+.3f}"
+            for i, name in enumerate(names) for j in range(i)
+            if abs(expected.correlation[i, j]) > CERTAIN
+        ]  # fmt: skip
+        return [each.replace("_", " ") for each in said]
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Signal, limits, what is expected, and the bands that were compared."""
         return {
+            "bearing": self.expectation.model.bearing.name,
             "kind": self.excitation.kind,
-            "band": list(self.band),
-            "amplitude": self.amplitude,
-            "crest_factor": self.excitation.crest_factor,
-            "samples": len(self.record),
             "limit_current": self.limits.current,
             "limit_displacement": self.limits.displacement,
-            "greatest_current": float(np.max(np.abs(self.record["iu"]))),
-            "greatest_displacement": float(np.max(np.abs(self.record["x"]))),
             "load_growth": self.expectation.model.load_growth,
             "expected": self.expectation.to_dict(),
             "bands": [
                 {"band": list(band), "certainty": certainty} for band, certainty in self.tried
             ],
         }
+
+    def figures(self) -> list[Figure]:
+        """Return the experiment and what it would tell."""
+        return [late_binding.call("excitation_figure", self)]
 
 
 def design(

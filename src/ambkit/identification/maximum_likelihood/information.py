@@ -57,16 +57,9 @@ class Expectation:
         return np.inf
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, SI, ready for JSON."""
+        """Return what is beside the parameters and their errors as plain data."""
         return {
-            "parameters": {
-                p.name: {
-                    "value": p.of(self.model),
-                    "unit": p.unit,
-                    "standard_error": float(error),
-                }
-                for p, error in zip(self.parameters, self.errors, strict=True)
-            },
+            "parameters": {p.name: {"unit": p.unit} for p in self.parameters},
             "correlation": self.correlation.tolist(),
             "held": dict(self.held),
             "certainty": self.certainty,
