@@ -29,7 +29,7 @@ from tests.test_coil import stepped
 
 COMMANDS = (
     "reproduce", "simulate", "excite", "read", "identify", "train", "filter", "compare",
-    "assess", "torture", "pil", "presets", "check",
+    "assess", "faults", "pil", "presets", "check",
 )  # fmt: skip
 
 
@@ -158,8 +158,8 @@ def test_the_examples_in_the_help_work(call, made, tmp_path, name):
         ]  # fmt: skip
         if name == "compare":
             arguments += ["--seeds", "2"]
-        if name == "torture":
-            arguments += ["--faults", "outage-10ms,stuck", "--steps", "20000"]
+        if name == "faults":
+            arguments += ["--faults", "outage-10ms", "--faults", "stuck", "--samples", "20000"]
         found = call(*arguments)
         assert found.code == 0, found.err
         for option in ("--out", "--plot"):
@@ -653,9 +653,10 @@ def test_assess_takes_all_kinds_that_settle_and_a_scenarios_controller(call, tmp
     assert "The check does not hold" in found.out
 
 
-def test_torture(call):
-    found = call("torture", "inteco_ml", "--estimator", "linear,low-pass", "--estimator", "table",
-                 "--faults", "stuck,long-stuck,nan-u", "--steps", "20000", "--precision", "both",
+def test_faults(call):
+    found = call("faults", "inteco_ml", "--filter", "linear", "--filter", "low-pass",
+                 "--filter", "table", "--faults", "stuck", "--faults", "long-stuck",
+                 "--faults", "nan-u", "--samples", "20000", "--precision", "both",
                  "--seeds", "2", "--out", "t.csv", "--plot", "t.svg", "--json")  # fmt: skip
     assert found.code == 0, found.err
     assert found.json["seeds"] == [0, 1]
@@ -670,7 +671,7 @@ def test_torture(call):
     assert "after_x [m]" in table
     assert len([line for line in table.splitlines() if line[0].isdigit()]) == flights
     told = call(
-        "torture", "inteco_ml", "--estimator", "linear", "--faults", "stuck", "--steps", "0",
+        "faults", "inteco_ml", "--filter", "linear", "--faults", "stuck", "--samples", "0",
         "--verbose",
     )  # fmt: skip
     assert told.err == ""
@@ -803,10 +804,10 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("assess zittau_axial --disturbance 500N", "no control current from -1.5 to 1.5 A holds"),
         ("tune trade-off zittau_axial --peaks x", "invalid float value: 'x'"),
         ("tune zittau_axial --max-sensitivity 1", "max_sensitivity must be above 1.02"),
-        ("torture zittau_axial --estimator ukv", 'no estimator "ukv"; known: low-pass'),
-        ("torture zittau_axial --faults gremlin", 'no fault "gremlin"; known: lift-off'),
-        ("torture zittau_axial --precision half", '"half" is none of float64, float32, both'),
-        ("torture zittau_axial --estimator linear --steps 9", "9 steps have no room for a fault"),
+        ("faults zittau_axial --filter ukv", 'no estimator "ukv"; known: low-pass'),
+        ("faults zittau_axial --faults gremlin", 'no fault "gremlin"; known: lift-off'),
+        ("faults zittau_axial --precision half", "invalid choice: 'half'"),
+        ("faults zittau_axial --filter linear --samples 9", "9 steps have no room for a fault"),
         ("compare zittau_axial --seeds 0", "'--runs' / '--seeds'"),
         ("compare zittau_axial --case papers", 'no case "papers"; known: paper, uncertain'),
         ("compare zittau_axial --estimators ukv", 'no estimator "ukv"; known: low-pass'),

@@ -85,7 +85,7 @@ def test_from_a_file_in_all_verbs(tmp_path: Path) -> None:
     assert run.estimate is not None
     np.testing.assert_array_equal(run.estimate.x, run.record["y"])
     assert list(ambkit.filter(AXIS, run.record, [raw]).estimators) == [raw]
-    out = ambkit.torture(AXIS, [raw], faults=["outage-10ms"], steps=0)
+    out = ambkit.inject_faults(AXIS, [raw], faults=["outage-10ms"], samples=0)
     assert any(each.estimator == raw for each in out.outcomes)
     late = f"{tmp_path}/my.py:Late"
     with pytest.raises(AmbkitError, match=r"Late: step\(y, u\) at sample 6: ZeroDivisionError"):

@@ -13,7 +13,7 @@ from ambkit.judge.comparison.bench import bench
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import CASES
 from ambkit.judge.comparison.contenders import contenders
-from ambkit.judge.faults.campaign import torture
+from ambkit.judge.faults.campaign import inject_faults
 from ambkit.models import machine_model
 from ambkit.workflow.tuning import default_disturbance, tune_disturbance
 
@@ -197,7 +197,7 @@ def test_a_filter_takes_over_from_one_of_the_same_states_alone() -> None:
 
 @pytest.mark.parametrize("name", PARTS)
 def test_after_faults_all_come_back(name: str) -> None:
-    found = torture(
+    found = inject_faults(
         with_part(name), ["linear", "extended", "observer"], steps=0,
         faults=["knock", "outage-10ms", "spikes", "stuck", "nan-u"],
     )  # fmt: skip

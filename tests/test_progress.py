@@ -83,7 +83,7 @@ def test_who_tells_is_not_told_by_a_bar(notebook: list[Any]) -> None:
 
 
 def test_long_functions_show_it_by_themselves(notebook: list[Any]) -> None:
-    ambkit.torture(ambkit.Bearing.preset("zittau_axial"), ["linear"], faults=["knock"], steps=0)
+    ambkit.inject_faults("zittau_axial", ["linear"], faults=["knock"], samples=0)
     assert any("knock" in each["text/html"] for each in notebook)
 
     @shown_in_notebooks("adding", by="note")

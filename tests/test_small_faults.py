@@ -110,7 +110,7 @@ def test_what_is_no_filter_is_named_in_a_line(given: Any) -> None:
         lambda: ambkit.assess(ZITTAU, given),
         lambda: ambkit.simulate(ZITTAU, estimator=given, duration=0.01),
         lambda: ambkit.compare(ZITTAU, estimators=given),
-        lambda: ambkit.torture(ZITTAU, given),
+        lambda: ambkit.inject_faults(ZITTAU, given),
         lambda: ambkit.run_many(given, [0.0], [0.0]),
         lambda: ambkit.harmonics(given, None),  # type: ignore[arg-type]
     ]
@@ -125,7 +125,7 @@ def test_a_filter_that_there_is_not_is_named_with_those_that_there_are(given: An
 
     calls = [
         lambda: ambkit.assess(ZITTAU, given),
-        lambda: ambkit.torture(ZITTAU, given),
+        lambda: ambkit.inject_faults(ZITTAU, given),
         lambda: ambkit.compare(ZITTAU, estimators=given),
         lambda: export_fmu(ZITTAU, "estimator", "a.fmu", estimator=given),
         lambda: ambkit.tune(ZITTAU, filter=given),

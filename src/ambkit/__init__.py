@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from ambkit.identification.online.rls import RecursiveLeastSquares as RecursiveLeastSquares
     from ambkit.judge.comparison.states import Judgement as Judgement
     from ambkit.judge.comparison.states import judge_states as judge_states
-    from ambkit.judge.faults import torture as torture
     from ambkit.machine.machine import Bearing as Bearing
     from ambkit.machine.machine import Machine as Machine
     from ambkit.machine.magnets import ClosedLaw as ClosedLaw
@@ -72,6 +71,7 @@ if TYPE_CHECKING:
     from ambkit.verbs.assess import assess_log as assess_log
     from ambkit.verbs.assess import assess_speed as assess_speed
     from ambkit.verbs.assess import assess_sweep as assess_sweep
+    from ambkit.verbs.faults import inject_faults as inject_faults
     from ambkit.verbs.tune import tune as tune
     from ambkit.verbs.tune import tune_robust as tune_robust
     from ambkit.verbs.tune import tune_trade_off as tune_trade_off
@@ -123,7 +123,6 @@ _HOME = {
     "identification.online.adaline": ["Adaline"],
     "identification.online.magnet_constant": ["identify_online"],
     "identification.online.rls": ["RecursiveLeastSquares"],
-    "judge.faults": ["torture"],
     "judge.comparison.states": ["Judgement", "judge_states"],
     "machine.machine": ["Bearing", "Machine"],
     "machine.magnets": ["ClosedLaw", "ConstantStiffness", "SaturatingLaw", "magnet_of"],
@@ -144,6 +143,7 @@ _HOME = {
     ],
     "workflow.comparison": ["compare"],
     "verbs.assess": ["assess", "assess_log", "assess_speed", "assess_sweep"],
+    "verbs.faults": ["inject_faults"],
     "verbs.tune": ["tune", "tune_robust", "tune_trade_off"],
     "workflow.campaign.result": ["Campaign"],
     "workflow.campaign.running": ["campaign"],
@@ -190,8 +190,8 @@ _BEHIND = {
         "run_figure": "compared_run_figure",
         "sweep_figure": "sweep_figure",
     },
-    "show.plots.torture": {
-        "torture_figure": "torture_figure",
+    "show.plots.faults": {
+        "faults_figure": "faults_figure",
     },
     "show.plots.pil": {
         "instructions_figure": "instructions_figure",

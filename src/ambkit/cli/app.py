@@ -38,7 +38,6 @@ from ambkit.cli.read import read
 from ambkit.cli.reproduce import reproduce
 from ambkit.cli.rotor import rotor
 from ambkit.cli.simulate import simulate
-from ambkit.cli.torture import torture
 from ambkit.cli.train import train
 
 # Plain help: typer's help in colour takes longer to import than all else here together.
@@ -61,7 +60,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "compare": compare,
     "design": design,
     "assess": from_verbs.command("assess"),
-    "torture": torture,
+    "faults": from_verbs.command("faults"),
     "rotor": rotor,
     "pil": pil,
     "presets": presets,

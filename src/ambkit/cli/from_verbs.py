@@ -34,13 +34,14 @@ VERBS = {
     "assess sweep": "assess:assess_sweep",
     "assess speed": "assess:assess_speed",
     "assess log": "assess:assess_log",
+    "faults": "faults:inject_faults",
     "tune": "tune:tune",
     "tune robust": "tune:tune_robust",
     "tune trade-off": "tune:tune_trade_off",
 }
 """Module and function of each command."""
 
-MAKES = {"tune": (".toml",), "tune robust": (".toml",)}
+MAKES = {"faults": (".parquet",), "tune": (".toml",), "tune robust": (".toml",)}
 """Endings of what a command makes, beside those of all results."""
 
 PASSED = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}

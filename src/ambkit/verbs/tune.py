@@ -41,7 +41,7 @@ def tune(
     By the likelihood of records (Schweppe 1965): their first halves tune, their second halves
     judge, or the records of validate; the tuned filter is taken only where these are more likely
     with it. Without records by the errors against simulated truth; other seeds judge. The filter's
-    file goes into filter, simulate, compare, torture and export.
+    file goes into filter, simulate, compare, faults and export.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Faults that estimators are put through, and what becomes of them."""
+"""Faults that are injected into flights, and how estimators recover."""
 
-from ambkit.judge.faults.campaign import Torture, torture
+from ambkit.judge.faults.campaign import FaultCampaign, inject_faults
 from ambkit.judge.faults.declared import FAULTS, Fault
 
-__all__ = ["FAULTS", "Fault", "Torture", "torture"]
+__all__ = ["FAULTS", "Fault", "FaultCampaign", "inject_faults"]

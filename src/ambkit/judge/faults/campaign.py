@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from ambkit.base import late_binding
 from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
+from ambkit.data.files.tables import Table, write_table
 from ambkit.estimate.named import factories
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.contenders import suited
@@ -38,11 +41,18 @@ BASELINE = "measurement"
 MIXTURE = "mixture"
 """Stands for the faults that are drawn at random."""
 
+TEXTS = ("fault", "estimator", "precision", "setting", "levitation")
+"""What is told of a flight in words."""
+
+FLIGHT_UNITS = {
+    "at_stop": "s", "worst_x": "m", "worst_f_d": "N", "after_x": "m", "after_f_d": "N",
+}  # fmt: skip
+
 SETTINGS = ("beside the loop", "in the loop")
 
 
 @dataclass(frozen=True, repr=False)
-class Torture(Result):
+class FaultCampaign(Result):
     """What became of a campaign."""
 
     bearing: Machine  #: Whose.
@@ -201,9 +211,24 @@ class Torture(Result):
             ],
         }
 
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write it; as .csv or .parquet a line for each flight, names as places in lists."""
+        if Path(path).suffix not in (".csv", ".parquet"):
+            super().save(path)
+            return
+        columns, lists = {}, {}
+        for name in [*vars(self.outcomes[0]), "recovered"]:
+            values = [getattr(each, name) for each in self.outcomes]
+            if name in TEXTS:
+                lists[f"{name}s"] = list(dict.fromkeys(values))
+                values = [lists[f"{name}s"].index(value) for value in values]
+            columns[name] = np.array(values, dtype=float)
+        units = {name: FLIGHT_UNITS.get(name, "1") for name in columns}
+        write_table(path, Table(columns, units, {"bearing": self.bearing.name} | lists))
+
     def figures(self) -> list[Figure]:
         """Return each estimator in each fault."""
-        return [late_binding.call("torture_figure", self)]
+        return [late_binding.call("faults_figure", self)]
 
 
 def chosen_faults(names: Iterable[str] | None) -> list[str]:
@@ -216,16 +241,16 @@ def chosen_faults(names: Iterable[str] | None) -> list[str]:
 
 
 def flights_of(estimators: int, faults: Iterable[str], seeds: int, *, steps: int) -> int:
-    """Return how often `torture` calls `done`, for one precision."""
+    """Return how often `faults` calls `done`, for one precision."""
     there = [FAULTS[name].in_loop for name in faults]
     settings = [True, True, *([True, True] if steps else [])]  # clean, mixed
     in_loop, beside = sum(there) + sum(settings) // 2, len(there) + sum(settings) // 2
     return seeds * (estimators * (in_loop + beside) + in_loop)
 
 
-def torture(
+def inject_faults(
     bearing: Machine,
-    estimators: Sequence[str] | Mapping[str, Callable[..., Estimator]] | None = None,
+    estimators: Any = None,
     *,
     reading: str | None = None,
     faults: Iterable[str] | None = None,
@@ -235,50 +260,8 @@ def torture(
     controller: PID | None = None,
     threads: int = 2,
     done: Callable[[str], None] | None = None,
-) -> Torture:
-    """Fly each estimator through faults of sensor, control signal, amplifier and load.
-
-    The rotor follows a slow sine under a load that is another. Each fault is flown in the loop,
-    where the controller is fed by the estimate and levitation may be lost, and beside the loop,
-    where the controller is fed by the true measurement and every estimator must come back. What it
-    comes back to is its own clean flight: an error is back when it is within five times the 99 %
-    quantile of that flight's, for position, velocity and disturbance force, and stays so.
-
-    Parameters
-    ----------
-    bearing : Bearing or Machine
-        The plant, and what the estimators know.
-    estimators : sequence of str, or mapping of name to factory, optional
-        Kinds of :data:`ambkit.estimate.registry.KINDS`, all of them by default; or what makes
-        fresh ones, called with ``precision=...``.
-    reading : str, optional
-        Of several readings the one that the faults are of, by its name, and with it the axis that
-        it shows most of; by default the first.
-    faults : iterable of str, optional
-        Some of ``ambkit.judge.faults.FAULTS``; by default all.
-    seeds : sequence of int
-        One campaign each, of noise and of what is drawn.
-    steps : int
-        Samples of a flight through random mixtures of faults; 0: none.
-    precisions : sequence of {"float64", "float32"}
-        Of the estimators.
-    controller : PID, optional
-        Its gains; by default those of :meth:`PID.for_bearing`.
-    threads : int
-        Flights side by side; the result does not depend on it.
-    done : callable, optional
-        Called after each flight with the name of its fault; a notebook shows a bar without it.
-
-    Returns
-    -------
-    Torture
-        What became of each flight.
-
-    Raises
-    ------
-    AmbkitError
-        A fault or kind is unknown, or a flight through mixtures has no room for one.
-    """
+) -> FaultCampaign:
+    """Fly each estimator through faults of sensor, control signal, amplifier and load."""
     of_type(Machine, bearing=bearing)
     bearing = bearing.short
     at, named = _reading(bearing.long, reading), chosen_faults(faults)
@@ -309,7 +292,7 @@ def torture(
             outcomes = [each for found in pool.map(fly, works) for each in found]
         finally:
             pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not flown first
-    return Torture(bearing, tuple(outcomes))
+    return FaultCampaign(bearing, tuple(outcomes))
 
 
 def _reading(machine: Machine, name: str | None) -> int:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from ambkit import AmbkitError, KalmanFilter, Machine, torture
+from ambkit import AmbkitError, KalmanFilter, Machine
+from ambkit.judge.faults import inject_faults
 from ambkit.judge.faults.declared import FAULTS
 from ambkit.judge.faults.flight import Flight
 
@@ -25,11 +26,11 @@ def test_a_fault_is_of_the_reading_that_is_named_and_of_no_other():
 
 
 def test_every_estimator_comes_back_and_the_rotor_stays_up():
-    found = torture(
+    found = inject_faults(
         TUM, ["linear"], reading="Lb1", faults=["stuck", "infinite-y", "lift-off"], steps=0
     )
     assert found.faults == ["clean", "stuck", "infinite-y"]
     assert found.failures == []
     assert {each.levitation for each in found.outcomes} == {"kept"}
     with pytest.raises(AmbkitError, match="has no reading A9; there are La1"):
-        torture(TUM, ["linear"], reading="A9", steps=0)
+        inject_faults(TUM, ["linear"], reading="A9", steps=0)

@@ -12,11 +12,11 @@ import pytest
 import ambkit
 from ambkit import AmbkitError, Bearing, Scenario, Sine, Status
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.faults import FAULTS, Torture, torture
+from ambkit.judge.faults import FAULTS, FaultCampaign, inject_faults
 from ambkit.judge.faults.campaign import BASELINE, recovery_text
 from ambkit.judge.faults.declared import CLEAN, Channel
 from ambkit.judge.faults.flight import Flight
-from ambkit.show.plots.torture import torture_figure
+from ambkit.show.plots.faults import faults_figure
 from ambkit.simulation.imposed import Faults, Imposed
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import PID
@@ -173,8 +173,10 @@ def test_a_rotor_that_is_lost_is_told() -> None:
 
 
 @functools.cache
-def small() -> Torture:
-    return torture(PAPER, ["linear", "low-pass"], faults=["outage-10ms", "rail"], steps=20_000)
+def small() -> FaultCampaign:
+    return inject_faults(
+        PAPER, ["linear", "low-pass"], faults=["outage-10ms", "rail"], steps=20_000
+    )
 
 
 def test_the_result_is_whole_and_repeats() -> None:
@@ -184,7 +186,7 @@ def test_the_result_is_whole_and_repeats() -> None:
     # Each in four flights beside the loop and three in it, and the controller in those three.
     assert len(found.outcomes) == 2 * (4 + 3) + 3
     assert "17 flights through 4 faults" in repr(found)
-    again = torture(
+    again = inject_faults(
         PAPER, ["linear", "low-pass"], faults=["outage-10ms", "rail"], steps=20_000, threads=1
     )
     assert str(again.to_dict()) == str(found.to_dict())
@@ -194,7 +196,7 @@ def test_the_result_is_whole_and_repeats() -> None:
 
 
 def test_the_picture_has_a_row_for_each_fault_and_a_column_for_each_estimator() -> None:
-    beside, in_loop = (panel.cells for panel in torture_figure(small()).panels)
+    beside, in_loop = (panel.cells for panel in faults_figure(small()).panels)
     assert beside is not None
     assert in_loop is not None
     assert list(beside.rows) == ["clean", "outage-10ms", "rail", "mixture"]
@@ -206,19 +208,19 @@ def test_the_picture_has_a_row_for_each_fault_and_a_column_for_each_estimator() 
 
 def test_what_is_unknown_is_refused() -> None:
     with pytest.raises(AmbkitError, match='no fault "gremlin"; known: lift-off, knock'):
-        torture(PAPER, ["linear"], faults=["gremlin"])
+        inject_faults(PAPER, ["linear"], faults=["gremlin"])
     with pytest.raises(AmbkitError, match='no estimator "ukv"; known: low-pass'):
-        torture(PAPER, ["ukv"])
+        inject_faults(PAPER, ["ukv"])
     with pytest.raises(AmbkitError, match="500 steps have no room"):
-        torture(PAPER, ["linear"], faults=[], steps=500)
+        inject_faults(PAPER, ["linear"], faults=[], steps=500)
 
 
 # ---- the campaign ----
 
 
 @functools.cache
-def campaign(bearing: str, precision: Any) -> Torture:
-    return torture(BEARINGS[bearing], faults=QUICK, steps=20_000, precisions=(precision,))
+def campaign(bearing: str, precision: Any) -> FaultCampaign:
+    return inject_faults(BEARINGS[bearing], faults=QUICK, steps=20_000, precisions=(precision,))
 
 
 @pytest.mark.long

@@ -13,7 +13,7 @@ from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Cells
 
 if TYPE_CHECKING:
-    from ambkit.judge.faults.campaign import Torture
+    from ambkit.judge.faults.campaign import FaultCampaign
     from ambkit.judge.faults.flight import Outcome
 
 SLOW = 1000.0
@@ -24,15 +24,16 @@ RAISED = "\n\n\n"
 """Below every other head, which so stands above its neighbours: they are wider than columns."""
 
 
-def torture_figure(torture: Torture) -> Figure:
+def faults_figure(campaign: FaultCampaign) -> Figure:
     """Show what became of each estimator in each fault, beside the loop and in it."""
     panels = [
-        Panel(Axis(""), Axis(""), [_cells(torture, setting)], title=setting) for setting in SETTINGS
+        Panel(Axis(""), Axis(""), [_cells(campaign, setting)], title=setting)
+        for setting in SETTINGS
     ]
     rows = max(len(panel.cells.rows) for panel in panels if panel.cells)
     return Figure(
-        id="torture",
-        title=f"{torture.bearing.name}: estimators through faults",
+        id="faults",
+        title=f"{campaign.bearing.name}: recovery from faults",
         caption="Samples until the estimate, and in the loop the rotor, are back and stay so, the "
         "most of all seeds; the darker the longer. Darkest: lost (the rotor stayed on a stop), "
         "never, held (stands still for ever), or ∞ (not finite). In the loop the last column is "
@@ -42,11 +43,11 @@ def torture_figure(torture: Torture) -> Figure:
     )
 
 
-def _cells(torture: Torture, setting: str) -> Cells:
-    columns = [*torture.estimators, BASELINE]
-    rows = [name for name in torture.faults if torture.select(setting=setting, fault=name)]
+def _cells(campaign: FaultCampaign, setting: str) -> Cells:
+    columns = [*campaign.estimators, BASELINE]
+    rows = [name for name in campaign.faults if campaign.select(setting=setting, fault=name)]
     found = [
-        [torture.select(setting=setting, fault=fault, estimator=name) for name in columns]
+        [campaign.select(setting=setting, fault=fault, estimator=name) for name in columns]
         for fault in rows
     ]
     return Cells(
