@@ -39,7 +39,7 @@ Threads = Annotated[
 
 
 def campaign(context: typer.Context) -> None:
-    """Simulate thousands of machines out of their tolerances."""
+    """Simulate thousands of machines within their tolerances."""
     # Which share is good, which is the worst, and what drives it. 'ambkit campaign STUDY.toml' is
     # short for 'ambkit campaign run STUDY.toml'.
     # For example:
@@ -196,7 +196,7 @@ def campaign_rare(
         str, typer.Option(metavar="LIMIT", help='It fails at or above this, such as 5 or "0.8 mm".')
     ],
     runs: Annotated[int, typer.Option(min=20, metavar="N", help="Of each level.")] = 1000,
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of all that is drawn.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Random seed.")] = 0,
     threads: Threads = None,
     json: Json = False,
 ) -> None:

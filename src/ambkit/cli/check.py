@@ -48,7 +48,7 @@ def check(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Check files of any kind.
+    """Check files and report every fault.
 
     Each problem is told with its file and line; the exit code is 2 if there is one. What is odd
     about a record and may be right is told too.

@@ -136,7 +136,7 @@ def compare(
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
-    """Compare estimators, by all that counts.
+    """Compare filters by error, consistency, delay and cost.
 
     In a case, all run along the same records from the same start, and each in the loop, beside the
     raw sensors; where the limit of any estimator is known, it is told. Of several axes a case

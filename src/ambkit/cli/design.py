@@ -85,11 +85,11 @@ def design(
             "A, or what must not fly.",
         ),
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of all that is drawn.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Random seed.")] = 0,
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
-    """Go from a machine and its logs to what flies: identify, tune, judge, export.
+    """Design controller and filter from logs: identify, tune, assess, export.
 
     A machine with one axis is identified from its logs; of several 'ambkit identify --axis' comes
     before. Controllers are chosen on the margins of the loop, and a filter is tuned in it. The

@@ -130,7 +130,7 @@ def excite(
     plot: Plot = None,
     json: Json = False,
 ) -> None:
-    """Design an experiment, and say what it will tell.
+    """Design an experiment and predict the errors of its results.
 
     An excitation for the reference of the controller, as large as the limits on current and
     displacement allow in the simulated loop, in the band that tells most; and the standard errors

@@ -32,7 +32,7 @@ class Form(StrEnum):
 
 
 def export(context: typer.Context) -> None:
-    """Write a filter for the controller."""
+    """Export a filter as C, FMU, A2L or MAT-file."""
     # For example:
     #   ambkit export c zittau_axial --estimator expert.json --out out/
     if context.invoked_subcommand is None:

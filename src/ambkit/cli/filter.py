@@ -119,7 +119,7 @@ def filter_record(
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
-    """Run estimators along a record.
+    """Run filters along a record.
 
     And judge them: by their innovations, the load that they see, and against the truth if known.
 

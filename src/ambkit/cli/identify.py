@@ -190,7 +190,7 @@ def identify(
     plot: Plot = None,
     json: Json = False,
 ) -> None:
-    """Identify a bearing, with the errors of all that was found.
+    """Identify the parameters of a machine, with their standard errors.
 
     From records of the closed loop, or from the points at which a rotor lifts off. What a record
     cannot tell is named, and stays as it was.

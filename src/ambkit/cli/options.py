@@ -112,10 +112,10 @@ MapFile = Annotated[
 ]
 From = Annotated[
     float | None,
-    typer.Option("--from", parser=quantity("s"), metavar="TIME", help="Where to begin."),
+    typer.Option("--from", parser=quantity("s"), metavar="TIME", help="Start time."),
 ]
 To = Annotated[
-    float | None, typer.Option("--to", parser=quantity("s"), metavar="TIME", help="And to end.")
+    float | None, typer.Option("--to", parser=quantity("s"), metavar="TIME", help="End time.")
 ]
 ExpertFile = Annotated[
     Path | None,

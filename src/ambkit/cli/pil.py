@@ -38,7 +38,7 @@ def pil(
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
-    """Fly a simulated bearing or machine by its exported controller, on a Cortex-M4F in qemu.
+    """Run the exported controller on a simulated machine, on a Cortex-M4F in qemu.
 
     What the sensors of the simulated plant show goes there, sample by sample. Said are whether all
     bits are Python's, instructions, stack, flash, memory, and how the rotor flew. Exit code 1 where

@@ -20,7 +20,7 @@ def presets(
     ] = None,
     json: Json = False,
 ) -> None:
-    """List bearings and machines, or print one as TOML.
+    """List the preset machines, or print one as TOML.
 
     Those that come with ambkit; as TOML they are ready to be edited.
 

@@ -60,7 +60,7 @@ def read(
     plot: Plot = None,
     json: Json = False,
 ) -> None:
-    """Read a rig's log, and say what is wrong with it.
+    """Read a rig's log and report its faults.
 
     Rate, jitter, gaps and jumps of its clock; missing, saturated, frozen and coarse stretches and
     spikes of its channels; and what was done about each. Nothing is dropped or resampled unless

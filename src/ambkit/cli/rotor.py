@@ -36,7 +36,7 @@ def rotor(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Show the modes of a whole machine over its speed.
+    """Compute modes and critical speeds of a rotor over its speed.
 
     Of the rotor on its controllers: Campbell diagram and critical speeds, bending modes, and the
     response to its unbalance.

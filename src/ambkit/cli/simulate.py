@@ -115,7 +115,7 @@ def simulate(
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
-    """Simulate a bearing or a whole machine in closed loop.
+    """Simulate a machine in closed loop.
 
     With its nonlinear magnets, noise, sensor lag, current limit and stops, gyroscopics, unbalance
     and runout; of several axes with orbits in the picture.

@@ -143,7 +143,7 @@ def train(
     plot: Plot = None,
     json: Json = False,
 ) -> None:
-    """Train the expert for k_i and k_s.
+    """Train the fuzzy expert for k_i and k_s.
 
     A fuzzy basis function network that the adaptive filter asks at every sample.
 

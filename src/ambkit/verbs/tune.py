@@ -69,7 +69,7 @@ def tune(
     runs : int, optional
         Number of simulated runs to tune on, and of others to judge by.
     seed : int, optional
-        Of all that is drawn.
+        Random seed.
 
     Returns
     -------
@@ -179,7 +179,7 @@ def tune_robust(
         TOML file that says what varies; all its runs are made at each evaluation: some hundred are
         enough.
     quantile : float, optional
-        Share of the machines that is no worse.
+        Quantile over the machines.
     max_sensitivity : float, optional
         Limit of that quantile of the peak of |S|.
     free : sequence of str, optional
@@ -190,7 +190,7 @@ def tune_robust(
     budget : int, optional
         Number of evaluations.
     seed : int, optional
-        Of the search.
+        Random seed of the search.
 
     Returns
     -------

@@ -111,7 +111,7 @@ def design(
     anyway : bool
         Export also what is worse than the raw sensors, far from the bound, or out of zone A.
     seed, runs, budget : int
-        Of all that is drawn; simulated runs and evaluations of each kind, see `ambkit.tune`.
+        Random seed; simulated runs and evaluations of each kind, see `ambkit.tune`.
     note : callable
         Told what is done next.
 

@@ -240,7 +240,7 @@ def filter(
     synchronous: Sequence[str] = (),
     done: Callable[[Filtered], None] = lambda _one: None,
 ) -> Filtering:
-    """Run estimators along a record, and judge them.
+    """Run filters along a record, and judge them.
 
     How fast the load wanders is tuned, by the likelihood of a stretch, if asked for; and with a
     measured record where neither `tune` nor ``noise.disturbance`` is given: then on its second

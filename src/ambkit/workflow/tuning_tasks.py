@@ -95,8 +95,8 @@ class ByLikelihood:
         build: Callable[[Mapping[str, float]], Estimator],
     ) -> Tried:  # fmt: skip
         """Take the fastest load that the records do not rule out (Edwards 1972)."""
-        # A record in which the load rests likes any small growth as well, and a filter with such a
-        # one follows no load that comes later: it is raised to what the stated load needs.
+        # With a constant load the likelihood cannot bound Q from below, and a filter with a small Q
+        # follows no later load: Q is raised to what the stated load needs.
         growth = next((each for each in free if each.name == "noise.disturbance"), None)
         if growth is None:
             return best

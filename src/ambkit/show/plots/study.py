@@ -165,8 +165,8 @@ def cost_figure(bench: Bench) -> Figure:
     return Figure(
         id="cost",
         title="What a step costs, and what it buys",
-        caption="Time a step takes on the machine that this was made on, history written; error of "
-        "the disturbance force with its 95 % confidence interval. Good is low and left.",
+        caption="Time of a step with its history stored, on the machine that made this figure; "
+        "error of the disturbance force with its 95 % confidence interval. Good is low and left.",
         panels=[
             Panel(
                 Axis("time a step", "ns", 1e9, "log",
