@@ -97,7 +97,7 @@ def run(arguments, capsys):
 @pytest.mark.parametrize(("arguments", "code", "said"), [
     (["assess", "d/filter.toml", "--controller", "d/scenario.toml"], 0, "zone A"),
     (["simulate", "d/machine.toml", "--scenario", "d/scenario.toml", "--estimator", "d/filter.toml",
-      "--duration", "20 ms"], 0, "RMSE"),
+      "--duration", "20 ms"], 0, "Errors of the estimate"),
     (["check", "d/scenario.toml"], 0, "ok, scenario"),
     (["design", "--bearing", "tum_mlps", "--free", "mass", "--out", "e"], 2,
      "identifies a machine with one axis from its logs; tum_mlps has 4"),

@@ -148,7 +148,7 @@ def test_assess_takes_it(arguments, folder, capsys, monkeypatch):
     (["assess", "tum_mlps", "--filter", "f.toml", "--controller", "scenario.toml"], 0,
      "margin, up"),
     (["assess", "zittau_axial", "--filter", "f.toml"], 2, "this filter is of tum_mlps, a machine"),
-    (["simulate", "tum_mlps", "--scenario", "scenario.toml", "--estimator", "f.toml"], 0, "RMSE"),
+    (["simulate", "tum_mlps", "--scenario", "scenario.toml", "--estimator", "f.toml"], 0, "rms"),
     (["filter", "run.csv", "--estimator", "f.toml"], 0, "mean NIS"),
     (["filter", "run.csv", "--bearing", "tum_mlps", "--estimator", "linear,f.toml"], 0, "f.toml"),
     (["export", "c", "f.toml", "--out", "c", "--controller", "scenario.toml"], 0, "wrote c"),

@@ -92,5 +92,5 @@ def test_a_notebook_shows_a_run_and_what_has_a_figure() -> None:
         (ambkit.campbell(Machine.preset("tum_mlps")), "rpm"),
     ):
         html = shown._repr_html_()
-        assert html.startswith("<img")
+        assert "<img" in html
         assert said in html
