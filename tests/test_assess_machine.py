@@ -251,7 +251,7 @@ def test_the_verdict_on_a_machine(tmp_path):
     rows = {row.key: row for row in found.rows if row.of == "linear"}
     assert rows["largest_singular_value"].value == found.loops["linear"].largest[0]
     assert "The unbalance is of balance quality grade G 0.423." in found.notes
-    write_result([found, over], tmp_path / "v.html", signed=True)
+    write_result([found, over], tmp_path / "v.html")
     page = (tmp_path / "v.html").read_text(encoding="utf-8")
     for words in ("Verdict on the loop of ufu_rig", "All that has a limit keeps it", "reviewed by",
                   "closed loop over speed", "from rest to 6000 rpm", "21940-11"):  # fmt: skip

@@ -383,7 +383,7 @@ UNROUNDED = (
     *(
         Unseen("kalman_step.h", text, _ROUNDED)
         for text in (
-            "COARSE * kf->set.var_y[r]", "const bool again = !(", "bool coarse = interval",
+            "COARSE * kf->set.var_y[r]", "const bool again = !(", "bool coarse = very || (interval",
             "as.moved", "const bool told = (status", "const amb_real grown = before",
             "const amb_real change = y", "return amb_step_each(amb_step_plain, kf, NULL",
         )
