@@ -22,8 +22,9 @@ from ambkit.simulation.scenario import PID
 from ambkit.workflow import assessment_rows as rows
 from ambkit.workflow.assessed_loop import AssessedLoop
 from ambkit.workflow.balance import Grade, grade_of, of_grades, unbalance_forces
+from ambkit.workflow.reduction import reduction
 from ambkit.workflow.separation import BASIS as BASIS_OF_MARGINS
-from ambkit.workflow.separation import Separation, separations
+from ambkit.workflow.separation import Separation, sentence, separations
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -201,6 +202,11 @@ class Assessment(Result):
             notes.append(f"The check does not hold, as in an unstable loop: {', '.join(wrong)}.")
         fed: list[Any] = [None] * ("measurement" in self.loops) + list(self.estimators.values())[:1]
         notes += [each for each in dict.fromkeys(map(self.of.choice, fed)) if each]
+        compared = None if self.machine.bending is None else reduction(self.machine)
+        if compared is not None and not compared.good:
+            notes.append(f"{compared.text()}.")
+        if self.machine.turns and not self.separations:
+            notes.append(f"{sentence([], self.machine.speed).capitalize()}.")
         own = grade_of(self.machine)
         if own is not None:
             notes.append(f"The unbalance is of balance quality grade G {1e3 * own:.3g}.")

@@ -67,7 +67,9 @@ def loop_given(
     control, constant, measured = given_controller(plant, controller)
     if filter is None:
         filter = NONE if measured else "linear"
-    filters = {} if filter in (NONE, [NONE]) else given_estimators(filter, plant)
+    if isinstance(filter, (list, tuple)):  # fed by the measurement is assessed beside each
+        filter = [each for each in filter if each != NONE] or NONE
+    filters = {} if filter == NONE else given_estimators(filter, plant)
     if filter in ("all", ["all"]):
         for name in [name for name, each in filters.items() if not tells(each)]:
             NOTES.warning("%s is left out: it does not settle to a gain", name)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.units import engineering
+from ambkit.simulation.default_control import default_control
 from ambkit.workflow.campbell import CriticalSpeed, campbell
 
 if TYPE_CHECKING:
@@ -108,6 +109,9 @@ def separations(
     speed = abs(machine.speed if speed is None else speed)
     if not speed:
         return []
+    if pids is None:  # those that are flown by default
+        flown = default_control(machine).chosen.control.pid
+        pids = [flown[axis.name] for axis in machine.axes] if flown else None
     found = campbell(machine, 2 * speed, pids=pids)
     return [Separation(each, speed) for each in found.criticals]
 

@@ -141,9 +141,11 @@ def _names(export: Export) -> dict[str, Any]:
     bearing, several, base = estimator.bearing, export.several, in_core.base if in_core else ""
     assumed, sampled, magnets = _assumed(estimator), _sampled(estimator), _about(export.kinds)
     proved = _PROVED
-    if export.one is not None:
+    if export.controller is not None:
         proved = _PROVED.replace("NAME_reset", "NAME_take_over")
         proved = proved.replace("the estimates", "the output")
+    if export.beside:
+        proved = proved.replace("NAME_", "NAME_control_")
     of_files = [*map(str, export.of_model.instead.values()), str(export.of_model.room)]
     return {
         "name": name,

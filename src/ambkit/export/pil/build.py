@@ -11,7 +11,10 @@ from ambkit.base.errors import AmbkitError
 from ambkit.export.pil.boards import ARM, Board
 
 HERE = Path(__file__).parent / "c"
-FLAGS = ("-std=c99", "-fno-common", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections")
+FLAGS = (
+    "-std=c99", "-fno-common", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections",
+    "-Werror=incompatible-pointer-types",
+)  # fmt: skip
 PREFIX = "rig"
 """Of what the loop calls."""
 _CALLS = ("init", "step", "take_over")

@@ -91,7 +91,7 @@ static bool fly(intptr_t from, intptr_t to, intptr_t file)
     if (s.counted == 1U)
       look(&state, &s, &said);
     const amb_status status = controller_step(ARGUMENTS(&state, &s, &out));
-    (void)rig_telemetry_put(&frames, ESTIMATES(&out), status);
+    (void)rig_telemetry_put(&frames, &out, status);
     if ((++waiting % SENT_EVERY) == 0U && !send(file))
       return false;
     tell(&out, status, &said);
