@@ -7,10 +7,12 @@ import difflib
 import inspect
 import os
 import re
+import shutil
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from pathlib import Path
+from textwrap import fill
 from types import NoneType, UnionType
 from typing import (
     TYPE_CHECKING,
@@ -96,13 +98,18 @@ class Layout(argparse.RawDescriptionHelpFormatter):
     """Help in columns, on a terminal of any width."""
 
     def __init__(self, prog: str) -> None:
-        super().__init__(prog, max_help_position=28, width=100)
+        super().__init__(prog, max_help_position=28, width=width())
 
     def _format_action_invocation(self, action: argparse.Action) -> str:
         if not action.option_strings or action.nargs == 0:
             return super()._format_action_invocation(action)
         value = self._format_args(action, action.dest.upper())
         return f"{', '.join(action.option_strings)} {value}"
+
+
+def width() -> int:
+    """Return how many columns a help has."""
+    return min(shutil.get_terminal_size().columns, 100)
 
 
 class Once(argparse.Action):
@@ -127,11 +134,11 @@ def described(verb: Callable[..., Any]) -> Description:
     parts = {title: body for title, _, body in (part.split("\n", 2) for part in sections)}
     parameters = {}
     for entry in re.split(r"\n(?=\S)", parts.get("Parameters", "")):
-        names, _, told = entry.partition("\n")
-        text_of, same = " ".join(told.split()).replace("`", ""), SAME.search(told)
+        names, _, lines = entry.partition("\n")
+        about, same = " ".join(lines.split()).replace("`", ""), SAME.search(lines)
         other = described(verb_called(same[1])).parameters if same else {}
         for name in names.partition(" :")[0].split(", "):
-            parameters[name] = other.get(name, text_of)
+            parameters[name] = other.get(name, about)
     examples = [line.strip() for line in parts.get("Examples", "").splitlines()]
     examples = [line.removeprefix("$ ") for line in examples if line.startswith("$ ")]
     return Description(text.partition("\n")[0], text.strip().replace("`", ""), parameters, examples)
@@ -142,25 +149,23 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
     about = described(verb)
     parser = Parser(f"ambkit {name}")
     lines = "".join(f"\n    {line}" for line in about.examples)
-    parser.description = about.text + (f"\n\nFor example:{lines}" if lines else "")
+    paragraphs = (fill(text, width()) for text in about.text.split("\n\n"))
+    parser.description = "\n\n".join(paragraphs) + (f"\n\nFor example:{lines}" if lines else "")
     beside = [other for other in VERBS if other.startswith(f"{name} ")]
     if beside:
         parser.description += f"\n\nFurther commands: {', '.join(beside)}."
     for each in inspect.signature(verb).parameters.values():
-        told = about.parameters[each.name].replace("%", "%%")
+        text = about.parameters[each.name].replace("%", "%%")
         # Annotations of parameters alone: those of results name what is not imported.
         settings = _settings(eval(each.annotation, verb.__globals__))
         if each.default is each.empty or each.name == "records":
-            parser.add_argument(each.name, help=told, **_positional(settings, each.default))
+            parser.add_argument(each.name, help=text, **_positional(settings, each.default))
         else:
-            flag = f"--{each.name.replace('_', '-')}"
             parser.add_argument(
-                flag,
-                dest=each.name,
-                help=told + _default(each.default),
-                default=argparse.SUPPRESS,
+                f"--{each.name.replace('_', '-')}", dest=each.name,
+                help=text + _default(each.default), default=argparse.SUPPRESS,
                 **{"action": Once} | settings,
-            )
+            )  # fmt: skip
     _add_outputs(parser, (*MAKES.get(name, ()), *ROWS))
     return parser
 
@@ -172,24 +177,16 @@ def _positional(settings: dict[str, Any], default: Any) -> dict[str, Any]:
 
 
 def _add_outputs(parser: Parser, endings: Sequence[str]) -> None:
-    parser.add_argument(
-        "--out",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FILE",
-        help=f"Write the result: {', '.join(endings)} (page). May be repeated.",
-    )
-    parser.add_argument(
-        "--plot",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FILE",
-        help=f"Draw it: {', '.join(PICTURES)}. May be repeated.",
-    )
+    files = {
+        "--out": f"Write the result: {', '.join(endings)} (page). May be repeated.",
+        "--plot": f"Draw it: {', '.join(PICTURES)}. May be repeated.",
+    }
+    for option, text in files.items():
+        parser.add_argument(
+            option, type=Path, action="append", default=[], metavar="FILE", help=text
+        )
     parser.add_argument("--json", action="store_true", help="Print JSON, in SI units.")
-    parser.add_argument("--verbose", action="store_true", help="Print all figures.")  # fmt: skip
+    parser.add_argument("--verbose", action="store_true", help="Print all figures.")
 
 
 def _default(value: Any) -> str:
