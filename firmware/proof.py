@@ -20,7 +20,7 @@ from ambkit.base import files
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c, proof
 from ambkit.export.c.data import CPrecision
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.scenario import Control, Scenario
 from firmware import measure
 
 NAMES = tuple(name for name in KINDS if name not in ("steady-state", measure.UNMEASURED))
@@ -29,10 +29,10 @@ NAMES = tuple(name for name in KINDS if name not in ("steady-state", measure.UNM
 PRECISIONS: tuple[CPrecision, ...] = ("float", "double")
 
 CONTROLLERS = {
-    "PID of the estimate": PID(),
-    "PID of the reading": PID(feedback="measurement"),
-    "PID and feed-forward of the estimate": PID(feed_forward=0.5),
-    "LQG": PID(type="lqg"),
+    "PID of the estimate": Control(),
+    "PID of the reading": Control(feedback="measurement"),
+    "PID and feed-forward of the estimate": Control(feed_forward=0.5),
+    "LQG": Control(type="lqg"),
 }
 """Controllers that are proved, with the linear filter."""
 
@@ -48,7 +48,7 @@ def tool() -> str | None:
 
 
 def prove(
-    kind: str, precision: CPrecision, folder: Path, control: PID | None = None
+    kind: str, precision: CPrecision, folder: Path, control: Control | None = None
 ) -> tuple[str, dict[str, int], str]:
     """Export a kind into `folder`, or a controller that it feeds, and run its script.
 
@@ -73,13 +73,13 @@ def prove(
     return stored_as(kind, precision, control), left, done.stdout
 
 
-def stored_as(kind: str, precision: CPrecision, control: PID | None = None) -> str:
+def stored_as(kind: str, precision: CPrecision, control: Control | None = None) -> str:
     """Return what the proof of a kind is stored under, or of a controller that it feeds."""
     estimator = KINDS[kind].make(measure.BEARING, measure.magnets()[kind])
     return proof.stored_as(estimator, precision, control)
 
 
-def controllers(kind: str) -> dict[str, PID]:
+def controllers(kind: str) -> dict[str, Control]:
     """Return the controllers that are proved with a kind, by their names."""
     return CONTROLLERS if kind == "linear" else {}
 

@@ -22,7 +22,7 @@ from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.load_following import least_process_noise, load_capacity
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
 from ambkit.machine.presets import machine_names
-from ambkit.simulation.scenario import PID, Scenario, Step
+from ambkit.simulation.scenario import Control, Scenario, Step
 from ambkit.workflow import design_candidates, identifying
 
 AXIS, BALL = Bearing.preset("zittau_axial"), Bearing.preset("inteco_ml")
@@ -113,7 +113,7 @@ def test_what_a_run_asks_for_is_held_against_what_there_is() -> None:
 
 
 def test_a_controller_that_does_not_hold_the_rotor_is_named() -> None:
-    weak = Scenario(controller=PID(kp=100.0, ki=0.0, kd=1.0, derivative_filter=3e-4))
+    weak = Scenario(controller=Control(kp=100.0, ki=0.0, kd=1.0, derivative_filter=3e-4))
     (unstable,) = (e for e in judge_adequacy(KalmanFilter(AXIS), None, weak) if e.sentence)
     assert unstable.fatal
     assert unstable.sentence == "with this controller the loop is unstable"

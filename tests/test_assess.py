@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import PID, Bearing, Scenario
+from ambkit import PID, Bearing, Control, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.loop.bounds import least_peaks
@@ -52,9 +52,9 @@ def made(name, bearing, **options):
 def loop_of(bearing, estimator=None, pid=None, x=0.0):
     point = WorkPoint.hovering(bearing, x)
     fed = (pid or PID()).completed(bearing)
-    fed = fed.model_copy(update={"feedback": "estimate" if estimator else "measurement"})
     inner = estimator_at(estimator, point) if estimator else None
-    K = compensator(controller(fed, bearing), inner, np.array([[1 / bearing.sensor.gain]]))
+    law = controller(fed, bearing, measured=estimator is None)
+    K = compensator(law, inner, np.array([[1 / bearing.sensor.gain]]))
     return Loop(plant(bearing, point), K)
 
 
@@ -106,12 +106,12 @@ def test_noise_found_online_is_that_of_the_start(name):
 @pytest.mark.parametrize("ki", [0.0, 20_000.0])
 def test_controller_is_the_cores(ki):
     """Alone on a record: the loop's u is what the linear controller makes of its y."""
-    pid = PID(kp=3000.0, ki=ki, kd=12.0, feedback="measurement").completed(ZITTAU)
+    pid = Control(kp=3000.0, ki=ki, kd=12.0, feedback="measurement").completed(ZITTAU)
     start = Scenario(duration=0.02, start="hover", controller=pid, noise=False)
     shaken = 1e-6 * np.random.default_rng(0).standard_normal(201)
     record = simulate(ZITTAU.replace(rotor__gravity="none"), start,
                       imposed=Imposed(sensor_noise=shaken))  # fmt: skip
-    system = controller(pid, ZITTAU)
+    system = controller(pid, ZITTAU, measured=True)
     state, u = np.zeros(len(system.A)), []
     # The first sample has no difference to one before.
     state[system.states.index(next(s for s in system.states if s.name == "last"))] = record["y"][0]
@@ -265,7 +265,7 @@ def test_decay_of_the_simulated_loop_is_that_of_the_poles(name):
 def test_noise_figures_are_those_of_the_simulation():
     loop = ambkit.assess(ZITTAU, "linear").loops["linear"]
     runs = [
-        ambkit.simulate(ZITTAU, Scenario(duration=0.6, seed=seed, controller=PID()))
+        ambkit.simulate(ZITTAU, Scenario(duration=0.6, seed=seed, controller=Control()))
         for seed in range(20)
     ]
     late = slice(1000, None)
@@ -296,8 +296,8 @@ def test_bodes_integral_to_six_digits(preset, late):
 def test_bodes_integral_of_an_undamped_spring_is_zero():
     """Its poles are on the unit circle, where S is zero: they count for nothing."""
     springy = linearised(machine_parts(ZITTAU, noise=False), ZITTAU.sampling_time, 10.0, -7537.5)
-    pid = PID(kp=100.0, ki=0.0, kd=3.0, feedback="measurement")
-    loop = Loop(springy, compensator(controller(pid, ZITTAU), None, np.eye(1)))
+    pid = Control(kp=100.0, ki=0.0, kd=3.0, feedback="measurement")
+    loop = Loop(springy, compensator(controller(pid, ZITTAU, measured=True), None, np.eye(1)))
     assert loop.is_stable
     found = bode_integral(loop)
     assert found.poles == 0

@@ -99,7 +99,9 @@ def test_what_cannot_be_fed_by_the_measurement_needs_a_filter():
         with pytest.raises(AmbkitError, match="fed by an estimate: give a filter"):
             ambkit.assess(TUM, "none", control)
     one = ambkit.Bearing.preset("zittau_axial")
-    regulated = [ambkit.assess(one, "linear", c).loops["linear"] for c in (LQG, PID(type="lqg"))]
+    regulated = [
+        ambkit.assess(one, "linear", c).loops["linear"] for c in (LQG, Control(type="lqg"))
+    ]
     assert regulated[0].peak == pytest.approx(regulated[1].peak, rel=1e-9)
     ahead = PID(feed_forward=0.5)
     each = Control(pid={axis.name: ahead for axis in TUM.axes})
@@ -155,7 +157,7 @@ def test_command(given, code, said, capsys, tmp_path, monkeypatch):
     assert said in out.out + " ".join(out.err.split())
 
 
-@pytest.mark.parametrize("pid", [PID(type="lqg"), PID(feed_forward=0.5)])
+@pytest.mark.parametrize("pid", [Control(type="lqg"), PID(feed_forward=0.5)])
 def test_a_bearings_regulator_and_feed_forward_are_in_its_loop(pid):
     zittau = Bearing.preset("zittau_axial")
     found = ambkit.assess_sweep(zittau, "linear", pid, amplitudes=["2 um"])

@@ -19,7 +19,7 @@ from ambkit import KalmanFilter, Scenario
 from ambkit.estimate.registry import learned_magnet
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.control import settling_of
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import PID, Control
 from ambkit.simulation.sequence import LiftOff
 from ambkit.simulation.waveforms import Ramp
 
@@ -80,7 +80,7 @@ def of_case(kind: str, precision: Any, out: Path) -> Case:
     return of_kind(kind, precision, out)
 
 
-LAWS = {"by readings": PID(feedback="measurement"), "lqg": PID(type="lqg")}
+LAWS = {"by readings": Control(feedback="measurement"), "lqg": Control(type="lqg")}
 EDITABLE = tuple(f"editable {kind}" for kind in KINDS if kind != "constant-velocity")
 CONTROLLERS = tuple(f"control {of}" for of in (*KINDS, *LAWS))
 CALIBRATED = tuple(f"calibrated {of}" for of in ("linear", "adaptive", "closed-law", "extended",

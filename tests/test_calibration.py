@@ -23,12 +23,12 @@ from ambkit.export.c import CExport, export_c
 from ambkit.export.c.calibration import PARAMETERS
 from ambkit.simulation.control import Controller
 from ambkit.simulation.run import simulate
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import Control
 from ambkit.simulation.sequence import LiftOff
 
 BEARING = Bearing.preset("zittau_axial")
 TIMES = LiftOff(wait=2e-3, lift=0.02, land=0.02)
-SCENARIO = Scenario(duration=0.08, start="rest", sequence=TIMES, controller=PID())
+SCENARIO = Scenario(duration=0.08, start="rest", sequence=TIMES, controller=Control())
 SWAP = 400  # sample at which other numbers fly, in flight
 
 PROGRAM = """#include "rig_calibration.h"
@@ -200,7 +200,7 @@ def test_its_own_self_test_passes(precision: Any, tmp_path: Path) -> None:
 def test_what_is_made_of_more_is_not_calibrated(tmp_path: Path) -> None:
     with pytest.raises(AmbkitError, match="made of more than noise"):
         export_c(BEARING, None, tmp_path, kind="augmented", scenario=SCENARIO, calibrated=True)
-    lqg = SCENARIO.replace(controller=PID(type="lqg"))
+    lqg = SCENARIO.replace(controller=Control(type="lqg"))
     with pytest.raises(AmbkitError, match="this controller has a regulator"):
         export_c(BEARING, None, tmp_path, scenario=lqg, calibrated=True)
     with pytest.raises(AmbkitError, match="give a scenario"):
@@ -237,7 +237,7 @@ def test_no_set_that_is_taken_lets_a_hovering_rotor_fall(
     kind: str, feedback: Any, n: int, tmp_path: Path
 ) -> None:
     """One set after the other in one flight; what is refused changes nothing."""
-    scenario = Scenario(duration=0.1, sequence=LiftOff(), controller=PID(feedback=feedback))
+    scenario = Scenario(duration=0.1, sequence=LiftOff(), controller=Control(feedback=feedback))
     made = export_c(BEARING, None, tmp_path / "rig", prefix="rig", scenario=scenario,
                     calibrated=True, kind=kind)  # fmt: skip
     program = flips.source(

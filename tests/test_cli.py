@@ -216,13 +216,13 @@ def test_simulate_without_an_estimator_feeds_back_the_measurement(call, made):
 
 
 def test_simulate_tunes_what_the_scenario_does_not_say_of_the_controller(call, made):
-    tuned = ambkit.PID.for_bearing(ambkit.Bearing.preset("inteco_ml"))
+    tuned = ambkit.Control.for_bearing(ambkit.Bearing.preset("inteco_ml")).fed_by("estimate")
 
     def controller(text, *arguments):
         Path("s.toml").write_text(f'duration = "20 ms"\n{text}')
         found = call("simulate", "inteco_ml", "--scenario", "s.toml", "--out", "r.csv", *arguments)
         assert found.code == 0, found.err
-        return ambkit.PID(**ambkit.Record.load("r.csv").meta["scenario"]["controller"])
+        return ambkit.Control(**ambkit.Record.load("r.csv").meta["scenario"]["controller"])
 
     assert controller("") == tuned
     assert controller('[controller]\nkp = "400 A/m"\n').kp == 400

@@ -124,7 +124,7 @@ def test_a_machine_with_other_magnets_keeps_its_controllers():
     for own, nominal in zip(trial.plant.bearing, MACHINE.bearing, strict=True):
         assert own.magnet.magnet_constant == pytest.approx(1.2 * nominal.magnet.magnet_constant)
     pids = holding(MACHINE, "estimate").pids
-    assert [pid.kp for pid in trial.scenario.control.pid.values()] == [pid.kp for pid in pids]
+    assert [pid.kp for pid in trial.scenario.controller.pid.values()] == [pid.kp for pid in pids]
 
 
 @pytest.mark.long

@@ -25,7 +25,7 @@ from ambkit.export.c import CExport, export_c
 from ambkit.simulation.control import Controller
 from ambkit.simulation.imposed import Faults, Imposed
 from ambkit.simulation.run import simulate, simulate_run
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import PID, Control
 from ambkit.simulation.sequence import LiftOff, Mode
 
 BEARING = Bearing.preset("zittau_axial")
@@ -33,9 +33,9 @@ GAINED = BEARING.replace(sensor__gain=0.8, amplifier__gain=1.6)
 ONE_SIDED = Bearing.preset("inteco_ml")
 PIDS = {
     "pid": PID(),
-    "measured": PID(feedback="measurement", derivative_filter=2e-4),
+    "measured": Control(feedback="measurement", derivative_filter=2e-4),
     "ahead": PID(feed_forward=0.8),
-    "lqg": PID(type="lqg"),
+    "lqg": Control(type="lqg"),
 }
 TIMES = LiftOff(start=5e-3, stop=0.16, wait=5e-3, lift=0.04, land=0.03, lost=0.02, overload=0.02)
 
@@ -95,7 +95,7 @@ def test_a_rotor_on_one_magnet_lifts_too() -> None:
 
 def test_a_flight_from_hovering_is_the_one_without_a_sequence() -> None:
     """Nobody who looks after a good flight changes it."""
-    plain = Scenario(duration=0.1, reference=Step(amplitude=2e-4, time=0.02), controller=PID())
+    plain = Scenario(duration=0.1, reference=Step(amplitude=2e-4, time=0.02), controller=Control())
     a = simulate(BEARING, plain, estimator=KalmanFilter(BEARING))
     b = simulate(BEARING, plain.replace(sequence=LiftOff()), estimator=KalmanFilter(BEARING))
     np.testing.assert_array_equal(a["x"], b["x"])
@@ -140,7 +140,7 @@ def test_a_current_that_stays_at_its_limit_trips() -> None:
 
 def test_no_bump_where_it_takes_over() -> None:
     """A rotor that another controller holds: the first current is close to the one that acted."""
-    plain = Scenario(duration=0.1, start="hover", noise=False, controller=PID())
+    plain = Scenario(duration=0.1, start="hover", noise=False, controller=Control())
     estimator = KalmanFilter(BEARING)
     record = simulate(BEARING, plain, estimator=estimator)
     controller = Controller.of_axis(
@@ -162,7 +162,7 @@ def test_no_bump_where_it_takes_over() -> None:
 )
 def test_what_cannot_be_fed_back_is_refused(wrong: dict[str, Any], said: str) -> None:
     with pytest.raises(AmbkitError, match=said):
-        PID(**wrong)
+        Control(**wrong)
 
 
 # ---- The export ----

@@ -110,8 +110,8 @@ def test_a_flywheel_that_is_unstable_with_each_axis_tuned_alone_has_a_default_th
     run = simulate_machine(FAST, Scenario(duration=0.1))
     assert run.samples_at_the_stop == 0
     flown = run.record.meta["scenario"]
-    assert flown["control"] == found.chosen.control.model_dump(mode="json")
-    assert flown["feedback"] == found.chosen.feedback
+    chosen = found.chosen.control.fed_by(found.chosen.feedback)
+    assert flown["controller"] == chosen.model_dump(mode="json")
 
 
 def to_speed(rpm):
@@ -123,9 +123,11 @@ def test_a_run_up_beyond_the_speed_of_the_machine_has_a_default_for_its_whole_ra
     machine = flywheel(rpm)
     flight = Scenario(duration=0.3, speed=to_speed(24000))
     flown = settled_scenario(machine, flight)
-    assert flown.control == default_control(FAST).chosen.control
+    chosen = default_control(FAST).chosen
+    assert flown.controller == chosen.control.fed_by(chosen.feedback)
     assert simulate_machine(machine, flight).samples_at_the_stop == 0
-    assert worst(FAST, settled_scenario(machine, Scenario()).control, estimated=False) == math.inf
+    slower = settled_scenario(machine, Scenario()).controller
+    assert worst(FAST, slower, estimated=False) == math.inf
     slow = HOPELESS.model_copy(update={"speed": 100.0})
     with pytest.raises(AmbkitError, match="holds the rotor of flywheel from 0 to 50,000 rpm"):
         simulate_machine(slow, flight.replace(speed=to_speed(50000)))
@@ -205,7 +207,7 @@ def test_every_way_to_fly_takes_the_same_choice():
     found = default_control(FAST, "measurement").chosen.control
     assert LoopOf(FAST).control_for(None) == found
     flight = settled_scenario(FAST, Scenario())
-    assert flight.control == found
+    assert flight.controller == found.fed_by("measurement")
     assert ambkit.assess(FAST, "none").loops["measurement"].peak < ENOUGH
     assert LoopOf(FAST).flown_by(None).pids == LoopOf(FAST, found).flown_by(None).pids
 
@@ -237,7 +239,7 @@ def test_random_rotors_are_held_about_as_well_as_by_the_regulator_wherever_one_i
 def test_the_frequency_of_an_undamped_nutation_makes_no_peak():
     """There the plant's response has no bound, S is zero, and rounding was a peak of 4.2."""
     machine = flywheel(31250, 1.47, 25e-6, 38e-6, 8.9, 0.076)
-    loop = LoopOf(machine, settled_scenario(machine, Scenario()).control).loop()
+    loop = LoopOf(machine, settled_scenario(machine, Scenario()).controller).loop()
     poles = loop.plant.poles()
     nutation = np.log(poles[np.abs(poles) > 0.5])
     nutation = nutation[nutation.imag > 0.01].imag / (2 * math.pi * loop.T)
@@ -256,5 +258,5 @@ def test_the_controllers_that_a_design_writes_down_are_those_that_were_chosen(rp
         found.control.gain_scheduling,
     )
     again = Scenario.from_toml(Scenario(feedback="estimate", control=written).to_toml())
-    assert again.control == written
+    assert again.controller == written
     assert LoopOf(machine, written).peak(KalmanFilter(machine)) <= 1.02 * found.peak

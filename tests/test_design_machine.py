@@ -38,10 +38,10 @@ def test_what_is_written_reads_back_as_the_loop_that_was_chosen(designed):
     made = {path.name for path in designed.folder.iterdir()} - {"design.json"}
     assert made == set(designed.made) == set(FILES) - {"identified.toml"}
     flight = Scenario.load(designed.folder / "scenario.toml")
-    assert flight.control == designed.control
+    assert flight.controller == designed.control
     again = ambkit.assess(
         Machine.load(designed.folder / "machine.toml"), designed.folder / "filter.toml",
-        flight.control,
+        flight.controller,
     )  # fmt: skip
     assert list(again.loops.values())[-1].peak == pytest.approx(designed.loop.peak, rel=1e-9)
     assert json.loads(json.dumps(designed.to_dict()))["controllers"]["A1"]["kp"] > 0
@@ -65,7 +65,7 @@ def test_an_axis_without_logs_has_all_that_a_machine_has(tmp_path):
     assert set(found.made) == set(FILES) - {"identified.toml"}
     assert found.objections == ()
     scenario = ambkit.Scenario.load(tmp_path / "d" / "scenario.toml")
-    assert scenario.controller.kp == found.control.pid["x"].kp
+    assert scenario.controller.kp == found.control.kp
     again = ambkit.assess(found.machine, tmp_path / "d" / "filter.toml", scenario.controller)
     assert list(again.loops.values())[-1].peak == pytest.approx(found.loop.peak, rel=1e-9)
 

@@ -88,7 +88,7 @@ def test_what_is_flown_visits_limits_and_losses() -> None:
     flight = FLIGHTS["cross feedback"][0].model_copy(update={"sequence": LiftOff()})
     one = machine(speed=600.0)
     kalman = KalmanFilter(one, precision="float32")
-    controllers = controllers_of(Plant(one), flight.control, kalman, fastest=one.speed)
+    controllers = controllers_of(Plant(one), flight.controller, kalman, fastest=one.speed)
     fed = Controller(Plant(one), kalman, controllers, LiftOff(), True)
     tested = vectors(fed, flight)
     assert tested.saturated > 20
@@ -186,8 +186,10 @@ def test_currents_stay_within_limits_whatever_is_given(name: str, tmp_path: Path
 
 
 def test_what_has_no_controllers_says_so(tmp_path: Path) -> None:
-    with pytest.raises(AmbkitError, match="control: is of a rotor that is a body"):
-        export_c(BEARING, None, tmp_path / "c", scenario=Scenario(control=Control(type="lqg")))
+    with pytest.raises(AmbkitError, match="cross_feedback: is of a rotor that is a body"):
+        export_c(
+            BEARING, None, tmp_path / "c", scenario=Scenario(controller=Control(cross_feedback=0.5))
+        )
     flight = Scenario(feedback="estimate", control=Control(unbalance="still"))
     with pytest.raises(AmbkitError, match="synchronous"):
         export_c(machine(), None, tmp_path / "c", scenario=flight)

@@ -425,7 +425,7 @@ def test_closed_loop_in_fmpy_equals_the_library(
 
 
 def test_a_scenario_s_controller_closes_the_loop(command: Command, tmp_path: Path) -> None:
-    pid = ambkit.PID(kp=2500, kd=10, derivative_filter=1e-4, feedback="measurement")
+    pid = ambkit.Control(kp=2500, kd=10, derivative_filter=1e-4, feedback="measurement")
     scenario = disturbed(BEARING).replace(controller=pid)
     scenario.save(tmp_path / "run.toml")
     out = tmp_path / "loop.fmu"
@@ -734,7 +734,7 @@ def test_a_system_is_what_the_standard_says(tmp_path: Path) -> None:
 
     for feedback in ("estimate", "measurement"):
         path = tmp_path / f"{feedback}.ssp"
-        scenario = ambkit.Scenario(controller=ambkit.PID(feedback=feedback))
+        scenario = ambkit.Scenario(controller=ambkit.Control(feedback=feedback))
         export_ssp(BEARING, None, path, scenario=scenario, fmi=3)
         system = read_ssd(str(path)).system  # validates against the schema
         assert {element.name for element in system.elements} == {
@@ -748,7 +748,7 @@ def test_a_system_is_what_the_standard_says(tmp_path: Path) -> None:
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_a_controller_alone_is_that_of_the_loop(tmp_path: Path, fmi: Any) -> None:
     record = ambkit.simulate(BEARING, disturbed(BEARING))
-    pid = ambkit.PID.for_bearing(BEARING).model_copy(update={"feedback": "measurement"})
+    pid = ambkit.Control.for_bearing(BEARING).fed_by("measurement")
     path = export_fmu(
         BEARING,
         None,

@@ -15,7 +15,7 @@ import objects
 import pytest
 
 import ambkit
-from ambkit import PID, Bearing, KalmanFilter, Scenario
+from ambkit import PID, Bearing, Control, KalmanFilter, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.registry import KINDS
 from ambkit.export.fmu import export_fmu, export_ssp
@@ -46,14 +46,14 @@ class Case(NamedTuple):
 
 
 CASES = {
-    "lqg": Case(BEARING, PID(type="lqg")),
+    "lqg": Case(BEARING, Control(type="lqg")),
     "feed forward": Case(BEARING, PID(feed_forward=0.8), estimator="extended"),
-    "lqg that lifts": Case(BEARING, PID(type="lqg"), QUICK, "rest"),
-    "lqg of an amplifier's states": Case(SOFT, PID(type="lqg"), estimator="extended"),
+    "lqg that lifts": Case(BEARING, Control(type="lqg"), QUICK, "rest"),
+    "lqg of an amplifier's states": Case(SOFT, Control(type="lqg"), estimator="extended"),
     "one-sided that lifts": Case(ONE_SIDED, PID(), QUICK.model_copy(update={"stop": 0.3}), "rest"),
-    "sensor's PID that lifts": Case(IRON, PID(feedback="measurement"), QUICK, "rest"),
+    "sensor's PID that lifts": Case(IRON, Control(feedback="measurement"), QUICK, "rest"),
     "feed forward in flight that lands": Case(SOFT, PID(feed_forward=1.0), QUICK),
-    "from rest": Case(BEARING, PID(type="lqg"), None, "rest"),
+    "from rest": Case(BEARING, Control(type="lqg"), None, "rest"),
 }
 
 
@@ -242,7 +242,7 @@ def test_a_system_lifts_off_and_lands(tmp_path: Path) -> None:
     from fmpy.ssp.simulation import simulate_ssp
     from fmpy.ssp.ssd import read_ssd
 
-    scenario = Scenario(start="rest", sequence=QUICK, controller=PID(type="lqg"))
+    scenario = Scenario(start="rest", sequence=QUICK, controller=Control(type="lqg"))
     path = tmp_path / "lift.ssp"
     export_ssp(BEARING, None, path, scenario=scenario)
     system = read_ssd(str(path)).system  # validates against the schema
@@ -265,7 +265,7 @@ def test_a_system_lifts_off_and_lands(tmp_path: Path) -> None:
 def test_a_system_of_a_regulator_wires_all_states(tmp_path: Path) -> None:
     from fmpy.ssp.simulation import simulate_ssp
 
-    export_ssp(BEARING, None, tmp_path / "a.ssp", scenario=Scenario(controller=PID(type="lqg")))
+    export_ssp(BEARING, None, tmp_path / "a.ssp", scenario=Scenario(controller=Control(type="lqg")))
     zero = dict.fromkeys(("r", "noise_u", "noise_y"), lambda _t: 0.0)
     found = simulate_ssp(
         str(tmp_path / "a.ssp"), stop_time=0.2, step_size=BEARING.sampling_time,

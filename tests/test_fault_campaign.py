@@ -19,7 +19,7 @@ from ambkit.judge.faults.flight import Flight
 from ambkit.show.plots.faults import faults_figure
 from ambkit.simulation.imposed import Faults, Imposed
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import PID, Control
 
 PAPER = Bearing.preset("zittau_axial")
 BEARINGS = {
@@ -30,7 +30,7 @@ BEARINGS = {
 QUICK = ("lift-off", "knock", "outage-100ms", "outage-1s", "spikes", "rail", "greatest-y",
          "infinite-y", "nan-u", "overdriven", "long-saturation")  # fmt: skip
 N = 400
-MEASURED = PID(feedback="measurement")
+MEASURED = Control(feedback="measurement")
 
 
 def flown(

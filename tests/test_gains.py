@@ -10,7 +10,7 @@ from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.holding import chosen, weight_of
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import PID, Control
 from ambkit.simulation.waveforms import Constant
 
 
@@ -41,7 +41,7 @@ def test_a_step_overshoots_by_less_than_a_seventh(name, share, feedback):
     bearing = AXES[name]
     amplitude = share * bearing.rotor.travel_limit
     scenario = Scenario(
-        duration=1.0, noise=False, controller=PID(feedback=feedback),
+        duration=1.0, noise=False, controller=Control(feedback=feedback),
         reference=Step(amplitude=amplitude, time=0.1),
     )  # fmt: skip
     x = simulate_run(bearing, scenario).record["x"]
@@ -107,7 +107,7 @@ def test_a_given_gain_has_its_weight_tuned_and_a_given_weight_stays():
 @pytest.mark.parametrize("weight", [0.0, 0.5, 1.0])
 def test_a_rotor_that_hovers_off_the_centre_stays_there(weight):
     bearing = Bearing.preset("zittau_axial")
-    pid = PID(feedback="measurement", setpoint_weight=weight).completed(bearing)
+    pid = Control(feedback="measurement", setpoint_weight=weight).completed(bearing)
     scenario = Scenario(duration=0.05, noise=False, reference=Constant(value=2e-4), controller=pid)
     x = simulate_run(bearing, scenario).record["x"]
     assert np.abs(x - 2e-4).max() < 1e-9

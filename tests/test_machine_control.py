@@ -211,9 +211,9 @@ def test_the_regulator_is_controls_own():
     ],
 )
 def test_what_cannot_be_is_refused(control, feedback, said):
-    flight = Scenario(duration=0.1, feedback=feedback, control=control)
+    flight = {"duration": 0.1, "feedback": feedback, "control": control}
     with pytest.raises(AmbkitError, match=said):
-        simulate_machine(Machine.preset("tum_mlps"), flight)
+        simulate_machine(Machine.preset("tum_mlps"), Scenario(**flight))
 
 
 @pytest.mark.parametrize(("unbalance", "peak"), [("force-free", 6320.0), ("still", 5410.0)])

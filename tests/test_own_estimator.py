@@ -38,7 +38,7 @@ class Mine:
 @pytest.mark.parametrize("feedback", ["estimate", "measurement"])
 def test_it_flies_as_ours_does_to_the_last_bit(feedback: Any) -> None:
     assert isinstance(Mine(AXIS), ambkit.EstimatorProtocol)
-    happens = Scenario(duration=0.1, controller=ambkit.PID(feedback=feedback))
+    happens = Scenario(duration=0.1, controller=ambkit.Control(feedback=feedback))
     runs = [
         ambkit.simulate_run(AXIS, happens, estimator=estimator, load="2 N")
         for estimator in (Mine, ambkit.SteadyStateKalmanFilter(AXIS))
@@ -80,7 +80,7 @@ def test_from_a_file_in_all_verbs(tmp_path: Path) -> None:
         "        return 1 / (7 - self.n), 0, 0, y\n"
     )
     raw = f"{tmp_path}/my.py:Raw"
-    still = Scenario(duration=0.05, controller=ambkit.PID(feedback="measurement"))
+    still = Scenario(duration=0.05, controller=ambkit.Control(feedback="measurement"))
     run = ambkit.simulate_run(AXIS, still, estimator=raw)
     assert run.estimate is not None
     np.testing.assert_array_equal(run.estimate.x, run.record["y"])

@@ -21,7 +21,7 @@ from ambkit.estimate.filter_file import FilterFile
 from ambkit.export.c import export_c
 from ambkit.export.pil import boards, build, pil
 from ambkit.export.pil.processor import Processor
-from ambkit.simulation.scenario import PID, Control
+from ambkit.simulation.scenario import Control
 from ambkit.simulation.sequence import LiftOff, Mode
 from ambkit.simulation.waveforms import Ramp
 
@@ -32,7 +32,7 @@ needs_tools = pytest.mark.skipif(
 )
 SEQUENCE = LiftOff(start=5e-3, stop=0.16, wait=5e-3, lift=0.04, land=0.03)
 SCENARIO = Scenario(
-    duration=0.2, start="rest", sequence=SEQUENCE, controller=PID(feed_forward=1.0),
+    duration=0.2, start="rest", sequence=SEQUENCE, controller=Control(feed_forward=1.0),
     disturbance=Step(amplitude=2.0, time=0.1),
 )  # fmt: skip
 
@@ -54,7 +54,7 @@ def test_what_is_missing_is_said_with_what_to_install(
     ("words", "said"),
     [
         (["tum_mlps", "--filter", "steady-state"], "takes one axis"),
-        (["tum_mlps", "--scenario", "axis.toml"], "controller: is of one axis"),
+        (["tum_mlps", "--scenario", "axis.toml"], "feed_forward is made of the estimate"),
         (["zittau_axial", "--board", "arduino"], "must be one of stm32f4, amdc, c2000"),
         (["zittau_axial", "--board", "c2000"], "TI's C2000 code generation tools"),
     ],

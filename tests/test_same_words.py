@@ -56,7 +56,7 @@ def test_a_loop_has_one_estimator_or_none_and_one_magnet(call: Any) -> None:
         done = call("simulate", "zittau_axial", "--estimator", name)
         assert done.code == 2
         assert f"a loop has one estimator, given are {name}" in done.err
-    fed = ambkit.Scenario(controller=ambkit.PID(feedback="estimate"))
+    fed = ambkit.Scenario(controller=ambkit.Control(feedback="estimate"))
     with pytest.raises(AmbkitError, match="so the estimator cannot be none"):
         ambkit.simulate(BEARING, fed, estimator="none")
     points = force_map(Path("force.csv"))

@@ -4,14 +4,23 @@ import control
 import numpy as np
 import pytest
 
-from ambkit import PID, Bearing, KalmanFilter, Scenario, Step, magnet_of, simulate, to_control
+from ambkit import (
+    Bearing,
+    Control,
+    KalmanFilter,
+    Scenario,
+    Step,
+    magnet_of,
+    simulate,
+    to_control,
+)
 from ambkit.base.errors import AmbkitError
 from ambkit.export import statespace
 from ambkit.simulation.linear.pieces import WorkPoint
 
 LOOPS = [
-    PID(kp=3000.0, ki=20000.0, kd=12.0, setpoint_weight=0.7, feedback="estimate"),
-    PID(kp=3000.0, ki=20000.0, kd=12.0, feedback="measurement", derivative_filter=3e-4),
+    Control(kp=3000.0, ki=20000.0, kd=12.0, setpoint_weight=0.7, feedback="estimate"),
+    Control(kp=3000.0, ki=20000.0, kd=12.0, feedback="measurement", derivative_filter=3e-4),
 ]
 
 
@@ -150,7 +159,7 @@ def test_controller_and_estimator_join_to_the_loop(bearing):
 
 def test_what_has_no_continuous_state_space_is_refused(bearing):
     with pytest.raises(AmbkitError, match="derivative_filter"):
-        statespace.closed_loop(bearing, PID(feedback="measurement", derivative_filter=0.0))
+        statespace.closed_loop(bearing, Control(feedback="measurement", derivative_filter=0.0))
     with pytest.raises(AmbkitError, match="a delay has no continuous"):
         to_control(bearing.replace(delay=1e-4), sampled=False)
     with pytest.raises(AmbkitError, match="a filter has no continuous"):

@@ -113,7 +113,7 @@ def touched(described: Machine, real: Machine, flight: Scenario) -> int:
     filter = KalmanFilter(described, synchronous=["unbalance"])
     T = described.sampling_time
     fastest = float(np.abs(flight.speed.sample(T * np.arange(round(flight.duration / T)))).max())
-    control = controllers_of(Plant(described), flight.control, filter, fastest=fastest)
+    control = controllers_of(Plant(described), flight.controller, filter, fastest=fastest)
     run = ambkit.simulate_machine(real, flight, estimator=filter, controllers=control)
     return run.samples_at_the_stop
 
@@ -121,7 +121,7 @@ def touched(described: Machine, real: Machine, flight: Scenario) -> int:
 def stable(described: Machine, flight: Scenario) -> bool:
     """Return whether the loop is stable at the fastest speed of a flight."""
     filter = KalmanFilter(described, synchronous=["unbalance"])
-    loop = LoopOf(described, flight.control).loop(filter)
+    loop = LoopOf(described, flight.controller).loop(filter)
     return bool(np.abs(loop.closed.poles()).max() < 1)
 
 
@@ -133,7 +133,7 @@ def worse(run: int, machines: tuple[str | int, ...]) -> bool:
     described, real, flight = drawn(run, machines)
     if not touched(described, real, flight):
         return False
-    plain = flight.replace(control=flight.control.model_copy(update={"unbalance": "fought"}))
+    plain = flight.replace(control=flight.controller.model_copy(update={"unbalance": "fought"}))
     return stable(described, plain) and not touched(described, real, plain)
 
 

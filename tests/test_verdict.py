@@ -32,7 +32,7 @@ def swung(bearing, frequency, load):
     """The end of a simulated run with a harmonic load, without noise."""
     scenario = Scenario(
         duration=0.6, noise=False, disturbance=Sine(amplitude=load, frequency=frequency),
-        substeps=20, controller=ambkit.PID(feedback="estimate"),
+        substeps=20, controller=ambkit.Control(feedback="estimate"),
     )  # fmt: skip
     record = simulate(bearing, scenario, estimator=KalmanFilter(bearing, frozen_limit=0))
     return record.between(0.3, None)
@@ -134,7 +134,7 @@ def test_the_verdict_says_what_is_kept_and_what_not(tmp_path):
 
 
 def test_what_falls_keeps_nothing(tmp_path):
-    weak = ambkit.assess(LATE, "none", controller=ambkit.PID(kp=100.0, ki=0.0, kd=1.0))
+    weak = ambkit.assess(LATE, "none", controller=ambkit.Control(kp=100.0, ki=0.0, kd=1.0))
     assert weak.loops["measurement"].demands is None
     weak.page(tmp_path / "v.html")
     assert "Not kept: zone, the worse of stability" in (tmp_path / "v.html").read_text(

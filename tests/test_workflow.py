@@ -275,7 +275,7 @@ def test_simulate_starts_from_scenario_for(command):
 
 def test_a_scenario_without_a_controller_is_tuned_to_the_bearing():
     other = ambkit.Bearing.preset("inteco_ml")
-    said = ambkit.Scenario(controller=ambkit.PID(kp=5.0))
+    said = ambkit.Scenario(controller=ambkit.Control(kp=5.0))
     controller = scenario_for(other, said, from_estimate=False).controller
     own = ambkit.PID.for_bearing(other)
     assert (controller.kp, controller.kd, controller.ki) == (5.0, own.kd, own.ki)

@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from ambkit.simulation.many import Planned as Planned
     from ambkit.simulation.many import simulate_many as simulate_many
     from ambkit.simulation.scenario import PID as PID
+    from ambkit.simulation.scenario import Control as Control
     from ambkit.simulation.scenario import Scenario as Scenario
     from ambkit.simulation.waveforms import Constant as Constant
     from ambkit.simulation.waveforms import HalfSine as HalfSine
@@ -130,7 +131,7 @@ _HOME = {
     "result.result": ["Result"],
     "simulation.machine": ["simulate_machine"],
     "simulation.many": ["Planned", "simulate_many"],
-    "simulation.scenario": ["PID", "Scenario"],
+    "simulation.scenario": ["PID", "Control", "Scenario"],
     "simulation.waveforms": [
         "Constant",
         "HalfSine",

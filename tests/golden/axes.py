@@ -142,7 +142,7 @@ def _scenario(axis: ambkit.Bearing, feedback: Any, hit: bool) -> ambkit.Scenario
     k = ambkit.ConstantStiffness.of(axis)
     pole = (abs(k.k_s) / axis.rotor.mass) ** 0.5
     kp = 2.5 * abs(k.k_s) / k.k_i
-    pid = ambkit.PID(
+    pid = ambkit.Control(
         kp=kp, ki=0.1 * pole * kp, kd=0.6 * kp / pole, derivative_filter=0.02 / pole,
         anti_windup=5 / pole, setpoint_weight=0.5, feedback=feedback,
     )  # fmt: skip

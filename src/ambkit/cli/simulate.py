@@ -169,7 +169,7 @@ def _note_default(machine: Machine, happening: Any) -> None:
     from ambkit.cli import output
     from ambkit.simulation.default_control import default_for, is_default
 
-    if is_default(happening.control):
+    if is_default(happening.controller):
         chosen = default_for(machine, happening)
         if chosen.fastest:
             output.note(chosen.summary)

@@ -15,12 +15,13 @@ from ambkit.simulation.linear import control as control_of
 from ambkit.simulation.linear import pieces, settled
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint
+from ambkit.simulation.scenario import as_control
 
 if TYPE_CHECKING:
     import control
 
     from ambkit.machine.machine import Bearing
-    from ambkit.simulation.scenario import PID
+    from ambkit.simulation.scenario import PID, Control
 
 
 def to_control(
@@ -81,8 +82,11 @@ def plant(
 
 def controller(bearing: Bearing, pid: PID) -> control.StateSpace:
     """Sampled controller, as ``core/src/controller.c`` computes it, without its limits."""
-    tuned = pid.completed(bearing)
-    return _state_space(control_of.controller(tuned, bearing), f"{_name(bearing)}_pid")
+    tuned = as_control(pid).completed(bearing)
+    return _state_space(
+        control_of.controller(tuned, bearing, measured=tuned.feedback == "measurement"),
+        f"{_name(bearing)}_pid",
+    )
 
 
 def estimator(filter: Estimator, *, point: WorkPoint | None = None) -> control.StateSpace:
@@ -105,14 +109,15 @@ def closed_loop(
     # derivative acts on the position only. In continuous time and with ``feedback = "estimate"`` it
     # gets x and v themselves, as from an ideal estimator; with ``"measurement"`` the lagged
     # position, and its derivative through the filter, which must not be zero.
-    name, pid = f"{_name(bearing)}_closed_loop", pid.completed(bearing)
+    name, law = f"{_name(bearing)}_closed_loop", as_control(pid).completed(bearing)
     if not _is_sampled(bearing, sampled, filter):
-        return _state_space(_continuous_loop(bearing, pid, point), name)
+        return _state_space(_continuous_loop(bearing, law, point), name)
     point = point or WorkPoint.hovering(bearing)
-    fed = pid.model_copy(update={"feedback": "measurement" if filter is None else "estimate"})
     told = None if filter is None else settled.estimator_at(filter, point)
     shown = np.array([[1 / bearing.sensor.gain]])
-    K = control_of.compensator(control_of.controller(fed, bearing), told, shown)
+    K = control_of.compensator(
+        control_of.controller(law, bearing, measured=filter is None), told, shown
+    )
     return _state_space(Loop(pieces.plant(bearing, point), K).closed, name)
 
 
@@ -128,7 +133,7 @@ def _plant(bearing: Bearing, continuous: bool, point: WorkPoint | None) -> Linea
     return pieces.plant(bearing, point or WorkPoint.hovering(bearing), continuous=continuous)
 
 
-def _continuous_loop(bearing: Bearing, pid: PID, point: WorkPoint | None) -> LinearSystem:
+def _continuous_loop(bearing: Bearing, pid: Control, point: WorkPoint | None) -> LinearSystem:
     """Plant and PID in continuous time."""
     P = _plant(bearing, True, point)
     names = [at.name for at in P.states]

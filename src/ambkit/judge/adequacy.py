@@ -99,9 +99,7 @@ def _control_of(plant: Any, happening: Scenario | None) -> tuple[Any, bool, bool
     """Return the controller, whether it was given, and whether the estimate feeds it."""
     if happening is None:
         return None, False, True
+    given = bool(happening.controller.model_fields_set - {"feedback"})
     if not plant.single:
-        given = bool(happening.control.model_fields_set)
         return control_of(plant, happening), given, feedback_of(plant, happening) == "estimate"
-    pid = happening.controller
-    given = bool(pid.model_fields_set - {"feedback"})
-    return pid, given, happening.fed_by != "measurement"
+    return happening.controller, given, happening.feedback != "measurement"

@@ -13,7 +13,7 @@ from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.simulation.controllers import Controllers, arrays, controllers_of
 from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import PID, Control
+from ambkit.simulation.scenario import PID, Control, as_control
 from ambkit.simulation.sequence import MOST_COUNTED, LiftOff
 
 if TYPE_CHECKING:
@@ -37,17 +37,17 @@ class Controller:
     #: Lift-off and landing; without, it flies from the start and nobody looks after it.
     sequence: LiftOff | None
     fed: bool  #: Whether the estimator feeds the controllers; else the readings do.
-    pid: PID = field(default_factory=PID)  #: How a single axis is controlled, complete.
+    pid: Control = field(default_factory=Control)  #: How a single axis is controlled, complete.
 
     @classmethod
     def of_axis(
         cls, bearing: Bearing, estimator: Estimator, pid: PID, sequence: LiftOff | None = None
     ) -> Controller:
         """Return that of a single axis and its PID."""
-        plant, fed = Plant(bearing.long), pid.feedback == "estimate"
-        control = Control(type="lqg" if pid.type == "lqg" else "decentralised")
-        law = controllers_of(plant, control, estimator if fed else None, [pid])
-        return cls(plant, estimator, law, sequence, fed, pid)
+        control: Control = as_control(pid).completed(bearing)
+        plant, fed = Plant(bearing.long), control.feedback == "estimate"
+        law = controllers_of(plant, control, estimator if fed else None)
+        return cls(plant, estimator, law, sequence, fed, control)
 
     @property
     def bearing(self) -> Bearing:
@@ -147,11 +147,6 @@ def lies_at(bearing: Bearing) -> float:
     """Return where a rotor lies [m]: on the stop to which its weight pulls it."""
     travel = bearing.rotor.travel_limit
     return travel if bearing.weight > 0 else -travel
-
-
-def needs_states(pid: PID) -> bool:
-    """Say whether a controller feeds more back than position and velocity."""
-    return pid.type == "lqg" or pid.feed_forward > 0
 
 
 def settling_of(estimator: Estimator) -> int:

@@ -102,12 +102,13 @@ def pids_of(
     """Return the PID of each axis of decentralised control, with what is not said tuned."""
     names = [axis.name for axis in machine.axes]
     control.check_names(names)
-    if set(names) <= {n for n, pid in control.pid.items() if pid.model_fields_set >= GAINS}:
-        return [control.pid[name] for name in names]
+    own = [control.own(name) for name in names]
+    if all(pid.model_fields_set >= GAINS for pid in own):
+        return own
     usual = [PID(**each.stated) for each in holding(machine, feedback).pids]
     return [
-        pid.overlaid(control.pid[name], machine.alone(name)) if name in control.pid else pid
-        for name, pid in zip(names, usual, strict=True)
+        pid.overlaid(said, machine.alone(name)) if said.model_fields_set else pid
+        for name, pid, said in zip(names, usual, own, strict=True)
     ]
 
 
@@ -213,7 +214,7 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
             across = float(explained[at] @ explained[at])
             lever = 1 / math.sqrt(across * len(k_s) / 2)
         alike = first.replace(rotor__mass=mass * k_s[0] / stiffness, rotor__gravity="none")
-        pid = control.pid.get(name, PID()).completed(alike)
+        pid = control.own(name).completed(alike)
         amperes = to_axes[:, at] * k_i[0] * stiffness / (k_s[0] * lever)
         room = min(
             abs(end / share)

@@ -21,7 +21,7 @@ from ambkit.simulation.control_candidates import (
     name_of,
 )
 from ambkit.simulation.holding import ENOUGH
-from ambkit.simulation.scenario import Control
+from ambkit.simulation.scenario import PID, Control
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -107,7 +107,8 @@ def default_control(
 
 def is_default(control: Control) -> bool:
     """Whether the structure of controllers is left to be chosen."""
-    return control.type is None and not control.pid and not control.cross_feedback
+    said = control.model_fields_set & PID.model_fields.keys()
+    return control.type is None and not (said or control.pid or control.cross_feedback)
 
 
 def settled(
@@ -119,8 +120,7 @@ def settled(
     if not is_default(control):
         return control.model_copy(update={"type": "decentralised"})
     chosen = default_control(machine, feedback, fastest).chosen.control
-    keys = ("type", "cross_feedback", "gain_scheduling", "pid")
-    return control.model_copy(update={key: getattr(chosen, key) for key in keys})
+    return control.model_copy(update={k: getattr(chosen, k) for k in chosen.model_fields_set})
 
 
 def fastest_of(machine: Machine, scenario: Scenario) -> float:
@@ -138,7 +138,7 @@ def default_for(machine: Machine, scenario: Scenario) -> DefaultControl:
 
 def feedback_of(machine: Machine, scenario: Scenario) -> Feedback:
     """Return what feeds the controllers of a scenario, chosen where it is not given."""
-    control = scenario.control
+    control = scenario.controller
     if scenario.feedback is not None:
         return scenario.feedback
     if not is_default(control) or control.needs_estimate:
@@ -149,17 +149,17 @@ def feedback_of(machine: Machine, scenario: Scenario) -> Feedback:
 def control_of(machine: Machine, scenario: Scenario) -> Control:
     """Return the controllers of a scenario with their type; held or not."""
     feedback = feedback_of(machine, scenario)
-    return settled(machine, scenario.control, feedback, fastest_of(machine, scenario))
+    return settled(machine, scenario.controller, feedback, fastest_of(machine, scenario))
 
 
 def settled_scenario(machine: Machine, scenario: Scenario) -> Scenario:
     """Return a scenario with controllers and feedback chosen where they are not given."""
-    if is_default(scenario.control):
+    if is_default(scenario.controller):
         found = default_for(machine, scenario)
         if not found.held:
             raise AmbkitError(found.summary)
     control, feedback = control_of(machine, scenario), feedback_of(machine, scenario)
-    return scenario.model_copy(update={"control": control, "feedback": feedback})
+    return scenario.model_copy(update={"controller": control.fed_by(feedback)})
 
 
 @lru_cache(maxsize=64)

@@ -82,12 +82,11 @@ class Gains(NamedTuple):
     derivative_filter: float
     anti_windup: float
     setpoint_weight: float
-    feedback: str = "measurement"
 
     @property
     def stated(self) -> dict[str, Any]:
-        """The gains by their keys, without what they see."""
-        return {key: value for key, value in self._asdict().items() if key != "feedback"}
+        """The gains by their keys."""
+        return self._asdict()
 
 
 @lru_cache(maxsize=128)
@@ -191,7 +190,7 @@ def _peaks(
     # The controller's response is written out, as `controller` has it in states: hundreds are
     # asked.
     T, volts = bearing.sampling_time, 1 / bearing.amplifier.gain
-    kp, ki, kd, T_f, *_ = np.array([each[:-1] for each in candidates]).T[:, :, None]
+    kp, ki, kd, T_f, *_ = np.array(candidates).T[:, :, None]
     z = np.exp(2j * np.pi * f * T)
     x, v = volts * (kp + ki * T / (z - 1)), volts * kd
     share = 1 / (T_f + T)
@@ -208,10 +207,9 @@ def _loops(
 ) -> Iterator[Loop]:
     """Yield the loop that is fed by the measurement, and the one that is fed by the estimate."""
     shown = np.array([[1 / bearing.sensor.gain]])
-    yield Loop(P, compensator(controller(gains, bearing), None, shown))
+    yield Loop(P, compensator(controller(gains, bearing, measured=True), None, shown))
     if E is not None:
-        fed = gains._replace(feedback="estimate")
-        yield Loop(P, compensator(controller(fed, bearing), E, shown))
+        yield Loop(P, compensator(controller(gains, bearing, measured=False), E, shown))
 
 
 def overshoot(loop: Loop, own: float, axes: int = 1) -> float:
@@ -273,6 +271,8 @@ def _held(machine: Machine, feedback: Literal["measurement", "estimate"]) -> Hol
     usual = tuple(map(chosen, alone_of(machine)))
     search = _Search(machine, usual, feedback)
     found = Holding(usual, np.zeros(0, complex), 1.0)
+    if machine.rotor.type == "mass":  # an axis alone is all there is
+        return found
     if machine.bending is not None:
         found = search.most_damped()
     margins = sensitivities(machine, estimated=feedback == "estimate")

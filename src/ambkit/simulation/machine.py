@@ -99,7 +99,7 @@ def simulate_machine(
     names = tuple(axis.name for axis in machine.axes)
     flight.check_for(names, body=True)
     if pids is not None or controllers is not None:
-        flight = flight.model_copy(update={"feedback": feedback_of(machine, flight)})
+        flight = flight.fed(feedback_of(machine, flight))
     else:
         flight = settled_scenario(machine, flight)
     plant = Plant(machine)
@@ -128,14 +128,14 @@ def simulate_machine(
     wanted = _added("references", wanted, references)
     if flight.start == "rest":
         q, currents = plant.resting(), np.zeros(len(machine.axes))
-        if flight.control.type != "lqg":  # whose integrals are all that knows of the weight
+        if flight.controller.type != "lqg":  # whose integrals are all that knows of the weight
             held = currents, np.zeros_like(currents), None
     noise_u, noise_y = _noise(machine, flight, n)
     noise_y = noise_y + added @ np.linalg.pinv(shown_along_axes(machine)).T
     noise_y = _added("readings", noise_y, readings)
     feeding = estimator if flight.feedback == "estimate" else None
     if controllers is None:
-        controllers = controllers_of(plant, flight.control, feeding, pids, fastest)
+        controllers = controllers_of(plant, flight.controller, feeding, pids, fastest)
     given = (
         plant.arrays(core, flight.substeps, fastest)
         | {"T": T, "k_ui": [axis.bearing.amplifier.gain for axis in machine.axes]}

@@ -25,7 +25,7 @@ from ambkit.machine.hovering import hover_current
 from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import Law, MagnetModel, core_module, magnet_of
 from ambkit.simulation import parts
-from ambkit.simulation.control import Controller, needs_states
+from ambkit.simulation.control import Controller
 from ambkit.simulation.controllers import gains_of
 from ambkit.simulation.imposed import Faults, Imposed, series_of
 from ambkit.simulation.noise import drawn, white
@@ -187,7 +187,7 @@ class Loop:
         self._start = float(reference[0]) if hover else 0.0
         balance = bearing.weight + self._law.bias_force + float(disturbance[0])
         self._held = hover_current(bearing, self._plant, self._start, balance) if hover else 0.0
-        self._whole = scenario.sequence is not None or needs_states(scenario.controller)
+        self._whole = scenario.sequence is not None or scenario.controller.needs_estimate
         self._fly = None if scenario.sequence is None else scenario.sequence.fly(t)
 
     @property

@@ -7,7 +7,16 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Discriminator, Field, SerializerFunctionWrapHandler, Tag, model_serializer
+from pydantic import (
+    AliasChoices,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    SerializerFunctionWrapHandler,
+    Tag,
+    model_serializer,
+    model_validator,
+)
 
 from ambkit.base.asked import of_type
 from ambkit.base.config import Document, Part, Read
@@ -66,30 +75,20 @@ class PID(Part):
     """Tracking time: how fast the integral gives way at the current limit [s]."""
     setpoint_weight: Annotated[float, Quantity("1", "0.5", at_least=0)] = 0.5
     """Of the reference, the share that kp sees [1]; the integral always sees all of it."""
-    feedback: Literal["measurement", "estimate"] = "estimate"
-    """Which position is fed back: the sensor's or the estimator's."""
-    type: Literal["pid", "lqg"] = "pid"
-    """These gains; or, in their place, a linear-quadratic regulator of the estimator's states."""
     feed_forward: Annotated[float, Quantity("1", "1", at_least=0)] = 0.0
     """Share of the estimated disturbance force that a current takes back at once [1]."""
     sensor: Name | None = None
     """Of a machine, the reading that it sees, such as one that is not beside its magnet; without,
     the displacement of its axis by all readings."""
 
-    @classmethod
-    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        if read("feedback") != "measurement":
-            return
-        if read("type") == "lqg":
-            yield "type", '"lqg" regulates the estimate: feedback must be "estimate"'
-        if read("feed_forward") > 0:
-            yield "feed_forward", 'is made of the estimate: feedback must be "estimate"'
-
     @model_serializer(mode="wrap")
     def _only_what_was_said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out what was not given: it is tuned to the bearing, whatever that will be."""
         data: dict[str, Any] = handler(self)
-        return {name: value for name, value in data.items() if name in self.model_fields_set}
+        said = self.model_fields_set
+        return {
+            key: value for key, value in data.items() if key in said and value not in (None, {})
+        }
 
     @classmethod
     def for_bearing(cls, bearing: Bearing) -> Self:
@@ -101,7 +100,7 @@ class PID(Part):
             What is to be held.
         """
         of_type(Bearing, bearing=bearing)
-        return cls(**chosen(bearing)._asdict() | {"feedback": cls().feedback})
+        return cls(**chosen(bearing).stated)
 
     @classmethod
     def textbook(cls, bearing: Bearing) -> Self:
@@ -115,7 +114,7 @@ class PID(Part):
             What is to be held.
         """
         of_type(Bearing, bearing=bearing)
-        return cls(**textbook(bearing)._asdict() | {"feedback": cls().feedback})
+        return cls(**textbook(bearing).stated)
 
     def completed(self, bearing: Bearing) -> Self:
         """Return the controller with what was not given tuned to a bearing, see `for_bearing`.
@@ -127,11 +126,11 @@ class PID(Part):
         bearing : Bearing
             What it is to hold.
         """
-        if self.model_fields_set >= {*GAINS, "feedback"}:
+        if self.model_fields_set >= GAINS:
             return self
         return type(self).for_bearing(bearing).overlaid(self, bearing)
 
-    def overlaid(self, given: Self, bearing: Bearing) -> Self:
+    def overlaid(self, given: PID, bearing: Bearing) -> Self:
         """Return the controller with what was given of another in the place of its own.
 
         Parameters
@@ -142,11 +141,11 @@ class PID(Part):
             What both are to hold: the set-point weight is its, where it was not given.
         """
         said = {name: getattr(given, name) for name in given.model_fields_set}
-        all_ = vars(self) | said
+        all_, changed = vars(self) | said, {*said, "setpoint_weight"}
         if said.keys() & {"kp", "ki", "kd"} and "setpoint_weight" not in said:
             weight = weight_of(bearing, all_["kp"], all_["ki"], all_["kd"])
             all_["setpoint_weight"] = two_digits(weight)
-        return type(self)(**all_)
+        return self.model_copy(update={name: all_[name] for name in changed})
 
     def unseen(self, r: float) -> float:
         """Return the current [A] by which the integral is ahead where the rotor is held at rest.
@@ -159,16 +158,22 @@ class PID(Part):
         return (1 - self.setpoint_weight) * self.kp * r
 
 
-GAINS = frozenset(Gains._fields) - {"feedback"}
+GAINS = frozenset(Gains._fields)
 """What is to be known of a PID."""
 
 Array = NDArray[np.float64]
 
 
-class Control(Part):
-    """How a whole machine is controlled."""
+class Control(PID):
+    """The controllers of a machine: gains at its top are of all axes, those in `pid` of one."""
 
-    type: Literal["decentralised", "translation and tilt", "lqg"] | None = None
+    feedback: Literal["measurement", "estimate"] | None = None
+    """What the controllers are fed by: the sensors, or the estimator; without, the estimate feeds
+    that of one axis, and of several it is chosen with the type."""
+    type: Annotated[
+        Literal["decentralised", "translation and tilt", "lqg"] | None,
+        BeforeValidator(lambda given: "decentralised" if given == "pid" else given),
+    ] = None
     """One PID for each axis; one for each translation and tilt of the rotor; or a linear-quadratic
     regulator of the estimator's states. Without a type and gains it is chosen on the margins over
     the machine's speed range, `ambkit.simulation.default_control`; with gains it is
@@ -191,6 +196,13 @@ class Control(Part):
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        if read("feedback") == "measurement":
+            if read("type") == "lqg":
+                yield "type", '"lqg" regulates the estimate: feedback must be "estimate"'
+            if read("feed_forward") > 0:
+                yield "feed_forward", 'is made of the estimate: feedback must be "estimate"'
+        if read("sensor") is not None:
+            yield "sensor", "is of one axis: give it in pid.NAME"
         if read("unbalance_from") is not None and read("unbalance") == "fought":
             text = 'unbalance = "fought" is so at any speed; give "force-free" or "still"'
             yield "unbalance_from", text
@@ -204,22 +216,61 @@ class Control(Part):
         for name, pid in given.items():
             if pid.sensor and read("type") == "translation and tilt":
                 yield f"pid.{name}.sensor", 'is of an axis: type must be "decentralised"'
-            for key in ("feedback", "type"):
-                if key in pid.model_fields_set:
-                    yield f"pid.{name}.{key}", "is of one axis alone; the scenario says feedback"
             if pid.feed_forward and read("type") == "translation and tilt":
                 yield f"pid.{name}.feed_forward", 'is of an axis: type must be "decentralised"'
 
-    @model_serializer(mode="wrap")
-    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = handler(self)
-        if not self.gain_scheduling:
-            data.pop("gain_scheduling", None)
-        return {key: each for key, each in data.items() if each is not None and each != {}}
-
     def __hash__(self) -> int:
-        own = self.type, self.cross_feedback, self.gain_scheduling, self.unbalance
-        return hash((*own, *self.pid.items()))
+        own = self.type, self.feedback, self.cross_feedback, self.gain_scheduling, self.unbalance
+        return hash((*own, self.kp, self.ki, self.kd, *self.pid.items()))
+
+    @property
+    def gains(self) -> PID:
+        """What is said of all axes."""
+        said = self.model_fields_set & PID.model_fields.keys()
+        return PID(**{key: getattr(self, key) for key in said})
+
+    @property
+    def stated(self) -> dict[str, PID]:
+        """The PIDs that are given, by what each is of; x where that is one axis."""
+        said = self.model_fields_set >= GAINS
+        return {"x": self.gains, **self.pid} if said else self.pid
+
+    def own(self, name: str) -> PID:
+        """Return what is said of an axis or a coordinate, of it alone or of all.
+
+        Parameters
+        ----------
+        name : str
+            The axis or the coordinate.
+        """
+        given = self.pid.get(name)
+        said = {} if given is None else {k: getattr(given, k) for k in given.model_fields_set}
+        return self.gains.model_copy(update=said)
+
+    def completed(self, bearing: Bearing) -> Self:
+        """Return that of a single axis with what was not given tuned to it; see `PID.completed`.
+
+        Parameters
+        ----------
+        bearing : Bearing
+            What it is to hold.
+        """
+        if self.model_fields_set >= GAINS and self.feedback and not self.pid:
+            return self
+        found = self.model_copy(update={"pid": {}})
+        for own in self.pid.values():
+            found = found.overlaid(own, bearing)
+        return super(Control, found).completed(bearing).fed_by(self.feedback or "estimate")
+
+    def fed_by(self, feedback: Literal["measurement", "estimate"]) -> Self:
+        """Return the same, fed by the one or the other.
+
+        Parameters
+        ----------
+        feedback : str
+            ``"measurement"`` or ``"estimate"``.
+        """
+        return self.model_copy(update={"feedback": feedback})
 
     @property
     def needs_estimate(self) -> bool:
@@ -231,17 +282,51 @@ class Control(Part):
         """What besides a regulator is made of the estimate; None where nothing is."""
         if self.cross_feedback:
             return "cross_feedback"
-        if any(pid.feed_forward for pid in self.pid.values()):
+        if any(pid.feed_forward for pid in (self, *self.pid.values())):
             return "feed_forward"
         return None if self.unbalance == "fought" else f'unbalance = "{self.unbalance}"'
 
     def check_names(self, known: list[str]) -> None:
-        """Refuse PIDs of what the machine has not."""
+        """Refuse PIDs of what the machine has not.
+
+        Parameters
+        ----------
+        known : list of str
+            Names of what it has.
+
+        Raises
+        ------
+        AmbkitError
+            There is such a PID.
+        """
         for name in self.pid:
             if name not in known:
                 raise AmbkitError(
                     f"control.pid.{name}: there is no {name}; known: {', '.join(known)}"
                 )
+
+
+def as_control(given: Any) -> Any:
+    """Take a PID for that of all axes."""
+    if isinstance(given, PID) and not isinstance(given, Control):
+        return Control(**{key: getattr(given, key) for key in given.model_fields_set})
+    return given
+
+
+def _merged(controller: Any, control: Any, feedback: Any) -> Any:
+    """Return a controller as one table, by the keys of now and of earlier releases."""
+    found: dict[str, Any] = {}
+    for each in (controller, control):
+        if isinstance(each, PID):
+            each = {key: getattr(each, key) for key in each.model_fields_set}
+        if each is not None and not isinstance(each, dict):
+            return each  # whose mistake is told where it is checked
+        found |= each or {}
+    if feedback is None:
+        return found
+    if found.get("feedback", feedback) != feedback:
+        raise ValueError(f'controller.feedback: contradicts feedback = "{feedback}"')
+    return found | {"feedback": feedback}
 
 
 class Disturbance(Part):
@@ -295,8 +380,12 @@ _ONE_OR_MORE = Discriminator(lambda given: ONE_OR_MORE[isinstance(given, list | 
 AXES = ("reference", "disturbance", "injection")
 """Signals that an axis has each."""
 
-OF_MACHINE = frozenset({"control", "speed", "off", "base"})
+OF_MACHINE = frozenset({"speed", "off", "base"})
 """Keys of a machine whose rotor is a body."""
+
+
+OF_BODY = ("cross_feedback", "gain_scheduling", "unbalance", "unbalance_from")
+"""Keys of the controllers of such a rotor."""
 
 
 class Scenario(Document):
@@ -345,13 +434,11 @@ class Scenario(Document):
     ] = Constant(value=0.0)  # fmt: skip
     """What is added to the measurement before controller and estimator take it [m]: of the first
     axis, or a list with axes."""
-    feedback: Literal["measurement", "estimate"] | None = None
-    """What the controllers are fed by: the sensors, or the estimator."""
-    controller: PID = PID()
-    """The controller of a machine with one axis. What is not said of it is tuned to the bearing."""
-    control: Control = Control()
-    """The controllers of a machine with several axes; by default chosen on the margins over the
-    machine's speed range."""
+    controller: Annotated[Control, BeforeValidator(as_control)] = Field(
+        default=Control(), validation_alias=AliasChoices("controller", "control")
+    )
+    """The controllers. Of one axis, what is not said is tuned to it; of several they are chosen on
+    the margins over the machine's speed range."""
     speed: Annotated[Signal, SignalIn("rad/s", "3000 rpm")] | None = None
     """Speed of rotation, such as a run-up [rad/s]; the machine's own without."""
     off: Annotated[float, Quantity("s", "0.3 s", at_least=0)] | None = None
@@ -363,29 +450,51 @@ class Scenario(Document):
     base: tuple[Base, ...] = ()
     """How the foundation moves; displacements and readings are relative to it."""
 
+    @model_validator(mode="before")
     @classmethod
-    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        if isinstance(read("controller.sensor"), str):
-            yield "controller.sensor", "is of several axes: one axis alone has one sensor"
-        said, pid = read("feedback"), read("controller")
-        own = isinstance(pid, PID) and "feedback" in pid.model_fields_set
-        if isinstance(said, str) and own and pid.feedback != said:
-            yield "controller.feedback", f'contradicts feedback = "{said}"'
+    def _read_on(cls, data: Any) -> Any:
+        """Read the keys of earlier releases: ``control``, and ``feedback`` beside it."""
+        if not isinstance(data, dict) or not {"control", "feedback"} & data.keys():
+            return data
+        told = [data.get(key) for key in ("controller", "control", "feedback")]
+        rest = {key: data[key] for key in data if key not in ("controller", "control", "feedback")}
+        return rest | {"controller" if told[0] is not None else "control": _merged(*told)}
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
-        usual = {"control": Control(), "base": ()}
-        return {
-            name: value for name, value in data.items()
-            if value is not None and not (name in usual and getattr(self, name) == usual[name])
-        }  # fmt: skip
+        return {key: value for key, value in data.items() if value is not None and value != ()}
 
     @property
-    def fed_by(self) -> Literal["measurement", "estimate"] | None:
+    def feedback(self) -> Literal["measurement", "estimate"] | None:
         """What is said to feed the controllers."""
-        said = self.controller.model_fields_set
-        return self.controller.feedback if "feedback" in said else self.feedback
+        return self.controller.feedback
+
+    def fed(self, feedback: Literal["measurement", "estimate"]) -> Self:
+        """Return the same run with controllers that are fed by the one or the other.
+
+        Parameters
+        ----------
+        feedback : str
+            ``"measurement"`` or ``"estimate"``.
+        """
+        return self.model_copy(update={"controller": self.controller.fed_by(feedback)})
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some values changed, checked like a new one.
+
+        Parameters
+        ----------
+        **changes
+            Values by dotted key, as ``controller__kp``; `feedback` is that of the controllers.
+        """
+        if {"control", "feedback"} & changes.keys():
+            known = changes.pop("controller", self.controller)
+            control, feedback = changes.pop("control", None), changes.pop("feedback", None)
+            if feedback is not None and isinstance(known, Control):
+                known = known.fed_by(feedback)
+            changes["controller"] = _merged(known, control, feedback)
+        return super().replace(**changes)
 
     def by_axis(self, what: str, first: str) -> list[tuple[str, Waveform]]:
         """Return the signals at a key that are not zero throughout, each with its axis.
@@ -434,9 +543,13 @@ class Scenario(Document):
                 if axis not in axes:
                     known = f"there are {', '.join(axes)}" if axes[0] else "the one axis has none"
                     yield f"{what}[{at}].axis: there is no axis {axis}; {known}"
-        if len(axes) > 1 and self.controller.model_fields_set:
-            yield "controller: is of one axis; several have [control.pid.NAME]"
         if not body:
+            control, usual = self.controller, Control()
+            for key in OF_BODY:
+                if getattr(control, key) != getattr(usual, key):
+                    yield f"controller.{key}: is of a rotor that is a body; this one is a mass"
+            if control.type == "translation and tilt":
+                yield f'controller.type: "{control.type}" is of a body; this rotor is a mass'
             for key in sorted(OF_MACHINE & self.model_fields_set):
                 if getattr(self, key) != type(self).model_fields[key].default:
                     yield f"{key}: is of a rotor that is a body; this one is a mass"
@@ -465,12 +578,8 @@ class Scenario(Document):
         bearing : Bearing
             What the controller is to hold.
         """
-        pid = self.controller
-        if self.feedback is not None and pid.feedback != self.feedback:
-            said = {name: getattr(pid, name) for name in pid.model_fields_set}
-            pid = PID(**said | {"feedback": self.feedback})
-        pid = pid.completed(bearing)
-        return self if pid is self.controller else self.model_copy(update={"controller": pid})
+        found = self.controller.completed(bearing)
+        return self if found is self.controller else self.model_copy(update={"controller": found})
 
 
 _NOTHING = Constant(value=0.0)

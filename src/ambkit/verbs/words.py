@@ -13,12 +13,11 @@ if TYPE_CHECKING:
 
     import ambkit
     from ambkit.data.channelmap import ChannelMap
-    from ambkit.simulation.scenario import Control
 
 Machine = Annotated["str | PathLike[str] | ambkit.Machine", "MACHINE"]
 Filter = Annotated["str | PathLike[str] | ambkit.Estimator", "FILTER"]
 Filters = Filter | Sequence[Filter] | Mapping[str, Filter]
-Controller = Annotated["str | PathLike[str] | ambkit.PID | Control", "CONTROLLER"]
+Controller = Annotated["str | PathLike[str] | ambkit.PID", "CONTROLLER"]
 Record = Annotated["str | PathLike[str] | ambkit.Record", "RECORD"]
 Records = Record | Sequence[Record]
 Channels = Annotated["str | PathLike[str] | ChannelMap", "FILE.toml"]

@@ -11,7 +11,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.machine import Machine
-from ambkit.simulation.scenario import PID, Control
+from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessed_loop import AssessedLoop, assessed
 from ambkit.workflow.assessment import HINF, LQG, Assessment
 from ambkit.workflow.given import given_estimators, given_load
@@ -33,7 +33,7 @@ def assess(
     | Sequence[Estimator | str | os.PathLike[str]]
     | Mapping[str, Estimator]
     | None = None,
-    controller: PID | Control | None = None,
+    controller: PID | None = None,
     *,
     x: Given = 0.0,
     load: Given | Mapping[str, Given] = 0.0,

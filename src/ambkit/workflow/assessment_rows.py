@@ -193,9 +193,6 @@ def facts_of(loop: AssessedLoop, of: LoopOf, estimator: Estimator | None) -> dic
     facts |= {} if plain is None else {"plain control": plain}
     gains: dict[str, list[str]] = {}
     for name, pid in of.pids(estimator).items():
-        if pid.type == "lqg":
-            facts["control"] = pid.type
-            continue
         if pid.feed_forward:
             facts["feed-forward"] = f"{pid.feed_forward:g} of the estimated disturbance force"
         each = ((pid.kp, "A/m"), (pid.ki, "A/(m s)"), (pid.kd, "A s/m"))

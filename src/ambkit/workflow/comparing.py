@@ -133,8 +133,8 @@ def happenings(
     found = {}
     for height in heights:
         run = scenario_for(bearing, scenario, duration=duration, step=height, load=load)
-        if run.fed_by is None:  # each closes its own loop
-            run = run.replace(feedback="estimate")
+        if run.feedback is None:  # each closes its own loop
+            run = run.fed("estimate")
         at = name if height is None else engineering(height, "m", digits=4)
         found[at] = Happening(run, height, load)
     return found

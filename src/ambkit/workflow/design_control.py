@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.simulation.default_control import default_control
-from ambkit.simulation.scenario import GAINS, PID, Control, Scenario
+from ambkit.simulation.scenario import GAINS, PID, Control
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,31 +34,8 @@ def control_for(bearing: Machine) -> Control:
         name: PID(**{key: float(f"{getattr(pid, key):.{DIGITS}g}") for key in GAINS})  # type: ignore[arg-type]
         for name, pid in each.items()
     }
-    return control.model_copy(update={"pid": pids})
-
-
-def controller_of(bearing: Machine, control: Control) -> PID | Control:
-    """Return controllers as a loop takes them: of a single axis its PID."""
-    single = bearing.single
-    return next(iter(control.pid.values())) if single else control
-
-
-def run_of(bearing: Machine, control: Control) -> Scenario:
-    """Return a run whose controllers the estimate feeds."""
-    controller = controller_of(bearing, control)
-    if isinstance(controller, PID):
-        gains: dict[str, Any] = {key: getattr(controller, key) for key in GAINS}
-        return Scenario(controller=PID(**gains, feedback="estimate"))
-    return Scenario(feedback="estimate", control=control)
-
-
-def control_in(path: Any, bearing: Machine) -> Control:
-    """Return the controllers in the run that `run_of` made."""
-    if not bearing.single:
-        return Scenario.load(path).control
-    pid = Scenario.load(path).controller
-    gains: dict[str, Any] = {key: getattr(pid, key) for key in GAINS}
-    return Control(type="decentralised", pid={"x": PID(**gains)})
+    written = control.model_copy(update={"pid": pids, "feedback": "estimate"})
+    return written.completed(machine.alone("")) if bearing.single else written
 
 
 def objections_to_loop(loop: AssessedLoop, ceiling: float | None) -> Sequence[str]:

@@ -23,7 +23,7 @@ from ambkit.machine.bank import slowest_time
 from ambkit.machine.machine import Machine
 from ambkit.result.page import write_result
 from ambkit.simulation.holding import overshoot
-from ambkit.simulation.scenario import Control
+from ambkit.simulation.scenario import Control, Scenario
 from ambkit.workflow.assessing import assess
 from ambkit.workflow.design_candidates import (
     adequacy_of,
@@ -37,10 +37,7 @@ from ambkit.workflow.design_candidates import (
 )
 from ambkit.workflow.design_control import (
     control_for,
-    control_in,
-    controller_of,
     objections_to_loop,
-    run_of,
 )
 from ambkit.workflow.designed import Design
 from ambkit.workflow.found_toml import annotated_toml
@@ -150,16 +147,15 @@ def design(
     estimator = Estimator.load(chosen.file)
     estimator.save(place / "filter.toml", bearing=place / "machine.toml")
     note("assessing the loop")
-    controller = controller_of(found, control)
-    assessed = assess(found, {chosen.kind: estimator}, controller)
+    assessed = assess(found, {chosen.kind: estimator}, control)
     loop = assessed.loops[chosen.kind]
     if loop.stable:
         pages: list[Any] = [assessed]
         if found.rotor.type != "mass":
             note("looking at one speed after the other")
-            pages.append(assess_over_speed(found, {chosen.kind: estimator}, controller))
+            pages.append(assess_over_speed(found, {chosen.kind: estimator}, control))
         write_result(pages, place / "verdict.html")
-    run = run_of(found, control)
+    run = Scenario(controller=control)
     adequacy = tuple(adequacy_of(chosen, run))
     fatal = [each for each in adequacy if each.fatal and each.name != "peak of |S|"]
     objections = (
@@ -235,9 +231,9 @@ class _Work:
         path = self.place / "scenario.toml"
         self.stages.make(
             "control", [self.found.to_toml()], (path.name,),
-            lambda: run_of(self.found, control_for(self.found)).save(path),
+            lambda: Scenario(controller=control_for(self.found)).save(path),
         )  # fmt: skip
-        return control_in(path, self.found)
+        return Scenario.load(path).controller
 
     @cached_property
     def records(self) -> tuple[list[Record], list[Record]]:
@@ -263,7 +259,7 @@ class _Work:
             logs, others = self.records
             tuned = tuned_within(
                 options["max_sensitivity"], self.found.short, logs, kind, validate=others,
-                controller=controller_of(self.found, control), inputs=self.inputs,
+                controller=control, inputs=self.inputs,
                 seed=options["seed"], runs=options["runs"], budget=options["budget"],
                 source=", ".join(Path(path).name for path in self.logs),
             )  # fmt: skip

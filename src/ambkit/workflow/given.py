@@ -44,7 +44,7 @@ class LoopGiven(NamedTuple):
 
     machine: Machine
     filters: dict[str, Estimator]
-    controller: PID | Control | None
+    controller: PID | None
     position: float  #: Along the axes [m].
     disturbance: Mapping[str, float]  #: By the names of the axes [N].
 
@@ -162,9 +162,7 @@ def is_filter(given: Any) -> bool:
         return False
 
 
-def given_controller(
-    machine: Machine, given: Any
-) -> tuple[PID | Control | None, dict[str, float], bool]:
+def given_controller(machine: Machine, given: Any) -> tuple[PID | None, dict[str, float], bool]:
     """Return the controllers, the constant disturbances, and whether a measurement feeds them."""
     if not isinstance(given, str | os.PathLike):
         return given, {}, False
@@ -184,7 +182,7 @@ def given_controller(
         axis: signal.value
         for axis, signal in scenario.by_axis("disturbance", axes[0]) if isinstance(signal, Constant)
     }  # fmt: skip
-    control = scenario.control
+    control = scenario.controller
     if default_control.fastest_of(machine, scenario) > abs(machine.speed):
         control = default_control.control_of(machine, scenario)
     return control, forces, default_control.feedback_of(machine, scenario) == "measurement"

@@ -295,7 +295,7 @@ class _OfMachine(_Experiment):
         t = machine.sampling_time * np.arange(n)
         names = tuple(axis.name for axis in machine.axes)
         held = float(np.abs(flight.along("reference", names, t)).max())
-        found = assess(machine, self.filter, flight.control)
+        found = assess(machine, self.filter, flight.controller)
         super().__init__(found, n, held, axis, limits)
 
     def run(self, added: Array, other: int = 0) -> _Run:

@@ -32,7 +32,7 @@ from ambkit.machine.placed import Unbalance
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row, put
 from ambkit.result.stated import Section
-from ambkit.simulation.scenario import PID, Control
+from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.assessment_rows import of_separation
 from ambkit.workflow.given import given_estimators, given_load
@@ -234,7 +234,7 @@ class OverSpeed(Result):
 def assess_over_speed(
     machine: Machine,
     filter: Any = None,
-    controller: PID | Control | None = None,
+    controller: PID | None = None,
     *,
     fastest: Given | None = None,
     count: int = COUNT,
@@ -302,7 +302,7 @@ class _Run:
         self,
         machine: Machine,
         estimator: Estimator | None,
-        controller: PID | Control | None,
+        controller: PID | None,
         load: Any,
         orbit: bool,
         fastest: float,

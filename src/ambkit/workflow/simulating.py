@@ -96,9 +96,8 @@ def scenario_for(
     if isinstance(happening, str | os.PathLike):
         happening = Scenario.load(happening)
     of_type(Scenario, scenario=happening)
-    said = happening.feedback is not None or "feedback" in happening.controller.model_fields_set
-    if not from_estimate and not said:
-        happening = happening.replace(feedback="measurement")
+    if not from_estimate and happening.feedback is None:
+        happening = happening.fed("measurement")
     axes = tuple(axis.name for axis in machine.axes)
     happening.check_for(axes, body=not machine.single)
     if machine.single:
@@ -214,7 +213,7 @@ def simulate_run(
         injection=injection, from_estimate=not without,
     )  # fmt: skip
     machine = bearing.short
-    if without and happening.fed_by == "estimate":
+    if without and happening.feedback == "estimate":
         place = f"{os.fspath(scenario)}: " if isinstance(scenario, str | os.PathLike) else ""
         raise AmbkitError(
             f'{place}the controller is fed by the estimate (feedback = "estimate"), so the '
@@ -299,12 +298,12 @@ def experiment_duration(bearing: Bearing) -> float:
 
 def plain_control(machine: Machine, happening: Scenario, estimator: Estimator | None) -> str | None:
     """Return a sentence on where a flight's unbalance control is plain control."""
-    if happening.control.unbalance == "fought" or estimator is None:
+    if happening.controller.unbalance == "fought" or estimator is None:
         return None
     flight = settled_scenario(machine, happening)
     T = machine.sampling_time
     t = T * np.arange(max(2, round(flight.duration / T) + 1) + 1, dtype=float)
     speed = np.abs([machine.speed] if flight.speed is None else flight.speed.sample(t))
     low, high = float(speed.min()), float(speed.max())
-    turn = controllers_of(Plant(machine), flight.control, estimator, fastest=high).let_turn
-    return None if turn is None else turn.sentence(flight.control.unbalance, low, high)
+    turn = controllers_of(Plant(machine), flight.controller, estimator, fastest=high).let_turn
+    return None if turn is None else turn.sentence(flight.controller.unbalance, low, high)

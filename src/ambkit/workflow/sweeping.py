@@ -25,7 +25,7 @@ from ambkit.result.row import Row, put
 from ambkit.result.stated import Section
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import PID, Control, Injection, Scenario
+from ambkit.simulation.scenario import PID, Injection, Scenario
 from ambkit.simulation.scenario import Disturbance as Load
 from ambkit.simulation.waveforms import Constant, Recorded, Sine
 from ambkit.workflow.assessed_loop import AssessedAxis, AssessedLoop
@@ -184,7 +184,7 @@ class Sweep(Result):
 def sweep(
     bearing: Machine,
     filter: Any = None,
-    controller: PID | Control | None = None,
+    controller: PID | None = None,
     *,
     amplitudes: Sequence[Given] | None = None,
     kind: Kind = "multisine",
@@ -312,9 +312,8 @@ class _BearingRig(_Rig):
         self, found: Assessment, filter: Any, loop: AssessedLoop, x: float, load: float
     ) -> None:
         super().__init__(found, filter, loop, 0)
-        feedback = "estimate" if filter else "measurement"
         self.scenario = Scenario(
-            controller=found.of.fed_by(filter)[0].model_copy(update={"feedback": feedback}),
+            controller=found.of.control_for(filter).fed_by("estimate" if filter else "measurement"),
             noise=False,
             reference=Constant(value=x),
             disturbance=Constant(value=load) if loop.of.point.orbit is None
@@ -360,8 +359,7 @@ class _MachineRig(_Rig):
         super().__init__(found, filter, loop, axis)
         self.scenario = Scenario(
             noise=False,
-            feedback="estimate" if filter else "measurement",
-            control=found.of.control_for(filter),
+            controller=found.of.control_for(filter).fed_by("estimate" if filter else "measurement"),
             disturbance=tuple(
                 Load(axis=name, force=Constant(value=force)) for name, force in load.items()
             ),

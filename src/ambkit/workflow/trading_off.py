@@ -16,7 +16,7 @@ from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.stated import Section
-from ambkit.simulation.scenario import PID, Control
+from ambkit.simulation.scenario import PID
 from ambkit.workflow.tuned_filter import BUDGET, RUNS, Tuned, tune
 from ambkit.workflow.tuning_tasks import ByTruth
 
@@ -127,7 +127,7 @@ def trade_off(
     records: Record | Sequence[Record] = (),
     kind: str = "extended",
     *,
-    controller: PID | Control | None = None,
+    controller: PID | None = None,
     magnet: MagnetModel | None = None,
     runs: int = RUNS,
     budget: int = BUDGET,

@@ -29,7 +29,7 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row
 from ambkit.result.stated import Section
 from ambkit.simulation.linear.settled import tells
-from ambkit.simulation.scenario import PID, Control, Scenario
+from ambkit.simulation.scenario import PID, Scenario, as_control
 from ambkit.workflow.tuning_tasks import JUDGED, RAW, By, ByLikelihood, ByTruth
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ class Tuned(Result):
     #: What all that was tried knows of its magnet, where that is not what its kind does.
     magnet: MagnetModel | None
     max_sensitivity: float | None  #: What the peak of abs(S) was to stay below.
-    controller: PID | Control | None  #: Of that loop; None: each axis of a machine has its own.
+    controller: PID | None  #: Of that loop; None: each axis of a machine has its own.
     warnings: tuple[str, ...] = field(default=())  #: What is odd about the result.
     #: Of the machine and the magnet, where they have files.
     files: Mapping[str, Any] = field(default_factory=dict)
@@ -134,11 +134,9 @@ class Tuned(Result):
     @cached_property
     def adequacy(self) -> list[Finding]:
         """Whether `estimator` may fly, with NIS on what it was not tuned on."""
-        happening: Any = None
-        if isinstance(self.controller, PID):
-            happening = Scenario(controller=self.controller)
-        elif isinstance(self.controller, Control):
-            happening = Scenario(control=self.controller, feedback="estimate")
+        happening = (
+            None if self.controller is None else Scenario(controller=as_control(self.controller))
+        )
         nis = self.unseen.get("nis", (math.nan, math.nan))[self.kept]
         return judge_adequacy(self.estimator, None, happening, nis)
 
@@ -241,7 +239,7 @@ def tune(
     *,
     validate: Sequence[Record] = (),
     max_sensitivity: float | None = None,
-    controller: PID | Control | None = None,
+    controller: PID | None = None,
     free: Iterable[str] | None = None,
     magnet: MagnetModel | None = None,
     inputs: Inputs | None = None,
@@ -334,7 +332,9 @@ def tune(
         of_tried,
         magnet,
         max_sensitivity,
-        loop.fed_by(None)[0] if loop.machine.single and controller is None else controller,
+        loop.control.completed(loop.alone[0]).fed_by("measurement")
+        if loop.machine.single and controller is None
+        else controller,
         tuple(warnings),
     )
 

@@ -57,7 +57,7 @@ def check(controller: Controller) -> None:
             "noise, gate, mass and k; calibration is for linear, adaptive and extended filters of "
             "an axis without parts"
         )
-    if controller.pid.type != "pid":
+    if controller.pid.type == "lqg":
         raise AmbkitError("calibration has the gains of a PID; this controller has a regulator")
 
 

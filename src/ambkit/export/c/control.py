@@ -57,7 +57,7 @@ def controller_of(estimator: Estimator, scenario: Scenario) -> Controller:
     feeding = estimator if settled.feedback == "estimate" else None
     plant, speeds = Plant(machine), control_scenes.speeds_of(machine, settled)
     fastest = machine.speed if speeds is None else max(map(abs, speeds))
-    found = controllers_of(plant, settled.control, feeding, fastest=fastest)
+    found = controllers_of(plant, settled.controller, feeding, fastest=fastest)
     return Controller(plant, estimator, found, settled.sequence, feeding is not None)
 
 
@@ -119,7 +119,7 @@ def context(
     two_sided = [axis.bearing.magnet.type == "two-sided" for axis in machine.axes]
     several = len(machine.axes) > 1
     return {
-        "law_said": f"{flight.control.type}, fed by the {flight.feedback}" if several
+        "law_said": f"{flight.controller.type}, fed by the {flight.feedback}" if several
         else _said(controller),
         "controller": _in_c(of, precision) | {
             "bias": data.array(bias, precision) if several else data.number(bias[0], precision),

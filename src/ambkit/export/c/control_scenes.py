@@ -262,8 +262,8 @@ def _happening(
         references.append(Reference(axis=axis.name, position=wanted))
         loads.append(Disturbance(axis=axis.name, force=push))
     return Scenario(
-        duration=LIFTED * T - machine.sampling_time, start="rest", feedback=flight.feedback,
-        control=flight.control, reference=tuple(references), disturbance=tuple(loads),
+        duration=LIFTED * T - machine.sampling_time, start="rest",
+        controller=flight.controller, reference=tuple(references), disturbance=tuple(loads),
         seed=flight.seed, speed=_speed(machine, flight, sign), sequence=flight.sequence,
     )  # fmt: skip
 

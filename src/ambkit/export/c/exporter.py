@@ -215,10 +215,8 @@ def _controller(
         tested = settled_scenario(machine, scenario)
         return controller, tested.model_copy(update={"sequence": sequence})
     pid = controller.pid
-    law = Control(type="lqg" if pid.type == "lqg" else "decentralised")
-    return controller, Scenario(
-        feedback=pid.feedback, control=law, sequence=sequence, seed=scenario.seed
-    )
+    law = Control(type=pid.type or "decentralised", feedback=pid.feedback)
+    return controller, Scenario(controller=law, sequence=sequence, seed=scenario.seed)
 
 
 def _facts(magnet: MagnetModel | None, precision: CPrecision) -> dict[str, str]:

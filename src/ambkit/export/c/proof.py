@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.export.c.data import CPrecision
     from ambkit.export.c.exported import Export
-    from ambkit.simulation.scenario import PID
+    from ambkit.simulation.scenario import Control
 
 STORED = Path(__file__).with_name("proof.json")
 
@@ -53,15 +53,18 @@ class Proof:
         return self.finite == self.any == self.open == 0
 
 
-def stored_as(estimator: Estimator, precision: CPrecision, control: PID | None = None) -> str:
+def stored_as(estimator: Estimator, precision: CPrecision, control: Control | None = None) -> str:
     """Return what the proof of a kind is stored under, or that of a controller with it."""
-    law = "" if control is None else f"{control.type} of the {control.feedback}, "
-    law += "feed-forward, " if control is not None and control.feed_forward else ""
+    law = ""
+    if control is not None:
+        law = "lqg" if control.type == "lqg" else "pid"
+        law += f" of the {control.feedback or 'estimate'}, "
+        law += "feed-forward, " if control.feed_forward else ""
     return f"{law}{cost.made_of(estimator)}, {precision}"
 
 
 def recorded(
-    estimator: Estimator, precision: CPrecision, control: PID | None = None, *, editable: bool
+    estimator: Estimator, precision: CPrecision, control: Control | None = None, *, editable: bool
 ) -> Proof | None:
     """Return what is stored of an estimator's kind; None where that was not tried."""
     if not estimator.engine.built_in or editable:

@@ -65,13 +65,13 @@ def _of_axis(estimator: Estimator, settling: int) -> Iterator[Scene]:
 def _flight(estimator: Estimator, sign: float) -> Scene:
     """Hover, then a step of half the expert's reach."""
     from ambkit.simulation.run import simulate
-    from ambkit.simulation.scenario import PID, Scenario
+    from ambkit.simulation.scenario import Control, Scenario
     from ambkit.simulation.waveforms import Step
 
     bearing = estimator.bearing
     T = bearing.sampling_time
     reference = Step(amplitude=sign * bearing.rotor.travel_limit / 4, time=20 * T)
-    controller = PID.for_bearing(bearing)
+    controller = Control.for_bearing(bearing)
     scenario = Scenario(duration=(FLIGHT - 1) * T, reference=reference, controller=controller)
     record = simulate(bearing, scenario)
     name = "a step up" if sign > 0 else "a step down"

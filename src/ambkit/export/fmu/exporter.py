@@ -21,8 +21,8 @@ from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Bearing, Machine
-from ambkit.simulation.control import Controller, needs_states
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.control import Controller
+from ambkit.simulation.scenario import Control, Scenario
 
 if TYPE_CHECKING:
     from ambkit.estimate.filter_file import FilterFile
@@ -226,11 +226,11 @@ def _whole(estimator: Estimator, scenario: Scenario) -> _Parts:
     )
 
 
-def _called(controller: PID) -> str:
+def _called(controller: Control) -> str:
     """Return what a controller is, in words."""
     if controller.type == "lqg":
         return "linear-quadratic regulator"
-    return "PID controller" + (" with feed-forward" if needs_states(controller) else "")
+    return "PID controller" + (" with feed-forward" if controller.needs_estimate else "")
 
 
 class _Content(NamedTuple):

@@ -12,7 +12,7 @@ from ambkit.export.c import control, data
 from ambkit.export.c.data import CPrecision, Name
 from ambkit.machine.hovering import hover_current
 from ambkit.machine.magnets import magnet_of
-from ambkit.simulation.control import Controller, lies_at, needs_states
+from ambkit.simulation.control import Controller, lies_at
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -36,7 +36,7 @@ class Flown(NamedTuple):
 
 def is_whole(scenario: Scenario) -> bool:
     """Say whether a scenario is flown by more than a PID."""
-    return scenario.sequence is not None or needs_states(scenario.controller)
+    return scenario.sequence is not None or scenario.controller.needs_estimate
 
 
 def flown(estimator: Estimator, scenario: Scenario) -> Flown:

@@ -57,7 +57,7 @@ def export_ssp(
             for element, kind in kinds.items()
         }
         content = {f"resources/{one.path.name}": one.path.read_bytes() for one in made.values()}
-    estimate = what.controller.feedback == "estimate"
+    estimate = what.feedback != "measurement"
     wires = _two() if whole else _three(made["controller"], estimate=estimate)
     content["SystemStructure.ssd"] = description(bearing.name, wires).encode()
     archive.write(Path(out), content)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.export.fmu.flown import Flown
     from ambkit.machine.machine import Bearing, Machine
-    from ambkit.simulation.scenario import PID
+    from ambkit.simulation.scenario import PID, Control
 
 Kind = Literal["estimator", "plant", "closed-loop", "controller", "whole-controller"]
 Role = Literal["time", "fixed", "tunable", "input", "output", "local"]
@@ -323,7 +323,7 @@ def of_regulator(estimator: Estimator, current: float, integral: float) -> tuple
     )  # fmt: skip
 
 
-def of_controller(bearing: Bearing, controller: PID) -> tuple[Variable, ...]:
+def of_controller(bearing: Bearing, controller: Control) -> tuple[Variable, ...]:
     """Return the variables of a PID."""
     fed = "estimated displacement" if controller.feedback == "estimate" else "measured position"
     return (

@@ -174,7 +174,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
                     times=tuple(t.tolist()), values=tuple(mean.tolist())
                 )
         flight = Scenario.model_construct(
-            duration=duration, seed=1000 * seed + run, feedback="estimate", control=control,
+            duration=duration, seed=1000 * seed + run, controller=control.fed_by("estimate"),
             reference=tuple(Reference.model_construct(axis=name, position=of.reference)
                             for name, of in zip(names, each, strict=True)),
             disturbance=tuple(Disturbance.model_construct(axis=name, force=load)
@@ -363,7 +363,7 @@ def _scenario(
         duration=duration * own_time(bearing),
         reference=reference or Constant(value=0.0),
         disturbance=disturbance or Constant(value=0.0),
-        controller=PID.textbook(bearing),  # a lively loop, which takes the rotor far out
+        controller=Control.textbook(bearing),  # a lively loop, which takes the rotor far out
     )
 
 

@@ -21,7 +21,7 @@ from ambkit.machine.magnets import own_time
 from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import Run, simulate_run
-from ambkit.simulation.scenario import PID, Disturbance, Reference, Scenario
+from ambkit.simulation.scenario import PID, Control, Disturbance, Reference, Scenario, as_control
 from ambkit.simulation.waveforms import Sine
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ class Flight:
             machine, k = self.bearing, self.at
             names = [each.name for each in machine.axes]
             flight = Scenario(
-                duration=duration, seed=self.seed, feedback=feedback,
+                duration=duration, seed=self.seed, controller=Control(feedback=feedback),
                 reference=(Reference(axis=names[k], position=reference),),
                 disturbance=(Disturbance(axis=names[k], force=disturbance),),
             )  # fmt: skip
@@ -171,7 +171,7 @@ class Flight:
         pid = self.controller or PID.for_bearing(axis)
         scenario = Scenario(
             duration=duration, seed=self.seed, reference=reference, disturbance=disturbance,
-            controller=pid.model_copy(update={"feedback": feedback}),
+            controller=as_control(pid).fed_by(feedback),
         )  # fmt: skip
         imposed = Imposed(channel.force, faults=channel.faults, place=channel.place)
         return simulate_run(axis, scenario, estimator=estimator, imposed=imposed)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -26,7 +25,6 @@ from ambkit.machine.placed import Unbalance
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.model import Array
-from ambkit.simulation.control import needs_states
 from ambkit.simulation.controllers import Controllers, controllers_of, pids_of
 from ambkit.simulation.default_control import (
     default_control,
@@ -38,7 +36,7 @@ from ambkit.simulation.linear.control import compensator, controllers, fed
 from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.linear.settled import estimator_at, tells
 from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import PID, Control
+from ambkit.simulation.scenario import PID, Control, as_control
 
 ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
 """Zones of ISO 14839-3, and the peaks of abs(S) below which they are; D is beyond."""
@@ -91,7 +89,7 @@ class LoopOf:
     def __init__(
         self,
         bearing: Machine,
-        controller: PID | Sequence[PID] | Control | None = None,
+        controller: PID | None = None,
         x: float = 0.0,
         load: Any = None,
         *,
@@ -100,13 +98,7 @@ class LoopOf:
     ) -> None:
         self.machine = bearing.long
         self.alone = alone_of(self.machine)
-        if controller is None and self.machine.single:
-            controller = PID()  # until one search tunes the gains of all machines
-        self.control = controller if isinstance(controller, Control) else Control()
-        self._given = None if isinstance(controller, Control) else controller
-        if self._given is not None:
-            regulated = any(pid.type == "lqg" for pid in self._stated())
-            self.control = Control(type="lqg" if regulated else "decentralised")
+        self.control = Control() if controller is None else as_control(controller)
         self._flown = flown
         self.axes = tuple(axis.name or "x" for axis in self.machine.axes)
         self.point = point or WorkPoint.of_machine(self.machine, load, x)
@@ -138,14 +130,7 @@ class LoopOf:
     @property
     def needs_estimate(self) -> bool:
         """Whether the controllers cannot be fed by the measurement."""
-        return self.control.needs_estimate or any(map(needs_states, self._stated()))
-
-    def _stated(self) -> list[PID]:
-        """Return the PIDs that were given, of each axis; none where a `Control` was."""
-        given = self._given
-        if given is None:
-            return []
-        return list(given) if isinstance(given, Sequence) else [given] * len(self.alone)
+        return self.control.needs_estimate
 
     def control_for(self, estimator: Any) -> Control:
         """Return how the machine is controlled, the default for what feeds it where not given."""
@@ -160,19 +145,14 @@ class LoopOf:
     def fed_by(self, estimator: Any) -> list[PID]:
         """Return the PIDs of the axes as an estimator feeds them or, None, the measurement."""
         feedback: Literal["measurement", "estimate"] = "estimate" if estimator else "measurement"
-        if self._given is None:
-            found = pids_of(self.machine, self.control_for(estimator), feedback)
-        else:
-            found = [p.completed(b) for p, b in zip(self._stated(), self.alone, strict=True)]
-        return [one.model_copy(update={"feedback": feedback}) for one in found]
+        return pids_of(self.machine, self.control_for(estimator), feedback)
 
     def flown_by(self, estimator: Estimator | None, fastest: float | None = None) -> Controllers:
         """Return the controllers as they fly, fed by an estimator or the measurement."""
         if self._flown is not None:
             return self._flown
         control = self.control_for(estimator)
-        pids = self.fed_by(estimator) if control.type == "decentralised" else None
-        return controllers_of(Plant(self.machine), control, estimator, pids, fastest)
+        return controllers_of(Plant(self.machine), control, estimator, fastest=fastest)
 
     def plain(self, estimator: Estimator | None) -> str | None:
         """Return a sentence where unbalance control is plain control at the machine's speed."""
@@ -187,10 +167,11 @@ class LoopOf:
     def pids(self, estimator: Estimator | None = None) -> dict[str, PID]:
         """Return the PIDs by what each is of: an axis, or a coordinate of the rotor."""
         # None of a regulator.
-        if self._given is not None:
-            return dict(zip(self.axes, self.fed_by(estimator), strict=True))
-        if self.control_for(estimator).type == "lqg":
+        control = self.control_for(estimator)
+        if control.type == "lqg":
             return {}
+        if control.type == "decentralised":
+            return dict(zip(self.axes, self.fed_by(estimator), strict=True))
         found = self.flown_by(estimator)
         return {
             name or "x": PID(

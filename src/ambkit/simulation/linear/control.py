@@ -36,8 +36,6 @@ class _Gains(Protocol):
     def derivative_filter(self) -> float: ...
     @property
     def setpoint_weight(self) -> float: ...
-    @property
-    def feedback(self) -> str: ...
 
 
 class _Flown(Protocol):
@@ -67,10 +65,10 @@ class Gains(NamedTuple):
     setpoint_weight: float
 
 
-def controller(pid: _Gains, bearing: Bearing) -> LinearSystem:
+def controller(pid: _Gains, bearing: Bearing, *, measured: bool) -> LinearSystem:
     """Return the controller as ``core/src/controller.c`` computes it, within its limits."""
     gains = Gains(pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.setpoint_weight)
-    found = _pid(gains, bearing.sampling_time, pid.feedback == "measurement")
+    found = _pid(gains, bearing.sampling_time, measured)
     volts = 1 / bearing.amplifier.gain
     return replace(found, C=volts * found.C, D=volts * found.D, outputs=(Signal("u", "V"),))
 

@@ -89,14 +89,8 @@ def _of_what(read: Read, plant: Any) -> Iterator[Problem]:
         yield "machine", "give either a bearing or a machine"
     if plant is None:
         return
-    of_one: dict[str, Any] = {"controllers": {}}
-    of_several: dict[str, Any] = {"controls": {}, "synchronous": ()}
-    one = plant.single
-    right, wrong = (of_one, of_several) if one else (of_several, of_one)
-    for name, usual in wrong.items():
-        if read(name) != usual:
-            said, has = ("several axes", "one axis") if one else ("one axis", "several axes")
-            yield name, f"is of {said}; a machine with {has} takes {', '.join(right)}"
+    if plant.single and read("synchronous") != ():
+        yield "synchronous", "is of several axes; this machine has one"
 
 
 def key_of(varied: Varied, plant: Any, run: Any, estimator: Any) -> Key:
@@ -230,7 +224,7 @@ def _choices(
     if not isinstance(varied, Choice) or key.unit:
         return
     several = not plant.single
-    controllers = read("controls" if several else "controllers")
+    controllers = read("controllers")
     for at, value in enumerate(varied.values):
         there = f"{here}.values.{at}"
         if not isinstance(value, str):

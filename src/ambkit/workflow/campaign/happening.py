@@ -13,7 +13,7 @@ from ambkit.simulation.controllers import TYPES, Controllers, controllers_of
 from ambkit.simulation.default_control import is_default, settled_scenario
 from ambkit.simulation.many import Planned
 from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import PID, Control, Scenario
+from ambkit.simulation.scenario import Control, Scenario
 from ambkit.workflow.campaign.checks import completed
 
 if TYPE_CHECKING:
@@ -30,30 +30,27 @@ _IN_AMPERES = ("fed_back", "fed_back_by_speed", "fed_back_by_square")
 class OfOne:
     """Scenarios of a machine with one axis, whose controller is a PID."""
 
-    controller = "controller"
-
     def __init__(self, nominal: Bearing, study: Study) -> None:
         self.nominal, self.study = nominal, study
 
     def settled(self, *, unfed: bool, chosen: bool) -> Scenario:
         """Return the run with controllers tuned to the nominal machine."""
         run: Scenario = completed(self.study.scenario, self.nominal)
-        update: dict[str, Any] = {"seed": self.study.seed}
-        if unfed and self.study.scenario.fed_by is None:
-            fed = run.controller.model_copy(update={"feedback": "measurement"})
-            update["controller"] = fed
-        return run.model_copy(update=update)
+        if unfed and self.study.scenario.feedback is None:
+            run = run.fed("measurement")
+        return run.model_copy(update={"seed": self.study.seed})
 
-    def controllers(self, run: Scenario) -> dict[str, PID]:
+    def controllers(self, run: Scenario) -> dict[str, Control]:
         """Return the controllers to choose from."""
-        fed = {"feedback": run.controller.feedback}
-        textbook = PID.textbook(self.nominal).model_copy(update=fed)
-        found = {"tuned": run.controller, "textbook": textbook}
-        for name, pid in self.study.controllers.items():
-            whole = pid.completed(self.nominal)
-            said = "feedback" in pid.model_fields_set
-            found[name] = whole if said else whole.model_copy(update=fed)
-        return found
+        fed_by = run.feedback or "estimate"
+        usual = {
+            "tuned": run.controller,
+            "textbook": Control.textbook(self.nominal).fed_by(fed_by),
+        }
+        return usual | {
+            name: each.completed(self.nominal).fed_by(each.feedback or fed_by)
+            for name, each in self.study.controllers.items()
+        }
 
     def planned(
         self, plant: Bearing, run: Scenario, estimator: Estimator | None, noise: int
@@ -73,8 +70,6 @@ class OfOne:
 class OfSeveral:
     """Scenarios of a machine with several axes."""
 
-    controller = "control"
-
     def __init__(self, nominal: Machine, study: Study) -> None:
         self.nominal, self.study = nominal, study
 
@@ -82,15 +77,16 @@ class OfSeveral:
         """Return the run with controllers made for the nominal machine."""
         run = self.study.scenario.model_copy(update={"seed": self.study.seed})
         if unfed and run.feedback is None:
-            run = run.model_copy(update={"feedback": "measurement"})
-        if chosen and is_default(run.control):
-            run = run.model_copy(update={"control": Control(type="decentralised")})
+            run = run.fed("measurement")
+        if chosen and is_default(run.controller):
+            plain = run.controller.model_copy(update={"type": "decentralised"})
+            run = run.model_copy(update={"controller": plain})
         return settled_scenario(self.nominal, run)
 
     def controllers(self, run: Scenario) -> dict[str, Control]:
         """Return the ways to control that there are to choose from."""
-        usual = (*(Control.model_validate({"type": name}) for name in TYPES), run.control)
-        return {str(each.type): each for each in usual} | self.study.controls
+        usual = (*(Control.model_validate({"type": name}) for name in TYPES), run.controller)
+        return {str(each.type): each for each in usual} | self.study.controllers
 
     def planned(
         self, plant: Machine, run: Scenario, estimator: Estimator | None, noise: int
@@ -114,10 +110,10 @@ class OfSeveral:
         return {}
 
     def _made(self, run: Scenario, estimator: Estimator | None) -> Controllers:
-        key = id(estimator), run.feedback, run.control.model_dump_json()
+        key = id(estimator), run.feedback, run.controller.model_dump_json()
         if key not in self._known:
             fed = estimator if run.feedback == "estimate" else None
-            self._known[key] = controllers_of(Plant(self.nominal), run.control, fed)
+            self._known[key] = controllers_of(Plant(self.nominal), run.controller, fed)
         return self._known[key]
 
 

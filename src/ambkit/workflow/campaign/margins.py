@@ -21,7 +21,6 @@ from ambkit.estimate.batch import processors
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.rotors.whirl import end_of_range
-from ambkit.simulation.control import needs_states
 from ambkit.simulation.linear.control import compensator, controller
 from ambkit.simulation.linear.pieces import WorkPoint, alike, plants
 from ambkit.simulation.linear.settled import estimator_at, estimators_at, tells
@@ -54,7 +53,7 @@ def peaks(runs: Sequence[Planned], threads: int | None = None) -> Array:
     groups: dict[Any, list[int]] = {}
     alone: list[int] = []
     for at, run in enumerate(runs):
-        if not run.bearing.single or needs_states(run.scenario.controller):
+        if not run.bearing.single or run.scenario.controller.needs_estimate:
             alone.append(at)
             continue
         try:
@@ -83,10 +82,7 @@ def peak_of(run: Planned) -> float:
     if fed is not None and not tells(fed):
         return math.nan
     try:
-        if run.bearing.single:
-            of = LoopOf(run.bearing, run.scenario.controller)
-        else:
-            of = LoopOf(run.bearing, run.scenario.control, flown=run.controllers)
+        of = LoopOf(run.bearing, run.scenario.controller, flown=run.controllers)
         loop = of.loop(fed)
     except AmbkitError:  # nothing holds the rotor
         return math.inf
@@ -124,8 +120,7 @@ def _highest(runs: Sequence[Planned], points: Sequence[WorkPoint]) -> Array:
 
 def _fed(run: Planned) -> Estimator | None:
     """Return the estimator that feeds the controllers."""
-    by = run.scenario.controller if run.bearing.single else run.scenario
-    return run.estimator if by.feedback == "estimate" else None
+    return run.estimator if run.scenario.feedback == "estimate" else None
 
 
 def _poles(runs: Sequence[Planned], points: Sequence[WorkPoint]) -> tuple[Complex, Complex]:
@@ -138,10 +133,7 @@ def _poles(runs: Sequence[Planned], points: Sequence[WorkPoint]) -> tuple[Comple
     for bearing, pid in zip(bearings, (run.scenario.controller for run in runs), strict=True):
         key = id(pid), bearing.amplifier.gain, bearing.sampling_time
         if key not in made:
-            measured = pid if fed or pid.feedback == "measurement" else (
-                pid.model_copy(update={"feedback": "measurement"})
-            )  # fmt: skip
-            made[key] = controller(measured, bearing)
+            made[key] = controller(pid, bearing, measured=fed is None)
         each.append(made[key])
     A, B, C, D = (np.array([getattr(one, name) for one in each]) for name in "ABCD")
     gains = np.array([1 / bearing.sensor.gain for bearing in bearings])[:, None, None]

@@ -22,7 +22,7 @@ from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.machine.bearing import FILES
 from ambkit.machine.loading import load_machine
 from ambkit.simulation.many import Planned
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import Control
 from ambkit.workflow.campaign import sampling
 from ambkit.workflow.campaign.checks import key_of
 from ambkit.workflow.campaign.happening import happening
@@ -243,7 +243,7 @@ class Plan:
             values, run = dict(told), self.scenario
             chosen = values.pop("controller", None)
             if chosen is not None:
-                run = run.model_copy(update={self._run.controller: self.controllers[str(chosen)]})
+                run = run.model_copy(update={"controller": self.controllers[str(chosen)]})
             of_run = {name.removeprefix(OF_RUN): each for name, each in values.items()}
             return changed(run, nested(of_run))
 
@@ -277,7 +277,7 @@ class Plan:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
 
-    def with_design(self, estimator: Estimator, controller: PID | None) -> Plan:
+    def with_design(self, estimator: Estimator, controller: Control | None) -> Plan:
         """Return the plan with another filter, and another controller if one is given."""
         made: dict[str, Any] = {"estimators": {self.study.estimator: estimator}}
         if controller is not None:
@@ -291,7 +291,7 @@ class Plan:
         axes = tuple(axis.name for axis in self.nominal.axes)
         if wrong := list(self.scenario.wrong_for(axes, body=self.several)):
             raise AmbkitError(f"{self.study.name}: scenario.{'; scenario.'.join(wrong)}")
-        if "none" in self.estimators and self.scenario.fed_by == "estimate":
+        if "none" in self.estimators and self.scenario.feedback == "estimate":
             raise AmbkitError(
                 f"{self.study.name}: the controller is fed by the estimate, so the estimator "
                 'cannot be none; say feedback = "measurement"'

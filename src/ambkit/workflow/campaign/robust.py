@@ -24,7 +24,7 @@ from ambkit.judge.loop.loop_of import ZONE_A
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.stated import Section
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.scenario import Control, Scenario
 from ambkit.workflow.campaign.compute import fly
 from ambkit.workflow.campaign.plan import Plan
 from ambkit.workflow.campaign.study import Study, load
@@ -84,7 +84,7 @@ class Robust(Result):
     tried: tuple[Tried, ...]  #: All of it, in its order; the first is as it was without tuning.
     taken: int  #: Which was taken: the one with the least error among those that are allowed.
     estimator: Estimator  #: Its filter, which knows the nominal bearing.
-    controller: PID | None  #: Its controller; several axes have those of the scenario.
+    controller: Control | None  #: Its controller; several axes have those of the scenario.
 
     @cached_property
     def adequacy(self) -> list[Finding]:
@@ -353,7 +353,7 @@ class _Task:
 
         return train(self.plan.nominal, rules=(rules, rules))
 
-    def design(self, values: Mapping[str, float]) -> tuple[Estimator, PID | None]:
+    def design(self, values: Mapping[str, float]) -> tuple[Estimator, Control | None]:
         """Return filter and controller with values; no controller of a machine."""
         magnet = self._magnets(int(values.get(RULES, 5)))
         of_filter = {

@@ -35,13 +35,14 @@ from pydantic import (
     PlainSerializer,
     SerializationInfo,
     ValidationInfo,
+    model_validator,
 )
 
 from ambkit.base.config import Document, Read
 from ambkit.base.config.paths import from_folder, to_folder
 from ambkit.base.config.texts import Description, Name
 from ambkit.base.errors import AmbkitError
-from ambkit.simulation.scenario import PID, Control, Scenario
+from ambkit.simulation.scenario import Control, Scenario
 from ambkit.workflow.campaign.parts import Correlated, Passes, Recorded, Stop
 from ambkit.workflow.campaign.varied import Vary
 
@@ -117,10 +118,8 @@ class Study(Document):
     """Runs that are computed and written together."""
     scenario: Scenario = Scenario()
     """What happens in a run."""
-    controllers: dict[Name, PID] = Field(default_factory=dict)
-    """Controllers of one axis to choose from, by names; what is not said of one is tuned."""
-    controls: dict[Name, Control] = Field(default_factory=dict)
-    """Ways to control several axes to choose from, by names."""
+    controllers: dict[Name, Control] = Field(default_factory=dict)
+    """Controllers to choose from, by names; what is not said of one is tuned."""
     vary: tuple[Vary, ...] = ()
     """What varies from run to run."""
     correlation: tuple[Correlated, ...] = ()
@@ -131,6 +130,14 @@ class Study(Document):
     """Which machines are good."""
     stop: Stop | None = None
     """When fewer runs are enough."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_on(cls, data: Any) -> Any:
+        """Read the key of earlier releases, ``controls``."""
+        if not isinstance(data, dict) or "controls" not in data:
+            return data
+        return {("controllers" if key == "controls" else key): data[key] for key in data}
 
     @property
     def nominal(self) -> str:

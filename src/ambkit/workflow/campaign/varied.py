@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import (
+    BeforeValidator,
     Field,
     PlainSerializer,
     PlainValidator,
@@ -139,10 +140,18 @@ class OneOf(Marginal):
         return np.round(u * (len(self.values) - 1))
 
 
+def _key_now(given: Any) -> Any:
+    """Read a key of earlier releases: scenario.control and scenario.feedback."""
+    if not isinstance(given, str):
+        return given
+    now = given.replace("scenario.control.", "scenario.controller.")
+    return "scenario.controller.feedback" if now == "scenario.feedback" else now
+
+
 class Varied(Part):
     """Something that varies."""
 
-    what: Line
+    what: Annotated[Line, BeforeValidator(_key_now)]
     """Key of the bearing, such as magnet.air_gap, or of the run, such as
     scenario.disturbance.amplitude."""
     levels: Annotated[int, Field(ge=2, le=100_000, strict=True)] | None = None

@@ -14,7 +14,7 @@ from ambkit.result.report.blocks import Chapter, FigureBlock, Text
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Rule
 from ambkit.simulation.run import Run
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import Control
 from ambkit.workflow.reproduction.study import (
     POSITION,
     SEEDS,
@@ -43,7 +43,7 @@ def adaptive(study: Study) -> Part:
         lambda seed: _figures(study, seed, "estimate linear")
     )
     (over_default,) = study.over_seeds(lambda seed: (_calm_overshoot(study, seed),))
-    calm = PID.for_bearing(study.bearing)
+    calm = Control.for_bearing(study.bearing)
     noise = 1e6 * float(np.sqrt(study.bearing.sensor.noise_variance))
     return Part(
         Chapter(
@@ -109,7 +109,7 @@ def _figures(study: Study, seed: int, name: str) -> tuple[float, float, float, f
 def _calm_overshoot(study: Study, seed: int) -> float:
     """Overshoot with the linear filter and the default controller [%]."""
     asked = study.scenario(STEP, seed=seed)
-    calm = asked.model_copy(update={"controller": PID.for_bearing(study.bearing)})
+    calm = asked.model_copy(update={"controller": Control.for_bearing(study.bearing)})
     return 100 * float(study.run(calm).record["x"].max() / STEP - 1)
 
 

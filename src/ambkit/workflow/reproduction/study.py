@@ -22,7 +22,7 @@ from ambkit.result.report.blocks import Chapter
 from ambkit.result.report.items import Axis
 from ambkit.result.report.summary import SummaryRow
 from ambkit.simulation.run import Run, simulate_run
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.scenario import Control, Scenario
 from ambkit.simulation.waveforms import Constant, Step
 
 SEEDS = 20
@@ -34,7 +34,7 @@ STEP_TIME, LOAD_TIME, DURATION = 0.05, 0.25, 0.5  # s; the paper gives none of t
 DISTURBANCE = 100.0  # N^2/s
 
 # A textbook PID, as the paper gives none: all of the reference goes to kp.
-CONTROLLER = PID(
+CONTROLLER = Control(
     kp=3000.0, ki=20000.0, kd=12.0, derivative_filter=0.2e-3, anti_windup=25e-3,
     setpoint_weight=1.0, feedback="estimate",
 )  # fmt: skip
