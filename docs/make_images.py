@@ -6,14 +6,14 @@ They are committed, so that they show without a build.
 from io import BytesIO
 from pathlib import Path
 
+from paper.gain import LOAD, STEPS
+from paper.study import POSITION, TIME, Study
 from PIL import Image
 
 import ambkit
 from ambkit.result.report import static
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Line
-from ambkit.workflow.reproduction.gain import LOAD, STEPS
-from ambkit.workflow.reproduction.study import POSITION, TIME, Study
 
 FOLDER = Path(__file__).parent / "images"
 FORCE = Axis(r"disturbance force $F_\mathrm{St}$", "N", limits=(-1.2, 4.2))

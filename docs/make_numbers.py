@@ -18,6 +18,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from paper import adaline, chain, expert, gain, recording
+from paper.study import Study
 from scipy.stats import chi2, ttest_rel
 
 import ambkit
@@ -32,8 +34,6 @@ from ambkit.judge.comparison.cases import CASES, Trial, trials, walk_case
 from ambkit.judge.comparison.contenders import contenders
 from ambkit.machine.magnets import own_time
 from ambkit.result.report.summary import ours, runs
-from ambkit.workflow.reproduction import adaline, chain, expert, gain, recording
-from ambkit.workflow.reproduction.study import Study
 
 DOCS = Path(__file__).parent
 BEARING = ambkit.Bearing.preset("zittau_axial")

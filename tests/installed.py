@@ -97,6 +97,11 @@ def main() -> None:
         Path("script.py").write_text(SCRIPT, encoding="utf-8")
         python("script.py")
         python("-c", "from ambkit.data.recordings import *")
+        python(
+            "-c",
+            "from ambkit.workflow.reproduction import _find_chapters as f; f(); "
+            "from paper import study, recording",
+        )
         for made in ("run.png", "run.html", "est.csv", "found.toml", "filter.fmu"):
             assert Path(made).stat().st_size > 0, made
         os.chdir(HERE)

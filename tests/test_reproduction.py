@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from paper.study import Study
 
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import paper
 from ambkit.result.report.summary import number
 from ambkit.workflow.reproduction import reproduce
-from ambkit.workflow.reproduction.study import Study
 
 README = Path(__file__).parents[1] / "README.md"
 SHARED = Path(__file__).parents[2] / "shared" / "reference"

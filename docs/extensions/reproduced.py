@@ -14,6 +14,7 @@ from pathlib import Path
 
 from docutils import nodes
 from docutils.statemachine import StringList
+from paper.study import Part, Study
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -21,7 +22,6 @@ from ambkit.result.report import static
 from ambkit.result.report.blocks import FigureBlock, TableBlock
 from ambkit.result.report.figure import Figure
 from ambkit.result.report.summary import SummaryRow, number, ours, runs, verdict_of
-from ambkit.workflow.reproduction.study import Part, Study
 
 FOLDER = "_build/figures"
 PAPER = Path(__file__).parent.parent / "paper"
@@ -35,7 +35,7 @@ def _study() -> Study:
 @cache
 def _chapter(name: str) -> Part:
     """Compute a chapter of the reproduction; module and function have its name."""
-    part: Part = getattr(import_module(f"ambkit.workflow.reproduction.{name}"), name)(_study())
+    part: Part = getattr(import_module(f"paper.{name}"), name)(_study())
     return part
 
 

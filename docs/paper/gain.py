@@ -13,7 +13,7 @@ from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, TableBlock
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Bars, Line
 from ambkit.result.report.style import style_of
-from ambkit.workflow.reproduction.study import (
+from paper.study import (
     LOAD_TIME,
     SEEDS,
     STEP_TIME,

@@ -17,7 +17,7 @@ from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Remark, 
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Line
 from ambkit.simulation.run import simulate
-from ambkit.workflow.reproduction.study import (
+from paper.study import (
     SEEDS,
     STEP_TIME,
     TIME_MS,

@@ -12,8 +12,8 @@ from ambkit.fuzzy.expert import Expert
 from ambkit.machine import paper
 from ambkit.result.report.blocks import Chapter, TableBlock, Text
 from ambkit.simulation.run import simulate_run
-from ambkit.workflow.reproduction.sampling import fast_sensor, lead
-from ambkit.workflow.reproduction.study import SEEDS, STEP_TIME, Part, Study, mean_row, row
+from paper.sampling import fast_sensor, lead
+from paper.study import SEEDS, STEP_TIME, Part, Study, mean_row, row
 
 Array = NDArray[np.float64]
 

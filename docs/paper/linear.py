@@ -9,7 +9,7 @@ from ambkit.judge.comparison import rmse
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Line
-from ambkit.workflow.reproduction.study import (
+from paper.study import (
     POSITION,
     SEEDS,
     TIME,

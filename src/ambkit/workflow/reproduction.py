@@ -1,20 +1,29 @@
-"""The paper, reproduced: one module a chapter, in the order of the report."""
+"""The paper, reproduced. Its chapters stand beside the pages that show them, in docs/paper."""
 
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ambkit.base import files
+from ambkit.base import files, installed
 from ambkit.base.progress import shown_in_notebooks
 
 if TYPE_CHECKING:
+    from paper.study import Part, Study
+
     from ambkit.result.report.blocks import Report
     from ambkit.result.report.summary import SummaryRow
-    from ambkit.workflow.reproduction.study import Part, Study
+
+CHAPTERS = (
+    "linear", "adaline", "lsm", "expert", "adaptive", "gain", "sampling", "chain", "errata",
+    "recording",
+)  # fmt: skip
+"""In the order of the report; each a module, and a function of its name."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +40,9 @@ def reproduce(
 ) -> Outcome:
     """Reproduce the paper's tables and figures, and judge them."""
     from ambkit.result.report.page import write_report
-    from ambkit.workflow.reproduction.study import Study
+
+    _find_chapters()
+    from paper.study import Study
 
     folder = Path(out)
     # Begun before the work: an unwritable place is told at once.
@@ -49,12 +60,20 @@ def reproduce(
     return Outcome(folder, rows)
 
 
+def _find_chapters() -> None:
+    """Let Python find the package of the chapters."""
+    docs = str(installed.folder("docs", "docs"))
+    if docs not in sys.path:
+        sys.path.insert(0, docs)
+
+
 def _report(study: Study, parts: list[Part], rows: list[SummaryRow], seed: int) -> Report:
     """Put the chapters together."""
     from importlib.metadata import version
 
+    from paper.study import SEEDS
+
     from ambkit.result.report.blocks import Report
-    from ambkit.workflow.reproduction.study import SEEDS
 
     return Report(
         title="Adaptive Kalman filter for active magnetic bearings",
@@ -79,20 +98,8 @@ def _report(study: Study, parts: list[Part], rows: list[SummaryRow], seed: int) 
 
 def _chapters(study: Study, progress: Callable[[str], None]) -> list[Part]:
     """Make the chapters, in the order of the report."""
-    from ambkit.workflow.reproduction.adaline import adaline
-    from ambkit.workflow.reproduction.adaptive import adaptive
-    from ambkit.workflow.reproduction.chain import chain
-    from ambkit.workflow.reproduction.errata import errata
-    from ambkit.workflow.reproduction.expert import expert
-    from ambkit.workflow.reproduction.gain import gain
-    from ambkit.workflow.reproduction.linear import linear
-    from ambkit.workflow.reproduction.lsm import lsm
-    from ambkit.workflow.reproduction.recording import recording
-    from ambkit.workflow.reproduction.sampling import sampling
-
     parts: list[Part] = []
-    chapters = (linear, adaline, lsm, expert, adaptive, gain, sampling, chain, errata, recording)
-    for chapter in chapters:
-        progress(f"chapter {len(parts) + 1} of {len(chapters)}: {chapter.__name__}")
-        parts.append(chapter(study))
+    for name in CHAPTERS:
+        progress(f"chapter {len(parts) + 1} of {len(CHAPTERS)}: {name}")
+        parts.append(getattr(import_module(f"paper.{name}"), name)(study))
     return parts

@@ -19,7 +19,7 @@ from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.run import Loop, Run, samples
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Sequence
-from ambkit.workflow.reproduction.study import (
+from paper.study import (
     CONTROLLER,
     POSITION,
     SEEDS,

@@ -12,8 +12,8 @@ from ambkit.machine.stiffness import stiffness_map
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, TableBlock, Text
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Heatmap
-from ambkit.workflow.reproduction.study import CURRENT, POSITION, SEEDS, Part, Study, agrees, row
-from ambkit.workflow.reproduction.tables import stiffness_csv
+from paper.study import CURRENT, POSITION, SEEDS, Part, Study, agrees, row
+from paper.tables import stiffness_csv
 
 Array = NDArray[np.float64]
 

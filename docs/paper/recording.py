@@ -28,8 +28,8 @@ from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, TableBlock
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Line, Points, Rule
 from ambkit.result.report.style import style_of
-from ambkit.workflow.reproduction.study import POSITION, TIME, Part, Study, row
 from ambkit.workflow.tuning import tune_disturbance
+from paper.study import POSITION, TIME, Part, Study, row
 
 WORK_GAP = 0.010  # m: the ball's distance from the magnet at x = 0
 FIT_RANGE = (0.004, 0.016)  # m: where one law fits the lift-off points

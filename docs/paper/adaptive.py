@@ -15,7 +15,7 @@ from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Rule
 from ambkit.simulation.run import Run
 from ambkit.simulation.scenario import Control
-from ambkit.workflow.reproduction.study import (
+from paper.study import (
     POSITION,
     SEEDS,
     STEP_TIME,

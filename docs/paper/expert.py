@@ -11,8 +11,8 @@ from ambkit.machine.stiffness import ForceFunction
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Heatmap, Line
-from ambkit.workflow.reproduction.study import CURRENT, POSITION, Part, Study, reached, row
-from ambkit.workflow.reproduction.tables import widths_csv
+from paper.study import CURRENT, POSITION, Part, Study, reached, row
+from paper.tables import widths_csv
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Text
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Line, Rule
 from ambkit.simulation.run import Run
-from ambkit.workflow.reproduction.study import SEEDS, TIME, Part, Study, mean_row, reached, row
+from paper.study import SEEDS, TIME, Part, Study, mean_row, reached, row
 
 Array = NDArray[np.float64]
 

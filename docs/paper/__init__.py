@@ -1,0 +1,1 @@
+"""The chapters of `ambkit reproduce`: one module a chapter, in the order of the report."""
