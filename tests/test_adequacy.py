@@ -55,6 +55,8 @@ WRONG: dict[str, tuple[Callable[[], Any], Any, str, bool]] = {
     "no process noise": (lambda: noisy(disturbance=0.0), None, "is followed to 63 %", True),
     "measurement noise 1e-4": (lambda: noisy(measurement=1e-4), None, "noise.measurement", True),
     "measurement noise 1e4": (lambda: noisy(measurement=1e4), None, "noise.measurement", True),
+    "control noise 1e4": (lambda: noisy(control=1e4), None, "noise.control", False),
+    "control noise 1e-4": (lambda: noisy(control=1e-4), None, "noise.control", False),
     "process noise of a machine 1e-4": (
         lambda: KalmanFilter(MLPS, noise=FilterNoise(disturbance=0.05)), None,
         "is followed to 63 %", True),
@@ -224,6 +226,15 @@ def test_an_export_is_refused_without_force(
         assert exit_of("export", words[0], str(tmp_path / "slow.toml"), *words[1:]) == 2
     assert exit_of("export", "c", "inteco_ml", "--filter", str(tmp_path / "slow.toml"),
                    "--out", str(out)) == 2  # fmt: skip
+
+
+def test_an_export_says_what_does_not_need_force(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    KalmanFilter(AXIS, gravity="disturbance").save(tmp_path / "weight.toml")
+    out = tmp_path / "c"
+    assert exit_of("export", "c", str(tmp_path / "weight.toml"), "--out", str(out)) == 0
+    assert "is part of the estimated disturbance force" in capsys.readouterr().err
 
 
 def test_check_and_simulate_say_the_same(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import math
 import pickle
 from collections.abc import Sequence
@@ -51,13 +52,16 @@ def require_adequate(
     *,
     force: bool,
 ) -> list[str]:
-    """Refuse to export what must not fly; with `force` return why."""
-    fatal = sentences([e for e in judge_adequacy(estimator, plant, happening) if e.fatal])
+    """Refuse to export what must not fly; with `force` return why. What else is wrong is noted."""
+    found = judge_adequacy(estimator, plant, happening)
+    fatal = sentences([each for each in found if each.fatal])
     if fatal and not force:
         raise AmbkitError(
             f"this filter must not fly: {'; '.join(fatal)}. --force, in Python force=True, exports "
             "it all the same"
         )
+    for text in sentences(found):
+        logging.getLogger("ambkit").warning(text)
     return fatal
 
 

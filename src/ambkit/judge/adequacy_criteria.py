@@ -199,6 +199,7 @@ def noise(estimator: Estimator, plant: Machine) -> Iterator[Finding]:
     usual = _usual(plant)
     for name, unit, what, of in (
         ("measurement", "m^2", "measurement noise", "the sensor's"),
+        ("control", "V^2", "control noise", "the amplifier's"),
         ("disturbance", "N^2/s", "process noise intensity", "the usual (2 m g)^2/s"),
     ):
         ours, theirs = (np.atleast_1d(getattr(v, name)) for v in (estimator.variances, usual))
