@@ -57,6 +57,10 @@ WRONG: dict[str, tuple[Callable[[], Any], Any, str, bool]] = {
     "measurement noise 1e4": (lambda: noisy(measurement=1e4), None, "noise.measurement", True),
     "control noise 1e4": (lambda: noisy(control=1e4), None, "noise.control", False),
     "control noise 1e-4": (lambda: noisy(control=1e-4), None, "noise.control", False),
+    "gate of a hundredth": (lambda: KalmanFilter(AXIS, gate=0.01), None, "gate of 0.01", True),
+    "gate of two": (lambda: KalmanFilter(AXIS, gate=2.0), None, "rejects 0.0455", False),
+    "eq. 19 as printed": (
+        lambda: KalmanFilter(AXIS, as_printed=True), None, "lead the rotor by", False),
     "process noise of a machine 1e-4": (
         lambda: KalmanFilter(MLPS, noise=FilterNoise(disturbance=0.05)), None,
         "is followed to 63 %", True),

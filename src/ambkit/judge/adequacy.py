@@ -79,7 +79,7 @@ def _static(
             _JUDGED.clear()
         found = [*criteria.identity(estimator, plant), *criteria.of_machine(plant)]
         if not any(each.name == "axes" for each in found):
-            found += criteria.noise(estimator, plant)
+            found += [*criteria.noise(estimator, plant), *criteria.settings(estimator, plant)]
             with one_thread():
                 found += criteria.of_filter(estimator, plant, control, given, fed_back)
         _JUDGED[key] = found

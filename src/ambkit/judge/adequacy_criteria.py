@@ -55,6 +55,9 @@ STIFFNESS_FACTOR = 2.0
 NOISE_FACTOR = 1e3
 """Factor in a noise intensity beyond what tuning may find."""
 
+GATES = (3.0, 1.0)
+"""Gate, in standard deviations, below which healthy measurements are lost, and too many of them."""
+
 STEPS = 50.0
 """Quantisation over the noise's deviation from which on an estimate in the loop gains little."""
 
@@ -213,6 +216,26 @@ def noise(estimator: Estimator, plant: Machine) -> Iterator[Finding]:
                 f"times {of}, {engineering(float(theirs[k]), unit, digits=3)}"
             )
         yield Finding(what, ratio, "1", NOISE_FACTOR, text, bool(text) and name == "measurement")
+
+
+def settings(estimator: Estimator, plant: Machine) -> Iterator[Finding]:
+    """Yield what a filter's settings make of healthy measurements."""
+    gate, text = float(estimator.options.get("gate", math.inf)), ""
+    lost = math.erfc(gate / math.sqrt(2))
+    if gate < GATES[0]:
+        text = (
+            f"a gate of {gate:.3g} standard deviations rejects {lost:.3g} of healthy measurements"
+        )
+    yield Finding("gate", gate, "1", GATES[0], text, gate < GATES[1])
+    if estimator.options.get("as_printed"):
+        T = plant.sampling_time
+        lag = max(reading.sensor.lag for reading in plant.long.readings)
+        early = (T / -math.expm1(-T / lag) if lag else T) - lag
+        text = (
+            f"as_printed takes eq. 19 as the paper prints it: estimates lead the rotor by "
+            f"{engineering(early, 's', digits=3)}"
+        )
+        yield Finding("lead of as_printed", early, "s", 0.0, text)
 
 
 def of_filter(
