@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
 
-from ambkit import ConstantStiffness, Machine, campbell
+from ambkit import AmbkitError, ConstantStiffness, Machine, campbell
 from ambkit.machine.bank import alone_of
 from ambkit.result.report import static
 from ambkit.simulation.scenario import PID
@@ -60,14 +60,15 @@ def test_the_axial_motion_is_neither_forward_nor_backward() -> None:
     along = found.poles[:, found.axial]
     assert np.ptp(along.imag) < 1e-6 * along.imag.mean()  # the speed does nothing to it
     assert len(found.critical) == 2
-    modes = found.to_dict()["modes"]
-    assert isinstance(modes, list)
+    modes = found.to_dict()["modes"].values()
     assert [mode["whirl"] for mode in modes] == found.whirl
+    assert [mode["at_rest"] for mode in modes] == list(found.poles[0].imag)
+    assert [mode["at_greatest_speed"] for mode in modes] == list(found.poles[-1].imag)
 
 
 def test_it_is_drawn() -> None:
     assert static.render(campbell(machine(), count=11).figure()).png[:4] == b"\x89PNG"
-    with pytest.raises(ValueError, match="fastest"):
+    with pytest.raises(AmbkitError, match="fastest"):
         campbell(machine(), -1.0)
-    with pytest.raises(ValueError, match="count"):
+    with pytest.raises(AmbkitError, match="count"):
         campbell(machine(), count=1)

@@ -66,17 +66,18 @@ def test_a_steady_sine_is_as_high_as_it_is() -> None:
 def test_without_unbalance_there_is_no_response() -> None:
     with pytest.raises(AmbkitError, match="no response"):
         ambkit.unbalance_response(machine())
-    with pytest.raises(ValueError, match="fastest"):
+    with pytest.raises(AmbkitError, match="fastest"):
         ambkit.unbalance_response(machine(unbalance=UNBALANCE), -1.0)
 
 
 def test_each_is_drawn(tmp_path: Path) -> None:
-    names = {each: tmp_path / f"{each}.png" for each in ("campbell", "modes", "unbalance")}
-    words = [word for name, path in names.items() for word in (f"--{name}", str(path))]
-    told = CliRunner().invoke(app, ["rotor", "ufu_flexible", "--fastest", "9000 rpm", *words])
-    assert told.exit_code == 0, told.output
-    assert "critical speeds" in told.output
-    assert all(path.read_bytes()[:4] == b"\x89PNG" for path in names.values())
+    for words in (["--fastest", "9000 rpm"], ["modes"], ["unbalance", "--fastest", "9000 rpm"]):
+        picture = tmp_path / f"{words[0]}.png"
+        command = ["rotor", *words, "ufu_flexible", "--plot", str(picture)]
+        told = CliRunner().invoke(app, command)
+        assert told.exit_code == 0, told.output
+        assert all(len(line) <= 80 for line in told.output.splitlines() if line.startswith(" "))
+        assert picture.read_bytes()[:4] == b"\x89PNG"
     picture = tmp_path / "waterfall.png"
     words = ["tum_mlps", "--duration", "0.2 s", "--estimator", "none", "--waterfall", str(picture)]
     assert CliRunner().invoke(app, ["simulate", *words]).exit_code == 0

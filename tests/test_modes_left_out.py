@@ -206,7 +206,7 @@ def test_check_and_rotor_print_the_comparison(call: Any, one_mode: Machine, tmp_
     assert "too near to 49" in found.out
     data = call("rotor", str(path), "--json").json
     assert data["modes_left_out"]["within"] is False
-    assert data["separation"][-1]["kept"] is False
+    assert list(data["critical_speeds"].values())[-1]["margin_kept"] is False
 
 
 def test_separation_margins() -> None:

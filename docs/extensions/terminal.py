@@ -73,7 +73,7 @@ class _InFolder(SphinxDirective):
 class Terminal(_InFolder):
     """``{terminal}``."""
 
-    option_spec = {"fails": directives.nonnegative_int}  # noqa: RUF012
+    option_spec = {"fails": directives.nonnegative_int}
 
     def run(self) -> list[nodes.Node]:
         """Run line by line."""

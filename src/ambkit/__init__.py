@@ -73,13 +73,15 @@ if TYPE_CHECKING:
     from ambkit.verbs.assess import assess_speed as assess_speed
     from ambkit.verbs.assess import assess_sweep as assess_sweep
     from ambkit.verbs.faults import inject_faults as inject_faults
+    from ambkit.verbs.rotor import campbell as campbell
+    from ambkit.verbs.rotor import mode_shapes as mode_shapes
+    from ambkit.verbs.rotor import unbalance_response as unbalance_response
     from ambkit.verbs.tune import tune as tune
     from ambkit.verbs.tune import tune_robust as tune_robust
     from ambkit.verbs.tune import tune_trade_off as tune_trade_off
     from ambkit.workflow.campaign.result import Campaign as Campaign
     from ambkit.workflow.campaign.running import campaign as campaign
     from ambkit.workflow.campaign.study import Study as Study
-    from ambkit.workflow.campbell import campbell as campbell
     from ambkit.workflow.comparison import compare as compare
     from ambkit.workflow.designing import design as design
     from ambkit.workflow.expert import train as train
@@ -87,11 +89,9 @@ if TYPE_CHECKING:
     from ambkit.workflow.harmonics import harmonics as harmonics
     from ambkit.workflow.identifying import identify as identify
     from ambkit.workflow.injecting import design_injection as design_injection
-    from ambkit.workflow.mode_shapes import mode_shapes as mode_shapes
     from ambkit.workflow.simulating import scenario_for as scenario_for
     from ambkit.workflow.simulating import simulate as simulate
     from ambkit.workflow.simulating import simulate_run as simulate_run
-    from ambkit.workflow.unbalance_response import unbalance_response as unbalance_response
     from ambkit.workflow.waterfall import waterfall as waterfall
 
     __version__: str
@@ -145,19 +145,17 @@ _HOME = {
     "workflow.comparison": ["compare"],
     "verbs.assess": ["assess", "assess_log", "assess_speed", "assess_sweep"],
     "verbs.faults": ["inject_faults"],
+    "verbs.rotor": ["campbell", "mode_shapes", "unbalance_response"],
     "verbs.tune": ["tune", "tune_robust", "tune_trade_off"],
     "workflow.campaign.result": ["Campaign"],
     "workflow.campaign.running": ["campaign"],
     "workflow.campaign.study": ["Study"],
-    "workflow.campbell": ["campbell"],
     "workflow.designing": ["design"],
     "workflow.expert": ["train"],
     "workflow.filtering": ["filter"],
     "workflow.harmonics": ["harmonics"],
     "workflow.identifying": ["identify"],
     "workflow.injecting": ["design_injection"],
-    "workflow.mode_shapes": ["mode_shapes"],
-    "workflow.unbalance_response": ["unbalance_response"],
     "workflow.waterfall": ["waterfall"],
     "workflow.simulating": ["scenario_for", "simulate", "simulate_run"],
 }
@@ -203,6 +201,7 @@ _BEHIND = {
     "show.plots.filters": {"filter_figure": "filter_figure"},
     "judge.evaluation": {"errors_along": "errors_along"},
     "workflow.separation": {"separations": "separations", "sentence": "separation"},
+    "workflow.reduction": {"reduction": "reduction"},
     "show.notebook.things": {
         "record": "data.record.Record",
         "estimate": "estimate.estimate.Estimate",

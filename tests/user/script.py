@@ -191,7 +191,7 @@ def whole_machine() -> None:
     assert_type(ambkit.waterfall(run.record, "s_A1", window=0.01).amplitude, Array)
     assert_type(ambkit.unbalance_response(machine, 500.0, count=3).amplitude, Array)
     bending = ambkit.mode_shapes(ambkit.Machine.preset("ufu_flexible"))
-    assert_type(bending.to_dict(), dict[str, object])
+    assert_type(bending.to_dict(), dict[str, Any])
 
 
 def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:

@@ -36,7 +36,6 @@ from ambkit.cli.pil import pil
 from ambkit.cli.presets import presets
 from ambkit.cli.read import read
 from ambkit.cli.reproduce import reproduce
-from ambkit.cli.rotor import rotor
 from ambkit.cli.simulate import simulate
 from ambkit.cli.train import train
 
@@ -61,7 +60,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "design": design,
     "assess": from_verbs.command("assess"),
     "faults": from_verbs.command("faults"),
-    "rotor": rotor,
+    "rotor": from_verbs.command("rotor"),
     "pil": pil,
     "presets": presets,
     "check": check,

@@ -36,6 +36,7 @@ FORMS = {
     "%": Form("1", lambda v: percent(v, 3)),
     "degC": Form("K", lambda v: f"{v - ZERO:.1f} °C" if math.isfinite(v) else "runs away"),
     "rpm": Form("rad/s", rpm),
+    "turns": Form("rad/s", lambda v: engineering(v / math.tau, "Hz", 4) if v > 1e-3 else "creeps"),
     "g mm": Form("kg m", lambda v: f"{1e6 * v:.4g} g mm"),
     "mm/s": Form("m/s", lambda v: f"{1e3 * v:.3g}"),
 }

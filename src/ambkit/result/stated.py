@@ -35,10 +35,15 @@ class Stated:
     signed: ClassVar[bool] = False
     """Whether its page is a verdict, to be signed off."""
 
+    TITLE: ClassVar[str] = ""
+    """What it is; ``{0.machine.name}`` stands for what the result itself says."""
+    SECTIONS: ClassVar[Mapping[tuple[str, ...], Section]] = {}
+    """How sections are shown; in their titles ``{0...}`` as in `TITLE`."""
+
     @property
     def title(self) -> str:
         """What it is, and of what."""
-        raise NotImplementedError
+        return self.TITLE.format(self)
 
     @property
     def finding(self) -> str:
@@ -53,7 +58,10 @@ class Stated:
     @property
     def sections(self) -> Mapping[tuple[str, ...], Section]:
         """How each section of the rows is shown."""
-        return {}
+        return {
+            name: Section(title.format(self), across)
+            for name, (title, across) in self.SECTIONS.items()
+        }
 
     @property
     def chapters(self) -> Sequence[Part]:

@@ -83,6 +83,7 @@ class Run(Result):
             Row("samples_at_the_current_limit", "  samples at its limit", self._at_the_limit),
             Row("sequence", "lift-off and landing", ", ".join(modes) or None),
         ]  # fmt: skip
+        found += [row for each in self._apart for row in each.rows()]
         if self.estimate is None:
             return found
         units, errors = self.estimate.units, late_binding.call(
@@ -98,14 +99,12 @@ class Run(Result):
             found += [row for each in self.turning for row in each.rows(())]
         return found
 
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
-        return {
-            (): Section("The run"),
-            ERRORS: Section("Errors of the estimate, rms"),
-            TURNING: Section("What turns with the rotor", across=True),
-        }
+    SECTIONS = {
+        (): Section("The run"),
+        ERRORS: Section("Errors of the estimate, rms"),
+        ("critical_speeds",): Section("Separation from critical speeds", across=True),
+        TURNING: Section("What turns with the rotor", across=True),
+    }
 
     @property
     def series(self) -> dict[str, Any]:
@@ -117,8 +116,6 @@ class Run(Result):
             found["synchronous"] = {
                 each.name: {"covariance": each.covariance.tolist()} for each in self.turning
             }
-        if not self.plant.single:
-            found["critical_speeds"] = [each.to_dict() for each in self._apart]
         return found
 
     @property

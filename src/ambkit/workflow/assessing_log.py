@@ -127,10 +127,7 @@ class AssessedLog(Result):
             ], section=MODELS, of=name)  # fmt: skip
         return found
 
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
-        return {(): Section("Measured sensitivity"), MODELS: Section(f"Models of {self.name}")}
+    SECTIONS = {(): Section("Measured sensitivity"), MODELS: Section("Models of {0.name}")}
 
     @property
     def notes(self) -> list[str]:

@@ -114,10 +114,7 @@ class Assessment(Result):
         """By what the controllers are fed in the last of the loops."""
         return list(self.loops)[-1]
 
-    @property
-    def title(self) -> str:
-        """Of what machine."""
-        return f"Verdict on the loop of {self.machine.name}"
+    TITLE = "Verdict on the loop of {0.machine.name}"
 
     @property
     def finding(self) -> str:
@@ -146,7 +143,7 @@ class Assessment(Result):
                 found += put(rows.of_axis(axis, loop.of), section=_axes(name), of=each, detail=True)
             found += put(rows.of_unstable_poles(loop.unstable_poles), section=_poles(name))
         for apart in self.separations:
-            found += rows.of_separation(apart)
+            found += apart.rows()
         for grade in self.grades():
             found += put(rows.of_grade(grade), section=GRADES)
         for name in self.loops:

@@ -15,7 +15,6 @@ from ambkit.judge.loop.loop_of import ZONE_A, LoopOf
 from ambkit.judge.loop.margins import UnstablePole
 from ambkit.result.row import At, Row, put
 from ambkit.workflow.balance import Grade
-from ambkit.workflow.separation import Separation
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -147,19 +146,6 @@ def of_grade(grade: Grade) -> list[Row]:
         Row("clearance_share", "of the clearance", grade.clearance_share, "%"),
         Row("current", "current", grade.current, "A", 3),
     ], of=f"G {1e3 * grade.grade:g}", detail=grade.grade not in USUAL_GRADES)  # fmt: skip
-
-
-def of_separation(apart: Separation) -> list[Row]:
-    """Return how far a speed is from a critical speed."""
-    factor = apart.critical.amplification
-    return put([
-        Row("critical_speed", "critical speed", apart.critical.speed, "rpm", detail=True),
-        Row("speed", "speed", apart.speed, "rpm", detail=True),
-        Row("damping_ratio", "damping ratio", apart.critical.damping_ratio, detail=True),
-        Row("amplification_factor", "amplification factor",
-            factor if math.isfinite(factor) else None, digits=3),
-        Row("margin", "margin", apart.margin, "%", least=apart.needed or None),
-    ], section=("critical_speeds",), of=units.rpm(apart.critical.speed))  # fmt: skip
 
 
 def of_unstable_poles(poles: Sequence[UnstablePole]) -> list[Row]:

@@ -5,14 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.showing import Drawn
+from ambkit.base import late_binding, units
+from ambkit.base.asked import Given, in_si
+from ambkit.base.errors import AmbkitError
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.continuous import continuous
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
+from ambkit.show.plots.campbell import campbell_figure
 from ambkit.simulation.holding import holding
 
 if TYPE_CHECKING:
@@ -38,11 +45,11 @@ class CriticalSpeed(NamedTuple):
         return 1 / (2 * self.damping_ratio) if self.damping_ratio > 0 else math.inf
 
 
-@dataclass(frozen=True, eq=False)
-class Campbell(Drawn):
+@dataclass(frozen=True, eq=False, repr=False)
+class Campbell(Result):
     """Poles of a rotor in its magnets, over the speed of rotation."""
 
-    machine: str  #: Its name.
+    machine: Machine  #: Whose rotor it is.
     speed: Array  #: (n,) Speeds of rotation [rad/s].
     #: (n, modes) Each mode's pole, followed from speed to speed; of a pair the one above [1/s].
     poles: NDArray[np.complex128]
@@ -65,7 +72,7 @@ class Campbell(Drawn):
         """Speeds at which a whirl forwards turns as fast as the rotor [rad/s]."""
         return [each.speed for each in self.criticals]
 
-    @property
+    @cached_property
     def criticals(self) -> list[CriticalSpeed]:
         """The same with the damping of the whirl there."""
         found = []
@@ -78,61 +85,76 @@ class Campbell(Drawn):
                 found.append(CriticalSpeed(float(at), float(-pole.real / abs(pole))))
         return sorted(found)
 
-    def to_dict(self) -> dict[str, object]:
-        """Return the speeds at which unbalance meets a whirl [rad/s], and the modes at rest."""
-        poles, last = self.poles[0], self.poles[-1]
-        return {
-            "machine": self.machine,
-            "fastest": float(self.speed[-1]),
-            "critical": self.critical,
-            "modes": [
-                {"whirl": way, "forwards": way == "forward",
-                 "frequency": [float(a.imag), float(b.imag)]}
-                for a, b, way in zip(poles, last, self.whirl, strict=True)
-            ],
-        }  # fmt: skip
+    TITLE = "Campbell diagram of {0.machine.name}"
 
-    def figure(self) -> Figure:
-        """Show frequencies and damping over the speed."""
-        from ambkit.show.plots.campbell import campbell_figure
+    @property
+    def finding(self) -> str:
+        """Its critical speeds."""
+        found = ", ".join(map(units.rpm, self.critical)) or "none"
+        return f"Critical speeds of {self.machine.name} up to {self._end}: {found}."
 
-        return campbell_figure(self.machine, self.speed, self.poles, self.whirl)
+    @property
+    def _end(self) -> str:
+        return units.rpm(self.speed[-1])
+
+    @property
+    def rows(self) -> list[Row]:
+        """Each mode at rest and at the greatest speed, and the critical speeds."""
+        modes = zip(self.whirl, self.forwards, self.poles[0].imag, self.poles[-1].imag, strict=True)
+        found = [Row("fastest", "greatest speed", float(self.speed[-1]), "rpm", detail=True)]
+        for k, (whirl, forwards, first, last) in enumerate(modes, 1):
+            found += put([
+                Row("whirl", "whirl", whirl),
+                Row("forwards", "forwards", bool(forwards), detail=True),
+                Row("at_rest", "at rest", float(first), "turns"),
+                Row("at_greatest_speed", f"at {self._end}", float(last), "turns"),
+            ], section=("modes",), of=str(k))  # fmt: skip
+        return found + [row for each in self._separations for row in each.rows()]
+
+    SECTIONS = {
+        ("modes",): Section("Modes", across=True),
+        ("critical_speeds",): Section("Separation from critical speeds", across=True),
+    }
+
+    @property
+    def notes(self) -> list[str]:
+        """How far the machine's speed is from critical ones, and what the modes left out change."""
+        speed, compared = self.machine.speed, self._modes_left_out
+        said = [late_binding.call("separation", self._separations, speed)] if speed else []
+        return said + ([] if compared is None else [compared.text()])
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Critical speeds, and the modes kept against all."""
+        compared = self._modes_left_out
+        left_out = {} if compared is None else {"modes_left_out": compared.to_dict()}
+        return {"machine": self.machine.name, "critical": self.critical} | left_out
+
+    @cached_property
+    def _separations(self) -> Sequence[Any]:
+        found: Sequence[Any] = late_binding.call("separations", self.machine)
+        return found
+
+    @property
+    def _modes_left_out(self) -> Any:
+        return late_binding.call("reduction", self.machine)
+
+    def figures(self) -> list[Figure]:
+        """Return frequencies and damping over the speed."""
+        return [campbell_figure(self.machine.name, self.speed, self.poles, self.whirl)]
 
 
 def campbell(
     machine: Machine,
-    fastest: float | None = None,
+    fastest: Given | None = None,
     *,
     count: int = 121,
     pids: Sequence[PID | Gains] | None = None,
 ) -> Campbell:
-    """Return how the poles of a rotor that is controlled go with its speed.
-
-    It is held by the proportional and derivative gains that a simulation has, as if sensors and
-    amplifiers were at once and without dead time; of a rotor that bends, with the filters of the
-    derivatives.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine.
-    fastest : float, optional
-        Up to where [rad/s]; by default twice the machine's speed, or 1000 rad/s.
-    count : int, optional
-        Speeds.
-    pids : sequence of PID (p,), optional
-        Of the axes; by default those of `holding`.
-
-    Raises
-    ------
-    ValueError
-        `fastest` is not greater than 0, or `count` less than 2.
-    """
-    fastest = (2 * abs(machine.speed) or 1000.0) if fastest is None else fastest
-    if not (math.isfinite(fastest) and fastest > 0):
-        raise ValueError(f"fastest must be greater than 0 rad/s, got {fastest!r}")
+    """Return how the poles of a rotor go with its speed, held by some gains or those flown."""
+    fastest = greatest_speed(machine, fastest)
     if count < 2:
-        raise ValueError(f"count must be 2 or more, got {count!r}")
+        raise AmbkitError(f"count must be 2 or more, got {count!r}")
     q = len(machine.positions)
     at_rest, spin = held(machine, pids)
     speed = np.linspace(0.0, fastest, count)
@@ -150,7 +172,18 @@ def campbell(
         else:
             poles[k] = _followed(poles[k + 1 : k + 3], found[above])
     order = np.argsort(poles[0].imag, kind="stable")
-    return Campbell(machine.name, speed, poles[:, order], forwards[order], along[order])
+    return Campbell(machine, speed, poles[:, order], forwards[order], along[order])
+
+
+def greatest_speed(machine: Machine, given: Given | None) -> float:
+    """Return up to which speed a rotor is looked at [rad/s]."""
+    if machine.rotor.type == "mass":
+        raise AmbkitError(f"{machine.name}: its rotor is a mass that does not turn")
+    fastest = in_si("fastest", given, "rad/s")
+    fastest = (2 * abs(machine.speed) or 1000.0) if fastest is None else fastest
+    if not (math.isfinite(fastest) and fastest > 0):
+        raise AmbkitError(f"fastest must be greater than 0 rad/s, is {fastest:g} rad/s")
+    return fastest
 
 
 def stiffnesses(machine: Machine) -> list[ConstantStiffness]:

@@ -66,10 +66,7 @@ class Design(Result):
         """Which filter is to fly and why, and what the loop comes to."""
         return f"{self.finding} {evidence_for(self.chosen, self.candidates)}"
 
-    @property
-    def title(self) -> str:
-        """For what machine."""
-        return f"A filter for {self.machine.name}"
+    TITLE = "A filter for {0.machine.name}"
 
     @property
     def finding(self) -> str:

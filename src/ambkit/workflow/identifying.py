@@ -145,10 +145,7 @@ class Identified(Result):
             ).items()
         }
 
-    @property
-    def title(self) -> str:
-        """Of what bearing."""
-        return f"Identification of {self.given.name}"
+    TITLE = "Identification of {0.given.name}"
 
     @property
     def finding(self) -> str:
@@ -453,10 +450,7 @@ class LiftedOff(Result):
     working_point: float | None  #: Distance at x = 0 [m].
     names: Sequence[str] = ()  #: Of the recordings; none of a table of points.
 
-    @property
-    def title(self) -> str:
-        """Of what bearing."""
-        return f"Lift-off of {self.bearing.name}"
+    TITLE = "Lift-off of {0.bearing.name}"
 
     @property
     def finding(self) -> str:
@@ -484,10 +478,7 @@ class LiftedOff(Result):
             ]
         return found
 
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Title of the table."""
-        return {(): Section("F = k (i / (z + z_off))²")}
+    SECTIONS = {(): Section("F = k (i / (z + z_off))²")}
 
     @property
     def notes(self) -> list[str]:

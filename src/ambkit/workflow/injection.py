@@ -70,10 +70,7 @@ class Injection(Result):
         name = signal("injected", self.axis) if self.axis else "injected"
         return Record(self.record.t, {name: self.added}, {name: "m"}, meta={"source": source})
 
-    @property
-    def title(self) -> str:
-        """Of what loop."""
-        return f"Experiment for the sensitivity of {self.name}"
+    TITLE = "Experiment for the sensitivity of {0.name}"
 
     @property
     def finding(self) -> str:
@@ -109,10 +106,7 @@ class Injection(Result):
             Row("greatest_expected_error", "  at worst", float(np.max(self.error)), "%"),
         ]  # fmt: skip
 
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Title of the table."""
-        return {(): Section(f"Sensitivity of {self.name}: {self.excitation.kind}")}
+    SECTIONS = {(): Section("Sensitivity of {0.name}: {0.excitation.kind}")}
 
     @property
     def series(self) -> dict[str, Any]:

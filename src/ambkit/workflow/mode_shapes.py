@@ -5,13 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Drawn
+from ambkit.base.units import engineering
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
+from ambkit.show.plots.mode_shapes import mode_shapes_figure
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -19,12 +23,15 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+MODES = ("modes",)
+"""Section of its rows."""
+
 POINTS = 401
 """Places along the shaft."""
 
 
-@dataclass(frozen=True, eq=False)
-class ModeShapes(Drawn):
+@dataclass(frozen=True, eq=False, repr=False)
+class ModeShapes(Result):
     """Bending modes of the free rotor that its model keeps."""
 
     machine: str  #: Its name.
@@ -37,42 +44,53 @@ class ModeShapes(Drawn):
     magnets: Mapping[str, tuple[float, Array]]
     sensors: Mapping[str, tuple[float, Array]]
 
-    def to_dict(self) -> dict[str, object]:
-        """Return the figures as plain data, in SI."""
-        return {
-            "machine": self.machine,
-            "frequency": (self.frequency / (2 * math.pi)).tolist(),
-            "damping_ratio": self.damping_ratio.tolist(),
-            "mass": self.mass.tolist(),
-            **{
-                key: {name: {"place": at, "shape": out.tolist()} for name, (at, out) in of.items()}
-                for key, of in (("magnets", self.magnets), ("sensors", self.sensors))
-            },
-        }
+    TITLE = "Bending modes of {0.machine}"
 
-    def figure(self) -> Figure:
-        """Show the shapes along the shaft, with magnets and sensors marked."""
-        from ambkit.show.plots.mode_shapes import mode_shapes_figure
+    @property
+    def finding(self) -> str:
+        """Their frequencies."""
+        found = ", ".join(engineering(f / math.tau, "Hz", 4) for f in self.frequency)
+        return f"Bending modes of {self.machine}, free and at rest: {found}."
 
-        return mode_shapes_figure(
+    @property
+    def rows(self) -> list[Row]:
+        """Frequency, damping and mass of each, and the deflections at magnets and sensors."""
+        found: list[Row] = []
+        for k, frequency in enumerate(self.frequency):
+            found += put([
+                Row("frequency", "frequency", float(frequency) / math.tau, "Hz"),
+                Row("damping_ratio", "damping ratio", float(self.damping_ratio[k])),
+                Row("mass", "modal mass", float(self.mass[k]), "kg"),
+            ], section=MODES, of=str(k + 1))  # fmt: skip
+        for key, of in (("magnets", self.magnets), ("sensors", self.sensors)):
+            for name, (place, shape) in of.items():
+                found += put([
+                    Row("place", "place", place, "m"),
+                    *(Row(f"shape.{k}", f"mode {k}", float(out)) for k, out in enumerate(shape, 1)),
+                ], section=(key,), of=name)  # fmt: skip
+        return found
+
+    SECTIONS = {
+        MODES: Section("Modes", across=True),
+        ("magnets",): Section("Deflections at magnets", across=True),
+        ("sensors",): Section("Deflections at sensors", across=True),
+    }
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Of which machine."""
+        return {"machine": self.machine}
+
+    def figures(self) -> list[Figure]:
+        """Return the shapes along the shaft, with magnets and sensors marked."""
+        return [mode_shapes_figure(
             self.machine, (self.frequency, self.damping_ratio), self.place, self.shape,
             self.magnets, self.sensors,
-        )  # fmt: skip
+        )]  # fmt: skip
 
 
 def mode_shapes(machine: Machine) -> ModeShapes:
-    """Return the bending modes of a machine's free rotor, as far as its model keeps them.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine.
-
-    Raises
-    ------
-    AmbkitError
-        Its rotor is rigid.
-    """
+    """Return the bending modes of a machine's free rotor, as far as its model keeps them."""
     bending = machine.bending
     if bending is None:
         raise AmbkitError(f"{machine.name}: its rotor is rigid, and has no bending modes")

@@ -34,7 +34,6 @@ from ambkit.result.row import At, Row, put
 from ambkit.result.stated import Section
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessing import MEASUREMENT
-from ambkit.workflow.assessment_rows import of_separation
 from ambkit.workflow.given import given_estimators, given_load
 from ambkit.workflow.orbiting import on_orbit
 from ambkit.workflow.separation import separations
@@ -137,10 +136,7 @@ class OverSpeed(Result):
         at = int(np.argmax(each))
         return float(each[at]), float(self.speed[at])
 
-    @property
-    def title(self) -> str:
-        """Of what machine."""
-        return f"Loop of {self.machine.name} over speed"
+    TITLE = "Loop of {0.machine.name} over speed"
 
     @property
     def finding(self) -> str:
@@ -181,7 +177,7 @@ class OverSpeed(Result):
                 Row("holds", "they agree", each.holds),
             ], section=("bode",), of=units.rpm(speed), detail=True)  # fmt: skip
         for apart in separations(self.machine):
-            found += of_separation(apart)
+            found += apart.rows()
         return found
 
     @property

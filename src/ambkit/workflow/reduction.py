@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.base.units import engineering, percent
+from ambkit.base.units import engineering, percent, rpm
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import grid, highest
@@ -27,7 +27,7 @@ from ambkit.machine.rotors.whirl import (
 from ambkit.simulation.default_control import default_control
 from ambkit.simulation.holding import holding
 from ambkit.workflow.campbell import campbell
-from ambkit.workflow.separation import DAMPED, rpm
+from ambkit.workflow.separation import DAMPED
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine

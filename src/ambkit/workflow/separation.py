@@ -12,9 +12,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from ambkit.base.units import engineering
+from ambkit.base.units import rpm
+from ambkit.result.row import Row, put
 from ambkit.simulation.default_control import default_control
 from ambkit.workflow.campbell import CriticalSpeed, campbell
 
@@ -87,18 +88,17 @@ class Separation:
             f"required: {self.limit})"
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data, in SI."""
+    def rows(self) -> list[Row]:
+        """Return it as rows."""
         factor = self.critical.amplification
-        return {
-            "critical_speed": self.critical.speed,
-            "damping_ratio": self.critical.damping_ratio,
-            "amplification_factor": factor if math.isfinite(factor) else None,
-            "speed": self.speed,
-            "margin": self.margin,
-            "required": self.needed,
-            "kept": self.kept,
-        }
+        return put([
+            Row("critical_speed", "critical speed", self.critical.speed, "rpm", detail=True),
+            Row("speed", "speed", self.speed, "rpm", detail=True),
+            Row("damping_ratio", "damping ratio", self.critical.damping_ratio, detail=True),
+            Row("amplification_factor", "amplification factor",
+                factor if math.isfinite(factor) else None, digits=3),
+            Row("margin", "margin", self.margin, "%", least=self.needed or None),
+        ], section=("critical_speeds",), of=rpm(self.critical.speed))  # fmt: skip
 
 
 def separations(
@@ -124,8 +124,3 @@ def sentence(found: Sequence[Separation], speed: float) -> str:
     near = [rpm(one.critical.speed) for one in found if not one.kept]
     verdict = f"too near to {', '.join(near)} ({BASIS})" if near else f"kept ({BASIS})"
     return f"separation from critical speeds: {each}: {verdict}"
-
-
-def rpm(speed: float) -> str:
-    """Return a speed of rotation [rad/s] in revolutions a minute, as text."""
-    return f"{engineering(speed * 30 / math.pi, '1', digits=5)} rpm"

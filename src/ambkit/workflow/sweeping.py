@@ -112,10 +112,7 @@ class Sweep(Result):
         """What the linear model says of the axis."""
         return list(self.loop.axes.values())[self.axis]
 
-    @property
-    def title(self) -> str:
-        """Of what loop."""
-        return f"{self.name}, controller fed by {self.loop.name}: {self.kind} of the simulated loop"
+    TITLE = "{0.name}, controller fed by {0.loop.name}: {0.kind} of the simulated loop"
 
     @property
     def finding(self) -> str:
@@ -140,10 +137,7 @@ class Sweep(Result):
             Row("zone", "zone", self.model.zone),
         ], section=SWEPT, of="linear model")]  # fmt: skip
 
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Title of the table."""
-        return {SWEPT: Section(self.title, across=True)}
+    SECTIONS = {SWEPT: Section("{0.title}", across=True)}
 
     @property
     def series(self) -> dict[str, Any]:

@@ -56,10 +56,7 @@ class TradeOff(Result):
     kind: str  #: Of the filters.
     points: tuple[Traded, ...]  #: By their ceilings.
 
-    @property
-    def title(self) -> str:
-        """Of what filter."""
-        return f"{self.kind} for {self.bearing.name}, tuned in simulated runs"
+    TITLE = "{0.kind} for {0.bearing.name}, tuned in simulated runs"
 
     @property
     def finding(self) -> str:
@@ -91,10 +88,7 @@ class TradeOff(Result):
             ], section=POINTS, of=f"below {one.ceiling:g}")  # fmt: skip
         return found
 
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Title of the table."""
-        return {POINTS: Section(self.title, across=True)}
+    SECTIONS = {POINTS: Section("{0.title}", across=True)}
 
     @property
     def series(self) -> dict[str, Any]:

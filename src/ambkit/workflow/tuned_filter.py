@@ -155,10 +155,7 @@ class Tuned(Result):
             self.peaks, self.max_sensitivity,
         )  # fmt: skip
 
-    @property
-    def title(self) -> str:
-        """Of what filter."""
-        return f"Tuning of the {self.estimator.name} for {self.estimator.machine.name}"
+    TITLE = "Tuning of the {0.estimator.name} for {0.estimator.machine.name}"
 
     @property
     def finding(self) -> str:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.asked import Given
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Drawn
+from ambkit.base.units import engineering, rpm
+from ambkit.result.result import Result
+from ambkit.result.row import At, Row
+from ambkit.show.plots.unbalance_response import unbalance_response_figure
 from ambkit.simulation.plant import Plant
-from ambkit.workflow.campbell import held
+from ambkit.workflow.campbell import greatest_speed, held
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -21,56 +24,54 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class UnbalanceResponse(Drawn):
+@dataclass(frozen=True, eq=False, repr=False)
+class UnbalanceResponse(Result):
     """Amplitude of the synchronous motion over the speed."""
 
     machine: Machine  #: Whose unbalance it is.
     speed: Array  #: (n,) Speeds of rotation [rad/s].
     amplitude: Array  #: (n, p) Along each axis [m].
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return speed [rad/s] and the amplitude of each axis [m] by its name."""
+    TITLE = "Unbalance response of {0.machine.name}"
+
+    @property
+    def finding(self) -> str:
+        """Where it moves most."""
+        n, k = np.unravel_index(self.amplitude.argmax(), self.amplitude.shape)
+        most = engineering(self.amplitude[n, k], "m", 4)
+        return (
+            f"Unbalance moves {self.machine.name} by {most} at most: along "
+            f"{self.machine.axes[k].name}, at {rpm(self.speed[n])}."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        """The greatest amplitude along each axis."""
+        return [
+            Row("greatest_amplitude", "greatest amplitude", float(of.max()), "m", of=axis.name,
+                at=At("speed", float(self.speed[of.argmax()]), "rpm"))
+            for axis, of in zip(self.machine.axes, self.amplitude.T, strict=True)
+        ]  # fmt: skip
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Speeds [rad/s] and the amplitude of each axis [m] by its name."""
         names = [axis.name for axis in self.machine.axes]
         columns = dict(zip(names, self.amplitude.T.tolist(), strict=True))
-        return {"machine": self.machine.name, "speed": self.speed.tolist(), "amplitude": columns}
+        return {"machine": self.machine.name, "speeds": self.speed.tolist(), "amplitude": columns}
 
-    def figure(self) -> Figure:
-        """Show the amplitude of each axis over the speed."""
-        from ambkit.show.plots.unbalance_response import unbalance_response_figure
-
-        return unbalance_response_figure(self.machine, self.speed, self.amplitude)
+    def figures(self) -> list[Figure]:
+        """Return the amplitude of each axis over the speed."""
+        return [unbalance_response_figure(self.machine, self.speed, self.amplitude)]
 
 
 def unbalance_response(
-    machine: Machine, fastest: float | None = None, *, count: int = 400
+    machine: Machine, fastest: Given | None = None, *, count: int = 400
 ) -> UnbalanceResponse:
-    """Return the steady synchronous motion of a rotor on its controllers.
-
-    By the linear model that the Campbell diagram has too: magnets at their centre, proportional and
-    derivative gains as a simulation has them, sensors and amplifiers at once.
-
-    Parameters
-    ----------
-    machine : Machine
-        With its unbalance.
-    fastest : float, optional
-        Up to where [rad/s]; by default twice the machine's speed, or 1000 rad/s.
-    count : int
-        Speeds.
-
-    Raises
-    ------
-    AmbkitError
-        It has no unbalance.
-    ValueError
-        `fastest` is not greater than 0.
-    """
+    """Return the steady synchronous motion of a rotor on its controllers."""
     if not machine.unbalance:
         raise AmbkitError(f"{machine.name}: it has no [[unbalance]], and so no response to it")
-    fastest = (2 * abs(machine.speed) or 1000.0) if fastest is None else fastest
-    if not (math.isfinite(fastest) and fastest > 0):
-        raise ValueError(f"fastest must be greater than 0 rad/s, got {fastest!r}")
+    fastest = greatest_speed(machine, fastest)
     plant = Plant(machine)
     at_rest, spin = held(machine)
     ahead, across = plant.unbalance()

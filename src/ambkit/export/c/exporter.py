@@ -57,10 +57,7 @@ class CExport(Result):
     cost: Cost | None
     clock: float | None = None  #: Of the processor whose cost is shown [Hz]; None: of none.
 
-    @property
-    def title(self) -> str:
-        """What it is."""
-        return f"{self.name} as C"
+    TITLE = "{0.name} as C"
 
     @property
     def finding(self) -> str:
@@ -83,11 +80,8 @@ class CExport(Result):
             found += self.cost.rows(self.clock)
         return found
 
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
-        return {("table",): Section("Table of the expert"),
-                ("cost",): Section("Cost on a Cortex-M4F, measured in qemu")}  # fmt: skip
+    SECTIONS = {("table",): Section("Table of the expert"),
+            ("cost",): Section("Cost on a Cortex-M4F, measured in qemu")}  # fmt: skip
 
     @property
     def series(self) -> dict[str, Any]:

@@ -54,10 +54,7 @@ class Pil(Result):
         """Whether all bits are the same."""
         return self.unequal + self.unequal_frames + self.selftest == 0
 
-    @property
-    def title(self) -> str:
-        """Of what machine."""
-        return f"{self.run.machine.name} flown by a processor"
+    TITLE = "{0.run.machine.name} flown by a processor"
 
     @property
     def finding(self) -> str:
@@ -98,11 +95,8 @@ class Pil(Result):
             ], section=("built",)),
         ]  # fmt: skip
 
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
-        return {(): Section("Processor in the loop"),
-                ("built",): Section(f"Built for: {self.board}")}  # fmt: skip
+    SECTIONS = {(): Section("Processor in the loop"),
+            ("built",): Section("Built for: {0.board}")}  # fmt: skip
 
     @property
     def series(self) -> dict[str, Any]:

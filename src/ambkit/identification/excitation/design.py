@@ -124,10 +124,7 @@ class Design(Result):
         name = signal("r", axis)
         return Record(self.record.t, {name: self.reference}, {name: "m"}, meta=meta)
 
-    @property
-    def title(self) -> str:
-        """Of what signal and bearing."""
-        return f"{self.excitation.kind} for {self.expectation.model.bearing.name}"
+    TITLE = "{0.excitation.kind} for {0.expectation.model.bearing.name}"
 
     @property
     def finding(self) -> str:
@@ -168,10 +165,7 @@ class Design(Result):
             ], section=EXPECTED, of=p.name)  # fmt: skip
         return found
 
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
-        return {(): Section(self.title), EXPECTED: Section("Expected", across=True)}
+    SECTIONS = {(): Section("{0.title}"), EXPECTED: Section("Expected", across=True)}
 
     @property
     def notes(self) -> list[str]:

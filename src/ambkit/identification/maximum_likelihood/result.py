@@ -160,10 +160,7 @@ class MaximumLikelihood(Result):
         values = at(np.zeros(len(self.parameters)))
         return {"k_i": (values[0], errors[0]), "k_s": (values[1], errors[1])}
 
-    @property
-    def title(self) -> str:
-        """Of what bearing."""
-        return f"Identification of {self.bearing.name}"
+    TITLE = "Identification of {0.bearing.name}"
 
     @property
     def finding(self) -> str:

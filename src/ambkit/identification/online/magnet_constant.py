@@ -39,10 +39,7 @@ class Identification(Result):
     #: :class:`~ambkit.identification.online.augmented.AugmentedResult`.
     history: OnlineResult
 
-    @property
-    def title(self) -> str:
-        """Of what bearing."""
-        return f"Identification of {self.bearing.name}"
+    TITLE = "Identification of {0.bearing.name}"
 
     @property
     def finding(self) -> str:

@@ -160,10 +160,7 @@ class SideBySide(Result):
         carried = float(np.abs(rls.force[last_quarter(rls.k)]).mean())
         return load if load is not None and abs(load) > 0.02 * carried else None
 
-    @property
-    def title(self) -> str:
-        """Of what bearing."""
-        return f"Magnet constant of {self.bearing.name}, learned online"
+    TITLE = "Magnet constant of {0.bearing.name}, learned online"
 
     @property
     def finding(self) -> str:
@@ -186,10 +183,7 @@ class SideBySide(Result):
             ], section=LEARNERS, of=name)  # fmt: skip
         return found
 
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Title of the table."""
-        return {LEARNERS: Section(self.title)}
+    SECTIONS = {LEARNERS: Section("{0.title}")}
 
     @property
     def series(self) -> dict[str, Any]:

@@ -79,10 +79,7 @@ class Scores(Result, dict[str, Score]):
         """The errors of each."""
         return [row for name, score in self.items() for row in put(score.rows(), of=name)]
 
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Title of the table."""
-        return {(): Section(self.title, across=True)}
+    SECTIONS = {(): Section("{0.title}", across=True)}
 
     def figures(self) -> list[Figure]:
         """Return the errors as bars."""

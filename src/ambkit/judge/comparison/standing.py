@@ -97,10 +97,7 @@ class Bench(Result):
         """Limit over root mean square error of a state; 1 is what nobody exceeds."""
         return self.limit[signal] / _pooled(self.best[name].figures[signal])
 
-    @property
-    def title(self) -> str:
-        """Of what machine, and what happens."""
-        return f"{self.bearing.name}, case {self.case.name}: {self.case.title}"
+    TITLE = "{0.bearing.name}, case {0.case.name}: {0.case.title}"
 
     @property
     def finding(self) -> str:

@@ -188,14 +188,11 @@ class FaultCampaign(Result):
         name = max(of, key=lambda each: int(of[each]))
         return of[name] if of[name] == "0" or len(of) == 1 else f"{of[name]} ({name})"
 
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
-        return {
-            ("estimators",): Section("Beside the loop, and in it", across=True),
-            ("controller_alone",): Section("The controller fed by the measurement", across=True),
-            ("faults",): Section("Samples until back, the slowest", across=True),
-        }
+    SECTIONS = {
+        ("estimators",): Section("Beside the loop, and in it", across=True),
+        ("controller_alone",): Section("The controller fed by the measurement", across=True),
+        ("faults",): Section("Samples until back, the slowest", across=True),
+    }
 
     @property
     def series(self) -> dict[str, Any]:

@@ -37,10 +37,7 @@ class Replayed(Result):
         """The bearing, or the machine, that was drawn."""
         return self.planned.bearing
 
-    @property
-    def title(self) -> str:
-        """Of what study, which run."""
-        return f"{self.plan.study.name}, run {self.number}"
+    TITLE = "{0.plan.study.name}, run {0.number}"
 
     @property
     def finding(self) -> str:
@@ -59,10 +56,7 @@ class Replayed(Result):
             for name, of in self.row.items()
         ]  # fmt: skip
 
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Title of the table."""
-        return {("row",): Section("What varied, and what came of it")}
+    SECTIONS = {("row",): Section("What varied, and what came of it")}
 
     @property
     def series(self) -> dict[str, Any]:

@@ -134,13 +134,10 @@ class Robust(Result):
             ], section=("front",), of=str(place))  # fmt: skip
         return found
 
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
-        return {
-            ("values",): Section(self.title),
-            ("front",): Section("Nothing is better in both", across=True),
-        }
+    SECTIONS = {
+        ("values",): Section("{0.title}"),
+        ("front",): Section("Nothing is better in both", across=True),
+    }
 
     @property
     def series(self) -> dict[str, Any]:
