@@ -91,7 +91,19 @@ def test_each_is_foretold_by_the_others(corpus: Corpus) -> None:
         assert each.nis == pytest.approx(1.0, abs=0.12)
         assert each.error[1] > each.floor
         assert each.left < 0.05
-    assert json.dumps(corpus.to_dict())
+    data = json.loads(corpus.to_json())
+    for each in corpus.foretold:
+        told = data["foretold"][each.name]
+        assert told["arx"] == {str(k): error for k, error in each.arx.items()}
+        assert (told["nis"], told["predictable_share"]) == (each.nis, each.left)
+    pooled = corpus.pooled
+    for k, one in enumerate(pooled.parameters):
+        told = data["parameters"][one.name.replace("_", " ")]
+        assert told["value"] == pooled.values[k]
+        assert told["scatter_between_logs"] == pooled.scatter[k]
+        assert [data["alone"][log][one.name] for log in corpus.found] == [
+            None if np.isnan(value) else value for value in pooled.each[:, k]
+        ]
 
 
 def test_good_is_what_no_baseline_knows_more_of() -> None:
@@ -203,7 +215,7 @@ def test_three_logs_on_the_command_line_are_a_corpus(
     assert "scatter between logs" in out
     found = Bearing.load("found.toml")
     assert found.sensor.noise_rise == pytest.approx(-90, abs=25)
-    assert "Each log by the others" in Path("all.html").read_text()
+    assert "Each log, foretold by a model of the others" in Path("all.html").read_text()
     assert ambkit.Estimator.load("kf.toml").run(flown(7)).nis[300:].mean() < 1.3
 
 

@@ -210,6 +210,8 @@ _BEHIND = {
     },
     "show.plots.identification": {"identification_figure": "identification_figure"},
     "show.plots.excitation": {"excitation_figure": "excitation_figure"},
+    "show.plots.coil": {"coil_figure": "coil_figure"},
+    "show.plots.corpus": {"corpus_figure": "corpus_figure"},
     "show.plots.online": {"online_figure": "online_figure"},
 }
 late_binding.bind(_BEHIND)

@@ -15,17 +15,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base import late_binding
 from ambkit.base.errors import RecordError
+from ambkit.base.units import figure
 from ambkit.data.record import Record
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
+    from ambkit.result.report.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -76,8 +82,8 @@ class Coil:
         return np.array(found) + self.zero
 
 
-@dataclass(frozen=True, eq=False)
-class CoilFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class CoilFit(Result):
     """A coil from logs, with its errors."""
 
     coil: Coil  #: What was found.
@@ -91,6 +97,59 @@ class CoilFit:
     #: The same where the coil comes from all other logs; empty with fewer than three.
     left_out: Mapping[str, float]
     distance: Mapping[str, float]  #: Mean of z in each log [m].
+    records: Mapping[str, Record]  #: The logs.
+    #: What is driven through it, and where its rotor is [m], for what follows from these.
+    known: Bearing | None = None
+    working_point: float | None = None
+
+    TITLE = "A coil: tau di/dt = G (u - u0) - i, i >= 0, tau = a + b exp(-z/c)"
+    SECTIONS = {
+        ("coil",): Section("{0.TITLE}"),
+        (): Section("With all logs"),
+        ("logs",): Section("Current left unexplained, rms", across=True),
+    }
+
+    @property
+    def finding(self) -> str:
+        """How well it explains the current."""
+        left, noise = (figure(of, "A", 3) for of in (self.residual_rms, self.noise))
+        return f"The coil leaves {left} rms of its current unexplained, whose noise is {noise} rms."
+
+    @property
+    def rows(self) -> list[Row]:
+        """Figures of the coil, and what it leaves of each log."""
+        coil, at = self.coil, self.working_point
+        found = put([
+            Row(name, words, getattr(coil, name), unit, error=self.standard_errors[name])
+            for name, (words, unit) in WORDS.items()
+        ], section=("coil",))  # fmt: skip
+        found += [
+            Row("residual_rms", "current left unexplained, rms", self.residual_rms, "A", 3),
+            Row("noise", "noise of the current, rms", self.noise, "A", 3),
+        ]
+        if at is not None:
+            tau = float(coil.time_constant(at))
+            found.append(Row("time_constant", f"time constant at {figure(at, 'm')}", tau, "s"))
+        if self.known is not None:
+            zero = self.offset(self.known)
+            found.append(Row("control_offset", "offset of its control signal", zero, "V"))
+        for name in sorted(self.each, key=self.distance.__getitem__):
+            found += put([
+                Row("distance", "distance", self.distance[name], "m"),
+                Row("each", "found from it", self.each[name], "A", 3),
+                Row("left_out", "found without it", self.left_out.get(name), "A", 3),
+            ], section=("logs",), of=name)  # fmt: skip
+        return found
+
+    @property
+    def notes(self) -> list[str]:
+        """What control and current do not tell."""
+        return ["Resistance and voltage go together in G, resistance and inductance in the time "
+                "constant: control and current do not tell them apart."]  # fmt: skip
+
+    def figures(self) -> list[Figure]:
+        """Return a step, the time constant over the distance, and what is left of each log."""
+        return [late_binding.call("coil_figure", self)]
 
     def bearing(self, known: Bearing, working_point: float) -> Bearing:
         """Return a bearing that is driven by the control signal through this coil."""
@@ -109,18 +168,17 @@ class CoilFit:
         """What a channel map adds to the control signal, so that 0 is the bias current [V]."""
         return -(self.coil.dead_zone + known.magnet.bias_current / self.coil.gain)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
-        return {
-            "coil": asdict(self.coil),
-            "standard_errors": dict(self.standard_errors),
-            "residual_rms": self.residual_rms,
-            "noise": self.noise,
-            "each": dict(self.each),
-            "left_out": dict(self.left_out),
-            "distance": dict(self.distance),
-        }
 
+WORDS = {
+    "gain": ("gain G", "A/V"),
+    "dead_zone": ("dead zone u0", "V"),
+    "far_time": ("time constant far away, a", "s"),
+    "near_time": ("more at the magnet, b", "s"),
+    "length": ("falls within, c", "m"),
+    "delay": ("delay", "s"),
+    "zero": ("current's sensor shows at none", "A"),
+}
+"""What the figures of a coil are called, and their units."""
 
 NAMES = tuple(field.name for field in fields(Coil))
 
@@ -162,6 +220,7 @@ def fit_coil(
         {name: _rms(miss) for name, miss in zip(names, misses, strict=True)},
         left_out,
         {name: float(np.mean(r["z"])) for name, r in zip(names, records, strict=True)},
+        dict(zip(names, records, strict=True)),
     )
 
 

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base import late_binding
 from ambkit.base.errors import AmbkitError, RecordError
-from ambkit.base.units import engineering
+from ambkit.base.units import engineering, figure
 from ambkit.data.reading.spike_free import without_spikes
 from ambkit.estimate.constant_velocity import ConstantVelocityFilter, tune
 from ambkit.estimate.innovations import whiteness
@@ -24,7 +25,7 @@ from ambkit.identification.corpus.pooling import Pooled, pool
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.likelihood import settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_on_a_line
-from ambkit.identification.maximum_likelihood.parameters import NOISES, beforehand, usual
+from ambkit.identification.maximum_likelihood.parameters import NOISES, Parameter, beforehand, usual
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.validation import (
     AS_GOOD,
@@ -34,10 +35,14 @@ from ambkit.identification.maximum_likelihood.validation import (
 )
 from ambkit.identification.noise import with_steps
 from ambkit.machine.parts import Hum
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.machine import Bearing
+    from ambkit.result.report.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -89,20 +94,33 @@ class Foretold:
         beaten = all(own[k] <= AS_GOOD * other[k] for k in AHEAD for own, other in known)
         return beaten and as_expected(self.nis) and little_left(self.left)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
-        kinds = {"error": self.error, "without_later_controls": self.alone, "held": self.held,
-                 "without_a_magnet": self.unmodelled, "arx": self.arx}  # fmt: skip
-        return {
-            "log": self.name, "samples": self.samples,
-            **{name: {str(k): v for k, v in of.items()} for name, of in kinds.items()},
-            "noise_floor": self.floor, "nis": self.nis, "white_share": self.white,
-            "predictable_share": self.left, "good": self.good,
-        }  # fmt: skip
+    def rows(self) -> list[Row]:
+        """Return the figures as rows."""
+        return [
+            Row("samples", "samples", self.samples, detail=True),
+            *(Row(f"{key}.{k}", f"{words} {k}", value, "m", 3)
+              for k in AHEAD for key, (name, words) in KINDS.items()
+              for value in [getattr(self, name)[k]]),
+            Row("noise_floor", "noise", self.floor, "m", 3, detail=True),
+            Row("nis", "NIS", self.nis, digits=3),
+            Row("white_share", "white", self.white, "%"),
+            Row("predictable_share", "left", self.left, "%"),
+            Row("good", "good", self.good),
+        ]  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class Corpus:
+KINDS = {
+    "error": ("error", "error"),
+    "without_later_controls": ("alone", "alone"),
+    "arx": ("arx", "ARX"),
+    "without_a_magnet": ("unmodelled", "velocity"),
+    "held": ("held", "held"),
+}
+"""Errors of a log that is foretold: their attribute, and their name."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Corpus(Result):
     """What many logs say of a rig."""
 
     start: LoopModel  #: What was known before.
@@ -130,25 +148,77 @@ class Corpus:
         """What is not used of the logs: the name of one, and what of it and why."""
         return [*self.left_out.items(), *self.spikes.items()]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
-        p = self.pooled
+    TITLE = "Identification of {0.model.bearing.name} from many logs"
+    SECTIONS = {
+        ("foretold",): Section("Each log, foretold by a model of the others", across=True),
+        ("parameters",): Section("What the logs say together", across=True),
+        ("alone",): Section("What each log says alone", across=True),
+        ("in_flight", "flights"): Section(
+            "The magnet in flight, the gap as described", across=True
+        ),
+        ("cut",): Section("How the logs were cut", across=True),
+    }
+
+    @property
+    def finding(self) -> str:
+        """How many logs are foretold well."""
+        good = sum(each.good for each in self.foretold)
+        return (
+            f"{good} of {len(self.foretold)} logs of {self.model.bearing.name} are foretold well "
+            "by a model of the others."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        """How each log is foretold, what all say together, and each alone."""
+        p, found = self.pooled, []
+        for each in self.foretold:
+            found += put(each.rows(), section=("foretold",), of=each.name)
+        for k, one in enumerate(p.parameters):
+            name, value = one.name.replace("_", " "), float(p.values[k])
+            error, scatter = (float(of[k]) for of in (p.errors, p.scatter))
+            found += put([
+                Row("value", "found", value, one.unit, error=error * _scale(one, value)),
+                Row("scatter_between_logs", "scatter between logs", scatter,
+                    "%" if one.positive else one.unit),
+            ], section=("parameters",), of=name)  # fmt: skip
+            for log, value, error in zip(self.found, p.each[:, k], p.each_error[:, k], strict=True):
+                error = float(error) * _scale(one, float(value))
+                found.append(Row(one.name, name, float(value), one.unit, of=log, error=error,
+                                 section=("alone",)))  # fmt: skip
+        for log, flight in ({} if self.weakened is None else self.weakened.flights).items():
+            found += put([
+                Row("amplitude", "amplitude of the current", flight.amplitude, "A", 2),
+                Row("factor", "described over found", flight.factor,
+                    error=flight.factor * flight.error),
+            ], section=("in_flight", "flights"), of=log)  # fmt: skip
+        for log, parts in self.stretches.items():
+            said = [f"{s.kind} {s.begin:.3g} to {s.end:.3g} s" for s in parts]
+            cuts = "; ".join(said[:8] + ["..."] * (len(said) > 8))
+            found.append(Row("parts", "stretches", cuts, of=log, section=("cut",)))
+        return found
+
+    @property
+    def notes(self) -> list[str]:
+        """What the figures mean, and what is left out."""
+        weaker = [] if self.weakened is None else [self.weakened.text]
+        return [
+            "Errors are rms, so many samples ahead, with the controls since. Alone is the model "
+            "with the controls that the past lets expect; ARX knows no other, velocity is a Kalman "
+            "filter without a magnet. All three are fitted to the other logs. Left is what of the "
+            "residuals their past foretells. Good: no baseline that knows as much is better, NIS "
+            "is near 1, and little is left.",
+            *(f"{said[0].upper()}{said[1:]}." for said in weaker),
+            *(f"A line at {figure(h.frequency, 'Hz')} in the position, of "
+              f"{figure(h.amplitude, 'm', 2)}, in more than half of the logs."
+              for h in self.model.bearing.sensor.hum),
+            *(f"Left out of {name}: {why}" for name, why in self.not_used),
+        ]  # fmt: skip
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """How the logs were cut, their lines, and what is left out."""
         return {
-            "foretold": [each.to_dict() for each in self.foretold],
-            "parameters": {
-                one.name: {
-                    "value": float(p.values[k]), "unit": one.unit,
-                    "standard_error": float(p.errors[k] * (p.values[k] if one.positive else 1)),
-                    "scatter_between_logs": float(p.scatter[k]),
-                    "scatter_is_relative": one.positive,
-                    "each": {name: float(p.each[row, k]) for row, name in enumerate(self.found)},
-                    "each_standard_error": {
-                        name: float(p.each_error[row, k] * (p.each[row, k] if one.positive else 1))
-                        for row, name in enumerate(self.found)
-                    },
-                }
-                for k, one in enumerate(p.parameters)
-            },
             "stretches": {
                 name: [{"kind": s.kind, "from": s.begin, "to": s.end} for s in cuts]
                 for name, cuts in self.stretches.items()
@@ -158,6 +228,15 @@ class Corpus:
             "spikes": dict(self.spikes),
             "in_flight": None if self.weakened is None else asdict(self.weakened),
         }  # fmt: skip
+
+    def figures(self) -> list[Figure]:
+        """Return how each log is foretold by the others."""
+        return [late_binding.call("corpus_figure", self)]
+
+
+def _scale(of: Parameter, value: float) -> float:
+    """Return what makes an error of a parameter one of its value."""
+    return value if of.positive else 1.0
 
 
 def identify_corpus(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,15 +10,15 @@ from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Line, Points, Rule
 
 if TYPE_CHECKING:
-    from ambkit.data.record import Record
     from ambkit.identification.coil import CoilFit
 
 SHOWN = 0.6
 """Seconds shown around the largest step of a log."""
 
 
-def coil_figure(fit: CoilFit, records: Sequence[Record], names: Sequence[str]) -> Figure:
+def coil_figure(fit: CoilFit) -> Figure:
     """Show the largest step down of one log, the time constant, and what is left of each log."""
+    names, records = list(fit.records), list(fit.records.values())
     distance = Axis("distance $z$", "mm", 1e3)
     at = np.linspace(0.0, 1.05 * max(fit.distance.values()), 200)
     far = sorted(range(len(names)), key=lambda k: fit.distance[names[k]])[len(names) // 2]

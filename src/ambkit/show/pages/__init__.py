@@ -1,1 +1,0 @@
-"""Whole pages: the report on an identification, and on a comparison."""

@@ -1,0 +1,39 @@
+"""How each of many logs of a rig is foretold by the others."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Bars
+
+if TYPE_CHECKING:
+    from ambkit.identification.corpus.corpus import Corpus
+
+KINDS = (
+    ("error", "estimate", "model of the others"),
+    ("alone", "series 3", "model, without later controls"),
+    ("arx", "series 1", "ARX"),
+    ("unmodelled", "series 2", "without a magnet"),
+    ("held", "constant", "last measurement held"),
+)
+
+
+def corpus_figure(corpus: Corpus) -> Figure:
+    """Show how each log is foretold by the others, beside what knows no magnet."""
+    numbers = [str(k) for k in range(1, len(corpus.foretold) + 1)]
+    panels = [
+        Panel(
+            Axis("log"), Axis(f"error {ahead} ahead", "µm rms", 1e6),
+            [
+                Bars(tuple(numbers), np.array([getattr(each, kind)[ahead] for each in
+                     corpus.foretold]), signal=signal, label=label)
+                for kind, signal, label in KINDS
+            ],
+        )
+        for ahead in corpus.foretold[0].error
+    ]  # fmt: skip
+    said = ", ".join(f"{n}: {each.name}" for n, each in zip(numbers, corpus.foretold, strict=True))
+    return Figure("corpus", "Each log, foretold by a model of the others", said, panels)
