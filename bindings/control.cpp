@@ -59,13 +59,22 @@ Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, 
 
 } // namespace
 
+amb_pid pid_of(nb::handle given, amb_real T, Kept &kept)
+{
+  const size_t n = nb::len(given), sections = n < 8 ? 0 : (n - 8) / AMB_SECTION;
+  same_length(8 + AMB_SECTION * sections, n, "pid");
+  if (sections > AMB_SECTIONS)
+    throw std::invalid_argument("a controller has at most " + std::to_string(AMB_SECTIONS) +
+                                " sections of second order, got " + std::to_string(sections));
+  const amb_real *of = kept.keep(given, n, "pid");
+  return {T,     of[0], of[1], of[2], of[3], of[4], of[5], of[6], of[7], static_cast<int>(sections),
+          &of[8]};
+}
+
 void Law::set(const nb::dict &given, amb_real T, size_t p, size_t seen)
 {
   for (const auto each : nb::cast<nb::list>(given["pid"])) {
-    const auto gains = nb::cast<std::vector<amb_real>>(each);
-    same_length(8, gains.size(), "pid");
-    pid.push_back(
-        {T, gains[0], gains[1], gains[2], gains[3], gains[4], gains[5], gains[6], gains[7]});
+    pid.push_back(pid_of(each, T, kept));
   }
   const size_t q = pid.size();
   if (q < 1 || q > AMB_CONTROLS)

@@ -7,6 +7,9 @@ extern "C" {
 #include "ambkit/control.h"
 }
 
+// A PID from its gains and limits, and the coefficients of the sections behind it.
+amb_pid pid_of(nb::handle given, amb_real T, Kept &kept);
+
 // amb_controllers with all that it points to, from its fields by their names.
 class Law
 {

@@ -232,8 +232,7 @@ void LoopOf::set_controllers(Estimator *estimator)
     loop.iu_max = law.law.iu_max;
     return;
   }
-  const amb_real *of = numbers("pid", 8);
-  loop.pid = {loop.T, of[0], of[1], of[2], of[3], of[4], of[5], of[6], of[7]};
+  loop.pid = pid_of(given["pid"], loop.T, reals);
   loop.iu_min = &loop.pid.iu_min;
   loop.iu_max = &loop.pid.iu_max;
   same_length(p, 1, "the one PID, in axes,");

@@ -13,7 +13,7 @@ unsigned int amb_many_group(const amb_many_run *run)
   const amb_parts *sensor = plant->sensor;
   if (!amb_plant_is_plain_axis(plant) || (sensor->step > 0) || (sensor->rise < 0) ||
       (sensor->rise > 0) || (loop->control != NULL) || (loop->controllers != NULL) ||
-      (run->scale != NULL) || (run->faults != NULL))
+      (loop->pid.sections > 0) || (run->scale != NULL) || (run->faults != NULL))
     return 0U;
   if ((plant->substeps < 1) || (plant->substeps > 1000) || (loop->estimator == NULL))
     return 0U;

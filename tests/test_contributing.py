@@ -77,7 +77,15 @@ def python(copy: Path, text: str) -> str:
 
 def test_there_is_an_example_for_each_thing_to_add() -> None:
     heads = re.findall(r"^## An? (.*)$", TEXT, re.MULTILINE)
-    wanted = ["magnet law", "state", "sensor", "estimator", "file format", "command"]
+    wanted = [
+        "magnet law",
+        "state",
+        "sensor",
+        "estimator",
+        "block of a controller",
+        "file format",
+        "command",
+    ]
     assert heads == wanted
     texts = re.split(r"^## An? .*$", TEXT, flags=re.MULTILINE)[1:]
     for head, text in zip(wanted, texts, strict=True):
@@ -136,6 +144,24 @@ export_c(bearing, None, {str(tmp_path / "c")!r})
     )
     assert said.split() == ["drift", "True"]
     assert "drift" in next((tmp_path / "c").glob("zittau_axial.h")).read_text()
+
+
+def test_the_block_is_flown_and_assessed(copy: Path) -> None:
+    said = python(
+        copy,
+        """
+import ambkit
+from ambkit.judge.loop.loop_of import LoopOf
+bearing = ambkit.Bearing.preset("zittau_axial")
+for block in ([], [{"type": "first-order", "frequency": "500 Hz"}]):
+    law = ambkit.Control(feedback="measurement", block=block)
+    flown = ambkit.simulate(bearing, ambkit.Scenario(duration=0.02, controller=law))
+    print(round(LoopOf(bearing, law).peak(), 1), bool(abs(flown["x"]).max() < 1e-4))
+""",
+    )
+    (plain, held), (late, still) = map(str.split, said.splitlines())
+    assert (held, still) == ("True", "True")
+    assert float(late) > float(plain)
 
 
 @needs_cc

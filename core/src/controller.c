@@ -1,6 +1,6 @@
 #include "ambkit/controller.h"
 
-/* Beyond so many ranges of the current the derivative is no rotor's. */
+/* Beyond so many ranges of the current a derivative or what a section gives is no rotor's. */
 #define FASTEST AMB_C(1000.0)
 
 static void keep(amb_pid_state *state, amb_real integral)
@@ -24,6 +24,43 @@ void amb_pid_reset(amb_pid_state *state, amb_real integral)
   state->last_x = AMB_C(0.0);
   state->velocity = AMB_C(0.0);
   state->started = false;
+  state->flows = false;
+}
+
+/* The sections as they are where `demanded` has long been. */
+static amb_real settled(const amb_pid *pid, amb_pid_state *state, amb_real demanded)
+{
+  amb_real at = demanded;
+  for (int k = 0; k < pid->sections; k++) {
+    const amb_real *c = &pid->section[AMB_SECTION * k];
+    const amb_real out = (at * (c[0] + c[1] + c[2])) / (AMB_C(1.0) + c[3] + c[4]);
+    state->section[k][0] = out - (c[0] * at);
+    state->section[k][1] = (c[2] * at) - (c[4] * out);
+    at = out;
+  }
+  return at;
+}
+
+/* What the sections make of a demand: direct form II, transposed. */
+static amb_real filtered(const amb_pid *pid, amb_pid_state *state, amb_real demanded)
+{
+  amb_real at = demanded;
+  if (!state->flows) {
+    at = settled(pid, state, demanded);
+  } else {
+    for (int k = 0; k < pid->sections; k++) {
+      const amb_real *c = &pid->section[AMB_SECTION * k];
+      const amb_real out = (c[0] * at) + state->section[k][0];
+      state->section[k][0] = ((c[1] * at) - (c[3] * out)) + state->section[k][1];
+      state->section[k][1] = (c[2] * at) - (c[4] * out);
+      at = out;
+    }
+    if (!AMB_WITHIN(at, FASTEST * (pid->iu_max - pid->iu_min))) {
+      at = settled(pid, state, demanded); /* a bit in memory has flipped */
+    }
+  }
+  state->flows = state->started;
+  return at;
 }
 
 amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, amb_real x,
@@ -56,7 +93,8 @@ amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, am
   const amb_real error = state->last_r - state->last_x;
   const amb_real weighted = pid->weight * state->last_r - state->last_x;
   const amb_real integral = kept(state);
-  const amb_real demanded = pid->kp * weighted + integral - pid->kd * state->velocity;
+  const amb_real own = pid->kp * weighted + integral - pid->kd * state->velocity;
+  const amb_real demanded = (pid->sections > 0) ? filtered(pid, state, own) : own;
   *iu = amb_clamp(demanded, pid->iu_min, pid->iu_max);
   const bool saturated = (*iu < demanded) || (*iu > demanded);
   if (pid->T_t > AMB_C(0.0)) {

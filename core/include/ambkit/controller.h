@@ -1,5 +1,5 @@
-/* PID with set-point weight, derivative filter and anti-windup. Input metres, output a demand of
- * control current. */
+/* PID with set-point weight, derivative filter and anti-windup, and sections of second order behind
+ * it. Input metres, output a demand of control current. */
 #ifndef AMBKIT_CONTROLLER_H
 #define AMBKIT_CONTROLLER_H
 
@@ -9,6 +9,15 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+/* The most sections behind a PID. */
+#ifndef AMB_SECTIONS
+#define AMB_SECTIONS 8
+#endif
+
+/* Coefficients of a section: b0, b1, b2, a1, a2, with out = b0 in + b1 in' + b2 in'' - a1 out' -
+ * a2 out''. */
+#define AMB_SECTION 5
 
 typedef struct amb_pid {
   amb_real T;      /* sampling time [s] */
@@ -20,6 +29,8 @@ typedef struct amb_pid {
   amb_real weight; /* set-point weight: the share of the reference that kp sees; 1: all of it */
   amb_real iu_min; /* limits of the output [A] */
   amb_real iu_max;
+  int sections;            /* how many the demand passes in turn before it is held to its limits */
+  const amb_real *section; /* [sections][AMB_SECTION] */
 } amb_pid;
 
 /* The integral stands three times: nothing else tells that a bit of it has flipped in memory. */
@@ -29,7 +40,9 @@ typedef struct amb_pid_state {
   amb_real last_x;   /* last good position [m] */
   amb_real velocity; /* filtered derivative of x [m/s] */
   amb_real copy[2];  /* of the integral [A] */
+  amb_real section[AMB_SECTIONS][2];
   bool started;
+  bool flows; /* whether the sections have started */
 } amb_pid_state;
 
 /* Reset with the integrator at `integral` [A]. */

@@ -135,6 +135,8 @@ def _plant(bearing: Bearing, continuous: bool, point: WorkPoint | None) -> Linea
 
 def _continuous_loop(bearing: Bearing, pid: Control, point: WorkPoint | None) -> LinearSystem:
     """Plant and PID in continuous time."""
+    if pid.block:
+        raise AmbkitError("a PID with blocks has no continuous state space: sampled=True")
     P = _plant(bearing, True, point)
     names = [at.name for at in P.states]
     n, b_u, b_f = len(names), P.B[:, :1] / bearing.amplifier.gain, P.B[:, 1:]

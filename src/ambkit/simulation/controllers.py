@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import geometry
 from ambkit.machine.magnets import ConstantStiffness
+from ambkit.simulation.blocks import gain_at_rest
 from ambkit.simulation.holding import holding
 from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.let_turn import LetTurn, check_unbalance, let_turn, let_turn_fields
@@ -38,7 +40,7 @@ FAR = 1e9
 class Controllers:
     """PIDs of combinations of the axes' positions, and feedback of an estimator's states."""
 
-    #: Gains and limits of each of the q PIDs, as ``amb_pid`` has them after T.
+    #: Gains and limits of each of the q PIDs and what is behind it, see `gains_of`.
     pids: list[list[float]]
     names: tuple[str, ...]  #: What each PID is of: an axis, or a coordinate of the rigid rotor.
     of_axes: Array  #: (q, p) Of the axes' positions, what each PID looks at.
@@ -56,6 +58,7 @@ class Controllers:
         if states is not None and "fed_back" in self.feedback:
             currents = currents - self.feedback["fed_back"] @ states
         held = np.linalg.lstsq(self.spread, currents, rcond=None)[0]
+        held = held / np.array([gain_at_rest(behind(gains)) for gains in self.pids])
         return np.asarray(held + self.unseen * (self.of_axes @ place))
 
 
@@ -134,10 +137,15 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
     )
 
 
-def gains_of(pid: PID, low: float, high: float) -> list[float]:
-    """Return a PID as ``amb_pid`` has it after T."""
+def gains_of(pid: PID, T: float, low: float, high: float) -> list[float]:
+    """Return a PID as ``amb_pid`` has it after T, and the sections behind it one by one."""
     return [pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup, pid.setpoint_weight,
-            low, high]  # fmt: skip
+            low, high, *chain.from_iterable(pid.sections(T))]  # fmt: skip
+
+
+def behind(gains: Sequence[float]) -> list[Sequence[float]]:
+    """Return the sections behind a PID, from what `gains_of` has of it."""
+    return [gains[k : k + 5] for k in range(8, len(gains), 5)]
 
 
 def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | None) -> Controllers:
@@ -153,8 +161,9 @@ def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | Non
         looks = view.H.copy()
         looks[list(own)] = view.C[list(own.values())]
         feedback |= _rows(estimator, looks)
+    T = plant.machine.sampling_time
     return Controllers(
-        [gains_of(pid, *ends) for pid, ends in zip(pids, limits, strict=True)],
+        [gains_of(pid, T, *ends) for pid, ends in zip(pids, limits, strict=True)],
         _names(plant), one, one, np.array([pid.unseen(1.0) for pid in pids]), shown, feedback,
     )  # fmt: skip
 
@@ -221,7 +230,7 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
             for share, alone in zip(amperes, plant.alone, strict=True) if share
             for end in (alone.current_min, alone.current_max)
         )  # fmt: skip
-        pids.append(gains_of(pid, -room, room))
+        pids.append(gains_of(pid, plant.machine.sampling_time, -room, room))
         of_axes.append(lever * explained[at])
         spread.append(amperes)
         unseen.append(pid.unseen(1.0))

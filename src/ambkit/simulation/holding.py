@@ -88,6 +88,10 @@ class Gains(NamedTuple):
         """The gains by their keys."""
         return self._asdict()
 
+    def sections(self, _T: float) -> list[list[float]]:
+        """Return none: nothing is behind it."""
+        return []
+
 
 @lru_cache(maxsize=128)
 def chosen(bearing: Bearing) -> Gains:

@@ -231,7 +231,7 @@ class Loop:
             "axis": self._axis(core, precision),
             "T": bearing.sampling_time,
             "k_ui": [bearing.amplifier.gain],
-            "pid": gains_of(pid, *limits),
+            "pid": gains_of(pid, bearing.sampling_time, *limits),
             "feedback_estimate": pid.feedback == "estimate",
         }
         r, f_d = self.series
@@ -245,7 +245,7 @@ class Loop:
             "scale": None if self._scale is None else given(self._scale),
             "place": one,
             "current": min(max(self._held, limits[0]), limits[1]),
-            "integral": self._held + pid.unseen(self._start),
+            "integral": pid.integral(self._held, self._start, bearing.sampling_time),
             "hovers": True,
             "faults": None
             if faults is None

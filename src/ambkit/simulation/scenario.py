@@ -25,6 +25,7 @@ from ambkit.base.config.quantities import Quantity, SignalIn
 from ambkit.base.config.texts import Name
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.machine import Bearing
+from ambkit.simulation.blocks import AnyBlock, gain_at_rest, sections_of
 from ambkit.simulation.holding import Gains, chosen, textbook, two_digits, weight_of
 from ambkit.simulation.sequence import LiftOff
 from ambkit.simulation.waveforms import (
@@ -80,6 +81,8 @@ class PID(Part):
     sensor: Name | None = None
     """Of a machine, the reading that it sees, such as one that is not beside its magnet; without,
     the displacement of its axis by all readings."""
+    block: tuple[AnyBlock, ...] = ()
+    """What its current passes in turn before it is held to the limits, such as a notch."""
 
     @model_serializer(mode="wrap")
     def _only_what_was_said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -87,7 +90,9 @@ class PID(Part):
         data: dict[str, Any] = handler(self)
         said = self.model_fields_set
         return {
-            key: value for key, value in data.items() if key in said and value not in (None, {})
+            key: value
+            for key, value in data.items()
+            if key in said and value not in (None, {}, (), [])
         }
 
     @classmethod
@@ -157,6 +162,35 @@ class PID(Part):
         """
         return (1 - self.setpoint_weight) * self.kp * r
 
+    def sections(self, T: float) -> list[list[float]]:
+        """Return the sections of second order b0, b1, b2, a1, a2 that its blocks are.
+
+        Parameters
+        ----------
+        T : float
+            The sampling time [s].
+
+        Raises
+        ------
+        AmbkitError
+            There are too many, or nothing passes them at rest.
+        """
+        return sections_of(self.block, T)
+
+    def integral(self, current: float, r: float, T: float) -> float:
+        """Return the integral [A] with which a rotor is held at rest.
+
+        Parameters
+        ----------
+        current : float
+            The current that holds it [A].
+        r : float
+            The reference there [m].
+        T : float
+            The sampling time [s].
+        """
+        return current / gain_at_rest(self.sections(T)) + self.unseen(r)
+
 
 GAINS = frozenset(Gains._fields)
 """What is to be known of a PID."""
@@ -208,6 +242,8 @@ class Control(PID):
             yield "unbalance_from", text
         if read("gain_scheduling") and read("type") != "lqg":
             yield "gain_scheduling", 'is of the gains of type = "lqg"'
+        if read("block") and read("type") == "lqg":
+            yield "block", 'is behind a PID; type = "lqg" has none'
         given = read("pid")
         if not isinstance(given, dict) or not given:
             return
@@ -221,7 +257,7 @@ class Control(PID):
 
     def __hash__(self) -> int:
         own = self.type, self.feedback, self.cross_feedback, self.gain_scheduling, self.unbalance
-        return hash((*own, self.kp, self.ki, self.kd, *self.pid.items()))
+        return hash((*own, self.kp, self.ki, self.kd, self.block, *self.pid.items()))
 
     @property
     def gains(self) -> PID:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -40,7 +41,7 @@ class Structs(NamedTuple):
     """The constants, by their names in C."""
 
     arrays: dict[str, NDArray[np.float64]]
-    pids: list[dict[str, float]]
+    pids: list[dict[str, Any]]
     let_turn: dict[str, Any]
     law: dict[str, Any]
     sequence: dict[str, Any]
@@ -80,9 +81,10 @@ def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Str
         return elsewhere.get(key, Name(f"of_{key}" if key in told else "NULL"))
 
     pids = [
-        {"T": machine.sampling_time} | dict(zip(_PID, gains, strict=True))
+        {"T": machine.sampling_time} | dict(zip(_PID, gains, strict=False))
         for gains in fields["pid"]
     ]
+    arrays |= _behind(pids, fields["pid"])
     states = len(fields["position"]) // len(pids)
     law = {"axes": len(machine.axes), "states": states, "pids": len(pids), "pid": Name("of_pid")}
     law |= {key: at(key) for key in _LAW if key in told or key != "reference"}
@@ -97,6 +99,17 @@ def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Str
     control |= {key: at(key) for key in _CONTROL}
     counts = {key: fields[key] for key in _COUNTS if key in fields}
     return Structs(arrays, pids, let_turn, law, counts, control)
+
+
+def _behind(pids: list[dict[str, Any]], gains: Sequence[list[float]]) -> dict[str, Any]:
+    """Point PIDs to the sections behind them, which are returned; {} where there are none."""
+    all_: list[float] = []
+    for pid, each in zip(pids, gains, strict=True):
+        if sections := each[len(_PID) :]:
+            pid["sections"] = len(sections) // 5
+            pid["section"] = Name(f"&of_section[{len(all_)}]")
+            all_ += sections
+    return {"of_section": np.array(all_, float)} if all_ else {}
 
 
 def _in_c(of: Structs, precision: CPrecision) -> dict[str, Any]:
@@ -174,7 +187,8 @@ def _said(controller: Controller) -> str:
     if pid.type == "lqg":
         return "linear-quadratic regulator of the estimated states"
     ahead = f", {pid.feed_forward:g} of the estimated load taken back" if pid.feed_forward else ""
-    return f"PID, fed by the {pid.feedback}{ahead}"
+    behind = f", with {', '.join(each.type for each in pid.block)} behind it" if pid.block else ""
+    return f"PID, fed by the {pid.feedback}{ahead}{behind}"
 
 
 def constants(controller: Controller, name: str, crc: Constants) -> None:

@@ -60,6 +60,7 @@ def stored_as(estimator: Estimator, precision: CPrecision, control: Control | No
         law = "lqg" if control.type == "lqg" else "pid"
         law += f" of the {control.feedback or 'estimate'}, "
         law += "feed-forward, " if control.feed_forward else ""
+        law += "blocks, " if control.block else ""
     return f"{law}{cost.made_of(estimator)}, {precision}"
 
 

@@ -166,6 +166,11 @@ def _pid(bearing: Bearing, scenario: Scenario) -> _Parts:
 
 def _regulator(estimator: Estimator, scenario: Scenario) -> _Parts:
     bearing = estimator.bearing
+    if scenario.feedback == "measurement":
+        raise AmbkitError(
+            "a controller with blocks that the sensor feeds has no FMU of its own: take kind "
+            "whole-controller or closed-loop"
+        )
     controller = Controller.of_axis(bearing, estimator, scenario.controller, scenario.sequence)
     current = flown.hovers_at(bearing)
     return _Parts(

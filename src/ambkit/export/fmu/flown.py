@@ -36,7 +36,8 @@ class Flown(NamedTuple):
 
 def is_whole(scenario: Scenario) -> bool:
     """Say whether a scenario is flown by more than a PID."""
-    return scenario.sequence is not None or scenario.controller.needs_estimate
+    law = scenario.controller
+    return scenario.sequence is not None or law.needs_estimate or bool(law.block)
 
 
 def flown(estimator: Estimator, scenario: Scenario) -> Flown:
@@ -112,10 +113,12 @@ def law_data(controller: Controller) -> dict[str, Any]:
 
 def _law(told: control.Structs, precision: CPrecision, *, alone: bool = False) -> dict[str, Any]:
     text = data.struct(told.law, precision, {})
-    arrays = {name: each for name, each in told.arrays.items() if not alone or name in text}
+    pids = [data.struct(pid, precision, {}) for pid in told.pids]
+    named = "".join([text, *pids])
+    arrays = {name: each for name, each in told.arrays.items() if not alone or name in named}
     return {
         "arrays": data.declared(arrays, precision),
-        "pids": [data.struct(pid, precision, {}) for pid in told.pids],
+        "pids": pids,
         "let_turn": data.struct(told.let_turn, precision, {}) if told.let_turn else "",
         "text": text,
     }

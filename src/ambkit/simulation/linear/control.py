@@ -36,6 +36,7 @@ class _Gains(Protocol):
     def derivative_filter(self) -> float: ...
     @property
     def setpoint_weight(self) -> float: ...
+    def sections(self, T: float, /) -> list[list[float]]: ...
 
 
 class _Flown(Protocol):
@@ -68,7 +69,8 @@ class Gains(NamedTuple):
 def controller(pid: _Gains, bearing: Bearing, *, measured: bool) -> LinearSystem:
     """Return the controller as ``core/src/controller.c`` computes it, within its limits."""
     gains = Gains(pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.setpoint_weight)
-    found = _pid(gains, bearing.sampling_time, measured)
+    T = bearing.sampling_time
+    found = _passed(_pid(gains, T, measured), pid.sections(T))
     volts = 1 / bearing.amplifier.gain
     return replace(found, C=volts * found.C, D=volts * found.D, outputs=(Signal("u", "V"),))
 
@@ -101,12 +103,31 @@ def _pid(pid: Gains, T: float, measured: bool) -> LinearSystem:
     )  # fmt: skip
 
 
+def _passed(system: LinearSystem, sections: Sequence[Sequence[float]]) -> LinearSystem:
+    """Return a system whose output passes sections of second order, each of two states."""
+    A, B, C, D, states = system.A, system.B, system.C, system.D, system.states
+    for k, (b0, b1, b2, a1, a2) in enumerate(sections):
+        n = len(A)
+        inner = np.array([[b1 - a1 * b0], [b2 - a2 * b0]])
+        A = np.block([[A, np.zeros((n, 2))], [inner @ C, np.array([[-a1, 1.0], [-a2, 0.0]])]])
+        B = np.vstack([B, inner @ D])
+        C, D = np.hstack([b0 * C, [[1.0, 0.0]]]), b0 * D
+        states += (Signal(f"section_{k}", "A"), Signal(f"section_{k}_before", "A"))
+    return replace(system, A=A, B=B, C=C, D=D, states=states)
+
+
 def controllers(found: _Flown, of: Machine, *, measured: bool) -> LinearSystem:
     """Return controllers as ``core/src/controllers.c`` computes them, within their limits."""
     from scipy.linalg import block_diag
 
     T, q = of.sampling_time, len(found.pids)
-    each = [_pid(Gains(pid[0], pid[1], pid[2], pid[3], pid[5]), T, measured) for pid in found.pids]
+    each = [
+        _passed(
+            _pid(Gains(pid[0], pid[1], pid[2], pid[3], pid[5]), T, measured),
+            [pid[k : k + 5] for k in range(8, len(pid), 5)],
+        )
+        for pid in found.pids
+    ]
     kinds = each[0].inputs
     order = [k + len(kinds) * at for k in range(len(kinds)) for at in range(q)]
     A, B, C, D = (block_diag(*(getattr(one, name) for one in each)) for name in "ABCD")

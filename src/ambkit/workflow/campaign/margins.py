@@ -53,7 +53,8 @@ def peaks(runs: Sequence[Planned], threads: int | None = None) -> Array:
     groups: dict[Any, list[int]] = {}
     alone: list[int] = []
     for at, run in enumerate(runs):
-        if not run.bearing.single or run.scenario.controller.needs_estimate:
+        law = run.scenario.controller
+        if not run.bearing.single or law.needs_estimate or law.block:  # of as many states as others
             alone.append(at)
             continue
         try:

@@ -1,0 +1,50 @@
+"""Blocks behind a PID, a file each; the list here is all that knows of them."""
+
+from collections.abc import Iterable, Sequence
+from typing import Annotated
+
+from pydantic import BeforeValidator, Field
+
+from ambkit.base.errors import AmbkitError
+from ambkit.simulation.blocks.biquad import Biquad
+from ambkit.simulation.blocks.block import Block
+from ambkit.simulation.blocks.lead_lag import LeadLag
+from ambkit.simulation.blocks.notch import Notch
+from ambkit.simulation.blocks.second_order import SecondOrder
+from ambkit.simulation.blocks.state_space import StateSpace, as_block
+
+AnyBlock = Annotated[
+    Annotated[
+        Biquad | LeadLag | Notch | SecondOrder | StateSpace,
+        Field(discriminator="type"),
+    ],
+    BeforeValidator(as_block),
+]
+
+MOST = 8
+"""Sections of second order behind a PID, as many as ``AMB_SECTIONS`` of the core."""
+
+
+NOTHING = 1e-9
+"""A gain at rest that is none."""
+
+
+def sections_of(blocks: Sequence[Block], T: float) -> list[list[float]]:
+    """Return the sections b0, b1, b2, a1, a2 of blocks in series at a sampling time [s]."""
+    found = [section for block in blocks for section in block.sections(T)]
+    if len(found) > MOST:
+        raise AmbkitError(
+            f"controller.block: there may be {MOST} sections of second order behind a PID, there "
+            f"are {len(found)}"
+        )
+    if abs(gain_at_rest(found)) < NOTHING:
+        raise AmbkitError("controller.block: nothing passes at rest, so nothing carries the rotor")
+    return found
+
+
+def gain_at_rest(sections: Iterable[Sequence[float]]) -> float:
+    """Return what sections in series do to a constant."""
+    gain = 1.0
+    for b0, b1, b2, a1, a2 in sections:
+        gain *= (b0 + b1 + b2) / (1 + a1 + a2)
+    return gain

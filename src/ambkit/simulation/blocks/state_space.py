@@ -1,0 +1,130 @@
+"""A linear system with one input and one output."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from ambkit.base.config import Read
+from ambkit.base.config.quantities import Quantity
+from ambkit.base.errors import AmbkitError
+from ambkit.simulation.blocks.block import Block
+
+
+def _vector(value: Any) -> Any:
+    return np.ravel(value).tolist() if isinstance(value, np.ndarray) else value
+
+
+def _rows(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+INFINITE = 1e8
+"""A zero that is farther out is none."""
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Vector = Annotated[tuple[Number, ...], BeforeValidator(_vector)]
+Rows = Annotated[tuple[tuple[Number, ...], ...], BeforeValidator(_rows)]
+
+
+class StateSpace(Block):
+    """``dx/dt = A x + B e`` and ``iu = C x + D e``, or the same from sample to sample."""
+
+    # It is flown as sections of second order, so its poles must be stable and it must have a gain
+    # at rest: the integral is that of the PID.
+
+    type: Literal["state space"] = "state space"
+    A: Rows
+    """Matrix of the states (n, n) [1/s], sampled [1]."""
+    B: Vector
+    """Of its input (n)."""
+    C: Vector
+    """Of its output (n)."""
+    D: Number = 0.0
+    """From input to output."""
+    sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)] | None = None
+    """With it the matrices are those from one sample to the next [s]."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        A, B, C, sampled = map(read, ("A", "B", "C", "sampling_time"))
+        if not all(isinstance(each, tuple) for each in (A, B, C)):
+            return
+        n = len(A)
+        if not n or any(len(row) != n for row in A):
+            yield "A", "must be square"
+            return
+        for name, values in (("B", B), ("C", C)):
+            if len(values) != n:
+                yield name, f"must have {n} values, as A has rows; has {len(values)}"
+                return
+        poles = np.linalg.eigvals(np.array(A))
+        growing = np.abs(poles) - 1 if sampled else poles.real
+        if not growing.max() < 0:
+            worst = poles[growing.argmax()] + 0
+            text = f"its poles must be stable, has {worst:g}; the integral is that of the PID, ki"
+            yield "A", text
+
+    @classmethod
+    def of(cls, system: Any) -> StateSpace:
+        """Return a system of python-control, or any with A, B, C, D and dt."""
+        known: Any = system if hasattr(system, "A") else _converted(system)
+        D = np.asarray(known.D, float)
+        if D.size != 1:
+            raise AmbkitError(
+                f"controller.block: a system must have one input and one output; has "
+                f"{D.shape[1]} and {D.shape[0]}"
+            )
+        return cls.model_validate({
+            "A": known.A, "B": known.B, "C": known.C, "D": float(D.item()),
+            "sampling_time": float(known.dt) if known.dt else None,
+        })  # fmt: skip
+
+    def polynomials(self) -> Any:
+        """Refuse: a system of any order has none of second order."""
+        raise NotImplementedError
+
+    def sections(self, T: float) -> list[list[float]]:
+        """Return the sections b0, b1, b2, a1, a2 that it is at a sampling time [s]."""
+        from scipy import linalg, signal
+
+        if self.sampling_time is not None and not math.isclose(self.sampling_time, T):
+            raise AmbkitError(
+                f"controller.block: a state space is sampled every {self.sampling_time:g} s; must "
+                f"be the sampling time of the loop, {T:g} s"
+            )
+
+        A, B, C, D = (np.atleast_2d(of) for of in (self.A, self.B, self.C, self.D))
+        B, one = B.T, np.eye(len(A))
+        if self.sampling_time is None:
+            A, B, C, D, _ = signal.cont2discrete((A, B, C, D), T, method="bilinear")
+        nothing = np.zeros_like(B)
+        zeros = linalg.eigvals(
+            np.block([[A, B], [C, D]]), np.block([[one, nothing], [nothing.T, np.zeros((1, 1))]])
+        )
+        zeros, poles = zeros[np.abs(zeros) < INFINITE], np.linalg.eigvals(A)
+        at_rest = (C @ np.linalg.solve(one - A, B) + D).item()
+        gain = at_rest * np.prod(1 - poles).real / np.prod(1 - zeros).real
+        late = len(poles) - len(zeros)  # samples, for which there are zeros at 0
+        rows = signal.zpk2sos([*zeros, *[0.0] * late], poles, gain)
+        for _ in range(late):
+            row = next(row for row in rows if row[2] == 0)
+            row[:3] = 0.0, row[0], row[1]
+        return [[*row[:3].tolist(), *row[4:].tolist()] for row in rows]
+
+
+def _converted(system: Any) -> Any:
+    import control
+
+    return control.ss(system)
+
+
+def as_block(given: Any) -> Any:
+    """Take a system of python-control for a block."""
+    if isinstance(given, Block | dict):
+        return given
+    return StateSpace.of(given) if hasattr(given, "A") or hasattr(given, "num") else given

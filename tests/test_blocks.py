@@ -1,0 +1,180 @@
+"""Blocks behind a PID: as data, in the loop, in its margins and in C."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from export_cases import BEARING
+from machine_cases import machine
+from test_export_control import run
+from test_machine_export import compiled
+
+import ambkit
+from ambkit import AmbkitError, Control, Scenario
+from ambkit.export.c import export_c
+from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.simulation.blocks import (
+    Biquad,
+    Block,
+    LeadLag,
+    Notch,
+    SecondOrder,
+    StateSpace,
+    gain_at_rest,
+)
+from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.linear.control import controller
+
+T = 1e-4
+THIRD = np.array([[-900.0, 0, 0], [400.0, -700.0, 2000.0], [0, -2000.0, -700.0]])
+BLOCKS: list[Block] = [
+    Notch(frequency=600.0, depth=0.1),
+    LeadLag(zero=900.0, pole=1200.0),
+    SecondOrder(frequency=3000.0),
+    Biquad(zero_frequency=700.0, zero_damping=0.3, pole_frequency=800.0, pole_damping=0.5),
+    StateSpace(A=THIRD, B=[900.0, 0, 0], C=[1.0, 0.1, 0.0], D=0.1),
+]
+S = control.tf([1, 0], 1)
+W = 2 * np.pi
+IN_CONTROL = [
+    (S**2 + 0.1 * 2 * 0.2 * 600 * W * S + (600 * W) ** 2)
+    / (S**2 + 2 * 0.2 * 600 * W * S + (600 * W) ** 2),
+    (1 + S / (900 * W)) / (1 + S / (1200 * W)),
+    (3000 * W) ** 2 / (S**2 + 2 * 0.7 * 3000 * W * S + (3000 * W) ** 2),
+    (S**2 / (700 * W) ** 2 + 0.6 * S / (700 * W) + 1) / (S**2 / (800 * W) ** 2 + S / (800 * W) + 1),
+    control.ss(THIRD, [[900.0], [0], [0]], [[1.0, 0.1, 0.0]], [[0.1]]),
+]
+
+
+def answer(sections: list[list[float]], f: Any) -> Any:
+    z, found = np.exp(2j * np.pi * f * T), 1.0
+    for b0, b1, b2, a1, a2 in sections:
+        found = found * (b0 + b1 / z + b2 / z**2) / (1 + a1 / z + a2 / z**2)
+    return found
+
+
+@pytest.mark.parametrize("k", range(len(BLOCKS)), ids=[type(b).__name__ for b in BLOCKS])
+def test_a_block_is_its_transfer_function(k: int) -> None:
+    """By the bilinear map, which is exact at rest and where it is prewarped."""
+    block, continuous = BLOCKS[k], IN_CONTROL[k]
+    f = np.array([0.0, 30.0, 400.0, 2000.0, block.exact or 100.0])
+    rate = 2 / T if not block.exact else W * block.exact / np.tan(np.pi * block.exact * T)
+    mapped = rate * np.tan(np.pi * f * T)
+    wanted = np.array([continuous(1j * w) for w in mapped])
+    np.testing.assert_allclose(answer(block.sections(T), f), wanted, rtol=1e-9, atol=1e-12)
+    assert gain_at_rest(block.sections(T)) == pytest.approx(continuous(0j).real, rel=1e-9)
+
+
+def test_a_system_of_python_control_is_a_block() -> None:
+    continuous = control.tf([900.0], [1.0, 900.0])
+    known = Control(block=[continuous])
+    assert known.block[0].type == "state space"
+    np.testing.assert_allclose(
+        answer(known.sections(T), np.array([0.0, 500.0])),
+        answer(LeadLag(zero=1e12, pole=900 / W).sections(T), np.array([0.0, 500.0])), rtol=1e-6,
+    )  # fmt: skip
+    late = Control(block=[control.sample_system(continuous, T, "zoh")])
+    wanted = control.sample_system(continuous, T, "zoh")(np.exp(2j * np.pi * 500 * T))
+    np.testing.assert_allclose(answer(late.sections(T), 500.0), wanted, rtol=1e-9)
+
+
+def test_they_are_data() -> None:
+    written = Scenario(controller=Control(block=BLOCKS, pid={"A1": {"block": BLOCKS[:1]}}))
+    assert Scenario.from_toml(written.to_toml()) == written
+    assert '[[controller.block]]\ntype = "notch"\nfrequency = "600 Hz"' in written.to_toml()
+
+
+@pytest.mark.parametrize("k", range(len(BLOCKS)), ids=[type(b).__name__ for b in BLOCKS])
+def test_what_flies_is_what_is_assessed(k: int) -> None:
+    """Alone on a record: the loop's u is what the linear controller makes of its y."""
+    law = Control(feedback="measurement", block=BLOCKS[k : k + 1]).completed(BEARING)
+    shaken = 1e-7 * np.random.default_rng(0).standard_normal(201)
+    run = ambkit.simulate(
+        BEARING.replace(rotor__gravity="none"),
+        Scenario(duration=200 * BEARING.sampling_time, controller=law, noise=False),
+        imposed=Imposed(sensor_noise=shaken),
+    )
+    behind = law.sections(BEARING.sampling_time)
+    linear = controller(law, BEARING, measured=True)
+    x, y, u = np.zeros(len(linear.A)), run["y"] / BEARING.sensor.gain, []
+    last = [name.name for name in linear.states].index("last")
+    x[last] = y[0]
+    first = -law.kp * y[0]  # of which the blocks start
+    at = [name.name for name in linear.states].index("section_0")
+    for j, (b0, b1, b2, a1, a2) in enumerate(behind):
+        out = first * (b0 + b1 + b2) / (1 + a1 + a2)
+        x[at + 2 * j : at + 2 * j + 2] = out - b0 * first, b2 * first - a2 * out
+        first = out
+    for value in y:
+        told = np.array([value, 0.0])
+        u.append((linear.C @ x + linear.D @ told)[0])
+        x = linear.A @ x + linear.B @ told
+    # The first sample has no derivative yet.
+    np.testing.assert_allclose(run["u"][0], -law.kp * y[0] * gain_at_rest(behind)
+                               / BEARING.amplifier.gain, rtol=1e-9)  # fmt: skip
+    assert np.abs(run["u"]).max() > 1e-3
+    np.testing.assert_allclose(run["u"], u, rtol=1e-6, atol=1e-9)
+
+
+def test_they_hold_the_rotor_from_the_start() -> None:
+    """A gain at rest other than 1 is in the integral that carries the weight."""
+    halved = Control(feedback="measurement", block=[StateSpace(A=[[-9000.0]], B=[9000.0], C=[0.8])])
+    for one in (BEARING, machine()):
+        run = ambkit.simulate(one, Scenario(duration=0.02, noise=False, controller=halved))
+        moved = max(
+            np.abs(run[name]).max() for name in run.signals if name == "x" or name[:2] == "s_"
+        )
+        assert moved < 1e-9
+
+
+def test_a_notch_is_in_the_margins() -> None:
+    late, plain = (
+        LoopOf(BEARING, Control(feedback="measurement", block=each)).peak()
+        for each in ([Notch(frequency=300.0, damping=0.5)], [])
+    )
+    assert late > 1.1 * plain
+    early = LoopOf(BEARING, Control(feedback="measurement", block=[Notch(frequency=4900.0)])).peak()
+    assert early == pytest.approx(plain, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("block", "said"),
+    [
+        ({"type": "notch", "frequency": "60 kHz"}, "below half the sampling frequency"),
+        ({"type": "nocht"}, "did you mean"),
+        (control.tf([1.0], [1.0, 0.0]), "the integral is that of the PID"),
+        (control.tf([1.0, 0.0], [1.0, 5.0]), "nothing passes at rest"),
+        (control.tf([1.0], [1.0, 0.5], 2e-4), "sampling time of the loop"),
+        (control.ss(THIRD, np.eye(3), np.eye(3), 0 * np.eye(3)), "one input and one output"),
+    ],
+)
+def test_what_cannot_be_flown_is_said(block: Any, said: str) -> None:
+    with pytest.raises(AmbkitError, match=said):
+        Control(block=[block]).sections(T)
+    with pytest.raises(AmbkitError, match="there may be 8"):
+        Control(block=[Notch(frequency=99.0)] * 9).sections(T)
+    with pytest.raises(AmbkitError, match="lqg"):
+        Control(type="lqg", block=BLOCKS[:1])
+
+
+@compiled
+@pytest.mark.parametrize("feedback", ["measurement", "estimate"])
+def test_the_exported_c_has_them(feedback: Any, tmp_path: Path) -> None:
+    law = Control(feedback=feedback, block=BLOCKS)
+    one = BEARING if feedback == "measurement" else machine(speed=600.0)
+    if feedback == "estimate":
+        law = Control(type="translation and tilt", feedback=feedback, block=BLOCKS[::2])
+    made = export_c(
+        one, None, tmp_path / "c", prefix="f", precision="float", scenario=Scenario(controller=law)
+    )
+    assert made is not None
+    assert "pass: f with its controller" in run(tmp_path / "c")
+    core = tmp_path / "c" / "core/src/controller.c"
+    core.write_text(
+        core.read_text().replace("- (c[4] * out);\n      at", "+ (c[4] * out);\n      at")
+    )
+    assert "FAIL: f with its controller" in run(tmp_path / "c")
