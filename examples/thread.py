@@ -179,9 +179,9 @@ print(*reading.account(), sep="\n")
 # out, which keeps the peak of the sensitivity in zone A and follows the load less fast.
 #
 # ```sh
-# ambkit design log.csv --channels rig.toml --bearing my.toml --validate other.csv \
-#   --free magnet_constant,delay,measurement_noise,load_growth --max-sensitivity inf --anyway \
-#   --prefix grinder --out design/
+# ambkit design my.toml log.csv --channels rig.toml --validate other.csv \
+#   --free magnet_constant --free delay --free measurement_noise --free load_growth \
+#   --max-sensitivity inf --force --prefix grinder --out design/
 # ```
 
 # %%

@@ -595,7 +595,7 @@ def test_assess_takes_filters_files(call, tmp_path):
 
 
 def test_a_signal_is_designed_played_and_assessed(call, tmp_path):
-    made = call("excite", "zittau_axial", "--for", "sensitivity", "--duration", "1.5 s",
+    made = call("excite", "sensitivity", "zittau_axial", "--duration", "1.5 s",
                 "--filter", "observer", "--out", "injection.csv", "--plot", "it.png")  # fmt: skip
     assert made.code == 0, made.err
     assert "peak of |S|, expected" in made.out
@@ -796,11 +796,9 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("assess sweep zittau_axial --filter ud --filter linear", "is given more than once"),
         ("assess log RUN --filter linear", "machine says what filter"),
         ("assess log RUN --machine zittau_axial", "has no signal injected"),
-        (
-            "excite zittau_axial --for sensitivity --kind prbs",
-            "--kind is not for --for sensitivity",
-        ),
-        ("excite zittau_axial --filter linear", "--estimator is not for --for parameters"),
+        ("excite sensitivity zittau_axial --kind prbs", "there is no option --kind"),
+        ("excite zittau_axial --filter linear", "there is no option --filter"),
+        ("excite zittau_axial --limit 5kg", 'limit must be a current or a length such as "2 A"'),
         ("assess zittau_axial --disturbance 500N", "no control current from -1.5 to 1.5 A holds"),
         ("tune trade-off zittau_axial --peaks x", "invalid float value: 'x'"),
         ("tune zittau_axial --max-sensitivity 1", "max_sensitivity must be above 1.02"),

@@ -191,7 +191,7 @@ def test_where_none_is_found_a_sentence_says_so_and_what_was_tried(tmp_path, cap
     for command, code in (("check", 0), ("simulate", 2), ("design", 2)):
         given = [str(file)]
         if command == "design":
-            given = ["--bearing", *given, "--out", str(tmp_path / "d")]
+            given = [*given, "--out", str(tmp_path / "d")]
         with pytest.raises(SystemExit) as left:
             main([command, *given])
         assert left.value.code == code

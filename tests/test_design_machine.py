@@ -99,11 +99,11 @@ def run(arguments, capsys):
     (["simulate", "d/machine.toml", "--scenario", "d/scenario.toml", "--estimator", "d/filter.toml",
       "--duration", "20 ms"], 0, "Errors of the estimate"),
     (["check", "d/scenario.toml"], 0, "ok, scenario"),
-    (["design", "--bearing", "tum_mlps", "--free", "mass", "--out", "e"], 2,
+    (["design", "tum_mlps", "--free", "mass", "--out", "e"], 2,
      "identifies a machine with one axis from its logs; tum_mlps has 4"),
-    (["design", "--bearing", "zittau_axial", "--free", "mass", "--out", "e"], 2,
+    (["design", "zittau_axial", "--free", "mass", "--out", "e"], 2,
      "and there are 0 logs"),
-    (["design", "--bearing", "tum_mlps", "--estimator", "observer", "--out", "e"], 2,
+    (["design", "tum_mlps", "--filter", "observer", "--out", "e"], 2,
      "takes one axis"),
 ])  # fmt: skip
 def test_commands(arguments, code, said, designed, capsys, tmp_path, monkeypatch):

@@ -13,6 +13,7 @@ import pytest
 from pydantic import BaseModel
 
 import ambkit
+from ambkit.cli import from_verbs
 from ambkit.cli.app import app
 
 SECTIONS = ("Parameters", "Attributes")
@@ -192,6 +193,8 @@ def internal() -> Iterator[str]:
     exported = {(each.__module__, each.__name__) for one in ours for each in one.__mro__}
     exported |= {(thing.__module__, thing.__qualname__) for thing in PUBLIC.values()}
     exported |= {(each.callback.__module__, each.callback.__name__) for each in commands()}
+    verbs = map(from_verbs.verb_called, from_verbs.VERBS)
+    exported |= {(verb.__module__, verb.__qualname__) for verb in verbs}
     root = Path(ambkit.__file__).parent
     for path in root.rglob("*.py"):
         module = ".".join(["ambkit", *path.relative_to(root).with_suffix("").parts])

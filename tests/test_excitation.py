@@ -189,8 +189,8 @@ def test_excite_then_simulate(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    run("excite", "zittau_axial", "--duration", "0.6 s", "--band", "8 Hz,80 Hz", "--parameters",
-        "magnet_constant,mass", "--limit-displacement", "0.2 mm", "--out", "excitation.csv",
+    run("excite", "zittau_axial", "--duration", "0.6 s", "--band", "8 Hz,80 Hz", "--free",
+        "magnet_constant", "--free", "mass", "--limit", "0.2 mm", "--out", "excitation.csv",
         "--plot", "excitation.svg", "--json")  # fmt: skip
     found = json.loads(capsys.readouterr().out)
     assert found["kind"] == "stepped-sine"

@@ -57,7 +57,7 @@ def test_commands_design_play_and_assess_it(designed, tmp_path, monkeypatch, cap
     assert "it has none of the signals injected_A1" in " ".join(shown.err.split())
     for arguments, said in (
         (["tum_mlps"], "has the axes A1, A2, B1, B2: name one of them"),
-        (["tum_mlps", "--for", "sensitivity", "--load", "1 N"], "--load is not for"),
+        (["sensitivity", "tum_mlps", "--wander", "1 N"], "there is no option --wander"),
         (["zittau_axial", "--axis", "A1"], "zittau_axial has one axis: there is no axis A1"),
     ):
         code, shown = call("excite", *arguments)

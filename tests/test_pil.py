@@ -215,7 +215,7 @@ def test_the_command_says_it(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     path.write_text(SCENARIO.to_toml())
     with pytest.raises(SystemExit) as left:
         main(["pil", "zittau_axial", "--scenario", str(path), "--json", "--out", str(out),
-              "--report", str(page)])  # fmt: skip
+              "--out", str(page)])  # fmt: skip
     assert not left.value.code
     told = json.loads(capsys.readouterr().out)
     assert told["passed"] is True

@@ -17,7 +17,6 @@ from docutils import nodes
 from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
-from typer.testing import CliRunner
 
 from ambkit.cli.app import app
 from ambkit.cli.from_verbs import VERBS
@@ -117,7 +116,7 @@ class Manual(SphinxDirective):
         shown = []
         for inner in ([], *([inner] for inner in (*getattr(command, "commands", ()), *own))):
             arguments = [name, *inner, "--help"]
-            text = CliRunner().invoke(app, arguments, prog_name="ambkit", terminal_width=90).output
+            _, text = _run_here(arguments, Path())
             shown.append(nodes.literal_block(text, text, language="text"))
         return shown
 

@@ -72,10 +72,13 @@ if TYPE_CHECKING:
     from ambkit.verbs.assess import assess_log as assess_log
     from ambkit.verbs.assess import assess_speed as assess_speed
     from ambkit.verbs.assess import assess_sweep as assess_sweep
+    from ambkit.verbs.excite import excite as excite
+    from ambkit.verbs.excite import excite_sensitivity as excite_sensitivity
     from ambkit.verbs.faults import inject_faults as inject_faults
     from ambkit.verbs.rotor import campbell as campbell
     from ambkit.verbs.rotor import mode_shapes as mode_shapes
     from ambkit.verbs.rotor import unbalance_response as unbalance_response
+    from ambkit.verbs.pil import pil as pil
     from ambkit.verbs.tune import tune as tune
     from ambkit.verbs.tune import tune_robust as tune_robust
     from ambkit.verbs.tune import tune_trade_off as tune_trade_off
@@ -144,8 +147,10 @@ _HOME = {
     ],
     "workflow.comparison": ["compare"],
     "verbs.assess": ["assess", "assess_log", "assess_speed", "assess_sweep"],
+    "verbs.excite": ["excite", "excite_sensitivity"],
     "verbs.faults": ["inject_faults"],
     "verbs.rotor": ["campbell", "mode_shapes", "unbalance_response"],
+    "verbs.pil": ["pil"],
     "verbs.tune": ["tune", "tune_robust", "tune_trade_off"],
     "workflow.campaign.result": ["Campaign"],
     "workflow.campaign.running": ["campaign"],

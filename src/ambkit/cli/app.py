@@ -23,8 +23,6 @@ from ambkit.cli.campaign import (
 )
 from ambkit.cli.check import check
 from ambkit.cli.compare import compare
-from ambkit.cli.design import design
-from ambkit.cli.excite import excite
 from ambkit.cli.export import export, export_c
 from ambkit.cli.export_a2l import export_a2l
 from ambkit.cli.export_fmu import export_fmu, export_ssp
@@ -32,7 +30,6 @@ from ambkit.cli.export_mat import export_mat
 from ambkit.cli.filter import filter_record
 from ambkit.cli.identify import identify
 from ambkit.cli.options import keep_inputs
-from ambkit.cli.pil import pil
 from ambkit.cli.presets import presets
 from ambkit.cli.read import read
 from ambkit.cli.reproduce import reproduce
@@ -50,18 +47,18 @@ app = typer.Typer(
 _COMMANDS: dict[str, Callable[..., None]] = {
     "reproduce": reproduce,
     "simulate": simulate,
-    "excite": excite,
+    "excite": from_verbs.command("excite"),
     "read": read,
     "identify": identify,
     "train": train,
     "tune": from_verbs.command("tune"),
     "filter": filter_record,
     "compare": compare,
-    "design": design,
+    "design": from_verbs.command("design"),
     "assess": from_verbs.command("assess"),
     "faults": from_verbs.command("faults"),
     "rotor": from_verbs.command("rotor"),
-    "pil": pil,
+    "pil": from_verbs.command("pil"),
     "presets": presets,
     "check": check,
 }
@@ -107,10 +104,7 @@ def _help(command: Callable[..., None]) -> str:
 
 
 for _name, _command in _COMMANDS.items():
-    if _name in from_verbs.VERBS:
-        app.command(_name, help=_command.__doc__, context_settings=from_verbs.PASSED)(_command)
-    else:
-        app.command(_name, cls=Command, help=_help(_command))(_command)
+    app.command(_name, cls=Command, help=_help(_command))(_command)
 
 
 def _print_version(wanted: bool) -> None:

@@ -36,21 +36,25 @@ VERBS = {
     "assess sweep": "assess:assess_sweep",
     "assess speed": "assess:assess_speed",
     "assess log": "assess:assess_log",
+    "design": "design:design",
+    "excite": "excite:excite",
+    "excite sensitivity": "excite:excite_sensitivity",
     "faults": "faults:inject_faults",
     "rotor": "rotor:campbell",
     "rotor modes": "rotor:mode_shapes",
     "rotor unbalance": "rotor:unbalance_response",
+    "pil": "pil:pil",
     "tune": "tune:tune",
     "tune robust": "tune:tune_robust",
     "tune trade-off": "tune:tune_trade_off",
 }
 """Module and function of each command."""
 
-MAKES = {"faults": (".parquet",), "tune": (".toml",), "tune robust": (".toml",)}
+MAKES = {
+    "excite": (".parquet",), "excite sensitivity": (".parquet",), "faults": (".parquet",),
+    "pil": (".parquet",), "tune": (".toml",), "tune robust": (".toml",),
+}  # fmt: skip
 """Endings of what a command makes, beside those of all results."""
-
-PASSED = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
-"""How typer passes all that follows the name of a command."""
 
 PICTURES = (".png", ".svg", ".html")
 ROWS = (".json", ".csv", ".tex", ".html")
@@ -64,7 +68,7 @@ SAME = re.compile(r"[Aa]s for `ambkit ([\w -]+)`")
 class Misused(AmbkitError):
     """A command line that its command does not understand."""
 
-    def __init__(self, message: str, command: str) -> None:
+    def __init__(self, message: str, command: str | None) -> None:
         super().__init__(message)
         self.command = command
 
@@ -161,12 +165,13 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
         text = about.parameters[each.name].replace("%", "%%")
         # Annotations of parameters alone: those of results name what is not imported.
         settings = _settings(eval(each.annotation, verb.__globals__))
-        if each.default is each.empty or each.name == "records":
+        required = each.default is each.empty
+        if each.name == "records" or (required and each.kind is not each.KEYWORD_ONLY):
             parser.add_argument(each.name, help=text, **_positional(settings, each.default))
         else:
             parser.add_argument(
                 f"--{each.name.replace('_', '-')}", dest=each.name,
-                help=text + _default(each.default), default=argparse.SUPPRESS,
+                help=text + _default(each.default), default=argparse.SUPPRESS, required=required,
                 **{"action": Once} | settings,
             )  # fmt: skip
     _add_outputs(parser, (*MAKES.get(name, ()), *ROWS))
@@ -184,7 +189,8 @@ def _add_outputs(parser: Parser, endings: Sequence[str]) -> None:
         "--out": f"Write the result: {', '.join(endings)} (page). May be repeated.",
         "--plot": f"Draw it: {', '.join(PICTURES)}. May be repeated.",
     }
-    for option, text in files.items():
+    own = "--out" in parser._option_string_actions  # of a verb that writes a folder by itself
+    for option, text in {} if own else files.items():
         parser.add_argument(
             option, type=Path, action="append", default=[], metavar="FILE", help=text
         )
@@ -194,7 +200,7 @@ def _add_outputs(parser: Parser, endings: Sequence[str]) -> None:
 
 def _default(value: Any) -> str:
     """Return a default as the help shows it."""
-    if value is None or value is False or value == ():
+    if value is None or value is False or value == () or value is inspect.Parameter.empty:
         return ""
     shown = ", ".join(map(str, value)) if isinstance(value, tuple) else value
     return f" [default: {shown}]"
@@ -223,23 +229,30 @@ def _is_list(annotation: Any) -> bool:
     return get_origin(annotation) is Sequence
 
 
-def run(name: str, arguments: Sequence[str]) -> None:
-    """Call a verb with what a shell gives, and print, write and draw its result."""
+def called(arguments: Sequence[str]) -> tuple[str, Sequence[str]]:
+    """Return the command that a shell calls, of one word or two, and what it is given."""
+    count = 2 if " ".join(arguments[:2]) in VERBS else 1
+    return " ".join(arguments[:count]), arguments[count:]
+
+
+def run(name: str, arguments: Sequence[str]) -> int:
+    """Call a verb with what a shell gives, deliver its result, and return the exit code."""
     from ambkit.cli import output
 
-    if arguments and f"{name} {arguments[0]}" in VERBS:
-        name, arguments = f"{name} {arguments[0]}", arguments[1:]
     verb = verb_called(name)
     parser = parser_of(name, verb)
     try:
         given = vars(parser.parse_args(arguments))
     except argparse.ArgumentError as error:
         parser.error(str(error))
-    out, plots = given.pop("out"), given.pop("plot")
+    makes = "plot" in given  # else it writes a folder by itself
+    out, plots = (given.pop("out"), given.pop("plot")) if makes else ((), ())
     as_json, verbose = given.pop("json"), given.pop("verbose")
     _check_files("--out", out, (*MAKES.get(name, ()), *ROWS), given)
     _check_files("--plot", plots, PICTURES, given)
     result: Result = verb(**given)
+    if not makes:
+        output.written.append(Path(given["out"]))
     output.deliver_result(
         result,
         [
@@ -251,6 +264,7 @@ def run(name: str, arguments: Sequence[str]) -> None:
     )
     if as_json:  # else it is among the notes
         output.say_adequacy(getattr(result, "adequacy", ()))
+    return 0 if getattr(result, "passed", True) else 1
 
 
 def _check_files(
@@ -276,13 +290,10 @@ def _check_files(
             raise AmbkitError(f"{option}: {path} {problem}")
 
 
-def command(name: str) -> Callable[[Any], None]:
-    """Return the command for typer, which passes all that follows its name."""
-    import typer
+def command(name: str) -> Callable[[], None]:
+    """Return a command for typer, which only lists it."""
 
-    def called(context: typer.Context) -> None:
-        run(name, context.args)
+    def listed() -> None: ...
 
-    called.__doc__ = described(verb_called(name)).summary
-    called.__annotations__ = {"context": typer.Context}
-    return called
+    listed.__doc__ = described(verb_called(name)).summary
+    return listed

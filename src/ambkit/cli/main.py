@@ -66,21 +66,15 @@ def _heed_interrupts(lost: Any) -> None:
 
 def _run(arguments: list[str], debug: bool) -> int:
     """Run a command; return 0, 2 for what the user can mend, 1 for what is not foreseen."""
-    from typer import TyperException
-
     from ambkit.base.errors import AmbkitError
 
     try:
-        from ambkit.cli.app import app
+        from ambkit.cli import from_verbs
 
-        code = app(arguments, prog_name="ambkit", standalone_mode=False) or 0
+        name, given = from_verbs.called(arguments)
+        code = from_verbs.run(name, given) if name in from_verbs.VERBS else _typer(arguments)
         sys.stdout.flush()
-        return int(code)
-    except TyperException as error:
-        _trace(debug)
-        message = error.format_message().replace("Value error, ", "")
-        context = getattr(error, "ctx", None)
-        return _refused(message, context and context.command_path)
+        return code
     except AmbkitError as error:
         _trace(debug)
         return _refused(str(error), getattr(error, "command", None))
@@ -103,6 +97,21 @@ def _run(arguments: list[str], debug: bool) -> int:
     except Exception as error:
         _trace(debug)
         return _unforeseen(error)
+
+
+def _typer(arguments: list[str]) -> int:
+    """Run a command that is not made from a verb."""
+    from typer import TyperException
+
+    from ambkit.cli.app import app
+    from ambkit.cli.from_verbs import Misused
+
+    try:
+        return int(app(arguments, prog_name="ambkit", standalone_mode=False) or 0)
+    except TyperException as error:
+        context = getattr(error, "ctx", None)
+        message = error.format_message().replace("Value error, ", "")
+        raise Misused(message, context.command_path if context else None) from error
 
 
 def _left() -> int:

@@ -86,7 +86,7 @@ def simulate(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Signal 'injected' of a record, such as 'ambkit excite --for sensitivity' writes, "
+            help="Signal 'injected' of a record, such as 'ambkit excite sensitivity' writes, "
             "added to the measurement; for as long as it is.",
         ),
     ] = None,

@@ -96,7 +96,8 @@ class Result(Stated, Drawn):
         Parameters
         ----------
         path : str or path
-            Ends in ``.json``, ``.csv`` or ``.tex``; or ``.html`` for a page.
+            Ends in ``.json``, ``.csv`` or ``.tex``; or ``.html`` for a page. What makes a record
+            writes it as ``.csv`` or ``.parquet``.
 
         Raises
         ------
@@ -104,7 +105,10 @@ class Result(Stated, Drawn):
             The file has another ending, or it cannot be written.
         """
         ending = Path(path).suffix
-        if ending == ".html":
+        made = self.file()
+        if made is not None and ending in (".csv", ".parquet"):
+            made.save(path)
+        elif ending == ".html":
             self.page(path)
         elif ending == ".json":
             files.write_text(path, self.to_json() + "\n")
@@ -114,6 +118,10 @@ class Result(Stated, Drawn):
             files.write_text(path, self.to_latex() + "\n")
         else:
             raise AmbkitError(f"{path} must end in .json, .csv, .tex or .html")
+
+    def file(self) -> Any:
+        """Return what is written as ``.csv`` and ``.parquet``; None: the rows, as ``.csv``."""
+        return None
 
     def page(self, path: str | os.PathLike[str]) -> None:
         """Write it as a page, with all its tables and pictures.

@@ -57,6 +57,11 @@ class Design(Result):
     record: Record | None = None  #: The last log.
 
     @property
+    def passed(self) -> bool:
+        """Whether it was exported."""
+        return self.exported is not None
+
+    @property
     def loop(self) -> AssessedLoop:
         """The loop with the chosen filter."""
         return self.assessed.loops[self.chosen.kind]
@@ -82,7 +87,10 @@ class Design(Result):
     def notes(self) -> list[str]:
         """What speaks for it, what against it, and what is to be known."""
         why = evidence_for(self.chosen, self.candidates)
-        return [why, *(f"Objection: {each}" for each in self.objections), *self.remarks]
+        objections = [f"Objection: {each}" for each in self.objections]
+        if not self.passed:
+            objections.append("Nothing was exported: --force does it all the same.")
+        return [why, *objections, *self.remarks]
 
     @property
     def rows(self) -> list[Row]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import logging
 import os
 from collections.abc import Mapping, Sequence
@@ -17,7 +18,7 @@ from ambkit.estimate.experts import experts
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.named import AT, factories
 from ambkit.estimate.own import OwnEstimator, is_own
-from ambkit.estimate.registry import FILTER_SUFFIX, kind_called
+from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
 from ambkit.simulation import default_control
@@ -255,3 +256,81 @@ def of_machine(
 ) -> Estimator:
     """Return an estimator for a machine, of a kind or in a file."""
     return factories([name], machine, synchronous=synchronous)[name](noise)
+
+
+class Chosen(NamedTuple):
+    """A kind of estimator to export, and what it asks for k_i and k_s; None for the kind's own."""
+
+    kind: str
+    magnet: MagnetModel | None
+    file: FilterFile | None = None
+    """The filter whose kind and magnet these are, where it is in a file."""
+
+
+def export_given(
+    machine: Any, filter: Any, choice: Sequence[str] = tuple(KINDS)
+) -> tuple[Machine, Chosen]:
+    """Return the machine and the filter that are to be exported; a filter's file gives both."""
+    if is_filter(machine):
+        if filter is not None:
+            raise AmbkitError(f"{machine} is a filter already: leave out the other one")
+        filter, machine = machine, FilterFile.load(machine).plant
+    plant = given_machine(machine)
+    return plant, _chosen("linear" if filter is None else os.fspath(filter), plant, choice)
+
+
+def _chosen(text: str, machine: Machine, choice: Sequence[str]) -> Chosen:
+    """Return what is exported of a kind, a filter's file, an expert or a force map."""
+    if text in choice:
+        return Chosen(text, learned_magnet(text, machine))
+    if text in KINDS:
+        raise AmbkitError(f"filter: {text} cannot be exported yet; {', '.join(choice)} can")
+    path = Path(text.rpartition(AT)[2])
+    if path.suffix == FILTER_SUFFIX:
+        found = FilterFile.load_for(text, machine)
+        if found.kind not in choice:
+            raise AmbkitError(
+                f"{path}: {found.kind} cannot be exported so; {', '.join(choice)} can"
+            )
+        return Chosen(found.kind, found.asked(), found)
+    if not (path.suffix or path.exists() or os.sep in text):
+        near = difflib.get_close_matches(text, choice, 1)
+        hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(choice)}"
+        raise AmbkitError(f'filter: there is no filter and no file "{text}"; {hint}')
+    kind = text.partition(AT)[0] if AT in text else "adaptive"
+    return Chosen(kind_called(kind).name, experts(path, machine))
+
+
+def given_scenario(given: Any) -> Scenario | None:
+    """Return the scenario that is given or in a file."""
+    return Scenario.load(given) if isinstance(given, str | os.PathLike) else given
+
+
+def given_band(given: Any) -> tuple[float, float] | None:
+    """Return the ends of a band of frequencies [Hz]."""
+    if given is None:
+        return None
+    ends = given.split(",") if isinstance(given, str) else list(given)
+    if len(ends) != 2:
+        raise AmbkitError(f'band must be two frequencies such as "5 Hz,100 Hz", is {given!r}')
+    return in_si("band", ends[0], "Hz"), in_si("band", ends[1], "Hz")
+
+
+def given_limits(given: Sequence[str]) -> tuple[float | None, float | None]:
+    """Return limits of current [A] and displacement [m], each told by its unit."""
+    found: dict[str, float] = {}
+    for text in names_in(limit=given):
+        unit = next((unit for unit in ("A", "m") if _is_in(text, unit)), None)
+        if unit is None:
+            raise AmbkitError(f'limit must be a current or a length such as "2 A", is {text!r}')
+        found[unit] = in_si("limit", text, unit)
+    return found.get("A"), found.get("m")
+
+
+def _is_in(text: str, unit: str) -> bool:
+    """Whether a text is a quantity with this unit."""
+    try:
+        in_si("limit", text, unit)
+    except AmbkitError:
+        return False
+    return not text.strip()[-1].isdigit()

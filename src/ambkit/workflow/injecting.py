@@ -52,6 +52,9 @@ signal is another loop."""
 FILLED = 0.97
 """Part of a limit that is near enough to it."""
 
+DURATION = 5.0
+"""Of an experiment, where nobody says it [s]."""
+
 
 def design_injection(
     bearing: Machine,

@@ -66,7 +66,7 @@ class Injection(Result):
         """Return the signal as a record, to be saved and run: ``t`` and ``injected``."""
         # Of a machine ``injected_NAME`` of its axis.
         low, high = self.band
-        source = f"ambkit excite --for sensitivity, {low:.4g} to {high:.4g} Hz, for {self.name}"
+        source = f"ambkit excite sensitivity, {low:.4g} to {high:.4g} Hz, for {self.name}"
         name = signal("injected", self.axis) if self.axis else "injected"
         return Record(self.record.t, {name: self.added}, {name: "m"}, meta={"source": source})
 

@@ -56,6 +56,10 @@ class Pil(Result):
 
     TITLE = "{0.run.machine.name} flown by a processor"
 
+    def file(self) -> Record:
+        """Return the flight."""
+        return self.record
+
     @property
     def finding(self) -> str:
         """Whether all bits are the same."""

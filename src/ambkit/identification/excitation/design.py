@@ -108,20 +108,21 @@ class Design(Result):
     limits: Limits  #: What it keeps within.
     expectation: Expectation  #: What it would tell.
     tried: Sequence[tuple[Band, float]]  #: (band, certainty) Bands that were compared.
+    axis: str = ""  #: Of a machine, whose reference it is.
 
     @property
     def amplitude(self) -> float:
         """Greatest value of the reference [m]."""
         return float(np.max(np.abs(self.reference)))
 
-    def file(self, axis: str = "") -> Record:
+    def file(self) -> Record:
         """Return the reference as a record, to be saved and run: ``t`` and ``r``, or ``r_NAME``."""
         model = self.expectation.model
         meta = {
             "source": f"ambkit excite, {self.excitation.kind}, {self.band[0]:.4g} to "
             f"{self.band[1]:.4g} Hz, for {model.bearing.name}",
         }
-        name = signal("r", axis)
+        name = signal("r", self.axis)
         return Record(self.record.t, {name: self.reference}, {name: "m"}, meta=meta)
 
     TITLE = "{0.excitation.kind} for {0.expectation.model.bearing.name}"
@@ -208,6 +209,7 @@ def design(
     limits: Limits | None = None,
     band: Band | None = None,
     load: float | None = None,
+    axis: str = "",
     done: Callable[[str], object] = lambda _: None,
 ) -> Design:
     """Design the experiment that tells parameters of a bearing best."""
@@ -240,7 +242,9 @@ def design(
     one, excitation, reference = best
     reference = loop.within_limits(reference)
     record = loop.run(reference)
-    return Design(excitation, reference, one, record, limits, expect(record, model, free), tried)
+    return Design(
+        excitation, reference, one, record, limits, expect(record, model, free), tried, axis
+    )
 
 
 def _bands(bearing: Bearing, duration: float) -> list[Band]:
