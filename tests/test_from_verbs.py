@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
@@ -108,6 +110,19 @@ def test_each_verb_is_described(name, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     lines = from_verbs.parser_of(name, verb).format_help().splitlines()
     assert max(len(line) for line in lines if "    ambkit" not in line) <= 80
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys\nfrom ambkit.cli.main import main\n"
+        f"for name in {list(from_verbs.VERBS)}:\n"
+        "    try: main([*name.split(), '--help'])\n"
+        "    except SystemExit as left: assert not left.code\n"
+        "heavy = 'numpy scipy pydantic typer rich matplotlib'.split()\n"
+        "print([name for name in heavy if name in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "[]"
 
 
 @pytest.mark.parametrize("name", from_verbs.VERBS)

@@ -75,10 +75,10 @@ if TYPE_CHECKING:
     from ambkit.verbs.excite import excite as excite
     from ambkit.verbs.excite import excite_sensitivity as excite_sensitivity
     from ambkit.verbs.faults import inject_faults as inject_faults
+    from ambkit.verbs.pil import pil as pil
     from ambkit.verbs.rotor import campbell as campbell
     from ambkit.verbs.rotor import mode_shapes as mode_shapes
     from ambkit.verbs.rotor import unbalance_response as unbalance_response
-    from ambkit.verbs.pil import pil as pil
     from ambkit.verbs.tune import tune as tune
     from ambkit.verbs.tune import tune_robust as tune_robust
     from ambkit.verbs.tune import tune_trade_off as tune_trade_off
