@@ -176,7 +176,7 @@ def test_a_rigid_rotor_that_is_held_still_touches_nothing():
 
 @pytest.mark.long
 def test_assess_judges_the_orbit_together_with_the_peak():
-    """Of an unbalance 18 times as large, near the critical speed of the free rotor."""
+    """Of an unbalance 18 times as large, near a critical speed: it needs five times the current."""
     machine = machine_of("overhung").replace(speed="49000 rpm")
     planes = [{"place": z, "amount": 18 * u, "angle": a} for z, u, a in machine.unbalances()]
     machine = machine.replace(unbalance=planes)
@@ -184,8 +184,8 @@ def test_assess_judges_the_orbit_together_with_the_peak():
     of = LoopOf(machine, Control(cross_feedback=0.3, unbalance="force-free"))
     loop = assessed(filter.name, of.loop(filter), of)
     assert loop.zone == "A"
-    assert loop.verdict == loop.demands.zone
-    assert loop.verdict in "BC"
+    assert loop.demands.zone in "BC"
+    assert loop.verdict == "D"
     verdict = of_loop(loop)[0]
     assert (verdict.value, verdict.kept) == (loop.verdict, False)
     assert "plain control at 49000 rpm" in of.plain(filter)

@@ -63,7 +63,7 @@ def test_it_is_told_and_written(found: Assessment, tmp_path: Path) -> None:
     assert any(row.name == "doubles in" for row in found.rows)
     found.page(tmp_path / "v.html")
     page = (tmp_path / "v.html").read_text(encoding="utf-8")
-    assert "Not kept: zone, the worse of stability" in page
+    assert "Not kept: zone overall" in page
 
 
 def test_the_command_prints_it(call: Any, tmp_path: Path) -> None:

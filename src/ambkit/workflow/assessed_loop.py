@@ -106,9 +106,14 @@ class AssessedLoop:
 
     @property
     def verdict(self) -> str:
-        """The worse of the zones of the peak and of the displacement, A to D, or unstable."""
+        """The worst of the zones of peak and displacement, A to D, or unstable; D if saturated."""
+        # Beyond the limit of a current no displacement follows from a linear model.
+        limits = dict(zip(self.of.axes, self.of.alone, strict=True))
+        saturated = any(
+            axis.demands.current > limits[name].current_max for name, axis in self.axes.items()
+        )
         d = self.demands
-        return self.zone if d is None else max(self.zone, d.zone)
+        return self.zone if d is None else max(self.zone, "D" if saturated else d.zone)
 
 
 def assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:

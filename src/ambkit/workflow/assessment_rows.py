@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ambkit.simulation.scenario import Control
     from ambkit.workflow.assessed_loop import AssessedAxis, AssessedLoop
 
-VERDICT = "zone, the worse of stability and displacement"
+VERDICT = "zone overall"
 """Name of the row that judges a loop."""
 
 USUAL_GRADES = (2.5e-3, 6.3e-3)
