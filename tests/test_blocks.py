@@ -161,6 +161,27 @@ def test_what_cannot_be_flown_is_said(block: Any, said: str) -> None:
         Control(type="lqg", block=BLOCKS[:1])
 
 
+def test_a_pid_of_its_own_sensor_is_assessed() -> None:
+    """Hindawi's sensors are not beside its magnets: each PID closes its own reading alone."""
+    one = ambkit.Machine.preset("hindawi_2011")
+    own = {axis.name: {"sensor": axis.name} for axis in one.axes}
+    of = LoopOf(one, Control(type="decentralised", feedback="measurement", pid=own))
+    pids, f = of.pids(), np.linspace(2.0, 400.0, 50)
+    alone = zip(pids.values(), of.alone, one.readings, strict=True)
+    K = [controller(pid, b, measured=True).response(f)[:, 0, 0] / r.sensor.gain
+         for pid, b, r in alone]  # fmt: skip
+    P = of.plant.response(f)[:, :4, :4]
+    wanted = np.linalg.inv(np.eye(4) - P @ (np.stack(K, 1)[:, :, None] * np.eye(4)))
+    np.testing.assert_allclose(of.loop().sensitivity(f), wanted, rtol=1e-8, atol=1e-10)
+
+
+def test_a_pid_of_what_is_not_there_is_refused() -> None:
+    wrong = Scenario(controller=Control(pid={"B9": {"kp": 900.0}}))
+    for one in (BEARING, machine()):
+        with pytest.raises(AmbkitError, match=r"controller\.pid\.B9: there is no B9"):
+            ambkit.simulate(one, wrong)
+
+
 @compiled
 @pytest.mark.parametrize("feedback", ["measurement", "estimate"])
 def test_the_exported_c_has_them(feedback: Any, tmp_path: Path) -> None:

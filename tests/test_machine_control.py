@@ -291,7 +291,9 @@ def test_a_pid_can_see_a_sensor_that_is_not_beside_its_magnet(feedback):
 
 def test_a_sensor_that_is_not_there_is_refused():
     control = Control(pid={"B1": PID(sensor="C1")})
-    with pytest.raises(AmbkitError, match=r"control\.pid\.B1\.sensor: there is no C1; known: A1"):
+    with pytest.raises(
+        AmbkitError, match=r"controller\.pid\.B1\.sensor: there is no C1; known: A1"
+    ):
         simulate_machine(HINDAWI, Scenario(duration=0.01, feedback="measurement", control=control))
     with pytest.raises(ConfigError, match="is of an axis"):
         Control(type="translation and tilt", pid={"x": PID(sensor="A1")})

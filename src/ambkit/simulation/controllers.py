@@ -173,7 +173,7 @@ def _reading(plant: Plant, axis: int, sensor: str) -> int:
     names = [r.name for r in plant.machine.readings]
     if sensor not in names:
         raise AmbkitError(
-            f"control.pid.{plant.axes[axis].name}.sensor: there is no {sensor}; known: "
+            f"controller.pid.{plant.axes[axis].name}.sensor: there is no {sensor}; known: "
             f"{', '.join(names)}"
         )
     return names.index(sensor)

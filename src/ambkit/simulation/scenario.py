@@ -338,7 +338,7 @@ class Control(PID):
         for name in self.pid:
             if name not in known:
                 raise AmbkitError(
-                    f"control.pid.{name}: there is no {name}; known: {', '.join(known)}"
+                    f"controller.pid.{name}: there is no {name}; known: {', '.join(known)}"
                 )
 
 
@@ -581,6 +581,8 @@ class Scenario(Document):
                     yield f"{what}[{at}].axis: there is no axis {axis}; {known}"
         if not body:
             control, usual = self.controller, Control()
+            for name in control.pid.keys() - {"x", axes[0]}:
+                yield f"controller.pid.{name}: there is no {name}; known: {axes[0] or 'x'}"
             for key in OF_BODY:
                 if getattr(control, key) != getattr(usual, key):
                     yield f"controller.{key}: is of a rotor that is a body; this one is a mass"
