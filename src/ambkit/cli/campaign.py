@@ -209,9 +209,8 @@ def campaign_rare(
     """
     from ambkit.base.units import parse
     from ambkit.cli import output
-    from ambkit.workflow.campaign import rare_file
     from ambkit.workflow.campaign.parts import UNITS
-    from ambkit.workflow.campaign.rare import rare_failure
+    from ambkit.workflow.campaign.rare import keep, rare_failure, sentence
     from ambkit.workflow.campaign.store import Folder
 
     plan = Folder.existing(folder).plan
@@ -223,9 +222,9 @@ def campaign_rare(
         raise AmbkitError(f"--above: {error}") from None
     with output.progress("levels of rare failures", unit="runs") as done:
         found = rare_failure(plan, figure, limit, runs=runs, seed=seed, threads=threads, done=done)
-    rare_file.keep(folder, figure, limit, found)
+    keep(folder, figure, limit, found)
     data = {"figure": figure, "above": limit} | found._asdict()
-    output.deliver(data, [rare_file.sentence(figure, limit, found)], as_json=json)
+    output.deliver(data, [sentence(figure, limit, found)], as_json=json)
 
 
 def campaign_problem(study: StudyName) -> None:

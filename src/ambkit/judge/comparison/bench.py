@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -139,18 +140,13 @@ def _figures(
     return figures
 
 
-def _pool(threads: int) -> Any:
-    from contextlib import contextmanager
-
-    @contextmanager
-    def opened() -> Iterator[ThreadPoolExecutor]:
-        pool = ThreadPoolExecutor(threads)
-        try:
-            yield pool
-        finally:
-            pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not run first
-
-    return opened()
+@contextmanager
+def _pool(threads: int) -> Iterator[ThreadPoolExecutor]:
+    pool = ThreadPoolExecutor(threads)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not run first
 
 
 def _cost(estimator: Any, trial: Trial) -> float:

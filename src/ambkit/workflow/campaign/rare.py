@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base import files
 from ambkit.base.errors import AmbkitError
+from ambkit.base.escaping import json_text
+from ambkit.base.units import engineering
+from ambkit.workflow.campaign.parts import UNITS
 
 if TYPE_CHECKING:
     from ambkit.workflow.campaign.plan import Plan
@@ -157,7 +163,6 @@ def rare_failure(
 
     from ambkit.workflow.campaign import sampling
     from ambkit.workflow.campaign.compute import fly
-    from ambkit.workflow.campaign.parts import UNITS
 
     if figure not in UNITS or (figure == "peak_S" and not plan.study.record.margins):
         raise AmbkitError(f"there is no figure {figure} in this study")
@@ -178,4 +183,34 @@ def rare_failure(
         raise AmbkitError(f"{plan.study.name}: nothing varies")
     return subset(
         limit, k, above, runs=runs, seed=seed, confidence=plan.study.confidence, done=done
+    )
+
+
+def keep(folder: Path, figure: str, above: float, found: Rare) -> None:
+    """Write what was found of a rare failure into a campaign's folder."""
+    data = {"figure": figure, "above": above} | found._asdict()
+    files.write_text(folder / f"rare-{figure}.json", json_text(data, indent=2) + "\n")
+
+
+def told(folder: Path) -> list[str]:
+    """Return what was found of rare failures, in sentences."""
+    found = []
+    for path in sorted(folder.glob("rare-*.json")):
+        try:
+            data = json.loads(files.read_text(path))
+            rare = Rare(**{name: data[name] for name in Rare._fields})
+            found.append(sentence(data["figure"], data["above"], rare))
+        except (ValueError, KeyError, TypeError) as error:
+            raise AmbkitError(f"{path}: is damaged: {error}") from None
+    return found
+
+
+def sentence(figure: str, above: float, found: Rare) -> str:
+    """Say how likely a failure is."""
+    unit = UNITS[figure]
+    limit = f"{above:g}" if unit == "1" else engineering(above, unit)
+    return (
+        f"{figure} is at or above {limit} with a probability of {found.probability:.3g} "
+        f"({found.low:.2g} to {found.high:.2g}), by subset simulation over "
+        f"{len(found.thresholds)} levels, {found.runs:,} runs."
     )

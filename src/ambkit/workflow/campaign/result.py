@@ -14,7 +14,7 @@ from ambkit.workflow.campaign import pictures
 from ambkit.workflow.campaign.counting import Counted
 from ambkit.workflow.campaign.machines import Machines, Worst
 from ambkit.workflow.campaign.parts import UNITS
-from ambkit.workflow.campaign.rare_file import told
+from ambkit.workflow.campaign.rare import told
 from ambkit.workflow.campaign.statistics import Share
 from ambkit.workflow.campaign.store import Folder
 
