@@ -576,7 +576,7 @@ def test_the_command_from_guess_to_record(call):
                           "--plot", "log.png", "--missing", "frozen")  # fmt: skip
     assert code == 0, err
     assert err == "wrote log.parquet\nwrote log.png\n"
-    for word in ("10 samples missing; filled", "frozen", "saturated", "1000 Hz, 1 gap"):
+    for word in ("10 samples missing; filled", "stands still", "saturated", "1000 Hz, 1 gap"):
         assert word in out
     record = Record.load("log.parquet")
     assert np.isnan(record["y"]).sum() == 110
@@ -584,6 +584,8 @@ def test_the_command_from_guess_to_record(call):
     code, out, _ = call("read", "log.csv", "--channels", "map.toml", "--json")
     found = json.loads(out)
     assert found["clocks"]["t"]["missing"] == 10
+    assert found["channels"]["y"]["missing"] == 10
+    assert sum(fault["samples"] for fault in found["faults"]) == 1160
     assert {fault["kind"] for fault in found["faults"]} == {"gap", "frozen", "saturated"}
 
 

@@ -217,6 +217,7 @@ _BEHIND = {
     "show.plots.excitation": {"excitation_figure": "excitation_figure"},
     "show.plots.coil": {"coil_figure": "coil_figure"},
     "show.plots.corpus": {"corpus_figure": "corpus_figure"},
+    "show.plots.reading": {"reading_figure": "reading_figure"},
     "show.plots.online": {"online_figure": "online_figure"},
 }
 late_binding.bind(_BEHIND)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,12 +11,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.cli.options import RECORDS, Json, MapFile, Plot, file_option, quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from ambkit.data.reading import Fault, Reading, Refused
-
-LISTED = 4
-"""Faults of a kind in the printed table; the rest is summed up."""
+    from ambkit.data.reading import Refused
 
 
 def read(
@@ -74,8 +69,6 @@ def read(
     from ambkit.cli import output
     from ambkit.data.reading.reader import read as read_log
     from ambkit.data.reading.refusals import Refused
-    from ambkit.show import plots
-    from ambkit.show.plots.reading import reading_figure
 
     if guess:
         if channel_map or out or plot:
@@ -101,15 +94,7 @@ def read(
             raise
         _draw_refused(error, plot)
         raise typer.Exit(2) from None
-    output.deliver(
-        reading.to_dict(),
-        _tables(reading),
-        [
-            (out, reading.record.save),
-            (plot, lambda path: plots.save_figure(reading_figure(reading), path)),
-        ],
-        as_json=json,
-    )
+    output.deliver_result(reading, [(out, reading.record.save)], as_json=json, plot=plot)
 
 
 def _draw_refused(error: Refused, plot: Path) -> None:
@@ -141,55 +126,3 @@ def _print_guess(file: Path, *, as_json: bool) -> None:
         output.note(
             f"{file}: the map has no time: fill in its sampling_time before a log is read by it"
         )
-
-
-def _tables(reading: Reading) -> list[Any]:
-    from ambkit.cli.output import table, value
-
-    record = reading.record
-    about = [["record", f"{len(record)} samples every {value(record.sampling_time, 's')}"]]
-    about += [[f"clock {name}", clock.in_words()] for name, clock in reading.clocks.items()]
-    about += [["", remark] for remark in reading.remarks]
-    channels = [
-        [
-            each.name,
-            value(each.least, each.unit),
-            value(each.greatest, each.unit),
-            value(each.mean, each.unit),
-            value(each.noise, each.unit, 3),
-            value(each.resolution, each.unit, 3) if each.resolution else "–",
-            str(each.missing) if each.missing else "–",
-        ]
-        for each in reading.channels
-    ]
-    heads = ["channel", "least", "greatest", "mean", "noise rms", "steps of", "missing"]
-    shown = [table(Path(reading.source).name, ["", ""], about, wide=True)]
-    shown.append(table("Channels", heads, channels))
-    if not reading.faults:
-        return [*shown, "no faults found"]
-    rows = [row for found in _grouped(reading.faults) for row in _rows(found, record.sampling_time)]
-    heads = ["channel", "fault", "from", "to", "samples", "what, and what was done"]
-    return [*shown, table("Faults", heads, rows, wide=True)]
-
-
-def _grouped(faults: Iterable[Fault]) -> list[list[Fault]]:
-    """Put faults of one kind on one channel together."""
-    groups: dict[tuple[str, str], list[Fault]] = {}
-    for fault in faults:
-        groups.setdefault((fault.signal, fault.kind), []).append(fault)
-    return list(groups.values())
-
-
-def _rows(faults: Sequence[Fault], step: float) -> Iterator[list[str]]:
-    from ambkit.data.reading.clock import instant
-
-    shown = faults if len(faults) <= LISTED + 1 else faults[:LISTED]
-    for fault in shown:
-        span = instant(fault.start, step), instant(fault.stop, step)
-        what = f"{fault.text}; {fault.action}"
-        yield [fault.signal, fault.kind, *span, str(fault.samples), what]
-    rest = faults[len(shown) :]
-    if rest:
-        span = instant(rest[0].start, step), instant(rest[-1].stop, step)
-        what = f"in {len(rest)} more stretches, which --json lists"
-        yield ["", "", *span, str(sum(fault.samples for fault in rest)), what]

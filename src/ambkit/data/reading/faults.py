@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ambkit.base.units import engineering
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.spikes import spikes, without
+from ambkit.result.row import Row, put
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -93,6 +94,17 @@ class Channel:
     resolution: float  #: Smallest step between values; 0 where the signal has none that shows.
     clock: str  #: Where its times come from.
     delay: float = 0.0  #: How late it was logged [s]; the record has it shifted back by that.
+
+    def rows(self) -> list[Row]:
+        """Return it as rows."""
+        return put([
+            Row("least", "least", self.least, self.unit),
+            Row("greatest", "greatest", self.greatest, self.unit),
+            Row("mean", "mean", self.mean, self.unit),
+            Row("noise", "noise rms", self.noise, self.unit, 3),
+            Row("resolution", "steps of", self.resolution or None, self.unit, 3),
+            Row("missing", "missing", self.missing or None),
+        ], section=("channels",))  # fmt: skip
 
 
 def describe(name: str, unit: str, values: Array, clock: str = "t") -> Channel:

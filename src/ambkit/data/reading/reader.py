@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base import late_binding
 from ambkit.base.asked import Given, in_si
 from ambkit.base.errors import RecordError, shortened
-from ambkit.base.units import engineering
+from ambkit.base.units import engineering, figure
 from ambkit.data.files.formats import read_log
 from ambkit.data.files.log import DamagedLog, Log
 from ambkit.data.reading import faults as channel_faults
@@ -24,9 +25,13 @@ from ambkit.data.reading.faults import Channel, Fault
 from ambkit.data.reading.refusals import Refused, check_times, refuse_uneven, segments_of
 from ambkit.data.reading.suspects import suspects
 from ambkit.data.record import Record, time_problems
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.stated import Section
 
 if TYPE_CHECKING:
     from ambkit.data.channelmap import ChannelMap, Mapped
+    from ambkit.result.report.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -34,8 +39,8 @@ SENTENCES = 30
 """So many sentences of the account are kept with the record."""
 
 
-@dataclass(frozen=True, eq=False)
-class Reading:
+@dataclass(frozen=True, eq=False, repr=False)
+class Reading(Result):
     """A record, and how it came out of its log."""
 
     record: Record  #: The signals on one even grid.
@@ -53,8 +58,32 @@ class Reading:
         step = min(clock.step for clock in self.clocks.values())
         return [*lines, *self.remarks, *channel_faults.account(self.faults, step)]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all of it as plain data, in SI, without the samples."""
+    TITLE = "{0.source}"
+    SECTIONS = {("channels",): Section("Channels", across=True)}
+
+    @property
+    def finding(self) -> str:
+        """How long it is, and how many faults it has."""
+        record, count = self.record, len(self.faults)
+        return (
+            f"{Path(self.source).name}: {len(record)} samples every "
+            f"{figure(record.sampling_time, 's')}, "
+            f"{f'{count} fault' + 's' * (count > 1) if count else 'no faults'} found."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        """What each channel looks like."""
+        return [row for each in self.channels for row in put(each.rows(), of=each.name)]
+
+    @property
+    def notes(self) -> list[str]:
+        """The account."""
+        return self.account()
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Clocks and faults."""
         return {
             "source": self.source,
             "samples": len(self.record),
@@ -71,11 +100,13 @@ class Reading:
                 }
                 for name, clock in self.clocks.items()
             },
-            "channels": [asdict(channel) for channel in self.channels],
+            "channels": {each.name: asdict(each) for each in self.channels},
             "faults": [asdict(fault) for fault in self.faults],
-            "remarks": list(self.remarks),
-            "account": self.account(),
         }
+
+    def figures(self) -> list[Figure]:
+        """Return the channels over time, with their faults."""
+        return [late_binding.call("reading_figure", self)]
 
 
 def read(
