@@ -173,6 +173,16 @@ def test_a_bearing_as_it_is_identified_is_not_another(tmp_path: Path) -> None:
     assert sentences(judge_adequacy(found, AXIS)) == []
 
 
+def test_a_magnet_of_the_same_stiffnesses_is_not_another() -> None:
+    """A log tells k/s0^2 and k/s0^3, and of k and s0 little more."""
+    share = 0.86
+    found = other(
+        magnet__air_gap=share * AXIS.magnet.air_gap,
+        magnet__magnet_constant=share**2.5 * AXIS.magnet.magnet_constant,
+    )
+    assert sentences(judge_adequacy(found, AXIS)) == []
+
+
 def test_the_same_filter_is_judged_once(monkeypatch: pytest.MonkeyPatch) -> None:
     judge_adequacy(noisy(disturbance=1.5))
     monkeypatch.setattr(adequacy_criteria, "of_filter", None)
