@@ -129,3 +129,8 @@ def test_complex_arrays_are_refused_everywhere(bearing, record):
         ambkit.Adaline(bearing).run(record, disturbance=1j)
     with pytest.raises(TypeError):
         kalman.step(1j, 0.0)
+
+
+def test_a_filter_names_its_machine() -> None:
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    assert repr(ambkit.KalmanFilter(bearing)) == "<KalmanFilter of zittau_axial>"

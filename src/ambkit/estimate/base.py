@@ -147,6 +147,9 @@ class Estimator(Copyable):
         self.core: Any = self._build(self.engine, held, settings)
         self.reset()
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self.machine.name}>"
+
     @property
     def whole(self) -> View | None:
         """The machine as it sees it; None of a single axis."""
