@@ -15,7 +15,7 @@ import sys
 
 import numpy as np
 
-from ambkit import ExtendedKalmanFilter, Machine, Scenario, simulate_machine
+from ambkit import ExtendedKalmanFilter, Machine, Scenario, simulate_run
 from ambkit.estimate.estimate import Estimate
 from ambkit.machine.parts import Runout
 from ambkit.simulation.waveforms import Ramp
@@ -45,7 +45,7 @@ def machines() -> tuple[Machine, Machine]:
 
 def error(machine: Machine, flight: Scenario, *synchronous: str) -> float:
     """Return the root mean square error of the loads of one run [N]."""
-    record = simulate_machine(machine, flight).record
+    record = simulate_run(machine, flight).record
     found: Estimate = ExtendedKalmanFilter(machine, synchronous=synchronous).run(record)
     late = record.t >= SETTLED if flight.speed is None else record["speed"] >= TURNING
     names = [name for name in found.names if name.startswith("f_d_")]

@@ -13,7 +13,7 @@ from ambkit import Machine, Recorded
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.machine import presets
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Injection, Scenario
 
 Array = NDArray[np.float64]
@@ -164,4 +164,4 @@ def injected(seed: int, axis: str = "B1", noise: bool = True) -> tuple[Machine, 
     there = Injection.model_construct(axis=axis, position=signal)
     flight = Scenario(duration=float(t[-1]), noise=noise, seed=seed)
     still = UFU.model_copy(update={"unbalance": (), "speed": 0.0})
-    return still, simulate_machine(still, flight.model_copy(update={"injection": (there,)})).record
+    return still, simulate_run(still, flight.model_copy(update={"injection": (there,)})).record

@@ -10,7 +10,7 @@ from ambkit import PID, Bearing, KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Control, Scenario
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.campbell import stiffnesses
@@ -71,7 +71,7 @@ def test_unbalance_is_answered_as_the_simulation_does(control):
     filter = told(machine, control)
     found = ambkit.assess(machine, filter, control).loops[filter.name]
     flight = Scenario(duration=2.5, noise=False, feedback="estimate", control=control)
-    record = simulate_machine(machine, flight, estimator=filter).record
+    record = simulate_run(machine, flight, estimator=filter).record
     turns = round(0.2 * machine.speed / (2 * math.pi))
     late = slice(-round(turns * 2 * math.pi / machine.speed / machine.sampling_time), None)
     for name, axis in found.axes.items():

@@ -15,7 +15,7 @@ from ambkit.result.page import write_result
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint
 from ambkit.simulation.linear.settled import estimator_at
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.balance import unbalance_forces
@@ -114,7 +114,7 @@ def test_noise_figures_are_those_of_the_simulation():
     still = UFU.model_copy(update={"unbalance": (), "speed": 0.0})
     loop = ambkit.assess(still, "linear").loops["linear"]
     runs = [
-        simulate_machine(still, Scenario(duration=0.6, seed=seed, feedback="estimate"),
+        simulate_run(still, Scenario(duration=0.6, seed=seed, feedback="estimate"),
                          estimator=made("linear", still)).record
         for seed in range(20)
     ]  # fmt: skip
@@ -134,7 +134,7 @@ def test_unbalance_is_answered_as_the_simulation_does(feedback):
     asked = list(found.loops.values())[-1]
     flight = Scenario(duration=1.5, noise=False, feedback=feedback)
     inner = made("linear", turning, frozen_limit=0) if feedback == "estimate" else None
-    run = simulate_machine(turning, flight, estimator=inner).record
+    run = simulate_run(turning, flight, estimator=inner).record
     late = slice(9000, None)
     for k in (0, 2):
         names = [axis.name for axis in turning.axes][k : k + 2]

@@ -14,7 +14,7 @@ from ambkit.estimate.registry import KINDS
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.show.plots.campaign import in_words
 from ambkit.simulation.figures import OF_SEVERAL, figures_of
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Control
 from ambkit.simulation.sequence import LiftOff
 from ambkit.simulation.waveforms import Constant, Ramp
@@ -103,8 +103,8 @@ def test_a_filter_that_followed_other_speeds_is_as_one_that_did_not() -> None:
     one = ambkit.KalmanFilter(machine)
     for speed in (330.0, 296.0, machine.speed):
         turning = machine.model_copy(update={"speed": speed})
-        been = simulate_machine(turning, flight, estimator=one).estimate
-        fresh = simulate_machine(turning, flight, estimator=ambkit.KalmanFilter(machine)).estimate
+        been = simulate_run(turning, flight, estimator=one).estimate
+        fresh = simulate_run(turning, flight, estimator=ambkit.KalmanFilter(machine)).estimate
         assert been is not None
         assert fresh is not None
         np.testing.assert_array_equal(been.mean, fresh.mean)
@@ -121,8 +121,8 @@ def test_a_filter_that_followed_a_run_up_is_as_one_that_did_not(kind: str) -> No
             duration=0.03, start="rest", feedback="estimate", speed=speed, sequence=sequence
         )
         new = KINDS[kind].make(machine, None, synchronous=("unbalance",), precision="float32")
-        been = simulate_machine(machine, flight, estimator=one).estimate
-        fresh = simulate_machine(machine, flight, estimator=new).estimate
+        been = simulate_run(machine, flight, estimator=one).estimate
+        fresh = simulate_run(machine, flight, estimator=new).estimate
         assert been is not None
         assert fresh is not None
         np.testing.assert_array_equal(been.mean, fresh.mean)
@@ -215,7 +215,7 @@ def test_figures_of_a_nominal_run() -> None:
         {"axis": "A2", "force": {"type": "step", "amplitude": 5.0, "time": 0.01}},
     ])  # fmt: skip
     kalman = of_machine("linear", machine)
-    run = simulate_machine(machine, flight, estimator=kalman)
+    run = simulate_run(machine, flight, estimator=kalman)
     assert run.first_touch is None
     figures = figures_of(run, kalman, settling=0.002)
     assert list(figures) == list(OF_SEVERAL)
@@ -224,7 +224,7 @@ def test_figures_of_a_nominal_run() -> None:
     assert figures["f_d_rms"] == pytest.approx(worst, rel=1e-12)
     assert figures["load_kept"] == 5.0
     assert 0.5 < figures["nis"] < 2
-    other = simulate_machine(machine, flight.replace(run=1), estimator=kalman)
+    other = simulate_run(machine, flight.replace(run=1), estimator=kalman)
     y = f"y_{machine.readings[0].name}"
     assert (other.record[y] != run.record[y]).all()
 

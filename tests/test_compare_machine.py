@@ -12,7 +12,7 @@ from ambkit.cli.main import main
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import CASES, trials
 from ambkit.simulation.holding import holding
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import simulate_run
 
 MACHINE = Machine.preset("tum_mlps")
 
@@ -77,9 +77,7 @@ def test_each_closes_its_own_loop_on_a_machine(tmp_path, monkeypatch, capsys):
     happening = found.happenings["20 µm"].scenario
     assert [axis for axis, _ in happening.by_axis("disturbance", "A1")] == ["A1"]
     for seed, error in enumerate(score.rmse["f_d"]):
-        run = simulate_machine(
-            MACHINE, happening.replace(seed=seed), estimator=KalmanFilter(MACHINE)
-        )
+        run = simulate_run(MACHINE, happening.replace(seed=seed), estimator=KalmanFilter(MACHINE))
         wrong = [run.estimate[f"f_d_{a}"] - run.record[f"f_d_{a}"] for a in run.axes]
         assert error == pytest.approx(np.sqrt(np.mean(np.square(wrong))))
     Path("run.toml").write_text(

@@ -137,7 +137,7 @@ def test_the_kind_is_the_textbook_filter(precision):
 
 def test_the_kind_takes_a_machine():
     machine = ambkit.Machine.preset("tum_mlps")
-    record = ambkit.simulate_machine(machine, ambkit.Scenario(duration=0.2, seed=3)).record
+    record = ambkit.simulate_run(machine, ambkit.Scenario(duration=0.2, seed=3)).record
     estimate = ambkit.ConstantVelocity(machine).run(record)
     H = estimate.mean[500:, :4] @ ambkit.KalmanFilter(machine).view.C[:, :4].T
     readings = np.column_stack([record[f"y_{r.name}"] for r in machine.readings])[500:]

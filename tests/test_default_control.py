@@ -22,7 +22,7 @@ from ambkit.simulation.default_control import (
     settled_scenario,
 )
 from ambkit.simulation.holding import ENOUGH
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Control, Scenario
 from ambkit.simulation.waveforms import Ramp
 from ambkit.workflow.design_control import control_for
@@ -107,7 +107,7 @@ def test_a_flywheel_that_is_unstable_with_each_axis_tuned_alone_has_a_default_th
     assert peak < ENOUGH
     assert "peak of |S|" in found.summary
     assert "from 0 to 24,000 rpm" in found.summary
-    run = simulate_machine(FAST, Scenario(duration=0.1))
+    run = simulate_run(FAST, Scenario(duration=0.1))
     assert run.samples_at_the_stop == 0
     flown = run.record.meta["scenario"]
     chosen = found.chosen.control.fed_by(found.chosen.feedback)
@@ -125,12 +125,12 @@ def test_a_run_up_beyond_the_speed_of_the_machine_has_a_default_for_its_whole_ra
     flown = settled_scenario(machine, flight)
     chosen = default_control(FAST).chosen
     assert flown.controller == chosen.control.fed_by(chosen.feedback)
-    assert simulate_machine(machine, flight).samples_at_the_stop == 0
+    assert simulate_run(machine, flight).samples_at_the_stop == 0
     slower = settled_scenario(machine, Scenario()).controller
     assert worst(FAST, slower, estimated=False) == math.inf
     slow = HOPELESS.model_copy(update={"speed": 100.0})
     with pytest.raises(AmbkitError, match="holds the rotor of flywheel from 0 to 50,000 rpm"):
-        simulate_machine(slow, flight.replace(speed=to_speed(50000)))
+        simulate_run(slow, flight.replace(speed=to_speed(50000)))
 
 
 def test_what_is_good_enough_when_tuned_alone_is_taken_and_not_translation_and_tilt():
@@ -149,7 +149,7 @@ def test_a_regulator_with_gain_scheduling_holds_at_each_speed_what_one_of_one_sp
     assert plain == math.inf
     assert scheduled < 2.5
     assert default_control(machine).chosen.control == REGULATORS[1]
-    run = simulate_machine(machine, Scenario(duration=0.05))
+    run = simulate_run(machine, Scenario(duration=0.05))
     assert run.samples_at_the_stop == 0
     assert run.estimate is not None
 
@@ -157,8 +157,8 @@ def test_a_regulator_with_gain_scheduling_holds_at_each_speed_what_one_of_one_sp
 def test_machines_that_do_not_turn_have_the_controllers_that_they_had():
     machine = flywheel(0)
     flight = Scenario(duration=0.02)
-    by_default = simulate_machine(machine, flight)
-    named = simulate_machine(
+    by_default = simulate_run(machine, flight)
+    named = simulate_run(
         machine, flight.replace(control=Control(type="decentralised"), feedback="measurement")
     )
     assert np.array_equal(by_default.record["s_A1"], named.record["s_A1"])
@@ -185,7 +185,7 @@ def test_where_none_is_found_a_sentence_says_so_and_what_was_tried(tmp_path, cap
     ):
         assert tried in found.summary
     with pytest.raises(AmbkitError, match="no default controller"):
-        simulate_machine(HOPELESS, Scenario(duration=0.01))
+        simulate_run(HOPELESS, Scenario(duration=0.01))
     file = tmp_path / "machine.toml"
     HOPELESS.save(file)
     for command, code in (("check", 0), ("simulate", 2), ("design", 2)):

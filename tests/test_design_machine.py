@@ -16,7 +16,7 @@ from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine import presets
 from ambkit.machine.bank import slowest_time
 from ambkit.simulation.holding import overshoot
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import PID, Control, Reference, Scenario
 from ambkit.simulation.waveforms import Step
 from ambkit.workflow.design_candidates import objections_to
@@ -72,7 +72,7 @@ def test_an_axis_without_logs_has_all_that_a_machine_has(tmp_path):
 
 @pytest.mark.long
 def test_records_of_a_machine_are_judged_by_simulated_truth_too(tmp_path):
-    simulate_machine(TUM, Scenario(duration=0.2)).record.save(tmp_path / "log.csv")
+    simulate_run(TUM, Scenario(duration=0.2)).record.save(tmp_path / "log.csv")
     found = design(TUM, [tmp_path / "log.csv"], tmp_path / "d", kinds=["linear"], budget=2)
     assert found.chosen.by == "likelihood"
     assert 0.8 < found.chosen.efficiency < 1.1
@@ -126,7 +126,7 @@ def test_stated_gains_are_flown_and_the_rest_is_tuned():
     step = Reference(axis="B1", position=Step(amplitude=1e-6, time=1e-3))
     of = dict(duration=0.01, noise=False, reference=(step,))
     softly, hard = (
-        simulate_machine(TUM, Scenario(**of, control=Control(pid=pid))).record["s_B1"]
+        simulate_run(TUM, Scenario(**of, control=Control(pid=pid))).record["s_B1"]
         for pid in ({}, {"B1": PID(setpoint_weight=1.0)})
     )
     assert hard.max() > 1.05 * softly.max()

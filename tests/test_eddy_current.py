@@ -26,7 +26,7 @@ from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.continuous import Behind
 from ambkit.simulation import parts
 from ambkit.simulation.linear.pieces import WorkPoint, plant
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Control
 
 LAG = 0.3e-3
@@ -86,7 +86,7 @@ def test_a_machine_s_filter_explains_what_its_magnets_do() -> None:
         for each in rig.bearing
     )})  # fmt: skip
     flight = Scenario(duration=0.2, feedback="measurement", seed=1)
-    record = simulate_machine(late, flight).record
+    record = simulate_run(late, flight).record
     estimate = ambkit.KalmanFilter(late).run(record)
     share = estimate.innovation[400:] ** 2 / estimate.innovation_variance[400:]
     assert 0.9 < np.mean(share) < 1.0
@@ -121,7 +121,7 @@ def test_unbalance_is_kept_still_through_the_lag() -> None:
             duration=0.8, noise=False, feedback="estimate", control=Control(unbalance=unbalance)
         )
         kalman = ambkit.KalmanFilter(late, synchronous=("unbalance",))
-        record = simulate_machine(late, flight, estimator=kalman).record
+        record = simulate_run(late, flight, estimator=kalman).record
         orbit[unbalance] = np.ptp(record["s_A1"][-1000:])
     assert orbit["still"] < 0.1 * orbit["fought"]
 

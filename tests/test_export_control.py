@@ -15,12 +15,13 @@ from quick import quick
 from test_machine_export import compiled
 from typer.testing import CliRunner
 
-from ambkit import AmbkitError, KalmanFilter, Machine, Scenario, simulate_machine
+from ambkit import AmbkitError, KalmanFilter, Machine, Scenario, simulate_run
 from ambkit.cli.app import app
 from ambkit.export.c import export_c
 from ambkit.export.c.control_scenes import vectors
 from ambkit.simulation.control import Controller
 from ambkit.simulation.controllers import controllers_of
+from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import Control
 from ambkit.simulation.sequence import LiftOff
@@ -200,11 +201,11 @@ def test_readings_that_are_lost_are_flown() -> None:
     one = machine()
     lost = np.zeros((101, len(one.readings)))
     lost[50, 1] = np.nan
-    flown = simulate_machine(one, Scenario(duration=0.01), readings=lost).record
+    flown = simulate_run(one, Scenario(duration=0.01), imposed=Imposed(readings=lost)).record
     assert np.isnan(flown["y_A2"]).sum() == 1
     assert np.isfinite(flown["u_A2"]).all()
-    with pytest.raises(ValueError, match="readings must be"):
-        simulate_machine(one, Scenario(duration=0.01), readings=lost[:50])
+    with pytest.raises(ValueError, match="imposed readings must have 101 values"):
+        simulate_run(one, Scenario(duration=0.01), imposed=Imposed(readings=lost[:50]))
 
 
 def test_the_command_takes_a_flight(tmp_path: Path) -> None:

@@ -18,8 +18,7 @@ import pytest
 from ambkit import KalmanFilter, Machine, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.export.fmu import export_fmu
-from ambkit.simulation.machine import simulate_machine
-from ambkit.simulation.run import Run
+from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.sequence import LiftOff
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
@@ -55,7 +54,7 @@ def same_text_compiled_once() -> Iterator[None]:
 
 def flown(**options: Any) -> tuple[Scenario, Run]:
     scenario = Scenario(seed=3, **options)
-    return scenario, simulate_machine(MACHINE, scenario, estimator=KalmanFilter(MACHINE))
+    return scenario, simulate_run(MACHINE, scenario, estimator=KalmanFilter(MACHINE))
 
 
 def simulated(path: Path, run: Run, names: list[str], **more: Any) -> Any:

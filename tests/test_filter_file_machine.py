@@ -12,7 +12,7 @@ from ambkit import Estimator, FilterFile, FilterNoise, Machine
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.cli.main import main
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 
 TUM = Machine.preset("tum_mlps")
@@ -23,7 +23,7 @@ OF_MACHINES = [name for name, kind in KINDS.items() if kind.estimator.several_ax
 
 @pytest.fixture(scope="module")
 def record():
-    return simulate_machine(TUM, Scenario(duration=0.05)).record
+    return simulate_run(TUM, Scenario(duration=0.05)).record
 
 
 @pytest.mark.parametrize("name", OF_MACHINES)
@@ -115,7 +115,7 @@ def folder(tmp_path_factory):
     (place / "scenario.toml").write_text(
         'duration = "0.1 s"\nfeedback = "estimate"\n[control]\nunbalance = "force-free"\n'
     )
-    simulate_machine(TUM, Scenario(duration=0.1)).record.save(place / "run.csv")
+    simulate_run(TUM, Scenario(duration=0.1)).record.save(place / "run.csv")
     return place
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_machine_synchronous import BOTH, RUN_UP, SERVICE, spoilt, steady
 
-from ambkit import ExtendedKalmanFilter, Machine, Scenario, harmonics, simulate_machine
+from ambkit import ExtendedKalmanFilter, Machine, Scenario, harmonics, simulate_run
 from ambkit.simulation.waveforms import Ramp
 from ambkit.workflow.harmonics import Harmonic
 
@@ -19,7 +19,7 @@ TRUE = 20 / SERVICE**2
 def told(flight: Scenario, **options: Any) -> dict[str, Harmonic]:
     dirty, _ = spoilt()
     kf = ExtendedKalmanFilter(dirty, synchronous=BOTH, **options)
-    record = simulate_machine(dirty, flight, estimator=kf).record
+    record = simulate_run(dirty, flight, estimator=kf).record
     return {each.name: each for each in harmonics(kf, record)}
 
 
@@ -80,4 +80,4 @@ def test_without_such_states_there_is_nothing_to_say() -> None:
     machine = Machine.preset("tum_mlps")
     kf = ExtendedKalmanFilter(machine)
     flight = Scenario(duration=0.02, speed=Ramp(slope=100.0))
-    assert harmonics(kf, simulate_machine(machine, flight, estimator=kf).record) == []
+    assert harmonics(kf, simulate_run(machine, flight, estimator=kf).record) == []

@@ -10,7 +10,8 @@ from ambkit.fuzzy.expert import Expert
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.machine.axes import with_axis
 from ambkit.machine.machine import Machine
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.expert import train
 from ambkit.workflow.identifying import identified_filter, identify
@@ -28,7 +29,9 @@ def record() -> Record:
     references = np.zeros((t.size, len(MACHINE.axes)))
     tones = (11.0, 37.0, 83.0, 141.0)
     references[:, 0] = sum(2.5e-5 * np.sin(2 * np.pi * f * t + f) for f in tones)
-    run = simulate_machine(MACHINE, Scenario(duration=SAMPLES * T, seed=3), references=references)
+    run = simulate_run(
+        MACHINE, Scenario(duration=SAMPLES * T, seed=3), imposed=Imposed(references=references)
+    )
     return run.record.select(*(s for s in run.record if s.startswith(("y_", "u_"))))
 
 

@@ -17,7 +17,7 @@ from ambkit.machine.rotors.modes import reduced
 from ambkit.models.continuous import continuous, open_loop
 from ambkit.models.machine import machine_model
 from ambkit.simulation.holding import holding
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Control, Scenario
 
 FIRST = 2 * np.pi * 100
@@ -95,7 +95,7 @@ def test_a_flight_shows_the_whirl_grow_that_the_poles_tell() -> None:
     flight = Scenario(
         duration=0.5, noise=False, feedback="measurement", control=Control(type="decentralised")
     )
-    run = simulate_machine(one, flight).record
+    run = simulate_run(one, flight).record
     z = run["q_m1_x"] + 1j * run["q_m1_y"]
     t = run.t
     late = t > 0.25
@@ -108,7 +108,7 @@ def test_a_flight_shows_the_whirl_grow_that_the_poles_tell() -> None:
 def test_filters_know_it() -> None:
     """The estimate of the bent rotor is honest at a speed at which it counts."""
     one = bent(1.05 * FIRST)
-    record = simulate_machine(one, Scenario(duration=0.3, seed=2)).record
+    record = simulate_run(one, Scenario(duration=0.3, seed=2)).record
     knowing = KalmanFilter(one).run(record)
     assert 0.9 < np.mean(knowing.nis[1000:]) < 1.1
 

@@ -11,7 +11,8 @@ from filter_cases import off
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, Scenario
-from ambkit.simulation.run import UNITS, Run, simulate_run
+from ambkit.simulation.recording import UNITS
+from ambkit.simulation.run import Run, simulate_run
 
 BEARING = Bearing.preset("zittau_axial")
 STEP = Scenario(

@@ -10,9 +10,9 @@ from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.controllers import controllers_of
-from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.regulator import regulator
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import PID, Control, Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Ramp, Step
 
@@ -48,7 +48,7 @@ def test_a_rotor_follows_its_reference_and_carries_a_load(name, kind, feedback):
         reference=(Reference(axis=first, position=Step(amplitude=2e-5, time=0.1)),),
         disturbance=(Disturbance(axis=third, force=Step(amplitude=5.0, time=0.5)),),
     )  # fmt: skip
-    run = simulate_machine(machine, flight)
+    run = simulate_run(machine, flight)
     s = displacements(run)
     assert run.record.meta["stop_touched"] == 0
     at_last = s[:, run.record.t > 1.0].mean(axis=1)  # it turns round that place
@@ -61,7 +61,7 @@ def test_a_rotor_follows_its_reference_and_carries_a_load(name, kind, feedback):
 def test_a_rotor_lifts_off_from_its_backup_bearings(kind, feedback):
     machine = Machine.preset("tum_mlps")
     flight = Scenario(duration=1.0, start="rest", feedback=feedback, control=Control(type=kind))
-    s = displacements(simulate_machine(machine, flight))
+    s = displacements(simulate_run(machine, flight))
     assert np.abs(s[:, 0]).max() > 1e-4
     assert np.abs(s[:, -1]).max() < 5e-6
 
@@ -78,7 +78,7 @@ def test_unbalance_is_let_turn_or_kept_still(name, kind):
             duration=1.4, feedback="estimate", control=Control(type=kind, unbalance=unbalance)
         )
         filter = KalmanFilter(machine, synchronous=["unbalance"])
-        run = simulate_machine(machine, flight, estimator=filter)
+        run = simulate_run(machine, flight, estimator=filter)
         force[unbalance] = round_turns(run, f"f_mag_{axis}", 1.0)
         orbit[unbalance] = round_turns(run, f"s_{axis}", 1.0)
     assert force["force-free"] < 0.06 * force["fought"]
@@ -102,7 +102,7 @@ def test_a_rotor_that_bends_is_let_turn_or_kept_still(name, kind):
         control = Control(type=kind, unbalance=unbalance)
         flight = Scenario(duration=1.0, feedback="estimate", control=control)
         filter = KalmanFilter(machine, synchronous=["unbalance"])
-        run = simulate_machine(machine, flight, estimator=filter)
+        run = simulate_run(machine, flight, estimator=filter)
         assert run.samples_at_the_stop == 0
         force[unbalance] = round_turns(run, f"f_mag_{axis}", 0.7)
         orbit[unbalance] = round_turns(run, f"s_{axis}", 0.7)
@@ -119,7 +119,7 @@ def test_through_the_bending_mode_it_is_fought_and_let_turn_beyond():
     for told in (Control(), Control(unbalance="force-free", unbalance_from="7000 rpm")):
         flight = Scenario(duration=1.5, feedback="estimate", control=told, speed=speed)
         filter = KalmanFilter(machine, synchronous=["unbalance"])
-        runs[told.unbalance] = simulate_machine(machine, flight, estimator=filter)
+        runs[told.unbalance] = simulate_run(machine, flight, estimator=filter)
     below = np.searchsorted(runs["fought"].record["speed"], 7000 * np.pi / 30)
     fought, free = (displacements(run) for run in runs.values())
     np.testing.assert_array_equal(free[:, :below], fought[:, :below])
@@ -166,7 +166,7 @@ def test_cross_feedback_damps_the_nutation():
             control=Control(type="translation and tilt", cross_feedback=share),
             disturbance=(Disturbance(axis=machine.axes[0].name, force=kick),),
         )  # fmt: skip
-        run = simulate_machine(machine, flight)
+        run = simulate_run(machine, flight)
         across = run.record[f"s_{machine.axes[1].name}"]
         left.append(np.abs(across).max())
     assert left[1] < 0.8 * left[0]
@@ -213,7 +213,7 @@ def test_the_regulator_is_controls_own():
 def test_what_cannot_be_is_refused(control, feedback, said):
     flight = {"duration": 0.1, "feedback": feedback, "control": control}
     with pytest.raises(AmbkitError, match=said):
-        simulate_machine(Machine.preset("tum_mlps"), Scenario(**flight))
+        simulate_run(Machine.preset("tum_mlps"), Scenario(**flight))
 
 
 @pytest.mark.parametrize(("unbalance", "peak"), [("force-free", 6320.0), ("still", 5410.0)])
@@ -266,7 +266,7 @@ def test_a_flight_s_file_says_how_the_machine_is_controlled(tmp_path):
     assert Scenario.from_toml(flight.to_toml()) == flight
     path = tmp_path / "scenario.toml"
     path.write_text('duration = "20 ms"\nfeedback = "estimate"\n\n[control]\ntype = "lqg"\n')
-    assert ambkit.simulate_machine(Machine.preset("tum_mlps"), Scenario.load(path)).estimate
+    assert ambkit.simulate_run(Machine.preset("tum_mlps"), Scenario.load(path)).estimate
 
 
 HINDAWI = Machine.preset("hindawi_2011").replace(unbalance=[])
@@ -282,7 +282,7 @@ def test_a_pid_can_see_a_sensor_that_is_not_beside_its_magnet(feedback):
         flight = Scenario(
             duration=1.2, noise=False, feedback=feedback, control=seen, reference=moved
         )
-        run = simulate_machine(HINDAWI, flight)
+        run = simulate_run(HINDAWI, flight)
         late = run.record.t > 1.1
         at = {what: run.record[f"{what}_B1"][late].mean() for what in "ys"}
         assert abs(at[still]) < 2e-9
@@ -294,7 +294,7 @@ def test_a_sensor_that_is_not_there_is_refused():
     with pytest.raises(
         AmbkitError, match=r"controller\.pid\.B1\.sensor: there is no C1; known: A1"
     ):
-        simulate_machine(HINDAWI, Scenario(duration=0.01, feedback="measurement", control=control))
+        simulate_run(HINDAWI, Scenario(duration=0.01, feedback="measurement", control=control))
     with pytest.raises(ConfigError, match="is of an axis"):
         Control(type="translation and tilt", pid={"x": PID(sensor="A1")})
 
@@ -306,7 +306,7 @@ def test_currents_take_an_estimated_load_back_at_once():
         flight = Scenario(
             duration=0.4, noise=False, feedback="estimate", control=control, disturbance=LOADED
         )
-        most.append(np.abs(displacements(simulate_machine(HINDAWI, flight))).max())
+        most.append(np.abs(displacements(simulate_run(HINDAWI, flight))).max())
     assert most[1] < 0.6 * most[0]
     with pytest.raises(AmbkitError, match="feed_forward is made of the estimate"):
-        simulate_machine(HINDAWI, flight.replace(feedback="measurement"))
+        simulate_run(HINDAWI, flight.replace(feedback="measurement"))

@@ -24,8 +24,7 @@ from ambkit.judge.comparison.states import judge_states
 from ambkit.machine.bank import Bank, alone_of, weights_of
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import magnet_of
-from ambkit.simulation.machine import simulate_machine
-from ambkit.simulation.run import Run
+from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Ramp, Step
 
@@ -93,7 +92,7 @@ def test_every_preset_over_a_run_up(name: str, turns: bool) -> None:
 
 
 def flown(one: Machine, **keys: Any) -> Run:
-    return simulate_machine(one, Scenario(duration=0.1, seed=5, **keys))
+    return simulate_run(one, Scenario(duration=0.1, seed=5, **keys))
 
 
 @pytest.mark.parametrize("kind", TAKEN)
@@ -179,7 +178,7 @@ def test_each_preset_levitates_by_its_estimate(name: str) -> None:
     one = Machine.preset(name)
     push = 0.2 * one.rotor.mass * GRAVITY
     load = {"axis": "B2", "force": Step(amplitude=push, time=0.05)}
-    run = simulate_machine(one, Scenario(duration=0.4, feedback="estimate", disturbance=[load]))
+    run = simulate_run(one, Scenario(duration=0.4, feedback="estimate", disturbance=[load]))
     assert run.estimate is not None
     late = slice(3000, None)
     for axis in one.axes:

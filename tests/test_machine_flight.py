@@ -26,8 +26,9 @@ from ambkit import AmbkitError, Machine, Scenario, magnet_of, simulate
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import core_module
 from ambkit.show.plots import simulation_figure
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.plant import Plant
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.waveforms import Constant, HalfSine, Ramp, Step, Sum
 
 CORE = core_module(any_model=True)
@@ -134,7 +135,7 @@ def test_without_loss_energy_is_kept() -> None:
 @pytest.mark.parametrize("start", ["hover", "rest"])
 def test_each_preset_levitates(name: str, start: Any) -> None:
     one = Machine.preset(name)
-    run = simulate_machine(one, Scenario(start=start))
+    run = simulate_run(one, Scenario(start=start))
     late = slice(len(run.record) // 2, None)
     for axis in one.axes:
         assert np.abs(run.record[f"s_{axis.name}"][late]).max() < 0.1 * axis.bearing.travel_limit
@@ -157,7 +158,7 @@ def test_axes_that_do_not_couple_fly_as_bearings_alone(voltage: float | None) ->
             each.model_copy(update={"amplifier": amplifier})
             for each, amplifier in zip(one.bearing, limited, strict=True)
         ])  # fmt: skip
-    run = simulate_machine(one, Scenario(duration=0.05, noise=False, disturbance=[
+    run = simulate_run(one, Scenario(duration=0.05, noise=False, disturbance=[
         {"axis": axis.name, "force": Step(amplitude=most + more * k, time=0.01)}
         for k, axis in enumerate(one.axes)
     ]))  # fmt: skip
@@ -185,7 +186,7 @@ def test_mirrored_machines_fly_mirrored() -> None:
         bearing=mirrored(one.bearing), sensor=mirrored(one.sensor),
         unbalance=[{"place": -0.1, "amount": 2e-5, "angle": 0.3}],
     )  # fmt: skip
-    first, second = (simulate_machine(each, Scenario(duration=0.1)).record for each in (one, other))
+    first, second = (simulate_run(each, Scenario(duration=0.1)).record for each in (one, other))
     for name, sign in (("q_x", 1), ("q_y", 1), ("q_th_x", -1), ("q_th_y", -1)):
         size = np.abs(first[name]).max()
         np.testing.assert_allclose(second[name], sign * first[name], rtol=0, atol=1e-9 * size)
@@ -193,13 +194,13 @@ def test_mirrored_machines_fly_mirrored() -> None:
 
 def test_unbalance_goes_round_and_a_run_up_passes_the_critical_speeds() -> None:
     one = machine(unbalance=[{"place": 0.0, "amount": "30 g mm"}])
-    steady = simulate_machine(one, Scenario(duration=0.3, noise=False)).record
+    steady = simulate_run(one, Scenario(duration=0.3, noise=False)).record
     late = slice(2000, None)  # 8 turns
     x, y = (steady[f"q_{q}"][late] - steady[f"q_{q}"][late].mean() for q in "xy")
     np.testing.assert_allclose(np.hypot(x, y), np.hypot(x, y).mean(), rtol=0.02)
     assert (x[:-1] * y[1:] - y[:-1] * x[1:] > 0).all()  # forwards
     growth = Ramp(slope=2000.0, start=0.0)
-    run = simulate_machine(one, Scenario(duration=1.0, noise=False, speed=growth)).record
+    run = simulate_run(one, Scenario(duration=1.0, noise=False, speed=growth)).record
     far = np.hypot(run["q_x"] - run["q_x"][0], run["q_y"])
     assert 2000 < np.argmax(far) < 8000  # the greatest whirl is neither at the start nor at the end
     assert run["speed"][-1] == pytest.approx(2000.0)
@@ -209,7 +210,7 @@ def test_runout_is_seen_and_not_there() -> None:
     """Of a profile on the shaft, the second reading sees what the first saw, a quarter later."""
     runout = [{"order": 1, "amplitude": "3 um", "phase": 0.4}]
     one = machine(sensor=[sensor("A", 0.2, runout=runout, lag=1e-6), sensor("B", -0.3)])
-    run = simulate_machine(one, Scenario(duration=0.002, noise=False)).record
+    run = simulate_run(one, Scenario(duration=0.002, noise=False)).record
     t = run.t
     for name, around in (("1", 0.0), ("2", np.pi / 2)):
         seen = run[f"y_A{name}"] - run[f"s_A{name}"]
@@ -221,7 +222,7 @@ def test_a_delay_acts_as_late_as_it_says() -> None:
     for delay in (1e-4, 1.3e-4):
         late = machine(delay=delay)
         force = {"axis": "A1", "force": Step(amplitude=40.0, time=0.01)}
-        run = simulate_machine(late, Scenario(duration=0.1, noise=False, disturbance=[force]))
+        run = simulate_run(late, Scenario(duration=0.1, noise=False, disturbance=[force]))
         demand, current = (
             run.record["u_A1"] * late.axes[0].bearing.amplifier.gain,
             run.record["iu_A1"],
@@ -238,7 +239,7 @@ def test_a_thrust_bearing_carries_a_standing_rotor() -> None:
         rotor=rotor, bearing=[bearing("A", 0.2), bearing("B", -0.3), thrust],
         sensor=[sensor("A", 0.2), sensor("B", -0.3), sensor("T", 0, type="axial")],
     )  # fmt: skip
-    run = simulate_machine(one, Scenario(duration=0.2, start="rest")).record
+    run = simulate_run(one, Scenario(duration=0.2, start="rest")).record
     assert run["s_T"][0] == pytest.approx(-0.3e-3)
     assert run["f_mag_T"][-500:].mean() == pytest.approx(4 * 9.81, rel=0.01)
     assert np.abs(run["s_T"][-500:]).max() < 2e-5
@@ -247,12 +248,12 @@ def test_a_thrust_bearing_carries_a_standing_rotor() -> None:
 def test_what_does_not_fit_is_refused() -> None:
     force = [{"axis": "C1", "force": Constant(value=1.0)}]
     with pytest.raises(AmbkitError, match="there is no axis C1; there are A1, A2, B1, B2"):
-        simulate_machine(machine(), Scenario(disturbance=force))
+        simulate_run(machine(), Scenario(disturbance=force))
     with pytest.raises(AmbkitError, match="half a revolution within a sample"):
-        simulate_machine(machine(), Scenario(speed=Constant(value=4e4)))
+        simulate_run(machine(), Scenario(speed=Constant(value=4e4)))
     shaken = [{"direction": "z", "acceleration": Constant(value=1.0)}]
     with pytest.raises(AmbkitError, match="no thrust bearing"):
-        simulate_machine(machine(), Scenario(base=shaken))
+        simulate_run(machine(), Scenario(base=shaken))
 
 
 def test_several_forces_of_an_axis_add_up() -> None:
@@ -262,8 +263,8 @@ def test_several_forces_of_an_axis_add_up() -> None:
         {"axis": "A1", "force": Constant(value=6.0)},
     ]
     parts = Sum(parts=(Constant(value=4.0), Constant(value=6.0)))
-    first = simulate_machine(one, Scenario(duration=0.01, disturbance=two)).record
-    second = simulate_machine(
+    first = simulate_run(one, Scenario(duration=0.01, disturbance=two)).record
+    second = simulate_run(
         one, Scenario(duration=0.01, disturbance=[{"axis": "A1", "force": parts}])
     )
     np.testing.assert_array_equal(first["s_A1"], second.record["s_A1"])
@@ -272,13 +273,13 @@ def test_several_forces_of_an_axis_add_up() -> None:
 def test_a_foundation_that_moves_is_a_force_on_the_centre_of_mass() -> None:
     one = machine(unbalance=[{"place": 0.1, "amount": 2e-5}])
     shock = HalfSine(amplitude=50.0, time=0.01, duration=0.011)
-    shaken = simulate_machine(
+    shaken = simulate_run(
         one, Scenario(duration=0.05, base=[{"direction": "y", "acceleration": shock}])
     ).record
     H = directions(one, one.axes)
     spread = np.linalg.pinv(H.T) @ np.array([0.0, -one.rotor.mass, 0.0, 0.0])
     pushed = shock.sample(shaken.t)[:, None] * spread
-    other = simulate_machine(one, Scenario(duration=0.05), disturbance=pushed).record
+    other = simulate_run(one, Scenario(duration=0.05), imposed=Imposed(pushed)).record
     assert np.abs(shaken["s_A2"]).max() > 1e-5
     for axis in one.axes:
         got, expected = (run[f"s_{axis.name}"] for run in (shaken, other))
@@ -289,7 +290,7 @@ def test_a_foundation_that_moves_is_a_force_on_the_centre_of_mass() -> None:
 def test_a_foundation_that_falls_leaves_a_rotor_without_weight() -> None:
     lying = machine(speed=0.0).replace(rotor__gravity="-x")
     falls = [{"direction": "x", "acceleration": Constant(value=-GRAVITY)}]
-    still = simulate_machine(lying, Scenario(duration=0.6, noise=False, base=falls)).record
+    still = simulate_run(lying, Scenario(duration=0.6, noise=False, base=falls)).record
     for axis in lying.axes:
         assert np.abs(still[f"iu_{axis.name}"][-100:]).max() < 1e-3
     assert still["iu_A1"][0] > 0.05
@@ -298,7 +299,7 @@ def test_a_foundation_that_falls_leaves_a_rotor_without_weight() -> None:
 def test_a_whole_rotor_drops_and_lies_still() -> None:
     """Where the power fails at 20 ms: free fall, then the backup bearings, then nothing moves."""
     one = machine(speed=0.0)
-    run = simulate_machine(one, Scenario(duration=0.4, noise=False, off=0.02))
+    run = simulate_run(one, Scenario(duration=0.4, noise=False, off=0.02))
     record = run.record
     falling = slice(201, 251)
     t = record.t[falling] - 0.02

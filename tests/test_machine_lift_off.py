@@ -18,8 +18,8 @@ from quick import quick
 from ambkit import AmbkitError, KalmanFilter, Machine, Record, Scenario, harmonics
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CExport, export_c
-from ambkit.simulation.machine import simulate_machine
-from ambkit.simulation.run import Run
+from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Control, Disturbance
 from ambkit.simulation.sequence import LiftOff, Mode
 from ambkit.simulation.waveforms import Ramp, Step
@@ -33,7 +33,7 @@ QUICK = LiftOff(start=0.005, stop=0.25, lift=0.1, land=0.1)
 def lifted(machine: Machine, **of_flight: object) -> Run:
     keys: dict[str, Any] = {"duration": 0.42, "start": "rest", "sequence": QUICK, "seed": 3}
     flight = Scenario(**keys | of_flight)
-    return simulate_machine(machine, flight)
+    return simulate_run(machine, flight)
 
 
 def share_of_travel(run: Run, late: slice) -> float:
@@ -83,7 +83,7 @@ def test_a_machine_without_its_readings_trips_and_lifts_again() -> None:
     readings, fly = np.zeros((n, len(machine.readings))), np.ones(n)
     readings[2000:2400] = np.nan
     fly[2600:2650] = 0.0
-    mode = simulate_machine(machine, flight, readings=readings, fly=fly).record["mode"]
+    mode = simulate_run(machine, flight, imposed=Imposed(readings=readings, fly=fly)).record["mode"]
     assert mode[1999] == Mode.FLYING
     assert mode[2500] == Mode.TRIPPED
     assert mode[2625] == Mode.OFF
@@ -96,14 +96,14 @@ def test_a_machine_that_is_overloaded_trips() -> None:
     push = Disturbance(axis=axis, force=Step(amplitude=500.0, time=0.2))
     sequence = LiftOff(lift=0.05, overload=0.02)
     flight = Scenario(duration=0.4, start="rest", sequence=sequence, disturbance=(push,))
-    mode = simulate_machine(machine, flight).record["mode"]
+    mode = simulate_run(machine, flight).record["mode"]
     assert mode[1999] == Mode.FLYING
     assert mode[-1] == Mode.TRIPPED
 
 
 def test_from_hovering_it_flies_at_once() -> None:
     flight = Scenario(duration=0.05, sequence=LiftOff(stop=0.04, land=0.2))
-    run = simulate_machine(Machine.preset("tum_mlps"), flight)
+    run = simulate_run(Machine.preset("tum_mlps"), flight)
     assert run.record["mode"][0] == Mode.FLYING
     assert run.record["mode"][-1] == Mode.LANDING
     assert share_of_travel(run, slice(0, 390)) < 0.1
@@ -114,7 +114,7 @@ def test_a_sequence_changes_nothing_of_a_flight_that_does_not_need_it() -> None:
     machine = Machine.preset("hindawi_2011")
     plain = Scenario(duration=0.05, feedback="estimate")
     one, other = (
-        simulate_machine(machine, flight, estimator=KalmanFilter(machine))
+        simulate_run(machine, flight, estimator=KalmanFilter(machine))
         for flight in (plain, plain.replace(sequence=LiftOff()))
     )
     for axis in machine.axes:
@@ -151,7 +151,7 @@ def test_a_summary_is_of_the_flight(stop: float | None) -> None:
         feedback="estimate", speed=Ramp(slope=2000.0, start=0.1),
     )  # fmt: skip
     kalman = KalmanFilter(machine, synchronous=("unbalance",))
-    run = simulate_machine(machine, flight, estimator=kalman)
+    run = simulate_run(machine, flight, estimator=kalman)
     found = replace(run, turning=harmonics(kalman, run.record)).to_dict()
     modes = [each["mode"] for each in found["modes"]]
     assert modes[:3] == ["waiting", "lifting", "flying"]
@@ -163,7 +163,7 @@ def test_a_summary_ends_where_the_power_fails() -> None:
     machine = Machine.preset("tum_mlps").replace(speed=0.0)
     whole, failing = (Scenario(duration=0.2, off=off, seed=1) for off in (None, 0.1))
     rmse = [
-        simulate_machine(machine, flight, estimator=KalmanFilter(machine)).to_dict()
+        simulate_run(machine, flight, estimator=KalmanFilter(machine)).to_dict()
         for flight in (whole, failing)
     ]
     assert rmse[1]["samples_at_the_stop"] > 0
@@ -268,7 +268,7 @@ def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name: str, tmp_pa
         sequence=LiftOff(start=0.003, stop=0.4, wait=0.005, lift=0.08, land=0.08),
     )  # fmt: skip
     kalman = KalmanFilter(machine, synchronous=("unbalance",), precision="float32")
-    record = simulate_machine(machine, flight, estimator=kalman).record
+    record = simulate_run(machine, flight, estimator=kalman).record
     assert Mode.FLYING in record["mode"]
     made = export_c(
         machine, None, tmp_path / "c", scenario=flight, prefix="f", synchronous=("unbalance",)

@@ -5,25 +5,28 @@ import pytest
 from golden.axes import AXES, _scenario
 
 import ambkit
-from ambkit.simulation.machine import simulate_machine
-from ambkit.simulation.scenario import Disturbance, Reference, Scenario
+from ambkit.simulation.fields import InLoops
+from ambkit.simulation.run import Loop
 
 CASES = AXES | {"eddy currents": AXES["paper"].replace(magnet__eddy_current_lag="0.3 ms")}
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_machine_with_one_axis_flies_as_the_axis(name: str) -> None:
-    """With the noise of its own streams, which are those of the axis."""
+def test_loops_over_the_pattern_fly_as_the_straight_line(name: str) -> None:
+    """With the same noise."""
     axis, machine = CASES[name], CASES[name].long
     scenario = _scenario(axis, "estimate", False)
-    flight = Scenario(
-        duration=scenario.duration, feedback="estimate",
-        disturbance=(Disturbance(axis="", force=scenario.disturbance),),
-        reference=(Reference(axis="", position=scenario.reference),),
-    )  # fmt: skip
-    one = ambkit.simulate_run(axis, scenario, estimator=ambkit.KalmanFilter(axis)).record
+    loop = Loop(machine, scenario, estimator=ambkit.KalmanFilter(axis))
+    one, (r, load) = loop.run().record, loop.series
     kalman = ambkit.KalmanFilter(machine)
-    record = simulate_machine(machine, flight, pids=[scenario.controller], estimator=kalman).record
-    for of_axis, of_machine in (("x", "s"), ("x_m", "x_m"), ("iu", "iu"), ("u", "u"), ("y", "y")):
-        scale = np.abs(one[of_axis]).max()
-        assert np.abs(one[of_axis] - record[of_machine]).max() < 1e-11 * scale, of_axis
+    form = InLoops(machine, scenario, kalman, r[0], load[0], 0.0, [scenario.controller])
+    kalman.reset(np.ravel(kalman.at_rest(form.place, current=form.current)))
+    core = kalman.engine.core
+    out = core.simulate(
+        **form.arguments(core, kalman, None), estimator=kalman.core, r=r, load=load,
+        **dict(zip(("noise_u", "noise_y"), loop.noise, strict=True)), speed=np.zeros(len(r) + 1),
+    )  # fmt: skip
+    found = {"x": form.moved(out["X"]), "iu": out["iu"], "u": out["u"], "y": out["y"]}
+    for signal, values in found.items():
+        scale = np.abs(one[signal]).max()
+        assert np.abs(one[signal] - np.ravel(values)).max() < 1e-11 * scale, signal

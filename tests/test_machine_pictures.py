@@ -11,7 +11,7 @@ from machine_cases import machine
 
 import ambkit
 from ambkit import AmbkitError, Machine, Scenario
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.waveforms import Ramp
 
 UNBALANCE = [{"place": 0.1, "amount": 5e-6, "angle": 0.4}]
@@ -22,7 +22,7 @@ def test_the_unbalance_response_is_that_of_a_flight() -> None:
     one = machine(speed=900.0, unbalance=UNBALANCE)
     found = ambkit.unbalance_response(one, 1800.0, count=180)
     at = int(np.argmin(np.abs(found.speed - 900.0)))
-    record = simulate_machine(one, Scenario(duration=0.8, noise=False)).record
+    record = simulate_run(one, Scenario(duration=0.8, noise=False)).record
     late = record.t >= record.t[-1] - 50 * 2 * np.pi / 900.0
     for k, axis in enumerate(one.axes):
         turning = record[f"s_{axis.name}"][late] * np.exp(-900j * record.t[late])
@@ -43,7 +43,7 @@ def test_far_above_the_criticals_a_rotor_turns_about_its_axis_of_inertia() -> No
 def test_a_run_up_stands_on_the_speed_of_rotation() -> None:
     one = machine(unbalance=[{"place": 0.1, "amount": 5e-5}])
     flight = Scenario(duration=1.0, noise=False, speed=Ramp(slope=1000.0))
-    found = ambkit.waterfall(simulate_machine(one, flight).record, "s_A1", window=0.1)
+    found = ambkit.waterfall(simulate_run(one, flight).record, "s_A1", window=0.1)
     highest = found.frequency[found.amplitude.argmax(axis=1)]
     later = found.speed > 300.0
     assert np.abs(highest - found.speed / (2 * np.pi))[later].max() < 12.0
@@ -86,7 +86,7 @@ def test_each_is_drawn(call: Any, tmp_path: Path) -> None:
 
 
 def test_a_notebook_shows_a_run_and_what_has_a_figure() -> None:
-    run = simulate_machine(machine(), Scenario(duration=0.02))
+    run = simulate_run(machine(), Scenario(duration=0.02))
     for shown, said in (
         (run, "Simulated run"),
         (ambkit.campbell(Machine.preset("tum_mlps")), "rpm"),

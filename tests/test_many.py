@@ -19,8 +19,8 @@ from ambkit import (
     Scenario,
     Status,
     Step,
-    simulate_machine,
     simulate_many,
+    simulate_run,
 )
 from ambkit.estimate.batch import instruction_sets
 from ambkit.estimate.registry import KINDS
@@ -212,7 +212,7 @@ def test_runs_of_several_axes_are_those_of_a_run_alone() -> None:
     kalman = KalmanFilter(machine)
     runs = [Planned(machine, scenario, kalman, number=number) for number in range(3)]
     many = simulate_many(runs, traces=[2])
-    alone = simulate_machine(machine, scenario.replace(run=2), estimator=KalmanFilter(machine))
+    alone = simulate_run(machine, scenario.replace(run=2), estimator=KalmanFilter(machine))
     for name in ("y_La1", "iu_B2"):
         assert np.array_equal(many.traces[2].record[name], alone.record[name])
     farthest = max(np.abs(alone.record[f"s_{axis}"]).max() for axis in alone.axes)

@@ -9,7 +9,6 @@ from ambkit.estimate.observer import unstable_pole
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison import criteria
 from ambkit.simulation.imposed import Faults, Imposed
-from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 
@@ -174,7 +173,7 @@ def flight(name, ratio, kind, feedback, precision="float64", seed=0):
     machine = machine.model_copy(update={"sensor": sensors})
     kalman = KINDS[kind].make(machine, precision=precision)
     made = Scenario(duration=0.2, seed=seed, feedback=feedback)
-    run = simulate_machine(machine, made, estimator=kalman)
+    run = simulate_run(machine, made, estimator=kalman)
     c, record, estimate = kalman.engine.model.c, run.record, run.estimate
     shown = [next((x for x in ("q_" + n, n) if x in record.signals), None) for n in estimate.names]
     truth = np.array([np.zeros(len(record["t"])) if n is None else record[n] for n in shown])

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from ambkit import Bearing, KalmanFilter, Machine, Scenario, simulate, simulate_machine
+from ambkit import Bearing, KalmanFilter, Machine, Scenario, simulate, simulate_run
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.record import Record
 from ambkit.data.signals import SI_UNITS, si_unit
@@ -309,5 +309,5 @@ def test_the_control_signal_of_an_amplifier_of_currents_is_in_ampere(tmp_path):
     with pytest.raises(AmbkitError, match="u of the record is in A, and the amplifier"):
         KalmanFilter(plain).run(read)
     machine = amplifier_of_currents(Machine.preset("tum_mlps"))
-    units = simulate_machine(machine, Scenario(duration=0.002)).record.units
+    units = simulate_run(machine, Scenario(duration=0.002)).record.units
     assert {units[name] for name in ("u_A1", "u_A2", "u_B1", "u_B2")} == {"A"}

@@ -11,7 +11,7 @@ from ambkit import FilterNoise, KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.judge.comparison.contenders import contender_of_kind
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tuning import log_likelihood
 
@@ -20,7 +20,7 @@ TUM = Machine.preset("tum_mlps")
 
 @pytest.fixture(scope="module")
 def record():
-    return simulate_machine(TUM, Scenario(duration=0.4)).record
+    return simulate_run(TUM, Scenario(duration=0.4)).record
 
 
 def test_variances_of_axes_keep_their_ratios():

@@ -14,6 +14,7 @@ from ambkit.simulation.controllers import controllers_of
 from ambkit.simulation.holding import holding
 from ambkit.simulation.let_turn import _Rotor
 from ambkit.simulation.plant import Plant
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Control, Scenario
 from ambkit.simulation.waveforms import Constant, Ramp, Sum
 from ambkit.workflow.assessed_loop import assessed
@@ -114,7 +115,7 @@ def touched(described: Machine, real: Machine, flight: Scenario) -> int:
     T = described.sampling_time
     fastest = float(np.abs(flight.speed.sample(T * np.arange(round(flight.duration / T)))).max())
     control = controllers_of(Plant(described), flight.controller, filter, fastest=fastest)
-    run = ambkit.simulate_machine(real, flight, estimator=filter, controllers=control)
+    run = simulate_run(real, flight, estimator=filter, controllers=control)
     return run.samples_at_the_stop
 
 

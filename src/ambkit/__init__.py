@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     from ambkit.machine.stiffness import StiffnessMap as StiffnessMap
     from ambkit.machine.stiffness import stiffness_map as stiffness_map
     from ambkit.result.result import Result as Result
-    from ambkit.simulation.machine import simulate_machine as simulate_machine
     from ambkit.simulation.many import Planned as Planned
     from ambkit.simulation.many import simulate_many as simulate_many
     from ambkit.simulation.scenario import PID as PID
@@ -132,7 +131,6 @@ _HOME = {
     "machine.magnets": ["ClosedLaw", "ConstantStiffness", "SaturatingLaw", "magnet_of"],
     "machine.stiffness": ["StiffnessMap", "stiffness_map"],
     "result.result": ["Result"],
-    "simulation.machine": ["simulate_machine"],
     "simulation.many": ["Planned", "simulate_many"],
     "simulation.scenario": ["PID", "Control", "Scenario"],
     "simulation.waveforms": [

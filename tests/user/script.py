@@ -180,7 +180,7 @@ def whole_machine() -> None:
     """Four axes of a rotor."""
     machine = ambkit.Machine.preset("hindawi_2011")
     filter_ = ambkit.KalmanFilter(machine)
-    run = ambkit.simulate_machine(machine, ambkit.Scenario(duration=0.02), estimator=filter_)
+    run = ambkit.simulate_run(machine, ambkit.Scenario(duration=0.02), estimator=filter_)
     assert_type(run.samples_at_the_stop, int)
     assert_type([each.std for each in ambkit.harmonics(filter_, run.record)], list[float])
     found = ambkit.judge_states(machine, ["linear"], seeds=1, duration=0.04, settled=0.02)

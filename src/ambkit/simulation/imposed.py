@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,16 +20,16 @@ class Faults:
 
     #: The measurement is that of so many samples ago, 0 or more; between two of them on the line
     #: through both. One that grows by 1 a sample is a sensor that is stuck [samples].
-    late: NDArray[np.float64]
+    late: Array
     #: It is then multiplied by the one [1] and added to the other [m].
-    y_times: NDArray[np.float64]
-    y_plus: NDArray[np.float64]
+    y_times: Array
+    y_plus: Array
     #: The same for the control signal that the estimator is told [1], [V]; the amplifier gets the
     #: true one.
-    u_times: NDArray[np.float64]
-    u_plus: NDArray[np.float64]
+    u_times: Array
+    u_plus: Array
     #: Share of the amplifier's range that is left, which nobody is told [1].
-    current: NDArray[np.float64]
+    current: Array
     #: Whether the controller, where it is fed by the measurement, gets the true one.
     beside: bool = False
 
@@ -38,6 +41,8 @@ class Faults:
 
     def among(self, reading: int, readings: int, axis: int, axes: int) -> Faults:
         """Return the same faults of one of several readings, and of one of several axes."""
+        if readings == axes == 1:
+            return self
         none = {"late": 0.0, "y_times": 1.0, "y_plus": 0.0, "u_times": 1.0, "u_plus": 0.0,
                 "current": 1.0}  # fmt: skip
         found = {}
@@ -49,7 +54,7 @@ class Faults:
         return Faults(**found, beside=self.beside)
 
     @property
-    def series(self) -> dict[str, NDArray[np.float64]]:
+    def series(self) -> dict[str, Array]:
         """All that has one value a sample, by name."""
         return {name: each for name, each in vars(self).items() if name != "beside"}
 
@@ -58,24 +63,45 @@ class Faults:
 class Imposed:
     """Series that a run is given from outside, one value a sample."""
 
-    #: (n,) Force on the rotor, added to the scenario's [N].
-    disturbance: NDArray[np.float64] | None = None
-    #: (n,) Noise on the measured position, in place of all that the bearing's sensor has [m].
-    sensor_noise: NDArray[np.float64] | None = None
-    #: (n,) Factor on the force of the plant's magnet, such as that of a drifting magnet constant
+    # Of p axes and m readings; of a single axis each is (n,) or (n, 1).
+
+    #: (n, p) Force on the rotor, added to the scenario's [N].
+    disturbance: Array | None = None
+    #: (n, m) Noise on the measured positions, in place of all that the sensors have [m].
+    sensor_noise: Array | None = None
+    #: (n,) Factor on the force of the plant's magnets, such as that of a drifting magnet constant
     #: [1]. Where the rotor hovers at the start, it is held as if the factor were 1.
-    magnet_scale: NDArray[np.float64] | None = None
-    #: Faults of sensor, control signal and amplifier. The record's y and u are those that the
+    magnet_scale: Array | None = None
+    #: Faults of sensors, control signals and amplifiers. The record's y and u are those that the
     #: estimator gets, with NaN for infinity.
     faults: Faults | None = None
-    #: Where the rotor lies at the start [m]. Neither controller nor estimator is told: they start
-    #: as if it hovered at the reference.
-    place: float | None = None
+    #: Where the rotor is at the start [m], of several axes (p,). Neither controller nor estimator
+    #: is told: they start as if it hovered at the reference.
+    place: float | Array | None = None
+    #: (n, m) Added to the measured positions [m]; NaN: lost.
+    readings: Array | None = None
+    #: (n, p) Added to the references after the start [m]; NaN: none.
+    references: Array | None = None
+    #: (n,) With a sequence, whether it is told to fly [1]; by default as the sequence says.
+    fly: Array | None = None
+    #: As exported: fields of ``amb_control`` of another value than the sequence's, and an estimator
+    #: that starts where its first readings show the rotor.
+    exported: dict[str, Any] | None = None
 
 
-def series_of(imposed: Imposed) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """All that has one value a sample, by name."""
-    for name in ("disturbance", "sensor_noise", "magnet_scale"):
+_OF_READINGS = ("sensor_noise", "readings", "fault late", "fault y_times", "fault y_plus")
+
+
+def columns(name: str, axes: int, readings: int) -> int:
+    """Return how many columns a series has."""
+    if name in ("magnet_scale", "fly"):
+        return 1
+    return readings if name in _OF_READINGS else axes
+
+
+def series_of(imposed: Imposed) -> Iterator[tuple[str, Array]]:
+    """All that has one value a sample and must be a number, by name."""
+    for name in ("disturbance", "sensor_noise", "magnet_scale", "readings", "references", "fly"):
         if getattr(imposed, name) is not None:
             yield name, getattr(imposed, name)
     if imposed.faults is not None:

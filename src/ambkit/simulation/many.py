@@ -22,7 +22,6 @@ from ambkit.machine.magnets import MagnetModel, core_module
 from ambkit.simulation.controllers import Controllers
 from ambkit.simulation.figures import FIGURES, FLAGS, OF_SEVERAL, figures_of, first_of, flags_of
 from ambkit.simulation.imposed import Imposed
-from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import Loop, Run, Sampled, simulate_run
 from ambkit.simulation.scenario import Scenario
 
@@ -86,12 +85,14 @@ class Planned:
 
     def simulated(self) -> Run:
         """Simulate it by itself, with every sample kept."""
-        if self.bearing.single:
-            return simulate_run(
-                self.axis, self.numbered, estimator=self.estimator, magnet=self.magnet,
-                imposed=self.imposed,
-            )  # fmt: skip
-        return _flown(self, None if self.estimator is None else _copied(self.estimator))
+        return self._flown(None if self.estimator is None else _copied(self.estimator))
+
+    def _flown(self, estimator: Estimator | None) -> Run:
+        """Simulate it with an estimator of the same kind."""
+        return simulate_run(
+            self.bearing, self.numbered, estimator=estimator, magnet=self.magnet,
+            imposed=self.imposed, controllers=self.controllers,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -247,7 +248,7 @@ def _in_threads(
         if estimator is not None:
             known = own.estimators.get(id(estimator))
             estimator = known or own.estimators.setdefault(id(estimator), _copied(estimator))
-        run = _flown(planned, estimator)
+        run = planned._flown(estimator)
         found = figures_of(run, planned.estimator, settling, band)
         return [found[name] for name in OF_SEVERAL], flags_of(run)
 
@@ -266,13 +267,6 @@ def _in_threads(
             if done is not None:
                 done(1)
     return rows, flags, kept, len(rows)
-
-
-def _flown(planned: Planned, estimator: Estimator | None) -> Run:
-    """Simulate several axes with a copy of the estimator."""
-    return simulate_machine(
-        planned.bearing, planned.numbered, estimator=estimator, controllers=planned.controllers
-    )
 
 
 def _copied(estimator: Estimator) -> Estimator:
@@ -404,10 +398,10 @@ class _Engine:
         """Return where figures are taken; of signals that nothing was added to they are shared."""
         first = first_of(self.settling, bearing.sampling_time, len(r))
         if r is not sampled.reference or f_d is not sampled.disturbance:
-            return windows(r, f_d, first)
+            return windows(r.ravel(), f_d.ravel(), first)
         key = id(r), id(f_d), first
         if self._last is None or self._last[0] != key:
-            self._last = key, (r, f_d), windows(r, f_d, first)
+            self._last = key, (r, f_d), windows(r.ravel(), f_d.ravel(), first)
         return self._last[2]
 
     def _made(self, planned: Planned) -> tuple[ModuleType, Any, bool]:
@@ -430,20 +424,21 @@ class _Engine:
         core = core_module(precision) if estimator is None else estimator.engine.core
 
         def given(values: ArrayLike) -> NDArray[Any]:
-            return np.ascontiguousarray(values, dtype=precision)
+            return np.ascontiguousarray(np.ravel(values), dtype=precision)
 
         r, f_d = loop.series
         bearing = planned.axis
         at = self._windows(bearing, r, f_d, sampled)
         start, stop, height = at.step or (0, 0, 0.0)
         stds = loop.white_noise
-        series = (None, None) if stds is not None else of(planned.numbered).noise
+        series: Any = (None, None) if stds is not None else of(planned.numbered).noise
+        noise_u, noise_y = (None if each is None else each.ravel() for each in series)
         plan = core.Plan(
             **loop.arguments(core, given),
             mean=None if estimator is None else given(loop.start),
             std=None if estimator is None else given(estimator.default_std()),
             seed=planned.key[0], std_u=0.0 if stds is None else stds[0],
-            std_y=0.0 if stds is None else stds[1], noise_u=series[0], noise_y=series[1],
+            std_y=0.0 if stds is None else stds[1], noise_u=noise_u, noise_y=noise_y,
             first=at.first, step_from=start, step_to=stop, height=height,
             load_from=len(r) if at.load is None else at.load,
             band=self.band * bearing.rotor.travel_limit,

@@ -18,14 +18,17 @@ from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Sensor
-    from ambkit.machine.machine import Bearing
+    from ambkit.machine.machine import Bearing, Machine
     from ambkit.machine.parts import ColouredNoise, Hum
     from ambkit.simulation.scenario import Scenario
 
 Array = NDArray[np.float64]
 
 CONTROL, SENSOR = 0, 1
-"""Streams of a bearing: on the control signal, and those of the sensor from here on."""
+"""Streams of an axis and its reading: of the control signal, and of the sensor from here on."""
+
+STREAMS = 64
+"""Of each axis and its reading."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +54,20 @@ class Stream:
         return int(core_module().philox([0, self.number, low, high], key)[0]) / 2**32
 
 
-def drawn(bearing: Bearing, scenario: Scenario, n: int) -> tuple[Array, Array]:
-    """Return the noise on the control signal [V] and on the measurement [m], n samples each."""
+def drawn(machine: Machine, scenario: Scenario, n: int) -> tuple[Array, Array]:
+    """Return the noise on the control signals (n, p) [V] and on the readings (n, m) [m]."""
+    axes, readings = machine.axes, machine.readings
+    noise_u, noise_y = np.zeros((n, len(axes))), np.zeros((n, len(readings)))
     if not scenario.noise:
-        return np.zeros(n), np.zeros(n)
+        return noise_u, noise_y
     stream = Stream(scenario.seed, scenario.run, CONTROL)
-    noise_u = stream.normal(math.sqrt(bearing.amplifier.noise_variance), n)
-    return noise_u, of_sensor(bearing.sensor, bearing.sampling_time, n, stream.next())
+    for k, axis in enumerate(axes):
+        std = math.sqrt(axis.bearing.amplifier.noise_variance)
+        noise_u[:, k] = stream.next(STREAMS * k).normal(std, n)
+    for k, reading in enumerate(readings):
+        own = stream.next(STREAMS * k + SENSOR)
+        noise_y[:, k] = of_sensor(reading.sensor, machine.sampling_time, n, own)
+    return noise_u, noise_y
 
 
 def white(bearing: Bearing, scenario: Scenario) -> tuple[float, float] | None:

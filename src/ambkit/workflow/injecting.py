@@ -21,7 +21,6 @@ from ambkit.judge.loop.measured import measured_sensitivity
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.simulation.default_control import settled_scenario
-from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import samples, simulate_run
 from ambkit.simulation.scenario import Injection as Added
 from ambkit.simulation.scenario import Scenario
@@ -312,7 +311,7 @@ class _OfMachine(_Experiment):
             update={"seed": self.flight.seed + other, "injection": (*others, there)}
         )
         inner = next(iter(given_estimators(self.filter, self.bearing).values()), None)
-        run = simulate_machine(self.bearing, flight, estimator=inner)
+        run = simulate_run(self.bearing, flight, estimator=inner)
         names = list(self.loop.axes)
         level = self.taken(*([run.record[f"{of}_{name}"] for name in names] for of in ("iu", "s")))
         _, told = of_one_axis(run.record, self.bearing)

@@ -23,7 +23,6 @@ from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.controllers import controllers_of
 from ambkit.simulation.default_control import settled_scenario
-from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.run import simulate_run as looped
 from ambkit.simulation.scenario import Scenario
@@ -225,19 +224,16 @@ def simulate_run(
         if len(built) > 1:
             raise AmbkitError("a loop has one estimator: name one of them, not all")
         made = built[estimator]()
-    if not machine.single:
-        given = {"magnet": magnet, "force_map": force_map, "imposed": imposed}
-        for name, each in given.items():
-            if each is not None:
-                raise AmbkitError(f"{name}: is of one axis, and {machine.name} has several")
-        run = simulate_machine(machine, happening, estimator=made)
-        return run if made is None else replace(run, turning=harmonics(made, run.record))
-    axis = machine.alone("")
     if force_map is not None:
         if magnet is not None:
             raise AmbkitError("the plant's magnet is either a model or a force map: give one")
-        magnet = surface_in(force_map, axis)
-    return looped(axis, happening, estimator=made, magnet=magnet, imposed=imposed)
+        if not machine.single:
+            raise AmbkitError(f"force_map: is of one axis, and {machine.name} has several")
+        magnet = surface_in(force_map, machine.alone(""))
+    run = looped(machine, happening, estimator=made, magnet=magnet, imposed=imposed)
+    if made is None or machine.single:
+        return run
+    return replace(run, turning=harmonics(made, run.record))
 
 
 def simulate(

@@ -23,7 +23,6 @@ from ambkit.models.linear import Complex
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.stated import Section
-from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import PID, Injection, Scenario
 from ambkit.simulation.scenario import Disturbance as Load
@@ -373,8 +372,8 @@ class _MachineRig(_Rig):
         scenario = self.scenario.model_copy(
             update={"duration": float(t[-1]), "injection": (there,)}
         )
-        run = simulate_machine(
-            of.machine, scenario, estimator=self.inner, pids=of.fed_by(self.filter)
+        run = simulate_run(
+            of.machine, scenario, estimator=self.inner, controllers=of.fed_by(self.filter)
         )
         y = np.column_stack([run.record[signal("y", r.name)] for r in of.machine.readings])
         limited = run.samples_at_the_stop > 0 or _refused(run.estimate, last)

@@ -13,8 +13,8 @@ from ambkit.estimate.engine import NODE
 from ambkit.estimate.estimate import Status
 from ambkit.export.c.vectors import without_digits
 from ambkit.simulation.control import settling_of
-from ambkit.simulation.machine import simulate_machine
-from ambkit.simulation.run import Run
+from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 from ambkit.simulation.sequence import Mode
 from ambkit.simulation.waveforms import Constant, Ramp, Step, Sum
@@ -159,10 +159,12 @@ def _along(
 
 def _flown(controller: Controller, scene: Scene, readings: Array) -> Run:
     """Return one flight, with this added to its readings (n, m) [m]."""
-    return simulate_machine(
+    imposed = Imposed(
+        readings=readings, references=scene.references, fly=scene.fly, exported=quick(controller)
+    )
+    return simulate_run(
         controller.plant.machine, scene.flight, estimator=controller.estimator,
-        controllers=controller.law, readings=readings, references=scene.references,
-        from_readings=True, fly=scene.fly, other=quick(controller),
+        controllers=controller.law, imposed=imposed,
     )  # fmt: skip
 
 

@@ -243,7 +243,7 @@ def _outage_of_machine(estimator: Estimator, lost: NDArray[np.bool_], name: str)
 
 def _hover(estimator: Estimator, sign: float) -> tuple[Array, Array]:
     """Let a machine hover under a load."""
-    from ambkit.simulation.machine import simulate_machine
+    from ambkit.simulation.run import simulate
     from ambkit.simulation.scenario import Disturbance, Scenario
     from ambkit.simulation.waveforms import Step
 
@@ -253,7 +253,7 @@ def _hover(estimator: Estimator, sign: float) -> tuple[Array, Array]:
     tenth = Step(amplitude=sign * 0.1 * machine.rotor.mass * GRAVITY, time=20 * T)
     force = Disturbance(axis=machine.axes[0].name, force=tenth)
     flight = Scenario(duration=(FLIGHT - 1) * T, disturbance=(force,))
-    y, u = whole.signals(simulate_machine(machine, flight).record)
+    y, u = whole.signals(simulate(machine, flight))
     return y.copy(), u.copy()
 
 

@@ -20,7 +20,6 @@ from ambkit.export.pil.processor import Processor
 from ambkit.export.pil.result import Pil, judged, others_sent
 from ambkit.machine.machine import Machine
 from ambkit.simulation.control import Controller
-from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.sequence import LiftOff, Mode
@@ -69,8 +68,7 @@ def pil(
         fields = [state.field for state in states(estimator.states)]
         image = build.firmware(export, fields, boards.QEMU_BOARD, folder / "qemu", several)
         built = build.size(export, for_board, folder / "board", several)
-        fly: Any = simulate_machine if several else simulate_run
-        run: Run = fly(plant, flown, estimator=estimator)
+        run = simulate_run(plant, flown, estimator=estimator)
         machine, record = run.machine, run.record
         shown = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
         y = estimator.inputs.y.numbers(shown)

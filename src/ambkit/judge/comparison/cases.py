@@ -27,7 +27,6 @@ from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import magnet_of, own_time
 from ambkit.simulation.holding import holding
 from ambkit.simulation.imposed import Imposed
-from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.many import Many, Planned, simulate_many
 from ambkit.simulation.run import samples, simulate
 from ambkit.simulation.scenario import PID, Control, Disturbance, Reference, Scenario
@@ -180,7 +179,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
             disturbance=tuple(Disturbance.model_construct(axis=name, force=load)
                               for name, load in loads.items()),
         )  # fmt: skip
-        record = simulate_machine(plant, flight, estimator=known).record
+        record = simulate(plant, flight, estimator=known)
         truth = {signal("f_d", name): walk for name, walk in walks.items()}
         record = replace(record, signals={**record.signals, **truth})
         yield Trial(plant, flight, None, None, record)
@@ -213,7 +212,7 @@ def loaded(machine: Machine, runs: int, seed: int) -> list[Trial]:
             for axis in machine.axes
         )  # fmt: skip
         flight = Scenario(duration=duration, seed=int(rng.integers(2**31)), disturbance=loads)
-        made.append(Trial(machine, flight, None, None, simulate_machine(machine, flight).record))
+        made.append(Trial(machine, flight, None, None, simulate(machine, flight)))
     return made
 
 

@@ -20,7 +20,6 @@ from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.stated import Section
-from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 
@@ -108,10 +107,7 @@ def compare(
 
     def one(name: str, seed: int) -> tuple[list[float], float, bool]:
         estimator, happening = estimators[name](), scenario.model_copy(update={"seed": seed})
-        if not plant.single:
-            run = simulate_machine(plant, happening, estimator=estimator)
-        else:
-            run = simulate_run(plant.alone(""), happening, estimator=estimator, magnet=magnet)
+        run = simulate_run(plant, happening, estimator=estimator, magnet=magnet)
         assert run.estimate is not None  # an estimator was given
         wrong = errors_along(run.estimate, run.record, estimator.view)
         errors = [rms(wrong[signal]) for signal in EVALUATED]

@@ -23,7 +23,8 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import Runout
 from ambkit.models.parts.synchronous import unbalance_planes
-from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.run import simulate
 from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -288,7 +289,7 @@ def _flown(machine: Machine, filters: Estimator, seed: int, flight: Scenario) ->
     growth = np.sqrt(T / WITHIN * np.array(several(filters.variances.disturbance)))
     walks = np.cumsum(rng.normal(0.0, growth, (n * WITHIN, len(growth))), axis=0)
     parts = walks.reshape(n, WITHIN, -1)
-    record = simulate_machine(machine, flight, disturbance=parts.mean(axis=1)).record
+    record = simulate(machine, flight, imposed=Imposed(parts.mean(axis=1)))
     names = [signal("f_d", axis.name) for axis in machine.axes]
     return replace(
         record, signals={**record.signals, **dict(zip(names, parts[:, 0].T, strict=True))}

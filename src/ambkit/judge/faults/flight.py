@@ -19,7 +19,6 @@ from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 from ambkit.simulation.imposed import Imposed
-from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import PID, Control, Disturbance, Reference, Scenario, as_control
 from ambkit.simulation.waveforms import Sine
@@ -163,11 +162,11 @@ class Flight:
                 disturbance=(Disturbance(axis=names[k], force=disturbance),),
             )  # fmt: skip
             readings = len(machine.readings)
-            return simulate_machine(
-                machine, flight, estimator=estimator,
-                disturbance=np.outer(channel.force, np.arange(len(names)) == k),
+            imposed = Imposed(
+                np.outer(channel.force, np.arange(len(names)) == k),
                 faults=channel.faults.among(self.reading, readings, k, len(names)),
-            )  # fmt: skip
+            )
+            return simulate_run(machine, flight, estimator=estimator, imposed=imposed)
         pid = self.controller or PID.for_bearing(axis)
         scenario = Scenario(
             duration=duration, seed=self.seed, reference=reference, disturbance=disturbance,

@@ -1,0 +1,169 @@
+"""A plant and its controllers as C takes them: by the fields of ``amb_axis`` or ``amb_plant``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.machine.hovering import hover_current
+from ambkit.machine.magnets import Law, MagnetModel, magnet_of
+from ambkit.simulation import parts
+from ambkit.simulation.control import Controller
+from ambkit.simulation.controllers import Controllers, arrays, controllers_of, gains_of
+from ambkit.simulation.plant import Plant
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.machine import Bearing, Machine
+    from ambkit.simulation.scenario import PID, Scenario
+
+Array = NDArray[np.float64]
+
+
+class StraightLine:
+    """A single axis and its PID, whose plant is unrolled in C."""
+
+    def __init__(
+        self, bearing: Bearing, scenario: Scenario, magnet: MagnetModel | None, at: float,
+        load: float,
+    ) -> None:  # fmt: skip
+        self.machine, self.scenario = bearing, scenario
+        self.law = magnet if isinstance(magnet, Law) else magnet_of(bearing)
+        self.magnet = self.law if magnet is None else magnet
+        self.coil = parts.coil_fields(bearing) if magnet is None else None
+        hover = scenario.start == "hover"
+        self.place = at if hover else 0.0
+        balance = bearing.weight + self.law.bias_force + load
+        self.held = hover_current(bearing, self.magnet, self.place, balance) if hover else 0.0
+        # What was demanded before the start is the controller's own, and known.
+        self.current = min(max(self.held, bearing.current_min), bearing.current_max)
+
+    @property
+    def states(self) -> dict[str, tuple[int, str]]:
+        """Place and unit of the states that are recorded."""
+        return {"x": (0, "m"), "v": (1, "m/s"), "x_m": (2, "m")}
+
+    def moved(self, X: Array) -> Array | None:
+        """Return None: the displacement is a state."""
+        return None
+
+    def force(self, found: Array) -> Array:
+        """Return the force of the magnet (n, 1) [N]."""
+        weight = self.machine.weight
+        return np.asarray(found + (weight + self.law.bias_force) - weight, float)
+
+    def arguments(
+        self, core: ModuleType, estimator: Estimator | None, elsewhere: Any
+    ) -> dict[str, Any]:
+        """Return what a core is told of plant, controller and start."""
+        bearing, pid = self.machine, self.scenario.controller
+        precision = "float64" if estimator is None else estimator.precision
+        loop = {
+            "axis": self._axis(core, precision),
+            "T": bearing.sampling_time,
+            "k_ui": [bearing.amplifier.gain],
+            "pid": gains_of(pid, bearing.sampling_time, bearing.current_min, bearing.current_max),
+            "feedback_estimate": pid.feedback == "estimate",
+        }
+        told: dict[str, Any] = {
+            "loop": loop, "place": self.place if elsewhere is None else elsewhere,
+            "current": self.current,
+            "integral": pid.integral(self.held, self.place, bearing.sampling_time),
+        }  # fmt: skip
+        sequence = self.scenario.sequence
+        if estimator is not None and (sequence is not None or pid.needs_estimate):
+            whole = Controller.of_axis(bearing, estimator, pid, sequence)
+            integral = whole.integral(self.held, self.place)
+            told |= {"control": whole.in_core(), "integral": integral}
+            if sequence is not None and self.scenario.start != "hover":
+                down = float(whole.down[0]) if elsewhere is None else elsewhere
+                told |= {"hovers": False, "current": 0.0, "place": down}
+        numbers = ("place", "current", "integral")
+        return told | {name: np.array([told[name]], precision) for name in numbers}
+
+    def _axis(self, core: ModuleType, precision: str) -> dict[str, Any]:
+        """Return the fields of ``amb_axis``."""
+        bearing = self.machine
+        return {
+            "magnet": self.magnet.in_core(core),
+            "m": bearing.rotor.mass,
+            "f_0": bearing.weight + self.law.bias_force,
+            "bias": self.law.bias_force,
+            "K_sen": bearing.sensor.gain,
+            "T_sen": bearing.sensor_lag,
+            "travel": bearing.rotor.travel_limit,
+            "substeps": parts.substeps(bearing, self.scenario.substeps),
+            "parts": parts.parts_of(bearing, precision),
+            "coil": None if self.coil is None else core.Law(**self.coil),
+        }
+
+
+class InLoops:
+    """Any machine and its controllers, whose plant is loops over the pattern of its model."""
+
+    def __init__(
+        self, machine: Machine, scenario: Scenario, estimator: Estimator | None,
+        at: Array, load: Array, fastest: float, made: Controllers | Sequence[PID] | None,
+    ) -> None:  # fmt: skip
+        self.machine, self.scenario, self.fastest = machine, scenario, fastest
+        self.plant = plant = Plant(machine)
+        self.place, self.current = plant.hovering(at, load)
+        known = None
+        if estimator is not None:
+            known = np.ravel(estimator.at_rest(self.place, current=self.current))
+        self.held = self.current, at, known
+        if scenario.start == "rest":
+            self.place, self.current = plant.resting(), np.zeros(len(machine.axes))
+            if scenario.controller.type != "lqg":  # whose integrals alone know of the weight
+                self.held = self.current, np.zeros_like(self.current), None
+        self.fed = estimator if scenario.feedback == "estimate" else None
+        if not isinstance(made, Controllers):
+            made = controllers_of(plant, scenario.controller, self.fed, made, fastest)
+        self.law = made
+
+    @property
+    def states(self) -> dict[str, tuple[int, str]]:
+        """Place and unit of the states that are recorded."""
+        each, moving = self.plant.model.states, 2 * len(self.machine.positions)
+        found = {f"q_{each[k].name}": (k, each[k].unit) for k in range(moving)}
+        shown = {at.name: (k, at.unit) for k, at in enumerate(each) if at.role == "sensor"}
+        return found | shown
+
+    def moved(self, X: Array) -> Array | None:
+        """Return the displacements along the axes (n, p) [m]."""
+        h = self.plant.model.h
+        return np.asarray(X[: h.shape[1]].T @ h.T)
+
+    def force(self, found: Array) -> Array:
+        """Return the forces of the magnets (n, p) [N]."""
+        return np.asarray(np.asarray(found, float) + self.plant.bias)
+
+    def arguments(
+        self, core: ModuleType, estimator: Estimator | None, elsewhere: Any, **other: Any
+    ) -> dict[str, Any]:
+        """Return what a core is told of plant, controllers and start."""
+        machine, scenario = self.machine, self.scenario
+        precision = "float64" if estimator is None else estimator.precision
+        gains = [axis.bearing.amplifier.gain for axis in machine.axes]
+        loop = (
+            self.plant.arrays(core, scenario.substeps, self.fastest)
+            | {"T": machine.sampling_time, "k_ui": gains}
+            | arrays(self.law, self.plant, self.fed)
+        )
+        start = {"place": self.place, "current": self.current}
+        start["integral"] = self.law.integrals(*self.held)
+        if elsewhere is not None:
+            rigid = len(machine.rigid_positions)
+            start["place"] = np.zeros(len(self.place))
+            start["place"][:rigid] = np.linalg.pinv(self.plant.H[:, :rigid]) @ elsewhere
+        told: dict[str, Any] = {k: np.ascontiguousarray(v, precision) for k, v in start.items()}
+        if scenario.sequence is not None and estimator is not None:
+            fed = self.fed is not None
+            whole = Controller(self.plant, estimator, self.law, scenario.sequence, fed)
+            hovers = scenario.start == "hover"
+            told |= {"control": whole.in_core(**other), "hovers": hovers}
+        return told | {"loop": loop}
