@@ -95,8 +95,8 @@ def _measure_many(
         rounds,
         process_time_ns,
     )
-    found, missing = batch.libraries(many, runs=runs, samples=min(few, length))
-    slow = interleaved([*batch.by_hand(many), *found], max(rounds // 5, 1), process_time_ns)
+    result, missing = batch.libraries(many, runs=runs, samples=min(few, length))
+    slow = interleaved([*batch.by_hand(many), *result], max(rounds // 5, 1), process_time_ns)
     return fast, slow, missing
 
 

@@ -122,13 +122,13 @@ def libraries(many: Many, runs: int, samples: int) -> tuple[list[Entry], list[st
         y=np.ascontiguousarray(many.y[:runs, :samples]),
         u=np.ascontiguousarray(many.u[:runs, :samples]),
     )
-    found, missing = [], []
+    result, missing = [], []
     for name in ("jax", "simdkalman", "statsmodels"):
         if find_spec(name) is None:
             missing.append(name)
         else:
-            found += _LIBRARIES[name](few)
-    return found, missing
+            result += _LIBRARIES[name](few)
+    return result, missing
 
 
 def _jax(few: Many) -> list[Entry]:

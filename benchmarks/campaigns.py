@@ -79,9 +79,9 @@ def dask_share(plan: Plan) -> tuple[list[float], list[float]]:
             count = sum(1 for _ in cluster.of(there, plan, parts))
             after = _times()
             assert count == len(parts)
-            for place, found in enumerate((by_processor, by_wall)):
+            for place, result in enumerate((by_processor, by_wall)):
                 here, beside = between[place] - before[place], after[place] - between[place]
-                found.append(beside / here - 1)
+                result.append(beside / here - 1)
     return by_processor, by_wall
 
 
@@ -90,8 +90,8 @@ def _times() -> tuple[float, float]:
     import psutil
 
     own = psutil.Process()
-    each = [one.cpu_times() for one in (own, *own.children(recursive=True))]
-    return sum(one.user + one.system for one in each), time.perf_counter()
+    parts = [one.cpu_times() for one in (own, *own.children(recursive=True))]
+    return sum(one.user + one.system for one in parts), time.perf_counter()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -109,14 +109,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.memory:
         with tempfile.TemporaryDirectory() as folder:
             start, used = time.perf_counter(), time.process_time()
-            found = campaign(made, Path(folder, "out"))
+            result = campaign(made, Path(folder, "out"))
             seconds, used = time.perf_counter() - start, time.process_time() - used
-            found.to_dict()
+            result.to_dict()
         most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-        each = 1e3 * used / options.runs
+        parts = 1e3 * used / options.runs
         print(f"{options.runs:,} runs of {options.duration:g} ms, margins "
               f"{'on' if options.margins else 'off'}, in {seconds:.0f} s, "
-              f"{options.runs / seconds:,.0f} a second, {each:.3f} ms of a processor each; "
+              f"{options.runs / seconds:,.0f} a second, {parts:.3f} ms of a processor each; "
               f"at most {most / 1e9:.2f} GB; limit {MEMORY / 1e9:g} GB")  # fmt: skip
         return int(most > MEMORY)
     by_processor, by_wall = dask_share(Plan(made))

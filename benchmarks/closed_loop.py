@@ -62,7 +62,7 @@ class ClosedLoop:
                 "bias": 0.0,
                 "K_sen": b.sensor.gain,
                 "T_sen": b.sensor.lag,
-                "travel": b.rotor.travel_limit,
+                "travel": b.rotor.clearance,
                 "substeps": self.scenario.substeps,
                 "parts": {},
                 "coil": None,

@@ -1,4 +1,4 @@
-"""A rotor that bends, in real time: the filters' step of 40 states within a sample of 0.1 ms.
+"""A flexible rotor, in real time: the filters' step of 40 states within a sample of 0.1 ms.
 
     uv run python -m benchmarks.flexible_step [rounds]
 
@@ -40,12 +40,12 @@ def main(rounds: int = 7) -> int:
     kept = True
     print("| filter | states | a step | samples of 0.1 ms over a step | least |")
     print("| --- | --: | --: | --: | --: |")
-    for kind, each in times.items():
-        spare = machine.sampling_time / median(each)
+    for kind, item in times.items():
+        spare = machine.sampling_time / median(item)
         kept = kept and (kind not in KEPT or spare >= SPARE)
-        least = machine.sampling_time / max(each)
+        least = machine.sampling_time / max(item)
         states = len(filters[kind].states)
-        step = f"{1e6 * median(each):.1f} µs"
+        step = f"{1e6 * median(item):.1f} µs"
         print(f"| {kind} | {states} | {step} | {spare:.1f} | {least:.1f} |", flush=True)
     return 0 if kept else 1
 

@@ -35,7 +35,7 @@ TRUTH = LoopModel(
     delay=2.3e-4,
     position_offset=30e-6,
     current_offset=-40e-3,
-    load_growth=2.0,
+    disturbance_noise=2.0,
     load_std=0.05,
 )
 """The paper's bearing with a slower, sharper sensor and a noisier amplifier, so that a record of
@@ -116,7 +116,7 @@ def closed_loops(
     noise_u = drawn(b.amplifier.noise_variance**0.5)
     if b.sensor.coloured_noise is not None:  # drawn only there: the others keep their records
         noise_y += _coloured(b.sensor.coloured_noise, b.sampling_time, drawn(1.0))
-    load = np.cumsum(drawn((model.load_growth * T) ** 0.5), axis=0)
+    load = np.cumsum(drawn((model.disturbance_noise * T) ** 0.5), axis=0)
     load += drawn(model.load_std)[0] - load[0]
     reference, dither = binary(REFERENCE, 150), binary(0.1, 7)
 
@@ -143,12 +143,12 @@ def closed_loops(
     whole = math.floor(model.delay / T)
     late = model.delay - whole * T
     state = np.zeros((3, seeds))
-    integral = b.hover_current - offset
+    integral = b.levitation_current - offset
     filtered = np.zeros(seeds)
-    past = [np.full(seeds, b.hover_current)] * (whole + 1)
+    past = [np.full(seeds, b.levitation_current)] * (whole + 1)
     y, u = np.empty((n, seeds)), np.empty((n, seeds))
     for k in range(n):
-        share = np.clip(1 + b.sensor.noise_rise * state[2], 1 / 8, 8)
+        share = np.clip(1 + b.sensor.position_noise * state[2], 1 / 8, 8)
         y[k] = state[2] + model.position_offset + share * noise_y[k]
         e = reference[k] - y[k]
         integral = integral + ki * T * e
@@ -163,7 +163,7 @@ def closed_loops(
             for _ in range(steps):
                 state = advance(state, h / steps, iu, load[k])
         past = past[: whole + 1]
-    if np.abs(state[0]).max() > b.rotor.travel_limit:
+    if np.abs(state[0]).max() > b.rotor.clearance:
         raise ValueError("a simulated rotor has left the gap")
     t = T * np.arange(n)
     return [Record(t, {"y": y[:, s], "u": u[:, s]}, meta={"seed": first + s}) for s in range(seeds)]
@@ -209,7 +209,7 @@ def study(
         ``bias_of_value``, the same ratio of the value itself; ``coverage``, share of the 95 %
         intervals that hold the truth; ``error``, a typical standard error; ``ratio``, of the
         scatter over the seeds to it; ``beyond_luck``, the mean error in parts of a standard error
-        without what `steps_at_the_truth` foretells of each seed, and ``beyond_luck_error``.
+        without what `steps_at_the_truth` predicts of each seed, and ``beyond_luck_error``.
     """
 
     # Drawn as it is known beforehand: one truth for all seeds would draw them all one way.
@@ -225,9 +225,9 @@ def study(
         return maximum_likelihood(group, begin, improve_start=False)
 
     with ThreadPoolExecutor(threads) as pool:
-        found = list(pool.map(identified, groups, truths))
-    out = judged(found, truths)
-    for name, (mean, error) in beyond_luck(found, groups, truths).items():
+        results = list(pool.map(identified, groups, truths))
+    out = judged(results, truths)
+    for name, (mean, error) in beyond_luck(results, groups, truths).items():
         out[name] |= {"beyond_luck": mean, "beyond_luck_error": error}
     return out
 
@@ -257,39 +257,39 @@ def steps_at_the_truth(
 
 
 def beyond_luck(
-    found: list[MaximumLikelihood], groups: list[list[Record]], truths: list[LoopModel]
+    results: list[MaximumLikelihood], groups: list[list[Record]], truths: list[LoopModel]
 ) -> dict[str, tuple[float, float]]:
     """Mean error and its standard error, both in a parameter's own, without the seeds' luck.
 
     Of the identifications that found the parameters which most of them did.
     """
-    sets = [tuple(p.name for p in one.parameters) for one in found]
+    sets = [tuple(p.name for p in one.parameters) for one in results]
     usual = max(set(sets), key=sets.count)
     which = [i for i, names in enumerate(sets) if names == usual]
     parameters = named(usual)
     steps = steps_at_the_truth([groups[i] for i in which], [truths[i] for i in which], parameters)
     out = {}
     for k, p in enumerate(parameters):
-        off = np.array([_off(p, found[i][p.name], p.of(truths[i])) for i in which])
-        left = (off - steps[:, k]) / np.median([found[i].errors[k] for i in which])
+        off = np.array([_off(p, results[i][p.name], p.of(truths[i])) for i in which])
+        left = (off - steps[:, k]) / np.median([results[i].errors[k] for i in which])
         out[p.name] = (float(left.mean()), float(left.std(ddof=1) / math.sqrt(left.size)))
     return out
 
 
 def judged(
-    found: list[MaximumLikelihood], model: LoopModel | list[LoopModel] = TRUTH
+    results: list[MaximumLikelihood], model: LoopModel | list[LoopModel] = TRUTH
 ) -> dict[str, dict[str, float]]:
     """Bias and coverage of many identifications; those that held a parameter are left out of it."""
-    models = model if isinstance(model, list) else [model] * len(found)
+    models = model if isinstance(model, list) else [model] * len(results)
     out: dict[str, dict[str, float]] = {}
-    for parameter in {p.name: p for f in found for p in f.parameters}.values():
-        which = [i for i, f in enumerate(found) if parameter in f.parameters]
-        some = [found[i] for i in which]
+    for parameter in {p.name: p for f in results for p in f.parameters}.values():
+        which = [i for i, f in enumerate(results) if parameter in f.parameters]
+        some = [results[i] for i in which]
         truth = np.array([parameter.of(models[i]) for i in which])
         errors = np.array([f.errors[f.parameters.index(parameter)] for f in some])
         values = np.array([f[parameter.name] for f in some])
         ends = np.array([f.interval(parameter.name) for f in some])
-        off = np.array([_off(parameter, *each) for each in zip(values, truth, strict=True)])
+        off = np.array([_off(parameter, *item) for item in zip(values, truth, strict=True)])
         out[parameter.name] = {
             "truth": float(truth.mean()),
             "found": len(some),

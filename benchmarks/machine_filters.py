@@ -1,4 +1,4 @@
-"""Filters of whole machines beside the bound and beside a filter with ten steps in a sample.
+"""Filters of machines beside the bound and beside a filter with ten steps in a sample.
 
     uv run python -m benchmarks.machine_filters [SEEDS] [PRESET ...]
 
@@ -35,8 +35,8 @@ HEAD = (
 
 def mean_of(judged: Judgement, ratios: np.ndarray, *starts: str) -> float:
     """Return the mean over the quantities whose names start so; NaN where there is none."""
-    found = [r for q, r in zip(judged.quantities, ratios, strict=True) if q.startswith(starts)]
-    return float(np.mean(found)) if found else float("nan")
+    results = [r for q, r in zip(judged.quantities, ratios, strict=True) if q.startswith(starts)]
+    return float(np.mean(results)) if results else float("nan")
 
 
 def row(name: str, turns: str, seeds: int) -> tuple[str, bool]:
@@ -63,7 +63,7 @@ def row(name: str, turns: str, seeds: int) -> tuple[str, bool]:
         figures += [mean_of(whole, paired, *starts) for starts in of]
         nees.append(float(whole.nees["extended"].mean()))
     kept = all(np.isnan(f) or f >= LEAST for f in figures)
-    kept = kept and all(BAND[0] <= each <= BAND[1] for each in nees)
+    kept = kept and all(BAND[0] <= nee <= BAND[1] for nee in nees)
     told = ["" if np.isnan(f) else f"{f:.3f}" for f in figures] + [""] * (7 - len(figures))
     told = [*told[:4], f"{nees[0]:.3f}", *told[4:], f"{nees[1]:.3f}" if len(nees) > 1 else ""]
     return f"| {name} | {turns} | {' | '.join(told)} |", kept

@@ -282,7 +282,7 @@ def main(rounds: int = 21) -> int:
     for name, model in machines().items():
         times = measured(model, rounds)
         size = f"{len(model.states)}, {len(model.forces)}, {len(model.measurements)}"
-        typical = {way: median(each) for way, each in times.items()}
+        typical = {way: median(item) for way, item in times.items()}
         best = min((way for way in typical if way != "dense"), key=typical.__getitem__)
         ratio = median(a / b for a, b in zip(times[best], times["dense"], strict=True))
         kept = kept and ratio <= LIMITS.get(name, np.inf)

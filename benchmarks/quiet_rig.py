@@ -3,7 +3,7 @@
 A ball hardly moves below one magnet, held by a regulator through a coil of 28 ms. What is logged
 is the position, the control signal, and the current as a sensor shows it, with 6.3 mA of noise;
 what flows moves by no more in the time in which
-the ball would fall. Run by ``python -m benchmarks.identification quiet``; ``slope`` in the place of
+the ball would fall. Run by ``python -m benchmarks.identification quiet``; ``slope`` instead of
 ``quiet`` asks the same of the likelihood's slope at the truth, at a tenth of the time.
 """
 
@@ -43,7 +43,7 @@ TRUTH = LoopModel(
         amplifier__noise_variance=SENSOR**2,
     ),
     delay=0.0,
-    load_growth=1e-5,
+    disturbance_noise=1e-5,
     load_std=1e-3,
     line=True,
     substeps=1,
@@ -52,7 +52,7 @@ TRUTH = LoopModel(
 
 FREE = (
     "magnet_constant", "air_gap", "delay", "current_offset", "measurement_noise", "control_noise",
-    "load_growth",
+    "disturbance_noise",
 )  # fmt: skip
 
 MOVES, OFTEN = 0.3e-3, 0.7
@@ -90,7 +90,7 @@ def quiet_loops(
 
     offset = OFFSET * np.array([stream.normal() for stream in streams])
     noise_y, noise_i, noise_u = (drawn(s) for s in (b.sensor.noise_variance**0.5, SENSOR, DRIVE))
-    load = np.cumsum(drawn((truth.load_growth * T) ** 0.5), axis=0) + drawn(truth.load_std)[0]
+    load = np.cumsum(drawn((truth.disturbance_noise * T) ** 0.5), axis=0) + drawn(truth.load_std)[0]
 
     # A regulator of x, v, i and the load, about the point of rest.
     rest = gap * math.sqrt(mass * 9.81 / k) - bias
@@ -106,7 +106,7 @@ def quiet_loops(
     P = solve_discrete_are(F[:3, :3], G[:3], np.diag([1e6, 1.0, 1e-2]), np.eye(1))
     feedback = np.linalg.solve(1 + G[:3].T @ P @ G[:3], G[:3].T @ P @ F[:3, :3])[0]
     C = np.array([[1.0, 0, 0, 0]])
-    driven = np.diag([0, 1e-12, 0, truth.load_growth * T + 1e-12]) + DRIVE**2 * G @ G.T
+    driven = np.diag([0, 1e-12, 0, truth.disturbance_noise * T + 1e-12]) + DRIVE**2 * G @ G.T
     S = solve_discrete_are(F.T, C.T, driven, np.array([[b.sensor.noise_variance]]))
     gain = (S @ C.T / (C @ S @ C.T + b.sensor.noise_variance))[:, 0]
 
@@ -162,7 +162,7 @@ def flowing_at_the_truth(record: Record) -> FlowingCurrent:
     return through(Coil(lag, 0.0, GAIN, -record.meta["offset"], stray), [record], 1.0)
 
 
-SLOPES = ("current_offset", "measurement_noise", "control_noise", "load_growth")
+SLOPES = ("current_offset", "measurement_noise", "control_noise", "disturbance_noise")
 """Whose slope at the truth is asked for; of the offset as that of the force that is known best."""
 
 

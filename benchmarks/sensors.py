@@ -24,8 +24,8 @@ from ambkit.base.errors import AmbkitError
 from ambkit.estimate.constant_velocity import tune as constant_velocity
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.bench import bench
+from ambkit.judge.comparison.candidates import candidates
 from ambkit.judge.comparison.cases import CASES, trials
-from ambkit.judge.comparison.contenders import contenders
 from ambkit.machine.magnets import own_time
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ DECADES = 4.0
 """How far tuning goes from the default growth of the load, to either side."""
 
 SETTLING = 12
-"""Of the bearing's own times, which do not count."""
+"""Of the bearing's time constants, which do not count."""
 
 
 def efficiency(lag: float, noise: float, runs: int = 200, seed: int = 1) -> dict[str, float]:
@@ -73,9 +73,9 @@ def efficiency(lag: float, noise: float, runs: int = 200, seed: int = 1) -> dict
     bearing = Bearing.preset("zittau_axial").replace(
         sensor__lag=lag, sensor__noise_variance=noise**2
     )
-    found = bench(bearing, CASES["model"], contenders(["extended"], bearing), runs=runs, seed=seed)
-    figures = found.default["extended"].figures
-    return {name: found.efficiency("extended", name) for name in ("x", "v", "f_d")} | {
+    result = bench(bearing, CASES["model"], candidates(["extended"], bearing), runs=runs, seed=seed)
+    figures = result.default["extended"].figures
+    return {name: result.efficiency("extended", name) for name in ("x", "v", "f_d")} | {
         "nees": float(figures["nees"].mean()),
         "nees_error": float(figures["nees"].std(ddof=1) / math.sqrt(runs)),
         "nis": float(figures["nis"].mean()),
@@ -108,7 +108,7 @@ def drawn(seed: int) -> Bearing:
             "type": "two-sided" if two_sided else "one-sided", "magnet_constant": k,
             "air_gap": gap, "bias_current": i0,
         },
-        "rotor": {"mass": mass, "gravity": gravity, "travel_limit": travel},
+        "rotor": {"mass": mass, "gravity": gravity, "clearance": travel},
         "amplifier": {
             "gain": between(0.1, 10.0), "current_limit": i0,
             "noise_variance": (i0 * between(1e-4, 1e-2)) ** 2,
@@ -173,9 +173,9 @@ def _tuned(name: str, bearing: Bearing, training: Sequence[Record], first: int) 
     grid = np.arange(-DECADES, DECADES + 0.5)
     costs = [cost(float(decade)) for decade in grid]
     best = float(grid[int(np.argmin(costs))])
-    found = minimize_scalar(cost, bounds=(best - 1, best + 1), method="bounded",
+    result = minimize_scalar(cost, bounds=(best - 1, best + 1), method="bounded",
                             options={"xatol": 0.02})  # fmt: skip
-    return made(best if min(costs) <= found.fun else float(found.x))
+    return made(best if min(costs) <= result.fun else float(result.x))
 
 
 def _error(errors: Iterable[Array], first: int) -> float:
@@ -186,11 +186,11 @@ def bearings(count: int, first: int = 0) -> Iterator[Judged]:
     """Judge so many bearings whose loops hold them."""
     seed = first
     while count > 0:
-        found = judged(seed)
+        result = judged(seed)
         seed += 1
-        if found is not None:
+        if result is not None:
             count -= 1
-            yield found
+            yield result
 
 
 def main() -> None:
@@ -204,15 +204,15 @@ def main() -> None:
                   f"{row['f_d']:7.3f} {share:>16} {row['nis']:7.3f}")  # fmt: skip
         return
     count, first = (int(a) for a in [*sys.argv[2:], *("300", "0")[len(sys.argv) - 2 :]])
-    found = []
-    for each in bearings(count, first):
-        found.append(each)
-        worst = max(KALMAN, key=each.ratio)
-        print(f"{each.bearing.name}: worst {worst} {each.ratio(worst):.3f}", file=sys.stderr)
+    results = []
+    for bearing in bearings(count, first):
+        results.append(bearing)
+        worst = max(KALMAN, key=bearing.ratio)
+        print(f"{bearing.bearing.name}: worst {worst} {bearing.ratio(worst):.3f}", file=sys.stderr)
     print(f"{'filter':25} {'median':>8} {'95 %':>8} {'worst':>8}  worst case")
     for name in KALMAN:
-        ratios = np.array([each.ratio(name) for each in found])
-        worst_one = found[int(np.argmax(ratios))].bearing.name
+        ratios = np.array([item.ratio(name) for item in results])
+        worst_one = results[int(np.argmax(ratios))].bearing.name
         print(f"{name:25} {np.median(ratios):8.3f} {np.quantile(ratios, 0.95):8.3f} "
               f"{ratios.max():8.3f}  {worst_one}")  # fmt: skip
 

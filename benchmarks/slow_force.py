@@ -35,8 +35,8 @@ def machines() -> tuple[Machine, Machine]:
     """Return the rotor with unbalance and runout, and without them."""
     one = Machine.preset("tum_mlps").replace(speed=SERVICE)
     sensors = [
-        each.model_copy(update={"runout": (Runout(order=1, amplitude=RUNOUT, phase=0.7 * k),)})
-        for k, each in enumerate(one.sensor)
+        item.model_copy(update={"runout": (Runout(order=1, amplitude=RUNOUT, phase=0.7 * k),)})
+        for k, item in enumerate(one.sensor)
     ]
     unbalance = {"amount": UNBALANCE / SERVICE**2, "angle": 0.6}
     dirty = one.replace(unbalance=[unbalance | {"place": one.unbalance[0].place}], sensor=sensors)
@@ -46,10 +46,10 @@ def machines() -> tuple[Machine, Machine]:
 def error(machine: Machine, flight: Scenario, *synchronous: str) -> float:
     """Return the root mean square error of the loads of one run [N]."""
     record = simulate_run(machine, flight).record
-    found: Estimate = ExtendedKalmanFilter(machine, synchronous=synchronous).run(record)
+    result: Estimate = ExtendedKalmanFilter(machine, synchronous=synchronous).run(record)
     late = record.t >= SETTLED if flight.speed is None else record["speed"] >= TURNING
-    names = [name for name in found.names if name.startswith("f_d_")]
-    squares = [np.mean((found[name] - record[name])[late] ** 2) for name in names]
+    names = [name for name in result.names if name.startswith("f_d_")]
+    squares = [np.mean((result[name] - record[name])[late] ** 2) for name in names]
     return float(np.sqrt(np.mean(squares)))
 
 
@@ -64,11 +64,13 @@ def main(seeds: int) -> int:
     ):
         flights = [Scenario(seed=seed, **keys) for seed in range(seeds)]
         both = ("unbalance", "runout")
-        found = np.array([error(dirty, each, *both) / error(clean, each) for each in flights])
-        spread = f"{found.mean():.3f} ± {found.std(ddof=1):.3f}"
-        print(f"| {turns} | {seeds} | {np.median(found):.3f} | {spread} | {found.max():.3f} |",
+        result = np.array(
+            [error(dirty, flight, *both) / error(clean, flight) for flight in flights]
+        )
+        spread = f"{result.mean():.3f} ± {result.std(ddof=1):.3f}"
+        print(f"| {turns} | {seeds} | {np.median(result):.3f} | {spread} | {result.max():.3f} |",
               flush=True)  # fmt: skip
-        kept = kept and bool(found.max() <= MOST)
+        kept = kept and bool(result.max() <= MOST)
     return 0 if kept else 1
 
 

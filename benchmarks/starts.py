@@ -71,7 +71,7 @@ def drawn(bearing: Bearing, rng: np.random.Generator) -> tuple[Array, Array]:
     The mean is zero, anywhere within the stops, or anything; each standard deviation from 1e-12 to
     1e12 of its state's scale, or near that.
     """
-    travel = bearing.rotor.travel_limit
+    travel = bearing.rotor.clearance
     weight = bearing.rotor.mass * 9.81
     scale = np.array([travel, travel / own_time(bearing), weight, bearing.sensor.gain * travel])
     mean = np.zeros(4)
@@ -130,9 +130,9 @@ def campaign(kind: str, precision: Precision, starts: int, seed: int = 0) -> lis
         last = len(c.y) - round(WITHIN / c.bearing.sampling_time)
         for _ in range(-(-starts // len(SENSORS))):
             start, at = drawn(c.bearing, rng), int(rng.integers(last // 5, last))
-            found = tried(kf, c, long, start, at)
-            if not found.good:
-                lost.append(f"{kind} {precision} {sensor}: {found}, from {start} at {at}")
+            result = tried(kf, c, long, start, at)
+            if not result.good:
+                lost.append(f"{kind} {precision} {sensor}: {result}, from {start} at {at}")
     return lost
 
 

@@ -13,13 +13,13 @@ unsigned int counted(const nb::dict &given, const char *name)
 
 // A record through the controller from power-on; the estimator's state is left where it ends.
 Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, amb_real speed,
-          const std::optional<Vector> &taken_over)
+          const std::optional<Vector> &transferred)
 {
   const size_t n = samples_of(y, self.m, "y");
   same_length(n, samples_of(r, self.q, "r"), "r");
   same_length(n, fly.size(), "fly");
-  if (taken_over)
-    same_length(self.p, taken_over->size(), "taken_over");
+  if (transferred)
+    same_length(self.p, transferred->size(), "transferred");
   Fresh<amb_real> iu({n, self.p}), u({n, self.p}), mean({n, self.n}), share({n});
   Fresh<unsigned short> status({n});
   Fresh<unsigned char> mode({n}), on({n}), usable({n});
@@ -28,8 +28,8 @@ Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, 
     amb_control_state state;
     amb_control_output out;
     void *filter = self.estimator.state();
-    if (taken_over && n > 0)
-      amb_control_take_over(&self.control, &state, filter, y.data(), taken_over->data());
+    if (transferred && n > 0)
+      amb_control_transfer(&self.control, &state, filter, y.data(), transferred->data());
     else
       amb_control_init(&self.control, &state, filter);
     for (size_t k = 0; k < n; k++) {
@@ -157,7 +157,7 @@ void bind_control(nb::module_ &m)
            nb::sig("def __init__(self, estimator: Estimator, given: dict[str, Any]) -> None"),
            nb::keep_alive<1, 2>())
       .def("run", &run, nb::arg("y"), nb::arg("r"), nb::arg("fly"), nb::arg("speed") = 0,
-           nb::arg("taken_over").none() = nb::none(),
+           nb::arg("transferred").none() = nb::none(),
            "A record from power-on: readings (n, m) [m], references (n, q) [m], and whether it is "
            "to fly, 1 or 0. Or in flight from the first sample on, taken over with currents (p,) "
            "[A].");

@@ -157,7 +157,7 @@ bool keeps_estimates_only(const Estimator &one)
   return std::find(std::begin(kinds), std::end(kinds), one.estimator.methods) != std::end(kinds);
 }
 
-void take_over(Estimator &self, const Estimator &other)
+void transfer_from(Estimator &self, const Estimator &other)
 {
   const auto *kind = self.estimator.methods;
   const bool factors = kind == &amb_ud_methods && kind == other.estimator.methods;
@@ -385,7 +385,7 @@ void bind_flags(nb::module_ &m)
   m.attr("BAD_PARAMETER") = AMB_BAD_PARAMETER;
   m.attr("UNEXCITED") = AMB_UNEXCITED;
   m.attr("OUTLIER") = AMB_OUTLIER;
-  m.attr("SURPRISED") = AMB_SURPRISED;
+  m.attr("INCONSISTENT") = AMB_INCONSISTENT;
   m.attr("NOISE_LIMIT") = AMB_NOISE_LIMIT;
   m.attr("RESTARTED") = AMB_RESTARTED;
 }
@@ -398,7 +398,7 @@ void bind_estimator(nb::module_ &m)
   nb::class_<Estimator>(m, "Estimator", "One of the family (ambkit/estimator.h).")
       .def("reset", &reset, nb::arg("mean"), nb::arg("std") = nb::none(),
            "Start from a mean (4,) and standard deviations (4,), uncorrelated; None: diffuse.")
-      .def("take_over", &take_over, nb::arg("other"),
+      .def("transfer_from", &transfer_from, nb::arg("other"),
            "Go on where another is: its mean, covariance and counts.")
       .def("predict", &predict_one, nb::arg("u"), "One sample on; returns the status.")
       .def("predict", &predict, nb::arg("u"), "The same with u (controls,).")

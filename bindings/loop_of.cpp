@@ -275,7 +275,7 @@ void LoopOf::settle(amb_loop_state &state, const Vector &q, const Vector &curren
   if (loop.control == nullptr)
     return;
   if (hovers)
-    amb_control_hover(loop.control, &state.control, current.data(), integral.data());
+    amb_control_levitate(loop.control, &state.control, current.data(), integral.data());
   else
     amb_control_init(loop.control, &state.control, estimator);
   std::copy_n(state.control.u, axes(), state.u);

@@ -57,7 +57,7 @@ def margins() -> Figure:
         magnet__bias_current="2.5 A",
         rotor__mass="3.27 kg",
         rotor__gravity="none",
-        rotor__travel_limit="0.3 mm",
+        rotor__clearance="0.3 mm",
         amplifier__current_limit="2.4 A",
         amplifier__bandwidth="2 kHz",
         sensor__lag="16 µs",
@@ -65,14 +65,14 @@ def margins() -> Figure:
         delay="0.15 ms",
     )
     plain = laboratory.replace(delay=None, amplifier__bandwidth=None)
-    found = ambkit.assess(
+    result = ambkit.assess(
         laboratory,
         {
             "without amplifier and dead time": ambkit.KalmanFilter(plain),
             "told of both": ambkit.KalmanFilter(laboratory),
         },
     )
-    return found.figure()
+    return result.figure()
 
 
 def small(png: bytes, colours: int = 48) -> bytes:

@@ -18,13 +18,13 @@ def cells(script: str) -> list[tuple[str, str]]:
     """Return the kind and the text of each cell."""
     head, *parts = CELL.split(script)
     title, _, about = (ast.get_docstring(ast.parse(head)) or "").partition("\n")
-    found = [("markdown", f"# {title.rstrip('.')}\n{about}")]
+    results = [("markdown", f"# {title.rstrip('.')}\n{about}")]
     for markdown, text in zip(parts[::2], parts[1::2], strict=True):
         if markdown:
-            found.append(("markdown", re.sub(r"^# ?", "", text.strip(), flags=re.MULTILINE)))
+            results.append(("markdown", re.sub(r"^# ?", "", text.strip(), flags=re.MULTILINE)))
         else:
-            found.append(("code", text.strip()))
-    return found
+            results.append(("code", text.strip()))
+    return results
 
 
 def notebook(script: str) -> str:

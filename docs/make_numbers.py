@@ -30,8 +30,8 @@ from ambkit.identification.excitation import design
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.judge.comparison import criteria
 from ambkit.judge.comparison.bench import bench
+from ambkit.judge.comparison.candidates import candidates
 from ambkit.judge.comparison.cases import CASES, Trial, trials, walk_case
-from ambkit.judge.comparison.contenders import contenders
 from ambkit.machine.magnets import own_time
 from ambkit.result.report.summary import ours, runs
 
@@ -73,31 +73,31 @@ def experiments(count: int = 100) -> None:
     loop = ambkit.Scenario(duration=1.0, controller=ambkit.PID.for_bearing(BEARING))
     asked = ("magnet_constant", "air_gap")
     load = 1e-3  # N, in a second
-    found = design(BEARING, loop, free=asked, load=load)
-    t, T = found.record.t, BEARING.sampling_time
+    match = design(BEARING, loop, free=asked, load=load)
+    t, T = match.record.t, BEARING.sampling_time
 
     def one(seed: int) -> list[float]:
         walk = load * np.sqrt(T) * np.cumsum(np.random.default_rng(seed).normal(size=t.size))
         record = ambkit.simulate(BEARING, loop.model_copy(update={
             "seed": seed,
             "reference": ambkit.Recorded.model_construct(times=tuple(t),
-                                                         values=tuple(found.reference)),
+                                                         values=tuple(match.reference)),
             "disturbance": ambkit.Recorded.model_construct(times=tuple(t), values=tuple(walk)),
         }))  # fmt: skip
-        result = maximum_likelihood(record, found.expectation.model, asked)
+        result = maximum_likelihood(record, match.expectation.model, asked)
         return [result[name] for name in asked]
 
     with ThreadPoolExecutor(2) as pool:
         values = np.array(list(pool.map(one, range(count))))
     for name, scatter in zip(asked, values.std(axis=0, ddof=1), strict=True):
-        print(f"{name}: scatter over expectation {scatter / found.expectation[name]:.2f}")
+        print(f"{name}: scatter over expectation {scatter / match.expectation[name]:.2f}")
 
 
 def uncertain(count: int = 64) -> None:
     """Print whether the closed law helps where the plant is not the nominal one, untuned."""
-    field = contenders(["linear", "closed-law", "augmented"], BEARING)
+    field = candidates(["linear", "closed-law", "augmented"], BEARING)
     standing = bench(BEARING, CASES["uncertain"], field, runs=count).default
-    force = {name: each.figures["f_d"] for name, each in standing.items()}
+    force = {name: item.figures["f_d"] for name, item in standing.items()}
     for name, errors in force.items():
         print(f"{name:>11}: F_St {said(errors[np.isfinite(errors)])}")
     better = 100 * np.mean(force["closed-law"] < force["linear"])
@@ -146,8 +146,8 @@ def consistency(count: int = 200) -> None:
 
 
 SECTIONS = {
-    each.__name__: each
-    for each in (reproduction, force_table, excite, experiments, uncertain, wrong_k, consistency)
+    item.__name__: item
+    for item in (reproduction, force_table, excite, experiments, uncertain, wrong_k, consistency)
 }
 
 if __name__ == "__main__":

@@ -41,7 +41,7 @@ iu, x = random.uniform(-1.6, 1.6, 300), random.uniform(-1.1 * REACH, 1.1 * REACH
 rows = np.column_stack([iu, x, saturating(iu, x) + random.normal(0, 0.1, 300)])
 np.savetxt("force.csv", rows, delimiter=",", header="iu [A],x [m],f_mag [N]", comments="")
 
-# Learn: the force from the points, the work points from the force, the rules from the work points.
+# Learn: the force from the points, the operating points from the force, the rules from those.
 measured = ForceSurface(bearing, load_force_points("force.csv"))
 stiff = ambkit.stiffness_map(bearing, displacements=np.linspace(-REACH, REACH, 5), force=measured)
 expert = ambkit.train(stiff, weights=True)

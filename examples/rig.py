@@ -58,7 +58,7 @@ points = [
 ]
 preset = ambkit.Bearing.preset("inteco_ml")
 law = fit_lift_off(points, preset.rotor.mass, gap_range=(0.004, 0.016))
-gap, bias = law.working_point(0.010)
+gap, bias = law.operating_point(0.010)
 rest = measurement_noise(ambkit.load(LOGS / "noises.mat", lift_off), "i")
 moving = [p.noise_variance for p in points if 0.008 <= p.gap <= 0.012]
 bearing = preset.replace(
@@ -190,9 +190,9 @@ def coil(control: np.ndarray, current: np.ndarray, dead: int) -> tuple[float, np
         follow, _ = lfilter([1 - keep], [1, -keep], target, zi=[keep * current[0]])
         return (follow - current)[200:]
 
-    found = least_squares(miss, [0.97, 2.7, -0.1])
-    keep, gain, offset = found.x
-    return float(np.sqrt(np.mean(found.fun**2))), np.array(
+    result = least_squares(miss, [0.97, 2.7, -0.1])
+    keep, gain, offset = result.x
+    return float(np.sqrt(np.mean(result.fun**2))), np.array(
         [-1e-3 / np.log(abs(keep)), gain, offset]
     )
 

@@ -48,7 +48,7 @@ force_channels = "fe.toml"
 [rotor]
 mass = "3.2 kg"
 gravity = "-x"
-travel_limit = "0.15 mm"
+clearance = "0.15 mm"
 
 [amplifier]
 gain = "0.5 A/V"

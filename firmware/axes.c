@@ -1,4 +1,4 @@
-/* An exported filter of a whole machine on a Cortex-M4F: its self-test, and what its steps take.
+/* An exported filter of a machine on a Cortex-M4F: its self-test, and what its steps take.
  *
  * The build says which export, as for main.c. Reads input.bin, readings and control signals of each
  * sample; writes instructions.bin, a number for each step. How it counts: README.md. */

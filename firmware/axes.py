@@ -1,4 +1,4 @@
-"""What a step of a whole machine's filter takes on a Cortex-M4F: ``python -m firmware.axes``.
+"""What a step of a machine's filter takes on a Cortex-M4F: ``python -m firmware.axes``.
 
 Of the preset ``hindawi_2011``, four axes and 16 states, in single precision: straight line, and
 loops over the entries of its model.

@@ -19,7 +19,7 @@ T, m, K_sen, T_sen, k_ui = sp.symbols("T m K_sen T_sen k_ui", positive=True)
 # State, control signal, force of the magnet (with what else is known to pull, e.g. the weight), and
 # all force on the rotor.
 x, v, f_d, x_m, u, f, f_all = sp.symbols("x v f_d x_m u f f_all")
-# Stiffnesses at the work point.
+# Stiffnesses at the operating point.
 k_i, k_s = sp.symbols("k_i k_s")
 # Variances: control signal, growth of the disturbance force in one sample, measurement.
 var_u, var_d, var_y = sp.symbols("var_u var_d var_y", nonnegative=True)

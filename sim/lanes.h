@@ -1,5 +1,5 @@
 /* The same text as the core's, for several filters side by side: the generated model and the closed
- * law, compiled with vectors in the place of numbers. GCC's and clang's vectors; a lane is never
+ * law, compiled with vectors instead of numbers. GCC's and clang's vectors; a lane is never
  * mixed with another.
  */
 #ifndef AMBKIT_SIM_LANES_H
@@ -43,7 +43,7 @@ typedef struct lanes_law {
 #define amb_model_shown_with lanes_model_shown_with
 #define amb_model_pushed lanes_model_pushed
 #define amb_model_role lanes_model_role
-#define amb_model_at_rest lanes_model_at_rest
+#define amb_model_equilibrium lanes_model_equilibrium
 #define amb_model_predict_mean lanes_model_predict_mean
 #define amb_model_predict_covariance lanes_model_predict_covariance
 #define amb_model_update lanes_model_update
@@ -71,7 +71,7 @@ typedef struct lanes_law {
 #undef amb_model_shown_with
 #undef amb_model_pushed
 #undef amb_model_role
-#undef amb_model_at_rest
+#undef amb_model_equilibrium
 #undef amb_model_predict_mean
 #undef amb_model_predict_covariance
 #undef amb_model_update

@@ -209,7 +209,7 @@ AMB_INLINE lanes_mask lanes_step_low_pass(const lanes_parameters *p, lanes_of of
   mean[AMB_FIRST_POSITION] += dx;
   mean[AMB_FIRST_VELOCITY] += dv;
   mean[AMB_FIRST_LOAD] += p->force * (f_d - mean[AMB_FIRST_LOAD]);
-  lanes_model_at_rest(&p->model, mean);
+  lanes_model_equilibrium(&p->model, mean);
   return lanes_measured(p, s, y);
 }
 

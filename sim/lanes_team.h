@@ -158,12 +158,12 @@ static void tell(team *t, size_t b, size_t i, amb_status status)
 
 /* What was not usual, once more, lane by lane; and what there is to say. */
 static __attribute__((noinline)) void mend(team *t, size_t b, lanes_mask usual,
-                                           lanes_mask surprised, const lanes_state *before,
+                                           lanes_mask inconsistent, const lanes_state *before,
                                            lanes_state *after)
 {
   t->counting = false;
   for (size_t i = 0; i < LANES; i++) {
-    amb_status status = (surprised[i] != 0) ? AMB_SURPRISED : AMB_OK;
+    amb_status status = (inconsistent[i] != 0) ? AMB_INCONSISTENT : AMB_OK;
     if (usual[i] != 0) {
       t->unchanged[i] = 0U;
       t->chance[i] = AMB_C(1.0);
@@ -190,13 +190,13 @@ AMB_INLINE void step_at(team *t, size_t b, lanes_of of, lanes_state *s)
   lanes_state next = *s;
   lanes_result r;
   const lanes_mask usual = lanes_step(&t->p, of, &next, t->b.y[b], t->b.u[b], &r);
-  const lanes_mask surprised = next.surprise > AMB_SURPRISING;
+  const lanes_mask inconsistent = next.surprise > AMB_INCONSISTENT_SHARE;
   t->b.result[b].innovation = r.innovation;
   t->b.result[b].variance = r.variance;
-  if (__builtin_expect(t->counting || lanes_any(~usual | surprised), 0)) {
+  if (__builtin_expect(t->counting || lanes_any(~usual | inconsistent), 0)) {
     const lanes_state before = *s;
     lanes_state after = next;
-    mend(t, b, usual, surprised, &before, &after);
+    mend(t, b, usual, inconsistent, &before, &after);
     next = after;
   }
   *s = next;

@@ -18,7 +18,7 @@ typedef struct amb_loop {
   amb_pid pid;            /* of one axis ... */
   const amb_controllers *controllers; /* ... or, in its place, these; or NULL */
   const amb_control
-      *control; /* all of what flies, with this estimator, in the place of both; or
+      *control; /* all of what flies, with this estimator, instead of both; or
                  * NULL. Where it is off, magnets have no current, not even the bias. */
   void (*turn)(void *model, amb_real before, amb_real after); /* tells the estimator's model the
                                                                  speeds of two samples, or NULL */

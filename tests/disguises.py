@@ -173,7 +173,7 @@ def _flown(rng: np.random.Generator, seed: int) -> tuple[ambkit.Record, ambkit.B
         values |= {
             "rotor__mass": bearing.rotor.mass * 10 ** rng.uniform(-0.5, 1),
             "sensor__lag": bearing.sensor.lag * 10 ** rng.uniform(-1, 0),
-            "magnet__air_gap": gap, "rotor__travel_limit": 0.5 * gap,
+            "magnet__air_gap": gap, "rotor__clearance": 0.5 * gap,
             "rotor__gravity": str(rng.choice(["-x", "none"])),
         }  # fmt: skip
     try:
@@ -188,7 +188,7 @@ def _moved(
 ) -> tuple[ambkit.Record, ambkit.Bearing] | None:
     """Move a bearing's rotor by a reference or a load; None where it touches its stop."""
     duration = float(rng.integers(6000, 15000)) * bearing.sampling_time
-    size, often = bearing.rotor.travel_limit * rng.uniform(0.02, 0.4), rng.uniform(2, 12) / duration
+    size, often = bearing.rotor.clearance * rng.uniform(0.02, 0.4), rng.uniform(2, 12) / duration
     weight = 9.81 * bearing.rotor.mass
     moved = [
         {}, {"reference": ambkit.Sine(amplitude=size, frequency=often)},

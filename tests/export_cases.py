@@ -10,15 +10,15 @@ from typing import Any
 import objects
 
 from ambkit import Bearing
-from ambkit.cli import kinds
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.registry import KINDS as REGISTRY
 from ambkit.export.c import CExport, export_c
+from ambkit.workflow.given import Chosen, export_given
 
 BEARING = Bearing.preset("zittau_axial")
 # "tabulated" is the expert of "adaptive" as a table, in the same C as the map of "table"; what is
 # steady-state is an observer.
-KINDS = (*(n for n in kinds.NAMES if n not in ("table", "steady-state")), "tabulated")
+KINDS = (*(n for n in REGISTRY if n not in ("table", "steady-state")), "tabulated")
 PRECISIONS = ("float", "double")
 # Every kind in float; double differs in the core's real.h and exponential.h, which all have.
 CASES = (*((kind, "float") for kind in KINDS), ("adaptive", "double"))
@@ -30,9 +30,9 @@ INCLUDES = ("-I.", "-Icore/include", "-Icore", "-Iselftest")
 
 
 @functools.cache
-def chosen(kind: str) -> kinds.Chosen:
+def chosen(kind: str) -> Chosen:
     """Kind and magnet as ``ambkit export --estimator`` takes them."""
-    return kinds.exported("adaptive" if kind == "tabulated" else kind, BEARING)
+    return export_given(BEARING, "adaptive" if kind == "tabulated" else kind)[1]
 
 
 def export(kind: str, out: Path, **options: Any) -> CExport:

@@ -50,7 +50,7 @@ static heard sample(rig_state *s, const amb_real y[], amb_real iu[])
 """The whole controller of one axis."""
 
 CONTROLLER = """
-static void begin(rig_state *s) { rig_take_over(s, 0, 0); }
+static void begin(rig_state *s) { rig_transfer(s, 0, 0); }
 static heard step(rig_state *s, outside *o, const amb_real y[], amb_real iu[])
 {
   (void)o;
@@ -61,7 +61,7 @@ static heard step(rig_state *s, outside *o, const amb_real y[], amb_real iu[])
 CALIBRATED = """
 static void begin(memory *s)
 {
-  rig_take_over(&s->rig, 0, 0);
+  rig_transfer(&s->rig, 0, 0);
   rig_cal_init(&s->cal);
   s->cal.wanted[AMB_VAR_Y] *= (amb_real)1.1;
   s->cal.wanted[AMB_MASS] *= (amb_real)1.01;
@@ -81,7 +81,7 @@ typedef struct { int k; } outside;
 static const amb_real middle[AMB_CONTROLS], nowhere[AMB_SENSORS];
 static void begin(rig_control_state *s)
 {
-  rig_control_take_over(s, nowhere, SPEED, middle);
+  rig_control_transfer(s, nowhere, SPEED, middle);
 }
 static heard step(rig_control_state *s, outside *o, const amb_real y[], amb_real iu[])
 {

@@ -20,7 +20,7 @@ saturation = "1.6 T"
 [rotor]
 mass = "5 kg"
 gravity = "-x"
-travel_limit = "0.25 mm"
+clearance = "0.25 mm"
 
 [amplifier]
 gain = "1 A/V"

@@ -1,4 +1,4 @@
-"""Whole machines for several tests."""
+"""Machines for several tests."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ AND_LONG = quick(PRESETS, RIGS)
 RIGID_AND_LONG = quick(PRESETS, RIGID)
 """The same, where a flexible rotor takes ten seconds."""
 OF_KILOGRAMS = quick([*RIGS, "compressor", "tum_mlps_flexible"], RIGID)
-"""Those that loads of some newtons do not throw into their backup bearings."""
+"""Those that loads of some newtons do not throw into their touch-down bearings."""
 
 UFU = Machine.preset("ufu_rig")
 
@@ -38,7 +38,7 @@ MAGNET = {
 def bearing(name: str, place: float, **keys: Any) -> dict[str, Any]:
     amplifier = {"gain": 1.0, "current_limit": 2.0, "noise_variance": 1e-5}
     amplifier |= keys.pop("amplifier", {})
-    given = {"name": name, "place": place, "travel_limit": 0.3e-3, "magnet": MAGNET}
+    given = {"name": name, "place": place, "clearance": 0.3e-3, "magnet": MAGNET}
     return given | {"amplifier": amplifier} | keys
 
 

@@ -20,7 +20,7 @@ CORE = core_module(any_model=True)
 T = BEARING.sampling_time
 BIAS = ClosedLaw(BEARING).bias_force
 KNOWN = BEARING.weight + BIAS
-TRAVEL = BEARING.rotor.travel_limit
+TRAVEL = BEARING.rotor.clearance
 
 
 def model_in_core(model: Model) -> Any:
@@ -95,7 +95,7 @@ def axes_settings(model: Model) -> dict[str, Any]:
         "K_sen": b.sensor.gain, "lag": b.sensor_lag, "travel": TRAVEL, "k_ui": b.amplifier.gain,
         "iu_min": b.current_min, "iu_max": b.current_max, "f_0": KNOWN, "x_max": TRAVEL,
         "var_u": b.amplifier.noise_variance, "var_y": b.sensor.noise_variance,
-        "rise": b.sensor.noise_rise,
+        "rise": b.sensor.position_noise,
         "step": 0.0,
     }  # fmt: skip
     return {

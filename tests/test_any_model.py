@@ -34,7 +34,7 @@ class BuiltIn(Engine):
     ) -> None:
         super().__init__(bearing, precision, as_printed=as_printed, **options)
         core = core_module(precision)
-        s = settings_of(bearing.alone("")) | {"as_printed": as_printed}
+        s = settings_of(bearing.isolated_axis("")) | {"as_printed": as_printed}
         known = made(core, "Kalman", core.Constant(1.0, 1.0), s)
         self.model = with_core_s_numbers(self.model, known.parameters)
 
@@ -133,7 +133,7 @@ def test_many_along_one_record_are_each_on_its_own(monkeypatch: pytest.MonkeyPat
     batch = ambkit.run_many(each, y, u, threads=2)
     assert batch.mean is not None
     for mean, estimator in zip(batch.mean, each, strict=True):
-        estimator.reset(estimator.at_rest(y[0] / BEARING.sensor.gain, y[0]))
+        estimator.reset(estimator.equilibrium_state(y[0] / BEARING.sensor.gain, y[0]))
         assert (mean == estimator.core.run(y, u)["mean"]).all()
 
 

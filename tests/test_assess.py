@@ -16,10 +16,10 @@ from ambkit.judge.loop.margins import bode_integral, margins
 from ambkit.machine import presets
 from ambkit.models import machine_parts
 from ambkit.models.linear import LinearSystem, Signal, linearised
-from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.control import compensator, controller
-from ambkit.simulation.linear.pieces import WorkPoint, plant
+from ambkit.simulation.linear.pieces import OperatingPoint, plant
 from ambkit.simulation.linear.settled import estimator_at
 from ambkit.simulation.run import simulate
 from ambkit.workflow.assessing import MEASUREMENT
@@ -36,7 +36,7 @@ def laboratory():
         name="laboratory", magnet__turns=208, magnet__pole_area="290 mm^2",
         magnet__pole_angle="22.5 deg", magnet__magnet_constant=LABORATORY_K,
         magnet__air_gap="0.78 mm", magnet__bias_current="2.5 A", rotor__mass="3.27 kg",
-        rotor__gravity="none", rotor__travel_limit="0.3 mm", amplifier__current_limit="2.4 A",
+        rotor__gravity="none", rotor__clearance="0.3 mm", amplifier__current_limit="2.4 A",
         amplifier__bandwidth="2 kHz", delay="0.15 ms", sensor__lag="16 us",
         sensor__noise_variance="0.25 um^2",
     )  # fmt: skip
@@ -50,7 +50,7 @@ def made(name, bearing, **options):
 
 
 def loop_of(bearing, estimator=None, pid=None, x=0.0):
-    point = WorkPoint.hovering(bearing, x)
+    point = OperatingPoint.equilibrium(bearing, x)
     fed = (pid or PID()).completed(bearing)
     inner = estimator_at(estimator, point) if estimator else None
     law = controller(fed, bearing, measured=estimator is None)
@@ -67,10 +67,10 @@ def in_control(system):
 
 @pytest.mark.parametrize("bearing", [ZITTAU, LATE], ids=["paper", "late"])
 @pytest.mark.parametrize("name", OF_ONE_GAIN)
-def test_estimator_is_the_cores_at_its_work_point(name, bearing):
+def test_estimator_is_the_cores_at_its_operating_point(name, bearing):
     """Driven off a rest where its gain has settled, by small random y and u."""
     estimator = made(name, bearing, frozen_limit=0)
-    point = WorkPoint.hovering(bearing, x=0.1e-3)
+    point = OperatingPoint.equilibrium(bearing, x=0.1e-3)
     rng, size = np.random.default_rng(0), 1e-8
     for _ in range(20_000):
         estimator.step(point.x, point.iu)
@@ -96,7 +96,7 @@ TOLERANCE = {"adaptive": 0.02, "table": 0.02}
 
 @pytest.mark.parametrize("name", ["linear-adaptive-noise", "extended-adaptive-noise"])
 def test_noise_found_online_is_that_of_the_start(name):
-    point = WorkPoint.hovering(LATE)
+    point = OperatingPoint.equilibrium(LATE)
     outer, inner = made(name, LATE), made(name.partition("-")[0], LATE)
     f = np.array([1.0, 10.0, 100.0, 1000.0])
     found = estimator_at(outer, point).response(f)
@@ -110,7 +110,7 @@ def test_controller_is_the_cores(ki):
     start = Scenario(duration=0.02, start="hover", controller=pid, noise=False)
     shaken = 1e-6 * np.random.default_rng(0).standard_normal(201)
     record = simulate(ZITTAU.replace(rotor__gravity="none"), start,
-                      imposed=Imposed(sensor_noise=shaken))  # fmt: skip
+                      external_inputs=ExternalInputs(sensor_noise=shaken))  # fmt: skip
     system = controller(pid, ZITTAU, measured=True)
     state, u = np.zeros(len(system.A)), []
     # The first sample has no difference to one before.
@@ -124,7 +124,7 @@ def test_controller_is_the_cores(ki):
 
 def test_plant_of_several_positions_is_linearised_about_its_own_slope():
     bent = ZITTAU.replace(sensor__cubic=1e5, rotor__gravity="none")
-    point = WorkPoint.hovering(bent, 0.5e-3)
+    point = OperatingPoint.equilibrium(bent, 0.5e-3)
     gain = plant(bent, point).response(1.0) / plant(
         bent.replace(sensor__cubic=0.0), point
     ).response(1.0)
@@ -210,7 +210,7 @@ def test_beyond_a_margin_the_loop_is_unstable(name):
     assert not stronger(0.999 * m.gain_down).is_stable
     for share, stable in ((0.999, True), (1.001, False)):
         later = slow.replace(delay=slow.delay + share * m.delay)
-        system = plant(later, WorkPoint.hovering(later))
+        system = plant(later, OperatingPoint.equilibrium(later))
         assert Loop(system, loop.compensator).is_stable == stable
 
 
@@ -229,7 +229,9 @@ def test_sweep_of_the_simulated_loop_is_the_model(name, bearing):
     pid = PID().completed(bearing)
     pid = pid.model_copy(update={"feedback": "estimate" if name else "measurement"})
     scenario = Scenario(duration=t[-1], controller=pid, noise=False)
-    record = simulate(bearing, scenario, estimator=estimator, imposed=Imposed(sensor_noise=added))
+    record = simulate(
+        bearing, scenario, estimator=estimator, external_inputs=ExternalInputs(sensor_noise=added)
+    )
     bins = np.round(f * n * T).astype(int)
     y, d = (np.fft.rfft(each[-n:] - each[-n:].mean())[bins] for each in (record["y"], added))
     model = loop_of(bearing, estimator).sensitivity(f)[:, 0, 0]
@@ -247,7 +249,9 @@ def test_decay_of_the_simulated_loop_is_that_of_the_poles(name):
     pulse = np.zeros(4001)
     pulse[1000] = 1.0  # N, for one sample
     scenario = Scenario(duration=0.4, controller=pid, noise=False, substeps=20)
-    record = simulate(LATE, scenario, estimator=estimator, imposed=Imposed(disturbance=pulse))
+    record = simulate(
+        LATE, scenario, estimator=estimator, external_inputs=ExternalInputs(disturbance=pulse)
+    )
     moved = record["x"][1000:] - record["x"][1000]
     closed, state, expected = loop.closed, np.zeros(len(loop.closed.A)), []
     at = [s.name for s in closed.inputs].index("f_d")
@@ -351,7 +355,7 @@ def test_least_peak_with_a_finite_zero():
 
 def test_least_peak_of_a_fast_loop_is_that_of_its_dead_time():
     fast = ZITTAU.replace(sampling_time=1e-5, delay=1.6e-4, sensor__lag=1e-9)
-    system = plant(fast, WorkPoint.hovering(fast)).select(["y"], ["u"])
+    system = plant(fast, OperatingPoint.equilibrium(fast)).select(["y"], ["u"])
     pole = math.log(abs(system.unstable()[0])) / 1e-5
     for bound in least_peaks(system):
         assert bound == pytest.approx(math.exp(pole * 1.7e-4), rel=2e-3)
@@ -461,4 +465,4 @@ def test_noise_that_nothing_drives_is_learned_once_and_leaves_the_loop():
     plain = ambkit.assess(ZITTAU, "linear").loops["linear"]
     assert ambkit.assess(humming, "linear").loops["linear"].peak == pytest.approx(plain.peak)
     still = ambkit.KalmanFilter(ZITTAU, noise=ambkit.FilterNoise(disturbance=0.0))
-    assert "f_d" not in [at.name for at in estimator_at(still, WorkPoint(0.0, 0.0)).states]
+    assert "f_d" not in [at.name for at in estimator_at(still, OperatingPoint(0.0, 0.0)).states]

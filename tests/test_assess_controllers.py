@@ -125,7 +125,7 @@ def test_what_is_said_of_controllers():
 
 
 def test_the_static_compliance_is_that_of_the_gains_that_fly():
-    """A rotor that bends is held more firmly by an estimate, and gives way to a load less."""
+    """A flexible rotor is held more firmly by an estimate, and gives way to a load less."""
     machine = Machine.preset("ufu_flexible")
     kalman = KalmanFilter(machine)
     loop = LoopOf(machine)

@@ -1,4 +1,4 @@
-"""Margins of whole machines: against the core and the simulation, and what is said of them."""
+"""Margins of machines: against the core and the simulation, and what is said of them."""
 
 import math
 from dataclasses import replace
@@ -13,7 +13,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.result.page import write_result
 from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.pieces import WorkPoint
+from ambkit.simulation.linear.pieces import OperatingPoint
 from ambkit.simulation.linear.settled import estimator_at
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
@@ -29,10 +29,10 @@ UFU = Machine.preset("ufu_rig")
 
 
 @pytest.mark.parametrize("name", ["linear", "extended", "unscented", "ud"])
-def test_estimator_is_the_cores_at_its_work_point(name):
+def test_estimator_is_the_cores_at_its_operating_point(name):
     """Driven off a rest where its gain has settled, by small random y and u."""
     machine = UFU
-    estimator, point = made(name, machine, frozen_limit=0), WorkPoint.of_machine(machine)
+    estimator, point = made(name, machine, frozen_limit=0), OperatingPoint.of_machine(machine)
     p, m = len(machine.axes), len(machine.readings)
     rng, size = np.random.default_rng(0), 1e-9
     for _ in range(30_000):
@@ -62,7 +62,7 @@ def test_axes_that_do_not_couple_are_bearings_alone():
     machine = uncoupled()
     found = ambkit.assess(machine, "linear")
     for name, axis in found.loops[MEASUREMENT].axes.items():
-        alone = machine.alone(name).replace(rotor__gravity="none")
+        alone = machine.isolated_axis(name).replace(rotor__gravity="none")
         expected = ambkit.assess(alone, "none").loops[MEASUREMENT].worst
         for figure in ("peak", "peak_frequency", "current_noise", "position_noise"):
             assert getattr(axis, figure) == pytest.approx(getattr(expected, figure), rel=1e-6)
@@ -72,7 +72,9 @@ def test_axes_that_do_not_couple_are_bearings_alone():
         capacity = axis.demands.capacity
         assert capacity.current == pytest.approx(expected.demands.capacity.current, rel=1e-3)
         assert capacity.static == pytest.approx(expected.demands.capacity.static, rel=1e-9)
-    alone = {name: ambkit.assess(machine.alone(name), "none").least for name in ("A1", "B1")}
+    alone = {
+        name: ambkit.assess(machine.isolated_axis(name), "none").least for name in ("A1", "B1")
+    }
     assert found.least == pytest.approx(max(alone.values()), rel=1e-6)
 
 
@@ -158,7 +160,7 @@ def test_ideal_pieces_say_what_each_costs():
     assert shares["filter"] == pytest.approx(found.loops[MEASUREMENT].peak, rel=1e-4)
     for piece in ("amplifier", "sensor", "delay", "filter"):
         assert 1 < shares[piece] < shares["as it is"]
-    alone = ambkit.assess(UFU.alone("A1"), "linear").shares()
+    alone = ambkit.assess(UFU.isolated_axis("A1"), "linear").shares()
     assert list(alone) == list(shares)
     of_one = ambkit.assess(ambkit.Bearing.preset("zittau_axial"), "linear").shares()
     assert list(of_one) == ["as it is", "sensor", "filter"]
@@ -194,7 +196,7 @@ def test_the_force_of_an_unbalance_between_bearings_is_shared_by_them():
     assert forces[0] == pytest.approx(share * plane.amount * UFU.speed**2, rel=1e-9)
 
 
-def test_a_load_moves_the_work_point():
+def test_a_load_moves_the_operating_point():
     free, loaded = (LoopOf(UFU, load=load) for load in (None, {"A1": -20.0}))
     moved = loaded.point.iu - free.point.iu
     k_i = 55.7335

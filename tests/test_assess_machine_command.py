@@ -1,4 +1,4 @@
-"""``ambkit assess`` of a whole machine."""
+"""``ambkit assess`` of a machine."""
 
 import pytest
 from machine_cases import injected

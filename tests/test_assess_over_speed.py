@@ -9,7 +9,7 @@ from machine_cases import made
 import ambkit
 from ambkit import Machine
 from ambkit.base.errors import AmbkitError
-from ambkit.simulation.linear.pieces import WorkPoint
+from ambkit.simulation.linear.pieces import OperatingPoint
 from ambkit.simulation.linear.settled import estimator_at
 from ambkit.workflow.over_speed import assess_over_speed, told_speed
 
@@ -44,7 +44,7 @@ def test_over_speed_goes_through_the_machines_own():
 def test_a_filter_over_speed_is_told_the_speed():
     fast = UFU.model_copy(update={"speed": 3000.0})
     still = UFU.model_copy(update={"speed": 0.0})
-    point = WorkPoint.of_machine(still)
+    point = OperatingPoint.of_machine(still)
     for name in ("linear", "linear-adaptive-noise"):
         told, expected = told_speed(made(name, still), fast), made(name, fast)
         a, b = (estimator_at(each, point) for each in (told, expected))

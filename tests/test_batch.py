@@ -21,7 +21,7 @@ from ambkit.machine.magnets import MagnetModel, core_module
 Array = NDArray[Any]
 
 TWO_SIDED = Bearing.preset("zittau_axial")
-ONE_SIDED = TWO_SIDED.replace(magnet__type="one-sided", sensor__noise_rise=-900.0)
+ONE_SIDED = TWO_SIDED.replace(magnet__type="one-sided", sensor__position_noise=-900.0)
 RUNS, N = 19, 700  # no multiple of any number of lanes, nor of a block
 HISTORY = ("mean", "innovation", "innovation_variance", "status")
 SETS = instruction_sets()
@@ -142,7 +142,7 @@ def test_outliers_and_surprises_are_told_in_lanes(precision: str) -> None:
     batch = run_many(estimators_of("linear", precision), y, u, history=HISTORY)
     told = Status(int(np.bitwise_or.reduce(batch.flags)))
     assert told & Status.OUTLIER
-    assert told & Status.SURPRISED
+    assert told & Status.INCONSISTENT
     assert told & Status.HELD
 
 

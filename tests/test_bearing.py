@@ -34,7 +34,7 @@ bias_current = "1.5 A"
 [rotor]
 mass = "-0.5 kg"
 gravity = -x
-travel_limit = 0.001
+clearance = 0.001
 
 [amplifier]
 gain = "1 A/V"
@@ -63,7 +63,7 @@ def test_six_mistakes_are_told_at_once_in_order() -> None:
         "  mine.toml:7: magnet.airgap: unknown key, did you mean air_gap?",
         "  mine.toml:11: rotor.mass: must be greater than 0 kg, is -0.5 kg",
         '  mine.toml:12: gravity: write it in quotes: gravity = "-x"',
-        '  mine.toml:13: rotor.travel_limit: 0.001 has no unit, write it like "1 mm"',
+        '  mine.toml:13: rotor.clearance: 0.001 has no unit, write it like "1 mm"',
         "  mine.toml:17: amplifier.current_limit: must be at most magnet.bias_current, 1.5 A,"
         " with a two-sided magnet; is 2 A",
     ]
@@ -82,7 +82,7 @@ def test_the_papers_bearing_has_the_papers_values(zittau: Bearing) -> None:
 
 def test_what_the_paper_does_not_give_is_marked_as_chosen() -> None:
     text = presets.text("zittau_axial")
-    chosen = ("sampling_time", "gravity", "travel_limit", "gain", "current_limit", "lag")
+    chosen = ("sampling_time", "gravity", "clearance", "gain", "current_limit", "lag")
     for line in text.splitlines():
         if line.partition("=")[0].strip() in chosen:
             assert "chosen" in line, line
@@ -102,9 +102,9 @@ def test_an_unknown_preset_names_the_nearest() -> None:
 
 
 @pytest.mark.parametrize("name", presets.names())
-def test_the_hover_current_carries_the_rotor(name: str) -> None:
+def test_the_levitation_current_carries_the_rotor(name: str) -> None:
     bearing = Bearing.preset(name)
-    magnet, iu = bearing.magnet, bearing.hover_current
+    magnet, iu = bearing.magnet, bearing.levitation_current
     pull = magnet.magnet_constant * ((magnet.bias_current + iu) / magnet.air_gap) ** 2
     if magnet.type == "two-sided":
         pull -= magnet.magnet_constant * ((magnet.bias_current - iu) / magnet.air_gap) ** 2
@@ -112,9 +112,9 @@ def test_the_hover_current_carries_the_rotor(name: str) -> None:
     assert bearing.current_min < iu < bearing.current_max
 
 
-def test_the_one_sided_rig_rests_at_its_working_point_without_control_current() -> None:
+def test_the_one_sided_rig_rests_at_its_operating_point_without_control_current() -> None:
     rig = Bearing.preset("inteco_ml")
-    assert abs(rig.hover_current) < 1e-4 * rig.magnet.bias_current
+    assert abs(rig.levitation_current) < 1e-4 * rig.magnet.bias_current
     assert rig.current_min == -rig.magnet.bias_current
     assert rig.current_max == rig.amplifier.current_limit
 
@@ -123,7 +123,7 @@ def test_the_one_sided_rig_has_the_law_of_its_lift_off_points() -> None:
     points = load_points(Path(__file__).parent.parent / "examples/recordings/lift_off_points.csv")
     rig = Bearing.preset("inteco_ml")
     fit = fit_lift_off(points, rig.rotor.mass, gap_range=(4e-3, 16e-3))
-    gap, bias = fit.working_point(10e-3)
+    gap, bias = fit.operating_point(10e-3)
     assert rig.magnet.magnet_constant == pytest.approx(fit.magnet_constant, rel=1e-4)
     assert rig.magnet.air_gap == pytest.approx(gap, rel=1e-4)
     assert rig.magnet.bias_current == pytest.approx(bias, rel=1e-4)
@@ -138,7 +138,7 @@ def test_gravity_at_an_angle_pulls_by_its_cosine(
     slanted = zittau.replace(rotor__gravity=angle)
     assert slanted.weight == pytest.approx(share * zittau.rotor.mass * GRAVITY, abs=1e-12)
     assert Bearing.from_toml(slanted.to_toml()) == slanted
-    held = magnet_of(slanted).force(slanted.hover_current, 0.0)
+    held = magnet_of(slanted).force(slanted.levitation_current, 0.0)
     assert float(held) == pytest.approx(-slanted.weight, abs=1e-9)
 
 
@@ -164,7 +164,7 @@ def test_gravity_gives_the_weight_its_sign(zittau: Bearing) -> None:
     assert zittau.replace(rotor__gravity="+x").weight == -zittau.weight
     level = zittau.replace(rotor__gravity="none")
     assert level.weight == 0
-    assert level.hover_current == 0
+    assert level.levitation_current == 0
 
 
 COIL = 'turns = 200\npole_area = "400 mm^2"'
@@ -218,8 +218,8 @@ def test_a_magnet_has_either_a_constant_or_a_coil(
     ("change", "told"),
     [
         (
-            {"rotor.travel_limit": 2e-3},
-            "rotor.travel_limit: must be less than magnet.air_gap, 2 mm",
+            {"rotor.clearance": 2e-3},
+            "rotor.clearance: must be less than magnet.air_gap, 2 mm",
         ),
         ({"amplifier.current_limit": 1.6}, "must be at most magnet.bias_current, 1.5 A"),
         ({"amplifier.current_limit": 0.5}, "must be at least 0.50563 A, which carries the rotor"),
@@ -267,7 +267,7 @@ def bearings(draw: st.DrawFn) -> Bearing:
         air_gap=gap,
         bias_current=bias,
     )
-    rotor = Rotor(mass=mass, gravity="-x", travel_limit=gap * draw(st.floats(0.01, 0.99)))
+    rotor = Rotor(mass=mass, gravity="-x", clearance=gap * draw(st.floats(0.01, 0.99)))
     amplifier = Amplifier(
         gain=draw(positive()), current_limit=bias, noise_variance=draw(positive())
     )
@@ -317,7 +317,7 @@ def test_absurd_values_are_refused_or_taken_but_never_a_traceback(
     except ConfigError as error:
         assert error.problems  # noqa: PT017
     else:
-        assert abs(bearing.hover_current) <= limit
+        assert abs(bearing.levitation_current) <= limit
 
 
 @given(st.integers(1, 10**6))

@@ -16,8 +16,8 @@ from ambkit.estimate.own import OwnEstimator
 from ambkit.estimate.view import View
 from ambkit.judge.comparison import cases, criteria
 from ambkit.judge.comparison.bench import Sweep, bench, sweep
+from ambkit.judge.comparison.candidates import candidates, expand
 from ambkit.judge.comparison.cases import CASES, Load, trials, walk_case
-from ambkit.judge.comparison.contenders import contenders, expand
 from ambkit.judge.comparison.spread import CERTAIN, Spread
 from ambkit.judge.comparison.study import learned, pieces_of, study
 from ambkit.judge.comparison.tuning import errors, tune
@@ -25,7 +25,7 @@ from ambkit.machine.forces.points import ForcePoints
 from ambkit.machine.forces.surface import ForceSurface
 from ambkit.machine.magnets import own_time
 from ambkit.show.plots.study import cases_figure, matrix_figure, sweep_figure
-from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.workflow.comparing import compare_in_case
 
 BEARING = Bearing.preset("zittau_axial")
@@ -36,7 +36,7 @@ SHORT = replace(
         cases.step_case(0.5).scenario(bearing, load).replace(duration=0.3)
     ),
 )  # 0.3 s: the step, and the load at 0.25 s
-FIELD = contenders(["linear", "closed-law"], BEARING)
+FIELD = candidates(["linear", "closed-law"], BEARING)
 
 
 # ---- what is uncertain ----
@@ -78,11 +78,11 @@ def test_imposed_series_are_added_and_replace() -> None:
     scenario = ambkit.Scenario(duration=0.05, disturbance=ambkit.Constant(value=1.0))
     n = 501
     load, noise = np.linspace(0, 1, n), np.full(n, 2e-6)
-    record = ambkit.simulate(BEARING, scenario, imposed=Imposed(load, noise))
+    record = ambkit.simulate(BEARING, scenario, external_inputs=ExternalInputs(load, noise))
     assert record["f_d"] == pytest.approx(1 + load)
     assert record["y"] - record["x_m"] == pytest.approx(noise)
-    with pytest.raises(ValueError, match="imposed disturbance must have 501 values"):
-        ambkit.simulate(BEARING, scenario, imposed=Imposed(load[1:]))
+    with pytest.raises(ValueError, match="external_inputs disturbance must have 501 values"):
+        ambkit.simulate(BEARING, scenario, external_inputs=ExternalInputs(load[1:]))
 
 
 @pytest.mark.parametrize("name", ["zittau_axial", "inteco_ml"])
@@ -91,7 +91,9 @@ def test_a_scaled_magnet_is_another_magnet_constant(name: str) -> None:
     pid = ambkit.PID.for_bearing(bearing).model_copy(update={"feedback": "measurement"})
     scenario = ambkit.Scenario(duration=0.03, start="rest", controller=pid)
     n = round(0.03 / bearing.sampling_time) + 1
-    scaled = ambkit.simulate(bearing, scenario, imposed=Imposed(magnet_scale=np.full(n, 1.2)))
+    scaled = ambkit.simulate(
+        bearing, scenario, external_inputs=ExternalInputs(magnet_scale=np.full(n, 1.2))
+    )
     stronger = bearing.replace(magnet__magnet_constant=1.2 * bearing.magnet.magnet_constant)
     other = ambkit.simulate(stronger, scenario)
     for signal in ("x", "v", "iu", "f_mag"):
@@ -195,7 +197,7 @@ def test_the_delay_of_what_comes_again_and_again_does_not_wrap(late: float) -> N
 def test_on_one_s_own_iron_what_learned_it_is_best() -> None:
     """A force map that bends away from the law: there the law is wrong, and the table right."""
     law = ambkit.magnet_of(BEARING)
-    reach = 0.9 * BEARING.rotor.travel_limit
+    reach = 0.9 * BEARING.rotor.clearance
     current = np.linspace(BEARING.current_min, BEARING.current_max, 9)
     i, x = (a.ravel() for a in np.meshgrid(current, np.linspace(-reach, reach, 9)))
     force = law.force(i, x)
@@ -231,7 +233,7 @@ def test_what_is_lost_counts_as_much_as_it_may() -> None:
             return [np.nan, 0.0, 0.0, 0.0]
 
     training = trials(SHORT, BEARING, 1, 5)
-    own = contenders([], BEARING, custom={"lost": Lost})["lost"]
+    own = candidates([], BEARING, custom={"lost": Lost})["lost"]
     assert tune(own, training, np.ones(3), 4, 170).objective == 10.0
 
 
@@ -269,7 +271,7 @@ def test_a_figure_is_that_of_the_single_run() -> None:
 def test_where_iron_saturates_what_is_learned_is_better_than_the_law() -> None:
     names = ["linear", "adaptive", "closed-law"]
     case = CASES["saturating"]
-    field = contenders(names, BEARING, learned(case, BEARING, names))
+    field = candidates(names, BEARING, learned(case, BEARING, names))
     found = bench(BEARING, case, field, runs=3).default
     assert found["adaptive"].mean("f_d") < 0.75 * found["linear"].mean("f_d")
     assert found["closed-law"].mean("f_d") > 1.2 * found["linear"].mean("f_d")
@@ -280,7 +282,7 @@ def test_who_estimates_k_gets_back_what_a_wrong_one_costs(drift: float) -> None:
     """Steps have told the constant before the load comes; judged from the load on."""
     wrong = replace(CASES["wrong-k"], drift=drift)
     right = replace(wrong, magnet_constant=1.0, drift=0.0)
-    field = contenders(["extended", "augmented", "multiple-model"], BEARING)
+    field = candidates(["extended", "augmented", "multiple-model"], BEARING)
     load = round(42 * own_time(BEARING) / BEARING.sampling_time)
 
     def error(case: cases.Case, name: str) -> float:
@@ -306,7 +308,7 @@ def test_lost_runs_are_counted_and_leave_the_means_alone() -> None:
         def step(self, y: float, _u: float) -> tuple[float, float, float, float]:
             return (1.0 if self.wrong else y, 0.0, 0.0, y)
 
-    own = contenders([], BEARING, custom={"drifting": Drifting})
+    own = candidates([], BEARING, custom={"drifting": Drifting})
     standing = bench(BEARING, SHORT, own, runs=4, threads=1).default["drifting"]
     assert standing.mean("lost") == 0.5
     assert standing.mean("x") < 2e-5
@@ -401,23 +403,23 @@ def test_own_code_from_a_file(tmp_path: Path) -> None:
         "class NoStep:\n    pass\n"
     )
     assert expand(f"linear, {file}:MyFilter,linear") == ["linear", f"{file}:MyFilter"]
-    found = contenders([f"{file}:MyFilter"], BEARING)
+    found = candidates([f"{file}:MyFilter"], BEARING)
     assert list(found) == ["MyFilter"]
     assert not found["MyFilter"].in_loop
     record = trials(SHORT, BEARING, 1, 0)[0].record
     with pytest.raises(AmbkitError, match=r"Short: step\(y, u\) at sample 0"):
-        contenders([f"{file}:Short"], BEARING)["Short"].build().run(record)
+        candidates([f"{file}:Short"], BEARING)["Short"].build().run(record)
     for name, message in {
         "NoStep": "NoStep: it needs a method step",
         "Nobody": "there is no class Nobody; it has MyFilter, Short, NoStep",
     }.items():
         with pytest.raises(AmbkitError, match=message):
-            contenders([f"{file}:{name}"], BEARING)
+            candidates([f"{file}:{name}"], BEARING)
     file.write_text("1/0")
     with pytest.raises(AmbkitError, match="ZeroDivisionError"):
-        contenders([f"{file}:MyFilter"], BEARING)
+        candidates([f"{file}:MyFilter"], BEARING)
     with pytest.raises(AmbkitError, match="there is no such file"):
-        contenders([f"{tmp_path}/other.py:MyFilter"], BEARING)
+        candidates([f"{tmp_path}/other.py:MyFilter"], BEARING)
 
 
 def test_names_that_nobody_has() -> None:

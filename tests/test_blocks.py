@@ -26,7 +26,7 @@ from ambkit.simulation.blocks import (
     StateSpace,
     gain_at_rest,
 )
-from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.linear.control import controller
 
 T = 1e-4
@@ -96,7 +96,7 @@ def test_what_flies_is_what_is_assessed(k: int) -> None:
     run = ambkit.simulate(
         BEARING.replace(rotor__gravity="none"),
         Scenario(duration=200 * BEARING.sampling_time, controller=law, noise=False),
-        imposed=Imposed(sensor_noise=shaken),
+        external_inputs=ExternalInputs(sensor_noise=shaken),
     )
     behind = law.sections(BEARING.sampling_time)
     linear = controller(law, BEARING, measured=True)
@@ -167,7 +167,7 @@ def test_a_pid_of_its_own_sensor_is_assessed() -> None:
     own = {axis.name: {"sensor": axis.name} for axis in one.axes}
     of = LoopOf(one, Control(type="decentralised", feedback="measurement", pid=own))
     pids, f = of.pids(), np.linspace(2.0, 400.0, 50)
-    alone = zip(pids.values(), of.alone, one.readings, strict=True)
+    alone = zip(pids.values(), of.isolated, one.readings, strict=True)
     K = [controller(pid, b, measured=True).response(f)[:, 0, 0] / r.sensor.gain
          for pid, b, r in alone]  # fmt: skip
     P = of.plant.response(f)[:, :4, :4]

@@ -20,7 +20,7 @@ import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.simulation import many
-from ambkit.simulation.linear.pieces import WorkPoint, plant, plants
+from ambkit.simulation.linear.pieces import OperatingPoint, plant, plants
 from ambkit.simulation.linear.settled import estimator_at, estimators_at
 from ambkit.workflow.campaign import running, store
 from ambkit.workflow.campaign.compute import compute
@@ -265,10 +265,10 @@ def test_machines_are_as_the_bearing_would_be_made() -> None:
 
 
 def test_a_machine_that_cannot_be_is_told_and_counts_as_bad() -> None:
-    wide = Uniform(what="rotor.travel_limit", low="1 mm", high="3 mm")
+    wide = Uniform(what="rotor.clearance", low="1 mm", high="3 mm")
     a = varied("sobol", wide, runs=8, scenario={"duration": 0.01})
     rows = compute(a, 0, 8).runs.to_pydict()
-    impossible = np.array(rows["rotor.travel_limit"]) >= 2e-3
+    impossible = np.array(rows["rotor.clearance"]) >= 2e-3
     assert 0 < impossible.sum() < 8
     assert [("impossible" in f) for f in rows["fails"]] == impossible.tolist()
     np.testing.assert_array_equal(np.isnan(rows["f_d_rms"]), impossible)
@@ -317,7 +317,7 @@ def test_estimators_and_plants_of_many_are_those_of_each(kind: str) -> None:
                         "amplifier.gain": g, "magnet.air_gap": m * b.magnet.air_gap}))
         for m, g in np.random.default_rng(1).uniform(0.9, 1.1, (5, 2))
     ]  # fmt: skip
-    points = [WorkPoint.hovering(each) for each in many]
+    points = [OperatingPoint.equilibrium(each) for each in many]
     stacked = plants(many, points), estimators_at(made, points)
     for k, (each, point) in enumerate(zip(many, points, strict=True)):
         for system, alone in zip(

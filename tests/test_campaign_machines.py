@@ -1,4 +1,4 @@
-"""Campaigns of whole machines: drawn, flown and judged with what knows the nominal one alone."""
+"""Campaigns of machines: drawn, flown and judged with what knows the nominal one alone."""
 
 from __future__ import annotations
 
@@ -290,7 +290,7 @@ def test_a_machine_that_cannot_be_is_told() -> None:
         STUDY.partition("[[vary]]")[0].replace("12 ms", "3 ms")
         + """
         [[vary]]
-        what = "bearing.A.travel_limit"
+        what = "bearing.A.clearance"
         type = "uniform"
         low = "0.1 mm"
         high = "1 m"
@@ -298,7 +298,7 @@ def test_a_machine_that_cannot_be_is_told() -> None:
     )
     plan = Plan(Study.from_toml(text.replace('traces = ["s_A1", "f_d_A1_estimate"]', "")))
     rows = compute(plan, 0, 6).runs.to_pydict()
-    assert "impossible" in rows["fails"][int(np.argmax(rows["bearing.A.travel_limit"]))]
+    assert "impossible" in rows["fails"][int(np.argmax(rows["bearing.A.clearance"]))]
 
 
 @pytest.mark.parametrize(

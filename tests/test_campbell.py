@@ -1,4 +1,4 @@
-"""The Campbell diagram of a whole machine."""
+"""The Campbell diagram of a machine."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
 
 from ambkit import AmbkitError, ConstantStiffness, Machine, campbell
-from ambkit.machine.bank import alone_of
+from ambkit.machine.bank import isolated_axes
 from ambkit.result.report import static
 from ambkit.simulation.scenario import PID
 
@@ -16,7 +16,7 @@ def test_modes_at_rest_are_those_of_its_axes_alone() -> None:
     one = uncoupled()
     found = campbell(one, 100.0, count=3)
     expected = []
-    for alone in alone_of(one):
+    for alone in isolated_axes(one):
         k, pid, m = ConstantStiffness.of(alone), PID.for_bearing(alone), alone.rotor.mass
         expected += [p for p in np.roots([m, k.k_i * pid.kd, k.k_i * pid.kp - k.k_s]) if p.imag > 0]
     np.testing.assert_allclose(np.sort(found.poles[0].imag), np.sort(np.imag(expected)), rtol=1e-9)

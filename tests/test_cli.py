@@ -269,11 +269,11 @@ def test_identify_says_where_the_constant_still_drifts(call, made):
 
 def test_identify_from_lift_off_points_gives_gap_and_bias(call, made):
     found = call("identify", "--lift-off", made / "points.csv", "--bearing", "inteco_ml",
-                 "--gap-range", "4 mm,16 mm", "--working-point", "10 mm", "--out", "b.toml",
+                 "--gap-range", "4 mm,16 mm", "--operating-point", "10 mm", "--out", "b.toml",
                  "--json")  # fmt: skip
     bearing = ambkit.Bearing.load("b.toml")
     assert bearing.magnet.air_gap == pytest.approx(10e-3 + found.json["gap_offset"])
-    assert bearing.hover_current == pytest.approx(0.0, abs=1e-9)  # the bias carries the ball
+    assert bearing.levitation_current == pytest.approx(0.0, abs=1e-9)  # the bias carries the ball
     points = load_points(made / "points.csv")
     assert found.json["points"] + len(found.json["left_out"]) == len(points)
 
@@ -778,7 +778,7 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ),
         ("identify --lift-off RUN --bearing zittau_axial", "is two-sided"),
         ("identify --lift-off RUN --bearing inteco_ml", "has no column run"),
-        ("identify --lift-off RUN --bearing inteco_ml --out b.toml", "needs --working-point"),
+        ("identify --lift-off RUN --bearing inteco_ml --out b.toml", "needs --operating-point"),
         ("identify --lift-off RUN --bearing inteco_ml --gap-range 4mm", "2 values expected"),
         ("train zittau_axial --method steepest-gradient --weights", "needs the method least-sq"),
         ("train zittau_axial --method adam", "'adam' is not one of 'least-squares'"),

@@ -33,7 +33,7 @@ def test_a_machine_has_its_bound_and_its_raw_sensors_beside_the_filters():
 def test_each_axis_gets_what_happens_to_it_alone():
     record = trials(CASES["unbalance"], MACHINE, 1, 0)[0].record
     for axis in MACHINE.axes:
-        alone = CASES["unbalance"].scenario(MACHINE.alone(axis.name), 0.6)
+        alone = CASES["unbalance"].scenario(MACHINE.isolated_axis(axis.name), 0.6)
         assert record[f"f_d_{axis.name}"] == pytest.approx(alone.disturbance.sample(record.t))
         assert record[f"r_{axis.name}"] == pytest.approx(alone.reference.sample(record.t))
 
@@ -74,7 +74,7 @@ def test_each_closes_its_own_loop_on_a_machine(tmp_path, monkeypatch, capsys):
     found = compare(MACHINE, estimators=["linear"], steps=["20 um"],
                     load="2 N", duration="40 ms", runs=2)  # fmt: skip
     score = found.scores["20 µm"]["linear"]
-    happening = found.happenings["20 µm"].scenario
+    happening = found.loop_cases["20 µm"].scenario
     assert [axis for axis, _ in happening.by_axis("disturbance", "A1")] == ["A1"]
     for seed, error in enumerate(score.rmse["f_d"]):
         run = simulate_run(MACHINE, happening.replace(seed=seed), estimator=KalmanFilter(MACHINE))
@@ -138,7 +138,7 @@ def test_the_whole_comparison_of_a_machine_is_a_page(tmp_path, monkeypatch):
 
 def test_all_kinds_are_those_that_take_several_axes():
     from ambkit.estimate.registry import KINDS
-    from ambkit.judge.comparison.contenders import suited
+    from ambkit.judge.comparison.candidates import suited
 
     kinds = suited(list(KINDS), MACHINE)
     assert "linear" in kinds

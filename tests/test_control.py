@@ -23,7 +23,7 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Status
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.control import Controller
-from ambkit.simulation.imposed import Faults, Imposed
+from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate, simulate_run
 from ambkit.simulation.scenario import PID, Control
 from ambkit.simulation.sequence import LiftOff, Mode
@@ -78,8 +78,8 @@ def test_what_simulate_flew_and_the_controller_alone_are_equal_to_the_last_bit(
     np.testing.assert_array_equal(told["coil"][on, 1], bias - told["iu"][on])
     assert not told["coil"][~on].any()
     flying = (record["mode"] == Mode.FLYING) & (record.t > 0.1) & (record.t < 0.16)
-    assert np.abs(record["x"][flying]).max() < 0.4 * GAINED.rotor.travel_limit
-    lying = -np.dtype(precision).type(GAINED.rotor.travel_limit)
+    assert np.abs(record["x"][flying]).max() < 0.4 * GAINED.rotor.clearance
+    lying = -np.dtype(precision).type(GAINED.rotor.clearance)
     assert record["x"][0] == record["x"][-1] == lying
 
 
@@ -90,7 +90,7 @@ def test_a_rotor_on_one_magnet_lifts_too() -> None:
     record = simulate(ONE_SIDED, scenario, estimator=ExtendedKalmanFilter(ONE_SIDED))
     assert modes(record) == ["WAITING", "LIFTING", "FLYING", "LANDING", "OFF"]
     flying = (record["mode"] == Mode.FLYING) & (record.t > 600 * T)
-    assert np.abs(record["x"][flying]).max() < 0.1 * ONE_SIDED.rotor.travel_limit
+    assert np.abs(record["x"][flying]).max() < 0.1 * ONE_SIDED.rotor.clearance
 
 
 def test_a_flight_from_hovering_is_the_one_without_a_sequence() -> None:
@@ -117,10 +117,10 @@ def test_a_lost_sensor_trips_and_no_one_flies_until_told_not_to() -> None:
     n = round(scenario.duration / BEARING.sampling_time) + 1
     faults = Faults.none(n)
     faults.y_plus[1000:] = np.nan
-    record = simulate(BEARING, scenario, imposed=Imposed(faults=faults))
+    record = simulate(BEARING, scenario, external_inputs=ExternalInputs(faults=faults))
     assert modes(record) == ["OFF", "WAITING", "LIFTING", "FLYING", "TRIPPED", "OFF"]
     tripped = int(np.flatnonzero(record["mode"] == Mode.TRIPPED)[0])
-    settling = 83  # samples that an estimate is used for without a reading: own time
+    settling = 83  # samples that an estimate is used for without a reading: time constant
     assert tripped == pytest.approx(1000 + settling + 200, abs=2)
     assert not record["u"][tripped:].any()
 
@@ -147,7 +147,7 @@ def test_no_bump_where_it_takes_over() -> None:
         BEARING, KalmanFilter(BEARING), plain.controller.completed(BEARING), LiftOff()
     )
     acting = float(record["iu"][500])
-    told = controller.run(record["y"][500:], record["r"][500:], np.ones(501), taken_over=acting)
+    told = controller.run(record["y"][500:], record["r"][500:], np.ones(501), transferred=acting)
     assert told["iu"][0] == pytest.approx(acting, abs=0.02)
     assert (told["mode"] == Mode.FLYING).all()
 
@@ -324,7 +324,7 @@ def test_its_readme_says_what_to_do_for_each_flag(folders: dict[str, CExport]) -
     rows = [line for line in text.splitlines() if line.startswith("| `AMB_")]
     for flag in Status:
         assert any(f"`AMB_{flag.name}`" in row for row in rows), flag
-    for words in ("void look(rig_output *copy)", "`rig_take_over` with the reading"):
+    for words in ("void look(rig_output *copy)", "`rig_transfer` with the reading"):
         assert words in text
 
 

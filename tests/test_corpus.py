@@ -1,4 +1,4 @@
-"""Many logs at once: cut, pooled with a scatter between them, each foretold by the others."""
+"""Many logs at once: cut, pooled with a scatter between them, each predicted by the others."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from ambkit.identification.corpus.arx import ORDER, fit_arx, normal_of
 from ambkit.identification.corpus.corpus import (
     Baselines,
     Corpus,
-    Foretold,
-    foretell,
+    Prediction,
     identify_corpus,
+    predict,
 )
 from ambkit.identification.corpus.cutting import cut, flights
 from ambkit.identification.corpus.pooling import pool
@@ -32,9 +32,9 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
-BALL = Bearing.preset("inteco_ml").replace(sensor__noise_rise=-90.0)
-FREE = ("magnet_constant", "air_gap", "current_offset", "measurement_noise", "noise_rise",
-        "load_growth")  # fmt: skip
+BALL = Bearing.preset("inteco_ml").replace(sensor__position_noise=-90.0)
+FREE = ("magnet_constant", "air_gap", "current_offset", "measurement_noise", "position_noise",
+        "disturbance_noise")  # fmt: skip
 Array = NDArray[np.float64]
 
 
@@ -54,9 +54,9 @@ def smoothed(record: Record) -> Record:
 def corpus() -> Corpus:
     logs = {f"log {seed}": flown(seed) for seed in range(3)} | {"quiet": smoothed(flown(5))}
     level = BALL.replace(
-        sensor__noise_rise=0.0, magnet__magnet_constant=0.8 * BALL.magnet.magnet_constant
+        sensor__position_noise=0.0, magnet__magnet_constant=0.8 * BALL.magnet.magnet_constant
     )
-    return identify_corpus(logs, LoopModel(level, load_growth=1e-4), FREE)
+    return identify_corpus(logs, LoopModel(level, disturbance_noise=1e-4), FREE)
 
 
 def test_a_magnet_that_is_not_as_described_is_told_beside_the_amplitude(corpus: Corpus) -> None:
@@ -76,7 +76,7 @@ def test_logs_say_what_is_true_and_a_smoothed_one_is_named(corpus: Corpus) -> No
     assert "smoothed before it was logged" in corpus.left_out["quiet"]
     for name, true in (
         ("magnet_constant", BALL.magnet.magnet_constant), ("air_gap", BALL.magnet.air_gap),
-        ("measurement_noise", BALL.sensor.noise_variance), ("noise_rise", -90.0),
+        ("measurement_noise", BALL.sensor.noise_variance), ("position_noise", -90.0),
     ):  # fmt: skip
         at = [p.name for p in corpus.pooled.parameters].index(name)
         positive = corpus.pooled.parameters[at].positive
@@ -85,15 +85,15 @@ def test_logs_say_what_is_true_and_a_smoothed_one_is_named(corpus: Corpus) -> No
 
 
 def test_each_is_foretold_by_the_others(corpus: Corpus) -> None:
-    for each in corpus.foretold:
+    for each in corpus.predictions:
         assert each.error[10] < each.unmodelled[10]
         assert each.error[10] < each.held[10]
         assert each.nis == pytest.approx(1.0, abs=0.12)
         assert each.error[1] > each.floor
         assert each.left < 0.05
     data = json.loads(corpus.to_json())
-    for each in corpus.foretold:
-        told = data["foretold"][each.name]
+    for each in corpus.predictions:
+        told = data["predictions"][each.name]
         assert told["arx"] == {str(k): error for k, error in each.arx.items()}
         assert (told["nis"], told["predictable_share"]) == (each.nis, each.left)
     pooled = corpus.pooled
@@ -112,7 +112,7 @@ def test_good_is_what_no_baseline_knows_more_of() -> None:
         "held": {1: 24e-6, 10: 30e-6}, "unmodelled": {1: 19e-6, 10: 28e-6},
         "arx": {1: 19e-6, 10: 27e-6},
     }  # fmt: skip
-    well = Foretold("log", 10_000, **errors, floor=17e-6, nis=1.05, white=0.5, left=0.01)
+    well = Prediction("log", 10_000, **errors, floor=17e-6, nis=1.05, white=0.5, left=0.01)
     assert well.good  # whiteness alone does not count: in a long log little shows
     for worse in ({"nis": 1.4}, {"nis": 0.7}, {"left": 0.2}, {"arx": {1: 19e-6, 10: 20e-6}},
                   {"held": {1: 17e-6, 10: 30e-6}}):  # fmt: skip
@@ -123,12 +123,12 @@ def test_a_filter_that_knows_the_truth_loses_to_no_model_that_knows_as_much() ->
     """Given later controls it does: as they answer to the motion, they lead it astray."""
     quiet = {str(n): flown(n, duration=4.0).between(0.5, None) for n in range(4)}
     others = Baselines.together([Baselines.of([quiet[name]]) for name in "123"])
-    truth = LoopModel(BALL, load_growth=1e-8, substeps=1)
-    told = foretell("0", [quiet["0"]], truth, others)
+    truth = LoopModel(BALL, disturbance_noise=1e-8, substeps=1)
+    told = predict("0", [quiet["0"]], truth, others)
     assert told.alone[1] == pytest.approx(told.error[1], rel=1e-3)
     assert told.alone[10] < told.arx[10]
     assert told.alone[10] < told.error[10]
-    late = foretell("0", [quiet["0"]], truth.replace(delay=-0.4e-3, line=True), others)
+    late = predict("0", [quiet["0"]], truth.replace(delay=-0.4e-3, line=True), others)
     assert late.alone[10] == pytest.approx(told.alone[10], rel=0.15)
 
 
@@ -207,15 +207,15 @@ def test_three_logs_on_the_command_line_are_a_corpus(
         flown(seed, duration=3.0).save(f"{seed}.csv")
     with pytest.raises(SystemExit) as left:
         main(["identify", "0.csv", "1.csv", "2.csv", "--bearing", "inteco_ml", "--free",
-              "magnet_constant,measurement_noise,noise_rise,load_growth", "--out", "found.toml",
-              "--report", "all.html", "--save-filter", "kf.toml"])  # fmt: skip
+              "magnet_constant,measurement_noise,position_noise,disturbance_noise", "--out",
+              "found.toml", "--report", "all.html", "--save-filter", "kf.toml"])  # fmt: skip
     out, err = capsys.readouterr()
     assert not left.value.code, err
-    assert "Each log, foretold by a model of the others" in out
+    assert "Each log, predicted by a model of the others" in out
     assert "scatter between logs" in out
     found = Bearing.load("found.toml")
-    assert found.sensor.noise_rise == pytest.approx(-90, abs=25)
-    assert "Each log, foretold by a model of the others" in Path("all.html").read_text()
+    assert found.sensor.position_noise == pytest.approx(-90, abs=25)
+    assert "Each log, predicted by a model of the others" in Path("all.html").read_text()
     assert ambkit.Estimator.load("kf.toml").run(flown(7)).nis[300:].mean() < 1.3
 
 
@@ -225,9 +225,9 @@ def test_four_logs_of_a_rig_foretell_another_and_the_smoothed_one_is_named() -> 
     channels = recordings.folder() / "closed_loop.toml"
     names = ("sinusoidal_slow-MPC-KF", "step-PID_anti_windup-KF", "sinusoidal_fast-LQI-KF")
     logs = {name: ambkit.load(RIG / f"{name}.mat", channels) for name in names}
-    found = identify_corpus(logs, LoopModel(Bearing.preset("inteco_ml"), load_growth=1e-4))
+    found = identify_corpus(logs, LoopModel(Bearing.preset("inteco_ml"), disturbance_noise=1e-4))
     assert "smoothed" in found.left_out["step-PID_anti_windup-KF"]
-    for each in found.foretold:
+    for each in found.predictions:
         assert each.good
         assert each.error[10] < 24.5e-6
         assert 0.9 < each.nis < 1.15
@@ -258,7 +258,7 @@ def test_spikes_and_missing_samples_of_logs_spoil_nothing() -> None:
     assert set(found.spikes) == {"a"}
     assert found.spikes["a"].startswith("2 samples of the position, spikes")
     assert found.to_dict()["spikes"] == dict(found.spikes)
-    for one, other in zip(sound.foretold, found.foretold, strict=True):
+    for one, other in zip(sound.predictions, found.predictions, strict=True):
         for kind in ("error", "alone", "held", "arx"):
             for ahead, value in getattr(one, kind).items():
                 assert getattr(other, kind)[ahead] == pytest.approx(value, rel=0.1), (kind, ahead)

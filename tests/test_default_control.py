@@ -33,7 +33,7 @@ name = "{name}"
 type = "{type}"
 place = "{place} mm"
 {turned}
-travel_limit = "0.2 mm"
+clearance = "0.2 mm"
 [bearing.magnet]
 type = "two-sided"
 turns = 120

@@ -24,7 +24,7 @@ from ambkit.workflow.identifying import identified_filter
 
 KNOWN = Bearing.preset("zittau_axial").replace(name="my rig")
 TRUE = KNOWN.replace(delay="0.15 ms", magnet__magnet_constant="6.2 N mm^2/A^2")
-FREE = ["magnet_constant", "delay", "load_growth"]
+FREE = ["magnet_constant", "delay", "disturbance_noise"]
 MAP = """
 [signals.t]
 column = "Zeit"

@@ -1,4 +1,4 @@
-"""Controllers and filter of a whole machine, chosen on the margins of its loop, and read back."""
+"""Controllers and filter of a machine, chosen on the margins of its loop, and read back."""
 
 from __future__ import annotations
 

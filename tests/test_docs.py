@@ -92,7 +92,7 @@ def test_resolve_notices_what_does_not_exist():
     assert resolve("ambkit.KalmanFilter.predict")
     assert resolve("ambkit.machine.bearing.Sensor.lag")
     with pytest.raises(AttributeError):
-        resolve("ambkit.KalmanFilter.foretell")
+        resolve("ambkit.KalmanFilter.predict")
     assert resolve("nowhere.at.all") is None
 
 

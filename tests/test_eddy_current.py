@@ -25,7 +25,7 @@ from ambkit.export.c import export_c
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.continuous import Behind
 from ambkit.simulation import parts
-from ambkit.simulation.linear.pieces import WorkPoint, plant
+from ambkit.simulation.linear.pieces import OperatingPoint, plant
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Control
 
@@ -182,7 +182,7 @@ def test_margins_are_those_of_python_control() -> None:
     ])  # fmt: skip
     B = np.array([[0], [0], [k.k_i / LAG], [0]])
     P = control.c2d(control.ss(A, B, [[0, 0, 0, 1.0]], 0), T)
-    ours = plant(LATE, WorkPoint(0.0, 0.0))
+    ours = plant(LATE, OperatingPoint(0.0, 0.0))
     f = np.geomspace(1, 4900, 200)
     z = np.exp(2j * np.pi * f * T)
     np.testing.assert_allclose(ours.response(f)[:, 0, 0], P(z), rtol=1e-7)
@@ -194,7 +194,7 @@ def test_it_is_identified() -> None:
     truth = LATE.replace(**QUIET)
     record = ambkit.simulate(truth, MOVED.replace(seed=3))
     start = truth.replace(magnet__eddy_current_lag=0.12e-3)
-    found = ambkit.identify(start, record, free=["eddy_current_lag", "load_growth"])
+    found = ambkit.identify(start, record, free=["eddy_current_lag", "disturbance_noise"])
     lag = found.bearing.magnet.eddy_current_lag
     error = found.likelihood.standard_error("eddy_current_lag")
     assert abs(lag - LAG) < 3 * error

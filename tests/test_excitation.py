@@ -135,7 +135,7 @@ def test_estimates_scatter_as_predicted() -> None:
     """40 repetitions of the experiment; one step of Gauss and Newton from the truth in each."""
     found = designed(kind="multisine", load=0.05)
     model, parameters = found.expectation.model, named(FREE)
-    assert model.load_growth == pytest.approx(0.05**2)
+    assert model.disturbance_noise == pytest.approx(0.05**2)
     coordinates = Coordinates(model, parameters)
     rng = np.random.default_rng(7)
     t, T = found.record.t, BEARING.sampling_time

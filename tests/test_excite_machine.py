@@ -18,7 +18,7 @@ def designed():
 
 
 def test_it_keeps_within_the_limits_of_all_axes(designed):
-    gap, travel = TUM.bearing[1].magnet.air_gap, TUM.bearing[1].travel_limit
+    gap, travel = TUM.bearing[1].magnet.air_gap, TUM.bearing[1].clearance
     assert designed.name == "tum_mlps B1"
     assert designed.limits.displacement == pytest.approx(min(0.05 * gap, 0.5 * travel))
     assert np.abs(designed.record["x"]).max() <= designed.limits.displacement

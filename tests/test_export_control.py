@@ -21,7 +21,7 @@ from ambkit.export.c import export_c
 from ambkit.export.c.control_scenes import vectors
 from ambkit.simulation.control import Controller
 from ambkit.simulation.controllers import controllers_of
-from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import Control
 from ambkit.simulation.sequence import LiftOff
@@ -148,7 +148,7 @@ int main()
   amb_real y[AMB_SENSORS], r[AMB_CONTROLS] = {0, 0, 0, 0};
   int bad = 0;
   f_control_init(&control);
-  f_control_take_over(&control, r, 600, r);
+  f_control_transfer(&control, r, 600, r);
   for (int k = 0; k < 500; k++) {
     for (int s = 0; s < AMB_SENSORS; s++)
       y[s] = (amb_real)(k % 7 == 3 ? NAN : k % 11 == 5 ? INFINITY : 1e-5 * (s - 1));
@@ -201,11 +201,15 @@ def test_readings_that_are_lost_are_flown() -> None:
     one = machine()
     lost = np.zeros((101, len(one.readings)))
     lost[50, 1] = np.nan
-    flown = simulate_run(one, Scenario(duration=0.01), imposed=Imposed(readings=lost)).record
+    flown = simulate_run(
+        one, Scenario(duration=0.01), external_inputs=ExternalInputs(readings=lost)
+    ).record
     assert np.isnan(flown["y_A2"]).sum() == 1
     assert np.isfinite(flown["u_A2"]).all()
-    with pytest.raises(ValueError, match="imposed readings must have 101 values"):
-        simulate_run(one, Scenario(duration=0.01), imposed=Imposed(readings=lost[:50]))
+    with pytest.raises(ValueError, match="external_inputs readings must have 101 values"):
+        simulate_run(
+            one, Scenario(duration=0.01), external_inputs=ExternalInputs(readings=lost[:50])
+        )
 
 
 def test_the_command_takes_a_flight(tmp_path: Path) -> None:

@@ -124,7 +124,7 @@ def test_what_is_edited_takes_effect(
     found = along(compiled, record)
     plain = first.run(record).mean
     assert np.abs(found - plain).max(axis=0)[0] > 0 or "gate" in numbers
-    kf.reset(kf.at_first(record["y"]), std=list(first.default_std()))
+    kf.reset(kf.initial_state(record["y"]), std=list(first.default_std()))
     expected = kf.core.run(record["y"], record["u"])["mean"]
     np.testing.assert_array_equal(found, np.asarray(expected, np.float32))
 
@@ -151,7 +151,7 @@ def test_the_first_sample_is_right_wherever_the_rotor_lies(
     compiled.of.f_init.restype = None
     compiled.of.f_init(compiled.state)
     noise = 9.1e-6
-    travel = BEARING.rotor.travel_limit
+    travel = BEARING.rotor.clearance
     x = compiled.step(side * (travel + beyond * noise), 0.0)[0]
     assert x == pytest.approx(side * travel, abs=3.1 * noise)
     assert abs(x) <= travel + 3 * noise

@@ -268,7 +268,7 @@ PARTS: dict[str, Any] = {
     "speed": "6000 rpm",
     "sensor__runout": [{"order": n, "amplitude": "3 um", "phase": "90 deg"} for n in (1, 3)],
     "stop": {"stiffness": "1e8 N/m^1.5", "damping": "0.3 s/m"},
-    "rotor__travel_limit": "0.2 mm",
+    "rotor__clearance": "0.2 mm",
 }
 LATE: dict[str, Any] = {"delay": "0.03 ms"}
 
@@ -362,7 +362,7 @@ def test_an_estimator_with_more_states_in_fmpy_equals_the_library(
         PARTS
         | STATES
         | {
-            "rotor__travel_limit": "0.1 mm",
+            "rotor__clearance": "0.1 mm",
             "sensor__runout": [{"order": 2, "amplitude": "3 um"}],
         },
     ],
@@ -725,7 +725,7 @@ def test_a_system_wires_plant_estimator_and_controller(tmp_path: Path) -> None:
         str(tmp_path / "loop.ssp"), stop_time=0.3, step_size=BEARING.sampling_time,
         input=at_rest | {"f_d": lambda t: 1.0 if t > 0.05 else 0.0},
     )  # fmt: skip
-    assert np.abs(result["x"]).max() < 0.15 * BEARING.rotor.travel_limit
+    assert np.abs(result["x"]).max() < 0.15 * BEARING.rotor.clearance
     assert result["estimate_f_d"][-1] == pytest.approx(1.0, rel=0.05)
 
 

@@ -92,7 +92,7 @@ def test_an_importer_that_integrates_it_finds_what_the_library_does(
     samples = 120 if bearing.magnet.type == "one-sided" else 250  # alone it is unstable
     scenario = Scenario(
         duration=samples * T, noise=False, substeps=20,
-        reference=ambkit.Step(amplitude=0.05 * bearing.rotor.travel_limit, time=20 * T),
+        reference=ambkit.Step(amplitude=0.05 * bearing.rotor.clearance, time=20 * T),
         disturbance=ambkit.Step(amplitude=0.3 * bearing.weight, time=60 * T),
     )  # fmt: skip
     record = simulate_run(bearing, scenario).record
@@ -115,7 +115,7 @@ def test_it_falls_onto_its_stop_and_is_lifted(
     changes: dict[str, Any], fmi: Any, tmp_path: Path
 ) -> None:
     """Without currents it falls; then they come back and pull it up to the other side."""
-    bearing = BEARING.replace(rotor__travel_limit="0.3 mm", **changes)
+    bearing = BEARING.replace(rotor__clearance="0.3 mm", **changes)
     T, n = bearing.sampling_time, 400
     t = T * np.arange(n)
     path = export_fmu(bearing, None, tmp_path / "plant.fmu", kind="plant", fmi=fmi).path
@@ -128,7 +128,7 @@ def test_it_falls_onto_its_stop_and_is_lifted(
     stepped = fmpy.simulate_fmu(
         str(path), fmi_type="CoSimulation", stop_time=n * T, output_interval=T, input=signals
     )
-    down, travel = np.sign(bearing.weight), bearing.rotor.travel_limit
+    down, travel = np.sign(bearing.weight), bearing.rotor.clearance
     assert stepped["x"].min() <= -travel
     assert stepped["x"].max() >= travel
     off = np.abs(np.interp(stepped["time"], found["time"], found["x"]) - stepped["x"])

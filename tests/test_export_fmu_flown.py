@@ -73,7 +73,7 @@ def scenario_of(case: Case) -> Scenario:
         "start": case.start,
         "sequence": case.sequence,
         "controller": case.controller,
-        "reference": ambkit.Step(amplitude=0.05 * case.bearing.rotor.travel_limit, time=40 * T),
+        "reference": ambkit.Step(amplitude=0.05 * case.bearing.rotor.clearance, time=40 * T),
         "disturbance": ambkit.Step(amplitude=0.3 * case.bearing.weight, time=150 * T),
     })  # fmt: skip
 
@@ -190,7 +190,7 @@ def test_it_starts_where_the_parameters_say(kind: Any, tmp_path: Path) -> None:
     """Off the middle, with the current that holds it there, it stays as long as nothing happens."""
     case = CASES["lqg"]
     x = 1e-4
-    current = float(ambkit.machine.hovering.hover_current(
+    current = float(ambkit.machine.levitation.levitation_current(
         BEARING, ambkit.magnet_of(BEARING), x, BEARING.weight
     ))  # fmt: skip
     path = export_fmu(BEARING, None, tmp_path / "a.fmu", kind=kind, scenario=scenario_of(case)).path
@@ -258,8 +258,8 @@ def test_a_system_lifts_off_and_lands(tmp_path: Path) -> None:
     )  # fmt: skip
     assert {0.0, 1.0, 2.0, 3.0, 4.0} <= set(found["mode"])
     flying = found["x"][found["mode"] == Mode.FLYING]
-    assert found["x"][0] == -BEARING.rotor.travel_limit
-    assert np.abs(flying[-50:]).max() < 0.1 * BEARING.rotor.travel_limit
+    assert found["x"][0] == -BEARING.rotor.clearance
+    assert np.abs(flying[-50:]).max() < 0.1 * BEARING.rotor.clearance
 
 
 def test_a_system_of_a_regulator_wires_all_states(tmp_path: Path) -> None:
@@ -272,7 +272,7 @@ def test_a_system_of_a_regulator_wires_all_states(tmp_path: Path) -> None:
         input=zero | {"f_d": lambda t: 1.0 if t > 0.05 else 0.0},
     )  # fmt: skip
     assert found["estimate_f_d"][-1] == pytest.approx(1.0, rel=0.1)
-    assert abs(found["x"][-1]) < 0.05 * BEARING.rotor.travel_limit
+    assert abs(found["x"][-1]) < 0.05 * BEARING.rotor.clearance
 
 
 def test_what_is_refused(tmp_path: Path) -> None:

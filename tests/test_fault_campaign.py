@@ -17,7 +17,7 @@ from ambkit.judge.faults.campaign import BASELINE, recovery_text
 from ambkit.judge.faults.declared import CLEAN, Channel
 from ambkit.judge.faults.flight import Flight
 from ambkit.show.plots.faults import faults_figure
-from ambkit.simulation.imposed import Faults, Imposed
+from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import PID, Control
 
@@ -44,7 +44,9 @@ def flown(
         duration=(N - 1) * PAPER.sampling_time, seed=3, controller=MEASURED,
         reference=Sine(amplitude=1e-4, frequency=50.0),
     )  # fmt: skip
-    return simulate_run(PAPER, scenario, estimator=estimator, imposed=Imposed(faults=faults))
+    return simulate_run(
+        PAPER, scenario, estimator=estimator, external_inputs=ExternalInputs(faults=faults)
+    )
 
 
 # ---- faults in the loop ----
@@ -105,15 +107,17 @@ def test_an_amplifier_without_current_drops_the_rotor() -> None:
 
 
 def test_series_of_the_wrong_length_are_refused() -> None:
-    with pytest.raises(ValueError, match="imposed fault late must have 2 values"):
+    with pytest.raises(ValueError, match="external_inputs fault late must have 2 values"):
         ambkit.simulate(
-            PAPER, Scenario(duration=PAPER.sampling_time), imposed=Imposed(faults=Faults.none(3))
+            PAPER,
+            Scenario(duration=PAPER.sampling_time),
+            external_inputs=ExternalInputs(faults=Faults.none(3)),
         )
 
 
 def test_who_lies_on_a_stop_is_found_there() -> None:
     scenario = Scenario(duration=0.01, controller=MEASURED)
-    record = ambkit.simulate(PAPER, scenario, imposed=Imposed(place=-1e-3))
+    record = ambkit.simulate(PAPER, scenario, external_inputs=ExternalInputs(place=-1e-3))
     assert record["x"][0] == -1e-3
     assert record["y"][0] == pytest.approx(-1e-3, abs=6e-5)
 
@@ -258,7 +262,7 @@ def test_a_long_saturation_does_not_pass_for_a_weak_magnet(
     faults.u_times[10_000:40_000], faults.u_plus[10_000:40_000] = times, plus
     scenario = Scenario(duration=(n - 1) * T, reference=reference, controller=MEASURED, seed=1)
     run = simulate_run(PAPER, scenario, estimator=KINDS[kind].make(PAPER),
-                       imposed=Imposed(faults=faults))  # fmt: skip
+                       external_inputs=ExternalInputs(faults=faults))  # fmt: skip
     estimate = run.estimate
     assert estimate is not None
     assert estimate.scale is not None
@@ -273,7 +277,7 @@ def test_a_loop_with_faults_runs_in_one_go() -> None:
     from ambkit.simulation.run import Loop
 
     scenario = Scenario(duration=(N - 1) * PAPER.sampling_time, controller=MEASURED)
-    loop = Loop(PAPER, scenario, imposed=Imposed(faults=Faults.none(N)))
+    loop = Loop(PAPER, scenario, external_inputs=ExternalInputs(faults=Faults.none(N)))
     with pytest.raises(ValueError, match="a loop with faults runs in one go; until must be None"):
         loop.run(until=0.01)
     assert len(loop.run().record) == N

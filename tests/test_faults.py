@@ -97,7 +97,7 @@ def test_five_seconds_without_samples_end_in_3_ms(magnet: str, precision: str) -
     assert 100 < first < 2000
     assert held[first:].all()
     assert (np.diff(estimate.mean[START + first : START + n], axis=0) == 0).all()
-    assert estimate.std("x")[START + n - 1] == pytest.approx(BEARING.rotor.travel_limit, rel=1e-6)
+    assert estimate.std("x")[START + n - 1] == pytest.approx(BEARING.rotor.clearance, rel=1e-6)
     assert not estimate.status[START + n + 1 :].any()
     assert np.abs(estimate.x - RECORD["x"])[START + n :].max() < 1e-4
     assert np.abs(estimate.x - RECORD["x"])[START + n + 30 :].max() < 3e-5
@@ -121,7 +121,7 @@ def test_a_frozen_sensor_is_not_believed(magnet: str, precision: str) -> None:
 def test_what_cannot_be_the_rotor_counts_as_missing(
     magnet: str, precision: str, value: float
 ) -> None:
-    """Beyond ten travel limits."""
+    """Beyond ten clearances."""
     estimate = run(broken(3, y=value), magnet, precision)
     without = run(broken(3, y=np.nan), magnet, precision)
     assert (estimate.status == without.status).all()
@@ -180,7 +180,7 @@ def test_an_estimate_in_the_pole_of_the_law_stays_finite() -> None:
     kf.reset([2e-3, 0.0, 0.0, 2e-3])
     for k in range(START, START + 500):
         assert np.isfinite(kf.step(RECORD["y"][k], RECORD["u"][k - 1])).all()
-        assert not kf.status & ~(Status.OUTLIER | Status.SURPRISED | Status.RESTARTED)
+        assert not kf.status & ~(Status.OUTLIER | Status.INCONSISTENT | Status.RESTARTED)
     assert kf.status == Status.OK
     assert kf.mean[0] == pytest.approx(RECORD["x"][START + 499], abs=3e-5)
 
@@ -229,7 +229,7 @@ def test_a_current_beyond_its_limit_counts_as_the_limit(
     saturated = (estimate.status & Status.SATURATED) > 0
     assert np.flatnonzero(saturated).tolist() == list(range(START + 1, START + 101))
     assert (estimate.mean == limited.mean).all()
-    expected = Status.OUTLIER | Status.SURPRISED | Status.RESTARTED
+    expected = Status.OUTLIER | Status.INCONSISTENT | Status.RESTARTED
     assert not (limited.status & ~np.uint16(expected)).any()
 
 

@@ -1,4 +1,4 @@
-"""The filter of a whole machine as a file: read is what was written, and commands take it."""
+"""The filter of a machine as a file: read is what was written, and commands take it."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_what_is_read_is_what_was_written(name, tmp_path, record):
 
 
 def _experts():
-    one = ambkit.train(TUM.alone("A1"), weights=True)
+    one = ambkit.train(TUM.isolated_axis("A1"), weights=True)
     other = one.scaled(1.1)  # as if its magnet were stronger
     return [one, one, other, other]
 

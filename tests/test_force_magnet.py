@@ -28,8 +28,8 @@ from ambkit.identification.maximum_likelihood.information import expect
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import usual
 from ambkit.judge.comparison.bench import bench
+from ambkit.judge.comparison.candidates import candidates
 from ambkit.judge.comparison.cases import CASES, saturating
-from ambkit.judge.comparison.contenders import contenders
 from ambkit.machine.forces.patches import ACCURACY, patches
 from ambkit.machine.forces.points import ForcePoints
 from ambkit.machine.forces.surface import ForceSurface
@@ -193,7 +193,7 @@ def test_any_column_names_do(bearing: Bearing, surface: ForceSurface) -> None:
     found = magnet_of(bearing)
     np.testing.assert_allclose(found.force(*FINE), surface.force(*FINE), rtol=1e-6, atol=0.01)
     assert Bearing.from_toml(bearing.to_toml()) == bearing
-    left = float(found.force(bearing.hover_current, 0.0)) + bearing.weight
+    left = float(found.force(bearing.levitation_current, 0.0)) + bearing.weight
     assert abs(left) < 1e-9
 
 
@@ -356,7 +356,7 @@ def test_identification_leaves_its_air_gap_alone(bearing: Bearing) -> None:
 
 
 def test_in_the_comparison_who_knows_it_is_at_the_limit(bearing: Bearing) -> None:
-    made = bench(bearing, CASES["model"], contenders(["linear", "extended"], bearing), runs=4)
+    made = bench(bearing, CASES["model"], candidates(["linear", "extended"], bearing), runs=4)
     extended, linear = made.best["extended"], made.best["linear"]
     assert extended.mean("nis") == pytest.approx(1.0, abs=0.06)
     assert extended.mean("force") < 0.5 * linear.mean("force")

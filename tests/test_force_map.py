@@ -55,7 +55,7 @@ def record():
 
 @pytest.fixture(scope="module")
 def found(record):
-    model = LoopModel(BEARING, load_growth=6.0, substeps=1)
+    model = LoopModel(BEARING, disturbance_noise=6.0, substeps=1)
     return force_map(model, record, settling=0.05)
 
 
@@ -103,7 +103,7 @@ def test_map_makes_an_expert_that_knows_the_force_where_the_rotor_was(found, rec
 
 def test_more_nodes_tell_more(found, record):
     """Half the nodes each way, from the same record: straight between them they miss more."""
-    model = LoopModel(BEARING, load_growth=6.0, substeps=1)
+    model = LoopModel(BEARING, disturbance_noise=6.0, substeps=1)
     coarse = force_map(model, record, nodes=(5, 5), settling=0.05)
     at = np.stack([record["x"][::50], record["iu"][::50]], axis=-1)
     at = np.clip(at, *np.stack([(m[0], m[-1]) for m in (found.displacement, found.current)]).T)
@@ -118,7 +118,7 @@ def test_more_nodes_tell_more(found, record):
 
 def test_a_law_that_is_right_is_found_right_near_rest():
     """Where the deviations of the innovations were not held, it was off by 4 standard errors."""
-    model = LoopModel(BEARING, load_growth=1e-3, substeps=1)
+    model = LoopModel(BEARING, disturbance_noise=1e-3, substeps=1)
     scenario = Scenario(duration=1.0, reference=Sine(amplitude=0.02e-3, frequency=31))
     off = []
     for seed in range(3):

@@ -93,7 +93,7 @@ def test_a_symmetric_map_gives_a_symmetric_network(logs: list[float], iu: float,
 
 def in_micrometres(stiff: StiffnessMap) -> StiffnessMap:
     return stiffness_map(
-        ZITTAU.replace(rotor__travel_limit=1.9e-3),  # not used: the nodes are given
+        ZITTAU.replace(rotor__clearance=1.9e-3),  # not used: the nodes are given
         displacements=1e6 * stiff.displacement,
         delta_displacement=10.0,
         force=lambda iu, um: np.asarray(stiff.force(iu, 1e-6 * um)),

@@ -18,7 +18,7 @@ def axes() -> dict[str, Bearing]:
     """Return the presets of one axis, and an axis of each end of those that are machines."""
     found = {name: Bearing.preset(name) for name in ("zittau_axial", "inteco_ml")}
     for name in ("hindawi_2011", "tum_mlps", "ufu_rig"):
-        alone = Plant(Machine.preset(name)).alone
+        alone = Plant(Machine.preset(name)).isolated
         found |= {f"{name}, {end}": alone[k] for end, k in (("one end", 0), ("the other", 2))}
     return found
 
@@ -39,7 +39,7 @@ def test_every_loop_has_its_peak_below_two(name):
 def test_a_step_overshoots_by_less_than_a_seventh(name, share, feedback):
     """On the nonlinear plant, by a twentieth and by half of the way to the stop."""
     bearing = AXES[name]
-    amplitude = share * bearing.rotor.travel_limit
+    amplitude = share * bearing.rotor.clearance
     scenario = Scenario(
         duration=1.0, noise=False, controller=Control(feedback=feedback),
         reference=Step(amplitude=amplitude, time=0.1),

@@ -105,7 +105,7 @@ def test_a_run_up_warms_the_coils_of_a_machine():
     assert ambkit.assess_speed(UFU, "none", fastest="9000 rpm", count=2).temperature is None
     same = ambkit.Machine.from_toml(MACHINE.to_toml())
     assert same.bearing[0].coil == WARM.coil
-    assert same.alone("A1").coil == WARM.coil
+    assert same.isolated_axis("A1").coil == WARM.coil
 
 
 @pytest.mark.parametrize(("changes", "said"), [

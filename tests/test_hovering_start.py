@@ -35,7 +35,7 @@ def errors(kind: str, **options: Any) -> tuple[Array, Array]:
             estimate = e.run(record, covariance=True)
             mean, P = estimate.mean, estimate.covariance
         else:
-            e.reset(e.at_rest(0.0), [std * size for size in e.default_std()])
+            e.reset(e.equilibrium_state(0.0), [std * size for size in e.default_std()])
             out = e.core.run(record["y"], record["u"], covariance=True)
             mean, P = out["mean"], out["covariance"]
         at = [e.model.index(name) for name in JUDGED]
@@ -73,26 +73,26 @@ def test_a_filter_that_is_sure_of_the_start_is_right(kind: str) -> None:
 @pytest.mark.parametrize("gravity", ["known", "disturbance"])
 def test_at_rest_the_currents_are_what_holds_the_rotor(gravity: Any) -> None:
     e = ambkit.ExtendedKalmanFilter(LATE, gravity=gravity)
-    law, travel = ClosedLaw(LATE), LATE.rotor.travel_limit
+    law, travel = ClosedLaw(LATE), LATE.rotor.clearance
     e.reset()
-    assert (e.mean == e.at_rest(0.0)).all()
+    assert (e.mean == e.equilibrium_state(0.0)).all()
     for x in (0.0, 0.1 * travel, -0.2 * travel):
-        rest = dict(zip((state.name for state in e.states), e.at_rest(x), strict=True))
+        rest = dict(zip((state.name for state in e.states), e.equilibrium_state(x), strict=True))
         assert rest["i"] == rest["u_1"] == rest["u_2"]
         left = evaluate_force(law, rest["i"], x).item() + law.bias_force + LATE.weight
         assert abs(left) < (1e-9 if x == 0 else 0.02) * abs(LATE.weight)
-    assert e.hover[0] == pytest.approx(LATE.hover_current, rel=1e-9)
+    assert e.levitation_current[0] == pytest.approx(LATE.levitation_current, rel=1e-9)
 
 
 def test_an_axis_whose_current_follows_at_once_starts_as_ever() -> None:
     e = ambkit.KalmanFilter(BEARING)
-    assert e.hover == (0.0, 0.0)
-    assert e.at_rest(1e-4).tolist() == [1e-4, 0.0, 0.0, BEARING.sensor.gain * 1e-4]
+    assert e.levitation_current == (0.0, 0.0)
+    assert e.equilibrium_state(1e-4).tolist() == [1e-4, 0.0, 0.0, BEARING.sensor.gain * 1e-4]
 
 
 def test_in_a_loop_it_knows_what_its_controller_demanded_before() -> None:
     """A rotor that hangs in the middle with no current falls: so does the estimate."""
-    for start, current in (("rest", 0.0), ("hover", LATE.hover_current)):
+    for start, current in (("rest", 0.0), ("hover", LATE.levitation_current)):
         e = ambkit.ExtendedKalmanFilter(LATE)
         ambkit.simulate(LATE, Scenario(duration=2 * T, start=start, noise=False), estimator=e)
         assert e.mean[e.model.index("u_2")] == pytest.approx(current, abs=1e-9)

@@ -10,7 +10,7 @@ from ambkit.fuzzy.expert import Expert
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.machine.axes import with_axis
 from ambkit.machine.machine import Machine
-from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.expert import train
@@ -30,13 +30,15 @@ def record() -> Record:
     tones = (11.0, 37.0, 83.0, 141.0)
     references[:, 0] = sum(2.5e-5 * np.sin(2 * np.pi * f * t + f) for f in tones)
     run = simulate_run(
-        MACHINE, Scenario(duration=SAMPLES * T, seed=3), imposed=Imposed(references=references)
+        MACHINE,
+        Scenario(duration=SAMPLES * T, seed=3),
+        external_inputs=ExternalInputs(references=references),
     )
     return run.record.select(*(s for s in run.record if s.startswith(("y_", "u_"))))
 
 
 def test_the_other_axes_bias_nothing(record: Record) -> None:
-    true = MACHINE.alone(AXIS)
+    true = MACHINE.isolated_axis(AXIS)
     wrong = true.replace(**true.magnet.with_constant(0.8 * true.magnet.magnet_constant))
     described = with_axis(MACHINE, AXIS, wrong)
     found = identify(described, record, AXIS, free=["magnet_constant"])
@@ -48,8 +50,10 @@ def test_the_other_axes_bias_nothing(record: Record) -> None:
     assert abs(k - true.magnet.magnet_constant) < 3 * error
     assert found.bearing.name == AXIS
     assert [axis.name for axis in found.machine.axes] == [axis.name for axis in MACHINE.axes]
-    assert found.machine.alone(AXIS).magnet.magnet_constant == pytest.approx(k, rel=1e-12)
-    assert identified_filter(found).machine.alone(AXIS).magnet.magnet_constant == pytest.approx(k)
+    assert found.machine.isolated_axis(AXIS).magnet.magnet_constant == pytest.approx(k, rel=1e-12)
+    assert identified_filter(found).machine.isolated_axis(
+        AXIS
+    ).magnet.magnet_constant == pytest.approx(k)
 
     # Alone, it takes what the others do for something of its own.
     y, u = record["y_La1"], record["u_A1"]
@@ -87,14 +91,14 @@ def test_the_command(record: Record, tmp_path, monkeypatch, capsys) -> None:
     assert "learns of a machine with one axis" in capsys.readouterr().err
     assert run([*line, "--axis", "A1", "--out", "found.toml"]) == 0
     assert "# Of the axis A1: magnet_constant = " in (tmp_path / "found.toml").read_text()
-    found = Machine.load("found.toml").alone("A1").magnet.magnet_constant
-    assert found == pytest.approx(MACHINE.alone("A1").magnet.magnet_constant, rel=0.05)
+    found = Machine.load("found.toml").isolated_axis("A1").magnet.magnet_constant
+    assert found == pytest.approx(MACHINE.isolated_axis("A1").magnet.magnet_constant, rel=0.05)
 
 
 def test_an_axis_is_a_machine_of_its_own() -> None:
     one = MACHINE["A2"]
     assert one.single
-    assert one.alone("") is MACHINE.alone("A2")
+    assert one.isolated_axis("") is MACHINE.isolated_axis("A2")
 
 
 def test_an_expert_is_of_an_axis(tmp_path, monkeypatch) -> None:

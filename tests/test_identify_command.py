@@ -33,7 +33,8 @@ def made(tmp_path_factory):
 def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
     code, out, err = call(
         "identify", made / "a.csv", "--bearing", made / "start.toml", "--validate", made / "b.csv",
-        "--free", "magnet_constant, sensor_lag,delay,measurement_noise,control_noise,load_growth",
+        "--free",
+        "magnet_constant, sensor_lag,delay,measurement_noise,control_noise,disturbance_noise",
         "--out", "found.toml", "--report", "found.html", "--plot", "found.png",
     )  # fmt: skip
     assert code == 0, err
@@ -47,7 +48,7 @@ def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
     k = TRUTH.bearing.magnet.magnet_constant
     assert abs(found.magnet.magnet_constant / k - 1) < 0.15
     page = (tmp_path / "found.html").read_text()
-    for heading in ("k_s at work points", "On records",
+    for heading in ("k_s at operating points", "On records",
                     "Correlation of the estimates"):  # fmt: skip
         assert heading in page
     assert (tmp_path / "found.png").stat().st_size > 20_000
@@ -61,7 +62,7 @@ def test_what_is_of_the_log_goes_into_its_channel_map_and_its_delay_into_the_bea
     ambkit.Record(run.t, late).save("log.csv")
     code, _, err = call(
         "identify", "log.csv", "--bearing", made / "start.toml", "--out", "found.toml",
-        "--free", "magnet_constant,delay,current_offset,load_growth",
+        "--free", "magnet_constant,delay,current_offset,disturbance_noise",
         "--load-at-start", "0.05 N",
     )  # fmt: skip
     assert code == 0, err
@@ -129,7 +130,7 @@ def test_json_has_all_figures_in_si(call, made):
 
     code, out, _ = call(
         "identify", made / "a.csv", made / "b.csv", "--bearing", made / "start.toml",
-        "--free", "magnet_constant,mass,load_growth", "--json",
+        "--free", "magnet_constant,mass,disturbance_noise", "--json",
     )  # fmt: skip
     assert code == 0
     found = json.loads(out)
@@ -142,7 +143,7 @@ def test_json_has_all_figures_in_si(call, made):
     start = ambkit.Bearing.load(made / "start.toml")
     mean = np.mean([record["u"] for record in both]) * start.amplifier.gain
     assert found["stiffness"]["current"] == pytest.approx(mean)  # no offset, no delay is free
-    points = found["work_points"]
+    points = found["operating_points"]
     k_i, error = np.array(points["k_i"]["value"]), np.array(points["k_i"]["standard_error"])
     assert k_i.shape == error.shape == (len(points["displacement"]), len(points["current"]))
     # Of the closed law, k_i is k times a function of the place: their relative errors are one.
@@ -159,7 +160,7 @@ def test_noise_at_rest_is_the_start_and_its_colour_is_told(call, made):
     still.save("rest.csv")
     code, out, err = call(
         "identify", made / "a.csv", "--bearing", made / "start.toml", "--rest", "rest.csv",
-        "--free", "magnet_constant,load_growth",
+        "--free", "magnet_constant,disturbance_noise",
     )  # fmt: skip
     assert code == 0, err
     assert re.search(r"y +[23][.0-9]* µm +coloured: 1 sample apart it correlates by \+0\.[34]", out)
@@ -172,7 +173,7 @@ def test_noise_at_rest_is_the_start_and_its_colour_is_told(call, made):
     )
     code, mapped, err = call(
         "identify", made / "a.csv", "--bearing", made / "start.toml", "--rest", "bench.csv",
-        "--rest-channels", "bench.toml", "--free", "magnet_constant,load_growth",
+        "--rest-channels", "bench.toml", "--free", "magnet_constant,disturbance_noise",
     )  # fmt: skip
     assert code == 0, err
     of_y = re.compile(r"y .* +coloured")
@@ -237,7 +238,7 @@ def test_prediction_is_that_of_the_plain_filter_with_single_steps(record):
     b = TRUTH.bearing.replace(amplifier__noise_variance=1e-14)
     model = LoopModel(b, substeps=1, delay=b.sampling_time)
     kalman = ambkit.ExtendedKalmanFilter(
-        b, noise=ambkit.FilterNoise(disturbance=model.load_growth), outlier_limit=0
+        b, noise=ambkit.FilterNoise(disturbance=model.disturbance_noise), outlier_limit=0
     )
     u = delayed(record["u"], 1.0)
     shifted = ambkit.Record(record.t, {"y": record["y"], "u": u})
@@ -272,7 +273,7 @@ def test_the_picture_shows_intervals_beside_the_start(record):
         assert low > 0
     assert [item.value for item in bearing.items if isinstance(item, Rule)] == [1.0]
     assert [item.value for item in offsets.items if isinstance(item, Rule)] == [0.0]
-    travel = found.bearing.rotor.travel_limit
+    travel = found.bearing.rotor.clearance
     moved = found["position_offset"] - found.start.position_offset
     assert offsets.intervals.values[0] * travel == pytest.approx(moved)
     assert "to" in rows.texts[0]

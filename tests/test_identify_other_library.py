@@ -25,11 +25,11 @@ def test_poles_agree_with_an_autoregressive_model_by_instruments_and_likelihood_
     """
     truth, record = TRUTH, closed_loops(TRUTH, 1, 2.0, first=300)[0]
     b = truth.bearing
-    k_s = float(ClosedLaw(b).tangent(b.hover_current, 0.0)[1])
+    k_s = float(ClosedLaw(b).tangent(b.levitation_current, 0.0)[1])
     own = np.sqrt(k_s / b.rotor.mass)
 
     found = maximum_likelihood(record, START)
-    at = found.stiffness(found.bearing.hover_current, 0.0)
+    at = found.stiffness(found.bearing.levitation_current, 0.0)
     ours = np.sqrt(at["k_s"][0] / b.rotor.mass)
     assert abs(ours / own - 1) < 3 * 0.5 * at["k_s"][1] / at["k_s"][0]
 
@@ -53,7 +53,7 @@ def test_filterpy_and_scipy_find_the_same_noises():
     """The same linear model in filterpy's filter, its likelihood maximised by SciPy."""
     filterpy = pytest.importorskip("filterpy.kalman")
     bearing = TRUTH.bearing
-    truth = LoopModel(bearing, load_growth=TRUTH.load_growth, load_std=0.05, substeps=1,
+    truth = LoopModel(bearing, disturbance_noise=TRUTH.disturbance_noise, load_std=0.05, substeps=1,
                       magnet=ConstantStiffness.of(bearing))  # fmt: skip
     record = closed_loops(replace(truth, magnet=None), 1, 0.15, first=400)[0]
     assert truth.nearest_limit(record) > 5.5  # so that the limit takes nothing from the control
@@ -81,7 +81,7 @@ def test_filterpy_and_scipy_find_the_same_noises():
             kf.predict(u=np.array([[u], [s["f_0"]]]))
         return float(total)
 
-    free = named(["measurement_noise", "load_growth"])
+    free = named(["measurement_noise", "disturbance_noise"])
     found = climb([record], truth, free, begin)  # as it is, before any bias is taken off
     at = np.log([p.of(found.model) for p in free])
     assert others(at) == pytest.approx(found.local.value, rel=1e-9)

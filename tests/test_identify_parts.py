@@ -60,7 +60,7 @@ def record_of(bearing: Bearing, seed: int) -> Record:
 def found_by(known: Bearing, record: Record, free: tuple):
     wrong = known.replace(**known.magnet.with_constant(1.1 * BEARING.magnet.magnet_constant))
     wrong = wrong.replace(sensor__noise_variance=1.5 * BEARING.sensor.noise_variance)
-    start = LoopModel(wrong, load_growth=1e-3, load_std=0.05)
+    start = LoopModel(wrong, disturbance_noise=1e-3, load_std=0.05)
     free = ("magnet_constant", "air_gap", "measurement_noise", *free)
     return maximum_likelihood(record, start, free, improve_start=False)
 
@@ -165,7 +165,7 @@ def test_of_a_force_map_the_scale_is_found(tmp_path) -> None:
     plant = known.replace(**known.magnet.with_constant(1.15 * known.magnet.magnet_constant))
     assert plant.magnet.force_scale == pytest.approx(1.15)
     record = record_of(plant, 0)
-    start = LoopModel(known, load_growth=1e-3, load_std=0.05)
+    start = LoopModel(known, disturbance_noise=1e-3, load_std=0.05)
     found = maximum_likelihood(
         record, start, ("magnet_constant", "measurement_noise"), improve_start=False
     )

@@ -15,7 +15,7 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
 
 BEARING = Bearing.preset("zittau_axial")
-CALM = LoopModel(BEARING, load_growth=1e-4)
+CALM = LoopModel(BEARING, disturbance_noise=1e-4)
 FREE = ("magnet_constant", "air_gap", "sensor_lag", "position_offset", "measurement_noise")
 SHAKEN = Scenario(
     duration=0.8,
@@ -70,7 +70,7 @@ def test_what_one_experiment_cannot_tell_is_named() -> None:
     # The start of the load counts as known to the weight; without noise of the current and without
     # a load nothing has the unit of a force.
     still = BEARING.replace(amplifier__noise_variance="1e-20 V^2")
-    silent = LoopModel(still, load_growth=1e-20)
+    silent = LoopModel(still, disturbance_noise=1e-20)
     expectation = expect(record, silent, ("magnet_constant", "mass"))
     assert set(expectation.held) == {"mass"}
     assert "magnet_constant and mass cannot be told apart" in expectation.held["mass"]

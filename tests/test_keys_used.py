@@ -21,12 +21,12 @@ RICH = IRON.replace(
     name="rich", speed="6000 rpm", delay="0.03 ms", magnet__eddy_current_lag="0.2 ms",
     magnet__pole_angle="10 deg", amplifier__bandwidth="1 kHz", amplifier__voltage_limit="8 V",
     amplifier__resistance="2 ohm", amplifier__current_limit="0.9 A", rotor__gravity="45 deg",
-    sensor__noise_rise="-90 1/m", sensor__quadratic="20 1/m", sensor__cubic="1e4 1/m^2",
+    sensor__position_noise="-90 1/m", sensor__quadratic="20 1/m", sensor__cubic="1e4 1/m^2",
     sensor__quantisation="0.5 um",
     sensor__coloured_noise={"variance": "1 um^2", "bandwidth": "200 Hz"},
     sensor__hum=[{"frequency": "50 Hz", "amplitude": "5 um", "bandwidth": "0.5 Hz"}],
     sensor__runout=[{"order": 1, "amplitude": "3 um", "phase": "30 deg"}],
-    stop={"stiffness": "1e8 N/m^1.5", "damping": "0.3 s/m"}, rotor__travel_limit="0.15 mm",
+    stop={"stiffness": "1e8 N/m^1.5", "damping": "0.3 s/m"}, rotor__clearance="0.15 mm",
 )  # fmt: skip
 FLIES = Scenario(duration=0.03, start="rest", disturbance=ambkit.Step(amplitude=8.0, time=0.01))
 DERIVED = ("sampling_time", "magnet__magnet_constant")

@@ -18,7 +18,7 @@ from ambkit.estimate.model import LinearModel
 from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
 from ambkit.estimate.registry import KINDS, Kind, in_core_of
 from ambkit.machine.magnets import ConstantStiffness, core_module
-from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
 
 BEARING = Bearing.preset("zittau_axial")
@@ -50,7 +50,7 @@ def test_it_follows_the_rotor_and_finds_the_load(kind: Kind, precision: str) -> 
 def test_step_by_step_is_the_whole_record(kind: Kind) -> None:
     estimator = kind.make(BEARING)
     whole = estimator.run(RECORD)
-    estimator.reset(estimator.at_first(RECORD["y"]))
+    estimator.reset(estimator.initial_state(RECORD["y"]))
     estimator.update(RECORD["y"][0])
     for k in range(1, 400):
         mean = estimator.step(RECORD["y"][k], RECORD["u"][k - 1])
@@ -100,7 +100,7 @@ def test_faults_are_told_and_forgotten(kind: Kind, fault: Fault) -> None:
         u[during] = fault.u(u[during])
     calm = kind.make(BEARING).run(RECORD)
     estimator = kind.make(BEARING)
-    estimator.reset(estimator.at_first(y))
+    estimator.reset(estimator.initial_state(y))
     estimator.update(y[0])
     told, means = Status.OK, [estimator.mean]
     for k in range(1, len(y)):
@@ -137,7 +137,7 @@ def test_a_jump_of_the_magnet_constant_ends_nobody(kind: Kind) -> None:
     scenario = Scenario(duration=0.8, seed=4, reference=ambkit.Sine(amplitude=2e-4, frequency=8.0))
     n = round(scenario.duration / T) + 1
     scale = np.where(np.arange(n) < 3000, 1.0, 0.7)
-    run = simulate_run(BEARING, scenario, imposed=Imposed(magnet_scale=scale))
+    run = simulate_run(BEARING, scenario, external_inputs=ExternalInputs(magnet_scale=scale))
     estimate = kind.make(BEARING).run(run.record)
     assert np.isfinite(estimate.mean).all()
     late = slice(3000 + RECOVERED, None)

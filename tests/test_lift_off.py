@@ -78,7 +78,7 @@ def test_recordings_of_flights_give_a_bearing_on_the_command_line(tmp_path, monk
     still.save("still.csv")
     with pytest.raises(SystemExit) as ended:
         main(["identify", *names, "still.csv", "--lifting-off", "--bearing", "inteco_ml",
-              "--working-point", "10 mm", "--out", "law.toml", "--plot", "law.png"])  # fmt: skip
+              "--operating-point", "10 mm", "--out", "law.toml", "--plot", "law.png"])  # fmt: skip
     assert ended.value.code == 0
     told = capsys.readouterr().out
     assert "points left out" in told
@@ -93,7 +93,7 @@ def test_exact_points_give_the_exact_law():
     fit = fit_lift_off(exact_points([0.002, 0.005, 0.011, 0.017]), MASS)
     assert fit.magnet_constant == pytest.approx(CONSTANT, rel=1e-12)
     assert fit.gap_offset == pytest.approx(OFFSET, rel=1e-12)
-    assert fit.working_point(0.01) == pytest.approx(
+    assert fit.operating_point(0.01) == pytest.approx(
         (0.01 + OFFSET, math.sqrt(MASS * GRAVITY / CONSTANT) * (0.01 + OFFSET))
     )
 
@@ -262,9 +262,9 @@ def test_the_shipped_recordings():
     assert fit.gap_offset == pytest.approx(2.15e-3, rel=0.01)
     assert np.abs(fit.residuals).max() < 0.02
 
-    # The working point of the maps is that of the law.
+    # The operating point of the maps is that of the law.
     loop = ChannelMap.load(folder / "closed_loop.toml").signals
-    assert loop["u"].offset == f"{-fit.working_point(0.01)[1]:.4f} V"
+    assert loop["u"].offset == f"{-fit.operating_point(0.01)[1]:.4f} V"
     assert loop["iu_logged"].offset == loop["u"].offset.replace("V", "A")
 
     rest = Record.load(folder / "rest.csv")

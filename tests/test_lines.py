@@ -13,7 +13,7 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 BALL = Bearing.preset("inteco_ml").replace(sensor__noise_variance="9e-12 m^2")
 LINES = [{"frequency": f, "amplitude": "25 um"} for f in ("170 Hz", "230 Hz")]
 HUMMING = BALL.replace(sensor__hum=LINES)
-FREE = ("magnet_constant", "measurement_noise", "control_noise", "load_growth")
+FREE = ("magnet_constant", "measurement_noise", "control_noise", "disturbance_noise")
 
 
 def flown(plant: Bearing, seed: int, duration: float) -> Record:
@@ -22,7 +22,7 @@ def flown(plant: Bearing, seed: int, duration: float) -> Record:
 
 
 def found_of(record: Record, known: Bearing = BALL, *, lines: bool = False) -> MaximumLikelihood:
-    start = LoopModel(known, load_growth=1e-4, substeps=1)
+    start = LoopModel(known, disturbance_noise=1e-4, substeps=1)
     return maximum_likelihood(
         record, start, FREE, improve_start=False, profile=False, lines=lines
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Loops of whole machines against figures computed independently, and Bode's integral.
+"""Loops of machines against figures computed independently, and Bode's integral.
 
 The reference is in complex coordinates: the TUM MLPS rotor with decentralised PD, continuous and
 sampled.
@@ -17,7 +17,7 @@ from ambkit.judge.loop.margins import bode_integral, grid, highest
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.simulation.holding import holding
 from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.pieces import WorkPoint, plant
+from ambkit.simulation.linear.pieces import OperatingPoint, plant
 
 RPM = math.pi / 30
 UFU = Machine.preset("ufu_rig")
@@ -57,7 +57,7 @@ def of_axes(A, B, C, D, system, T):
 def continuous_loop(machine, delay, kp, kd, corner, ki=0.0):
     """PID of a machine in continuous time, its derivative with a corner [rad/s]."""
     prompt = machine.model_copy(update={"delay": None})
-    system = plant(prompt, WorkPoint.of_machine(prompt), continuous=True)
+    system = plant(prompt, OperatingPoint.of_machine(prompt), continuous=True)
     A, B = np.diag([-corner, 0.0]), np.array([[1.0], [ki]])
     C, D = np.array([[-kd * corner**2, 1.0]]), np.array([[kp + kd * corner]])
     if not ki:
@@ -93,7 +93,7 @@ def test_continuous_reference():
 def test_sampled_reference(dead_time, peaks, largest):
     T = 1e-4
     machine = reference(delay=dead_time * T)
-    system = plant(machine, WorkPoint.of_machine(machine))
+    system = plant(machine, OperatingPoint.of_machine(machine))
     steep, corner = 2 / T, 2 * math.pi * 2000  # PD by Tustin
     pole, D = (steep / corner - 1) / (1 + steep / corner), 15.0 * steep / (1 + steep / corner)
     pd = of_axes(np.array([[pole]]), np.eye(1), np.array([[D * (pole - 1)]]),
@@ -110,7 +110,7 @@ def test_sampled_reference(dead_time, peaks, largest):
 
 def test_least_peak_by_the_dead_time_is_that_of_the_fastest_pole():
     machine = reference()
-    system = plant(machine, WorkPoint.of_machine(machine), continuous=True)
+    system = plant(machine, OperatingPoint.of_machine(machine), continuous=True)
     y = [at.name for at in system.outputs[:4]]
     found = least_peak_of_delay(system.select(y, [at.name for at in system.inputs[:4]]), 1.5e-4)
     assert found == pytest.approx(math.exp(446.106 * 1.5e-4), rel=1e-6)
@@ -122,7 +122,7 @@ def test_least_peak_by_the_dead_time_is_that_of_the_fastest_pole():
         at.model_copy(update={"amplifier": at.amplifier.model_copy(update={"bandwidth": None})})
         for at in machine.bearing
     ))  # fmt: skip
-    sampled = plant(fast, WorkPoint.of_machine(fast))
+    sampled = plant(fast, OperatingPoint.of_machine(fast))
     bounds = least_peaks(sampled.select(y, [at.name for at in sampled.inputs[:4]]))
     assert bounds == pytest.approx((found, found), rel=2e-3)
 

@@ -1,4 +1,4 @@
-"""The whole machine as a description: what it holds, what cannot be, and its poles."""
+"""The machine as a description: what it holds, what cannot be, and its poles."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ def test_stiffnesses_of_the_presets() -> None:
 
 def test_a_bearing_alone_has_the_effective_mass_never_the_whole() -> None:
     tum = Machine.preset("tum_mlps")
-    masses = [tum.alone(axis.name).rotor.mass for axis in tum.axes]
+    masses = [tum.isolated_axis(axis.name).rotor.mass for axis in tum.axes]
     np.testing.assert_allclose(masses, [1.234, 1.234, 1.193, 1.193], atol=5e-4)
-    alone = [tum.alone(name) for name in ("A1", "B1")]
+    alone = [tum.isolated_axis(name) for name in ("A1", "B1")]
     poles = [math.sqrt(ConstantStiffness.of(b).k_s / b.rotor.mass) for b in alone]
     np.testing.assert_allclose(poles, [394, 401], atol=0.5)
     assert tum.coupling == pytest.approx(0.26, abs=0.005)
@@ -80,7 +80,7 @@ def test_axes_that_do_not_couple_are_bearings_alone(tmp_path: Path) -> None:
     one.save(tmp_path / "machine.toml")
     assert "bearings alone" in inspect(tmp_path / "machine.toml").remarks[0]
     poles = open_loop(one, [k.k_s for k in stiffnesses(one)]).unstable
-    alone = [one.alone(axis.name) for axis in one.axes]
+    alone = [one.isolated_axis(axis.name) for axis in one.axes]
     own = sorted(math.sqrt(ConstantStiffness.of(b).k_s / b.rotor.mass) for b in alone)
     np.testing.assert_allclose(poles, own, rtol=1e-9)
 
@@ -122,7 +122,7 @@ def test_five_axes() -> None:
     assert one.positions == ("x", "y", "th_x", "th_y", "z")
     assert [axis.name for axis in one.axes] == ["A1", "A2", "B1", "B2", "T"]
     poles = open_loop(one, [k.k_s for k in stiffnesses(one)], 0.0).unstable
-    k_s = ConstantStiffness.of(one.alone("T")).k_s
+    k_s = ConstantStiffness.of(one.isolated_axis("T")).k_s
     assert min(abs(poles - math.sqrt(k_s / 4.0))) < 1e-6
 
 
@@ -142,8 +142,8 @@ def test_five_axes() -> None:
      ["36: bearing[0].amplifier.current_limit: must be at least 0.192188 A, which carries"]),
     ('current_limit = "2.5 A"', 'current_limit = "3 A"',
      ["bearing[0].amplifier.current_limit: must be at most magnet.bias_current, 2.5 A"]),
-    ('travel_limit = "0.35 mm"', 'travel_limit = "0.9 mm"',
-     ["bearing[0].travel_limit: must be less than magnet.air_gap"]),
+    ('clearance = "0.35 mm"', 'clearance = "0.9 mm"',
+     ["bearing[0].clearance: must be less than magnet.air_gap"]),
     ('place = "258.397449 mm"', 'place = "-251.602551 mm"',
      ["bearing[0]: no bearing holds the rotor's th_"]),
     ('name = "B"', 'name = "A"', ['bearing[1].name: there is another bearing "A"']),
@@ -172,7 +172,7 @@ def test_a_machine_with_one_axis_is_written_short_and_read_either_way(tmp_path: 
     one = axis.long
     assert one.single
     assert one.to_toml() == axis.to_toml()
-    assert Machine(**one.model_dump(exclude_none=True)).alone("") == axis
+    assert Machine(**one.model_dump(exclude_none=True)).isolated_axis("") == axis
     for name, text in (("short", one.to_toml()), ("long", Document.to_toml(one))):
         path = tmp_path / f"{name}.toml"
         path.write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Rotors that bend: beams against theory and against ROSS, matrices in files, measured modes."""
+"""Flexible rotors: beams against theory and against ROSS, matrices in files, measured modes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rotors that bend, in motion: poles, flight, run-up, estimation."""
+"""Flexible rotors, in motion: poles, flight, run-up, estimation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from test_machine_flight import CORE, LOADS, at_rest, released
 from ambkit import Machine, Scenario, judge_states, simulate_run
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import ExtendedKalmanFilter
-from ambkit.machine.bank import alone_of
+from ambkit.machine.bank import isolated_axes
 from ambkit.machine.bearing import GRAVITY
 from ambkit.models import exponential
 from ambkit.models.continuous import continuous, open_loop
@@ -144,7 +144,7 @@ def test_without_loss_energy_is_kept() -> None:
     bent = (q[:, 4:] ** 2 * one.bending.stiffness.repeat(2)).sum(axis=1) / 2
     s = q @ H.T
     magnetic = np.zeros(len(s))
-    for k, (axis, alone) in enumerate(zip(one.axes, plant.alone, strict=True)):
+    for k, (axis, alone) in enumerate(zip(one.axes, plant.isolated, strict=True)):
         magnet = axis.bearing.magnet
         gap, pull = magnet.air_gap, alone.magnet.magnet_constant * magnet.bias_current**2
         magnetic -= pull * (1 / (gap - s[:, k]) + 1 / (gap + s[:, k]) - 2 / gap)
@@ -158,7 +158,7 @@ def test_the_weight_bends_it_once() -> None:
     """As gravity in each coordinate, with the sag that the bearings' forces leave: the same."""
     one = flexible()
     plant = Plant(one)
-    q, currents = plant.hovering(np.zeros(4), np.zeros(4))
+    q, currents = plant.equilibrium(np.zeros(4), np.zeros(4))
     np.testing.assert_allclose(q, 0, atol=1e-18)
     F = np.array([
         float(law.in_core(CORE).force(np.array([i]), np.array([0.0]))[0])
@@ -174,7 +174,7 @@ def test_the_weight_bends_it_once() -> None:
 def test_a_run_up_passes_the_first_bending_mode() -> None:
     one = flexible(unbalance=[{"place": "364 mm", "amount": "2 g mm"}])
     up = Ramp(slope=300.0, start=0.0)
-    usual = tuple(map(chosen, alone_of(one)))
+    usual = tuple(map(chosen, isolated_axes(one)))
     weak = _Search(one, usual, "measurement").most_damped().pids  # its peak of abs(S) is above 2
     pids = {a.name: PID(**gains.stated) for a, gains in zip(one.axes, weak, strict=True)}
     control = Control(pid=pids)

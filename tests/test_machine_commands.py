@@ -1,4 +1,4 @@
-"""The commands that take a whole machine."""
+"""The commands that take a machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Controllers of whole machines: what they hold, what of the unbalance they let through."""
+"""Controllers of machines: what they hold, what of the unbalance they let through."""
 
 import control
 import numpy as np
@@ -145,7 +145,7 @@ def test_cross_feedback_takes_the_gyroscopics_back():
     plant, machine = Plant(Machine.preset("tum_mlps")), Machine.preset("tum_mlps")
     filter = KalmanFilter(machine)
     found = controllers_of(plant, Control(cross_feedback=1.0), filter)
-    k_i = np.array([ConstantStiffness.of(alone).k_i for alone in plant.alone])
+    k_i = np.array([ConstantStiffness.of(alone).k_i for alone in plant.isolated])
     q = len(machine.positions)
     fed = found.feedback["fed_back_by_speed"]
     assert not fed[:, :q].any()
@@ -176,12 +176,12 @@ def test_the_regulator_is_controls_own():
     machine = Machine.preset("tum_mlps")
     plant, filter = Plant(machine), KalmanFilter(machine)
     K, ahead = regulator(plant, filter)
-    k = [ConstantStiffness.of(alone) for alone in plant.alone]
+    k = [ConstantStiffness.of(alone) for alone in plant.isolated]
     model = filter.linear_model(np.array([e.k_i for e in k]), np.array([e.k_s for e in k]))
     q = 2 * len(machine.positions)
     A, B = model.A[:q, :q], model.B[:q]
-    travel = np.array([alone.rotor.travel_limit for alone in plant.alone])
-    limit = np.array([min(abs(b.current_min), b.current_max) for b in plant.alone])
+    travel = np.array([alone.rotor.clearance for alone in plant.isolated])
+    limit = np.array([min(abs(b.current_min), b.current_max) for b in plant.isolated])
     C = plant.H / (0.1 * travel)[:, None]
     Q = np.zeros((q, q))
     Q[: q // 2, : q // 2] = C.T @ C

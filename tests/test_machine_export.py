@@ -1,4 +1,4 @@
-"""A whole machine's filter as C: its self-test, compiled, gives Python's bits."""
+"""A machine's filter as C: its self-test, compiled, gives Python's bits."""
 
 from __future__ import annotations
 

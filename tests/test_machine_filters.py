@@ -1,4 +1,4 @@
-"""Estimators of a whole machine: by truth beside the bound, and as those of its axes alone."""
+"""Estimators of a machine: by truth beside the bound, and as those of its axes alone."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ambkit import (
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.states import judge_states
-from ambkit.machine.bank import Bank, alone_of, weights_of
+from ambkit.machine.bank import Bank, isolated_axes, weights_of
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import magnet_of
 from ambkit.simulation.run import Run, simulate_run
@@ -129,11 +129,13 @@ def test_axes_that_do_not_couple_are_filtered_as_bearings_alone(kind: str) -> No
     std[:4] = np.sqrt((back**2).sum(axis=1)) * 1e-5
     y, u = whole.whole.signals(record)  # type: ignore[union-attr]
     q0 = whole.whole.shown @ y[0]  # type: ignore[union-attr]
-    whole.reset(whole.at_rest(q0), std)
+    whole.reset(whole.equilibrium_state(q0), std)
     of_machine = whole.told(record.t, whole.core.run(y, u))
-    for k, (axis, alone) in enumerate(zip(one.axes, alone_of(one), strict=True)):
+    for k, (axis, alone) in enumerate(zip(one.axes, isolated_axes(one), strict=True)):
         own = KINDS[kind].make(alone, noise=noise)
-        own.reset(own.at_rest(float(H[k] @ q0)), [start[state.role] for state in own.states])
+        own.reset(
+            own.equilibrium_state(float(H[k] @ q0)), [start[state.role] for state in own.states]
+        )
         by_axis = own.told(record.t, own.core.run(y[:, k].copy(), u[:, k].copy()))
         # Starts differ: tilt and displacement are not correlated at first. That is forgotten.
         late = slice(600, None)
@@ -151,7 +153,7 @@ def test_step_by_step_it_says_the_same() -> None:
     kf = ExtendedKalmanFilter(one)
     whole = kf.run(record)
     y, u = kf.whole.signals(record)  # type: ignore[union-attr]
-    kf.reset(kf.at_first(y))
+    kf.reset(kf.initial_state(y))
     kf.core.update(y[0])
     for k in range(1, 300):
         got = kf.step(y[k], u[k - 1])
@@ -182,7 +184,7 @@ def test_each_preset_levitates_by_its_estimate(name: str) -> None:
     assert run.estimate is not None
     late = slice(3000, None)
     for axis in one.axes:
-        assert np.abs(run.record[f"s_{axis.name}"][late]).max() < 0.1 * axis.bearing.travel_limit
+        assert np.abs(run.record[f"s_{axis.name}"][late]).max() < 0.1 * axis.bearing.clearance
     assert run.samples_at_the_stop == 0
     assert np.mean(run.estimate["f_d_B2"][late]) == pytest.approx(push, rel=0.1)
 
@@ -200,7 +202,7 @@ def test_weight_is_known_or_a_disturbance() -> None:
 def test_magnets_are_known_one_by_one() -> None:
     one = machine()
     record = flown(one).record
-    laws = [magnet_of(each) for each in alone_of(one)]
+    laws = [magnet_of(each) for each in isolated_axes(one)]
     for given in (laws, Bank(laws), None):
         estimate = ExtendedKalmanFilter(one, given).run(record)  # type: ignore[arg-type]
         assert estimate.k_i.shape == (len(record), 4)
@@ -245,6 +247,6 @@ def test_a_record_of_something_else_is_told() -> None:
 
 
 def test_a_rotor_that_lands_is_not_judged() -> None:
-    """Of a backup bearing the models know nothing."""
-    with pytest.raises(AmbkitError, match="comes into a backup bearing"):
+    """Of a touch-down bearing the models know nothing."""
+    with pytest.raises(AmbkitError, match="comes into a touch-down bearing"):
         judge_states(machine(), seeds=1, load=3.0)

@@ -1,4 +1,4 @@
-"""The whole machine in flight: its plant against integration, its presets, its backup bearings."""
+"""The machine in flight: its plant against integration, its presets, its touch-down bearings."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from ambkit import AmbkitError, Machine, Scenario, magnet_of, simulate
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import core_module
 from ambkit.show.plots import simulation_figure
-from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.waveforms import Constant, HalfSine, Ramp, Step, Sum
@@ -61,7 +61,7 @@ def at_rest(one: Machine, q: Array, iu: Array) -> Array:
 def truth(one: Machine, iu: Array, growth: float) -> Any:
     """Rates of q, q', lagged readings and currents, from the equations, at any speed."""
     H, C = directions(one, one.axes), directions(one, one.readings)
-    cores = [magnet_of(one.alone(axis.name)).in_core(core_module()) for axis in one.axes]
+    cores = [magnet_of(one.isolated_axis(axis.name)).in_core(core_module()) for axis in one.axes]
     corners = [axis.bearing.amplifier.bandwidth for axis in one.axes]
     planes, masses = one.unbalances(), one.masses
 
@@ -138,7 +138,7 @@ def test_each_preset_levitates(name: str, start: Any) -> None:
     run = simulate_run(one, Scenario(start=start))
     late = slice(len(run.record) // 2, None)
     for axis in one.axes:
-        assert np.abs(run.record[f"s_{axis.name}"][late]).max() < 0.1 * axis.bearing.travel_limit
+        assert np.abs(run.record[f"s_{axis.name}"][late]).max() < 0.1 * axis.bearing.clearance
         assert (
             np.abs(run.record[f"iu_{axis.name}"][late]).max() < axis.bearing.amplifier.current_limit
         )
@@ -167,7 +167,7 @@ def test_axes_that_do_not_couple_fly_as_bearings_alone(voltage: float | None) ->
         scenario = Scenario(
             duration=0.05, noise=False, disturbance=push, controller={"feedback": "measurement"}
         )
-        alone = simulate(one.alone(axis.name), scenario)
+        alone = simulate(one.isolated_axis(axis.name), scenario)
         if voltage is not None:
             assert np.abs(alone["u_coil"]).max() > 0.999 * voltage
         for name, of_machine in (("x", "s"), ("u", "u"), ("f_mag", "f_mag")):
@@ -279,7 +279,9 @@ def test_a_foundation_that_moves_is_a_force_on_the_centre_of_mass() -> None:
     H = directions(one, one.axes)
     spread = np.linalg.pinv(H.T) @ np.array([0.0, -one.rotor.mass, 0.0, 0.0])
     pushed = shock.sample(shaken.t)[:, None] * spread
-    other = simulate_run(one, Scenario(duration=0.05), imposed=Imposed(pushed)).record
+    other = simulate_run(
+        one, Scenario(duration=0.05), external_inputs=ExternalInputs(pushed)
+    ).record
     assert np.abs(shaken["s_A2"]).max() > 1e-5
     for axis in one.axes:
         got, expected = (run[f"s_{axis.name}"] for run in (shaken, other))
@@ -297,7 +299,7 @@ def test_a_foundation_that_falls_leaves_a_rotor_without_weight() -> None:
 
 
 def test_a_whole_rotor_drops_and_lies_still() -> None:
-    """Where the power fails at 20 ms: free fall, then the backup bearings, then nothing moves."""
+    """Where the power fails at 20 ms: free fall, the touch-down bearings, then nothing moves."""
     one = machine(speed=0.0)
     run = simulate_run(one, Scenario(duration=0.4, noise=False, off=0.02))
     record = run.record

@@ -1,4 +1,4 @@
-"""A whole machine lifts off its backup bearings, flies and lands; simulated, and the same as C."""
+"""A machine lifts off its touch-down bearings, flies and lands; simulated, and the same as C."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from quick import quick
 from ambkit import AmbkitError, KalmanFilter, Machine, Record, Scenario, harmonics
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CExport, export_c
-from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Control, Disturbance
 from ambkit.simulation.sequence import LiftOff, Mode
@@ -39,7 +39,7 @@ def lifted(machine: Machine, **of_flight: object) -> Run:
 def share_of_travel(run: Run, late: slice) -> float:
     machine, record = run.machine, run.record
     return max(
-        float(np.abs(record[f"s_{axis.name}"][late]).max()) / axis.bearing.travel_limit
+        float(np.abs(record[f"s_{axis.name}"][late]).max()) / axis.bearing.clearance
         for axis in machine.axes
     )
 
@@ -60,7 +60,7 @@ def test_each_preset_lifts_flies_and_lands(name: str, feedback: str) -> None:
     down = slice(-20, None)  # it lies where it lay
     for axis in run.machine.axes:
         s = record[f"s_{axis.name}"]
-        assert abs(s[down].mean() - s[0]) < 0.3 * axis.bearing.travel_limit
+        assert abs(s[down].mean() - s[0]) < 0.3 * axis.bearing.clearance
 
 
 def test_lift_off_is_without_a_kick() -> None:
@@ -72,7 +72,7 @@ def test_lift_off_is_without_a_kick() -> None:
     for axis in run.machine.axes:
         s = record[f"s_{axis.name}"][up]
         assert np.abs(record[f"iu_{axis.name}"][up]).max() < 0.9 * limit
-        assert np.abs(s).max() < 1.15 * axis.bearing.travel_limit
+        assert np.abs(s).max() < 1.15 * axis.bearing.clearance
 
 
 def test_a_machine_without_its_readings_trips_and_lifts_again() -> None:
@@ -83,7 +83,9 @@ def test_a_machine_without_its_readings_trips_and_lifts_again() -> None:
     readings, fly = np.zeros((n, len(machine.readings))), np.ones(n)
     readings[2000:2400] = np.nan
     fly[2600:2650] = 0.0
-    mode = simulate_run(machine, flight, imposed=Imposed(readings=readings, fly=fly)).record["mode"]
+    mode = simulate_run(
+        machine, flight, external_inputs=ExternalInputs(readings=readings, fly=fly)
+    ).record["mode"]
     assert mode[1999] == Mode.FLYING
     assert mode[2500] == Mode.TRIPPED
     assert mode[2625] == Mode.OFF

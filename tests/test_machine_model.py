@@ -1,4 +1,4 @@
-"""The whole machine, sampled: against integration, and against itself in other words."""
+"""The machine, sampled: against integration, and against itself in other words."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_a_sample_is_exact_with_the_forces_held(name: str) -> None:
 @pytest.mark.parametrize("name", OF_KILOGRAMS)
 def test_the_nonlinear_machine_is_met_in_the_second_order(name: str) -> None:
     one = fast(name)
-    laws = [magnet_of(one.alone(axis.name)) for axis in one.axes]
+    laws = [magnet_of(one.isolated_axis(axis.name)) for axis in one.axes]
     cores = [law.in_core(core_module()) for law in laws]
     truth, end = Truth(one), 3.2e-3
 
@@ -202,7 +202,7 @@ def test_axes_that_do_not_couple_are_those_of_bearings_alone() -> None:
     after = model.L @ X + model.b @ (F + model.r @ X)
     shown = model.index("x_m_A1")
     for k, axis in enumerate(one.axes):
-        alone = machine_model(one.alone(axis.name))
+        alone = machine_model(one.isolated_axis(axis.name))
         own = np.array([H[k] @ X[:4], H[k] @ X[4:8], X[8 + k], X[shown + k]])
         moved = alone.L @ own + alone.b[:, 0] * (F[k] + own[2])
         got = np.array([H[k] @ after[:4], H[k] @ after[4:8], after[8 + k], after[shown + k]])

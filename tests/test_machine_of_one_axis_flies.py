@@ -20,7 +20,7 @@ def test_loops_over_the_pattern_fly_as_the_straight_line(name: str) -> None:
     one, (r, load) = loop.run().record, loop.series
     kalman = ambkit.KalmanFilter(machine)
     form = InLoops(machine, scenario, kalman, r[0], load[0], 0.0, [scenario.controller])
-    kalman.reset(np.ravel(kalman.at_rest(form.place, current=form.current)))
+    kalman.reset(np.ravel(kalman.equilibrium_state(form.place, current=form.current)))
     core = kalman.engine.core
     out = core.simulate(
         **form.arguments(core, kalman, None), estimator=kalman.core, r=r, load=load,

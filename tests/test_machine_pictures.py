@@ -1,4 +1,4 @@
-"""Modes, unbalance response and run-ups of whole machines, as pictures and as figures."""
+"""Modes, unbalance response and run-ups of machines, as pictures and as figures."""
 
 from __future__ import annotations
 

@@ -258,7 +258,7 @@ def test_each_is_switched_on_by_name() -> None:
     with pytest.raises(ValueError, match="some of unbalance and runout, got 'hum'"):
         KalmanFilter(one, synchronous=("hum",))
     with pytest.raises(ValueError, match="of a rotor that turns"):
-        KalmanFilter(one.alone("A1"), synchronous=("runout",))
+        KalmanFilter(one.isolated_axis("A1"), synchronous=("runout",))
 
 
 def test_a_filter_that_has_turned_comes_back() -> None:

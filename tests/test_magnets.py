@@ -38,7 +38,7 @@ def places(draw: st.DrawFn) -> tuple[Bearing, float, float]:
     b = BEARINGS[draw(st.sampled_from(sorted(BEARINGS)))]
     low, high = b.current_min, b.current_max
     iu = low + (high - low) * 0.5 * (1 + draw(share))
-    return b, iu, b.rotor.travel_limit * draw(share)
+    return b, iu, b.rotor.clearance * draw(share)
 
 
 # ---- the closed law ----
@@ -105,7 +105,7 @@ def test_through_the_origin_is_the_limit_of_the_papers_least_squares(
     bearing: Bearing, a: float, b: float
 ) -> None:
     """The nine points of eq. 27 shrink; what is left falls with the square of their distance."""
-    iu, x = a * bearing.current_max * 0.5, b * 0.5 * bearing.rotor.travel_limit
+    iu, x = a * bearing.current_max * 0.5, b * 0.5 * bearing.rotor.clearance
     limit = np.array(through_origin(ClosedLaw(bearing).in_core(CORE), iu, x))
 
     ampere, metre = equally_far(bearing)
@@ -211,7 +211,7 @@ def test_a_table_needs_two_by_two_nodes_of_one_shape() -> None:
 def test_in_single_precision_the_law_is_the_same_to_its_digits(bearing: Bearing) -> None:
     rng = np.random.default_rng(2)
     iu = rng.uniform(bearing.current_min, bearing.current_max, 1000).astype(np.float32)
-    x = (0.5 * bearing.rotor.travel_limit * rng.uniform(-1, 1, 1000)).astype(np.float32)
+    x = (0.5 * bearing.rotor.clearance * rng.uniform(-1, 1, 1000)).astype(np.float32)
     law = ClosedLaw(bearing)
     single, double = law.in_core(core_module("float32")), law.in_core(CORE)
     wide = iu.astype(float), x.astype(float)

@@ -24,8 +24,8 @@ from ambkit import (
 )
 from ambkit.estimate.batch import instruction_sets
 from ambkit.estimate.registry import KINDS
+from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.figures import FIGURES, FLAGS
-from ambkit.simulation.imposed import Faults, Imposed
 from ambkit.simulation.many import windows
 from ambkit.simulation.noise import Stream
 from ambkit.simulation.run import Run
@@ -64,14 +64,17 @@ def mixture() -> list[Planned]:
             plant = BEARING.replace(rotor__mass=BEARING.rotor.mass * (1 + 0.03 * k))
             runs.append(Planned(plant, (SCENARIO, LOST, MEASURED)[k % 3], kind, number=k))
     n = 801
+    weaker = ExternalInputs(magnet_scale=np.linspace(1, 0.9, n))
+    silent = ExternalInputs(sensor_noise=np.zeros(n))
+    late = ExternalInputs(faults=Faults(**{**Faults.none(n).series, "late": np.ones(n)}))
     runs += [
         Planned(quantised, SCENARIO, KALMAN, number=7),
         Planned(BEARING, MEASURED),
-        Planned(BEARING, SCENARIO, KALMAN, imposed=Imposed(magnet_scale=np.linspace(1, 0.9, n))),
-        Planned(BEARING, SCENARIO, KALMAN, imposed=Imposed(sensor_noise=np.zeros(n))),
+        Planned(BEARING, SCENARIO, KALMAN, external_inputs=weaker),
+        Planned(BEARING, SCENARIO, KALMAN, external_inputs=silent),
         Planned(
             BEARING, MEASURED, KALMAN,
-            imposed=Imposed(faults=Faults(**{**Faults.none(n).series, "late": np.ones(n)})),
+            external_inputs=late,
         ),
         Planned(BEARING, SCENARIO, ambkit.KalmanFilter(BEARING, precision="float32"), number=2),
     ]  # fmt: skip
@@ -125,7 +128,7 @@ def by_hand(run: Run) -> dict[str, float]:
         nis = estimate.nis[1:][estimate.used[1:]]
         found["nis"] = np.nanmean(nis) if np.isfinite(nis).any() else np.nan
     if where.load is not None:
-        late = np.flatnonzero(np.abs(away)[where.load :] > 0.05 * BEARING.rotor.travel_limit)
+        late = np.flatnonzero(np.abs(away)[where.load :] > 0.05 * BEARING.rotor.clearance)
         never = late.size and late[-1] == len(record) - where.load - 1
         found["recovery"] = np.inf if never else (late[-1] + 1) * T if late.size else 0.0
     if where.step is not None:

@@ -115,7 +115,7 @@ def test_score_and_information_are_those_of_the_likelihood(records):
 
 
 def test_k_and_m_from_one_experiment_are_told_to_be_alike(records):
-    free = ["magnet_constant", "mass", "measurement_noise", "load_growth"]
+    free = ["magnet_constant", "mass", "measurement_noise", "disturbance_noise"]
     found = maximum_likelihood(records[0], TRUTH, free)
     assert "cannot be told apart" in found.held["mass"]
     assert "magnet_constant" in found.held["mass"]
@@ -170,7 +170,7 @@ def test_a_gap_may_be_less_than_the_travel_of_the_description_and_that_is_told()
     close = roomy.replace(magnet__air_gap=0.9e-3)
     model, (told,) = narrowed([record], given, close)
     assert "no room for the travel of 1 mm" in told
-    assert model.bearing.rotor.travel_limit < 0.9e-3
+    assert model.bearing.rotor.clearance < 0.9e-3
     wide, nothing = narrowed([record], given, roomy)
     assert wide.bearing == given.bearing
     assert not nothing
@@ -180,7 +180,7 @@ def test_what_two_stiffnesses_do_not_tell_is_in_the_errors():
     """A ball that moves slowly about one place tells two stiffnesses, not three figures."""
     ball = Bearing.preset("inteco_ml").replace(sensor__noise_variance=2.4e-10)
     record = Record.load(recordings.folder() / "sinus_kalman.csv")
-    start = LoopModel(ball, load_growth=1e-5)
+    start = LoopModel(ball, disturbance_noise=1e-5)
     free = ["magnet_constant", "air_gap", "current_offset"]
     found = maximum_likelihood(record, start, free)
     assert not found.held
@@ -199,18 +199,20 @@ def test_what_two_stiffnesses_do_not_tell_is_in_the_errors():
 
 def test_noises_are_where_the_restricted_likelihood_is_greatest(records):
     """Against the textbook's: maximise over the others, take off half of ln det, maximise that."""
-    free = named(["load_growth", "position_offset", "air_gap"])
-    others = [p for p in free if p.name != "load_growth"]
+    free = named(["disturbance_noise", "position_offset", "air_gap"])
+    others = [p for p in free if p.name != "disturbance_noise"]
     best = climb(records[:1], TRUTH, free, 0.01)
 
     def loss(log_growth):
-        model = best.model.replace(load_growth=math.exp(log_growth) * best.model.load_growth)
+        model = best.model.replace(
+            disturbance_noise=math.exp(log_growth) * best.model.disturbance_noise
+        )
         top = climb(records[:1], model, others, 0.01)
         return 0.5 * np.linalg.slogdet(top.local.information)[1] - top.local.value
 
     textbook = minimize_scalar(loss, bounds=(-0.3, 0.5), method="bounded", options={"xatol": 1e-4})
     model = restricted(records[:1], best.model, best.local, free, 0.01)
-    moved = math.log(model.load_growth / best.model.load_growth)
+    moved = math.log(model.disturbance_noise / best.model.disturbance_noise)
     assert moved > 0.01
     assert moved == pytest.approx(textbook.x, rel=0.15)
     alone = climb(records[:1], TRUTH, free[-1:], 0.01)
@@ -234,7 +236,7 @@ def spoilt(record, kind):
 def test_a_control_signal_that_was_lost_biases_nothing(kind):
     quiet = TRUTH.replace(amplifier__noise_variance=4e-5, sensor__noise_variance=1e-12)
     record = closed_loops(quiet, 1, first=43)[0]
-    free = ["magnet_constant", "current_offset", "load_growth"]
+    free = ["magnet_constant", "current_offset", "disturbance_noise"]
     whole = maximum_likelihood(record, quiet, free, improve_start=False)
     lost = spoilt(record, kind)
     found = maximum_likelihood(lost, quiet, free, improve_start=False)
@@ -244,7 +246,7 @@ def test_a_control_signal_that_was_lost_biases_nothing(kind):
         assert found.standard_error(name) < 1.5 * whole.standard_error(name), name
     believed = Record(lost.t, {"y": lost["y"], "u": filled(lost["u"])})
     held = maximum_likelihood(believed, quiet, free, improve_start=False)
-    assert held["load_growth"] > 1.4 * whole["load_growth"]  # what it was like
+    assert held["disturbance_noise"] > 1.4 * whole["disturbance_noise"]  # what it was like
 
 
 @pytest.mark.long
@@ -252,7 +254,7 @@ def test_a_control_signal_that_is_lost_wherever_it_jumps_only_tells_less(records
     u = records[0]["u"].copy()
     u[::7] = np.nan  # the shaking of these loops jumps every seventh sample
     lost = Record(records[0].t, {"y": records[0]["y"], "u": u})
-    free = ["magnet_constant", "load_growth"]
+    free = ["magnet_constant", "disturbance_noise"]
     found = maximum_likelihood(lost, TRUTH, free, improve_start=False)
     whole = maximum_likelihood(records[0], TRUTH, free, improve_start=False)
     for name in free:
@@ -275,14 +277,14 @@ def test_finite_steps_of_the_filter_bias_nothing():
     """As the search with steps sixteen times as short, where the record tells the difference."""
     pump = Bearing.preset("zittau_axial").replace(
         magnet__magnet_constant=2.4e-6, magnet__bias_current=1.8, magnet__air_gap="0.75 mm",
-        rotor__mass=1.7, rotor__travel_limit="0.3 mm", amplifier__gain=0.4,
+        rotor__mass=1.7, rotor__clearance="0.3 mm", amplifier__gain=0.4,
         amplifier__current_limit=1.8, amplifier__noise_variance=4e-5, sensor__lag="0.15 ms",
         sensor__noise_variance="1 µm^2",
     )  # fmt: skip
     swing = Sine(amplitude=1e-4, frequency=40.0) + Sine(amplitude=2e-5, frequency=330.0)
     loop = Scenario(duration=0.5, controller=PID.for_bearing(pump), reference=swing)
-    run, start = [simulate(pump, loop)], LoopModel(pump, load_growth=0.05)
-    free = named(["sensor_lag", "magnet_constant", "air_gap", "load_growth"])
+    run, start = [simulate(pump, loop)], LoopModel(pump, disturbance_noise=0.05)
+    free = named(["sensor_lag", "magnet_constant", "air_gap", "disturbance_noise"])
     coarse = climb(run, start, free, 0.01)
     fine = climb(run, start.replace(substeps=64), free, 0.01).model
     errors = np.sqrt(np.diag(np.linalg.inv(coarse.local.information)))
@@ -293,7 +295,10 @@ def test_finite_steps_of_the_filter_bias_nothing():
 def test_what_a_record_does_not_depend_on_is_held(records):
     blind = TRUTH.replace(amplifier__noise_variance=1e-12)
     found = maximum_likelihood(
-        records[0], blind, ["magnet_constant", "control_noise", "load_growth"], improve_start=False
+        records[0],
+        blind,
+        ["magnet_constant", "control_noise", "disturbance_noise"],
+        improve_start=False,
     )
     assert found.bearing.amplifier.noise_variance > 1e-6 or "control_noise" in found.held
 
@@ -357,7 +362,7 @@ def test_one_sided_magnet_is_identified():
     record = simulate(bearing, scenario)
     start = bearing.replace(magnet__magnet_constant=1.1 * bearing.magnet.magnet_constant)
     found = maximum_likelihood(
-        record, start, ["magnet_constant", "measurement_noise", "load_growth"]
+        record, start, ["magnet_constant", "measurement_noise", "disturbance_noise"]
     )
     low, high = found.interval("magnet_constant")
     assert low < bearing.magnet.magnet_constant < high
@@ -424,7 +429,7 @@ def test_mean_force_is_that_of_a_noisy_current(preset):
 
     law, with_noise = ClosedLaw(bearing), ClosedLaw(raised)
     for iu, x in ((0.0, 0.2), (0.15, 0.1), (-0.2, -0.2)):
-        iu, x = iu * i0, x * bearing.rotor.travel_limit
+        iu, x = iu * i0, x * bearing.rotor.clearance
         true = mean(law, iu, x)
         without = abs(float(law.force(iu, x)) - true)
         left = abs(float(with_noise.force(raised.amplifier.gain / gain * iu, x)) - true)
@@ -439,7 +444,7 @@ def test_delay_of_the_plant_is_found_on_a_record_of_the_simulator():
         reference=Sine(amplitude=0.1e-3, frequency=30) + Sine(amplitude=5e-6, frequency=300),
     )
     record = simulate(bearing, scenario)
-    found = maximum_likelihood(record, bearing, ["delay", "load_growth"])
+    found = maximum_likelihood(record, bearing, ["delay", "disturbance_noise"])
     low, high = found.interval("delay")
     assert low < 0 < high
     assert found.standard_error("delay") < 0.3 * bearing.sampling_time

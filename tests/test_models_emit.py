@@ -92,7 +92,7 @@ class Compiled:
             "shown_with(const double *cov, double *with)":
                 f"for (int r = 0; r < {m}; r++) "
                 "amb_model_shown_with(&model, r, cov, &with[r * AMB_STATES])",
-            "at_rest(double *mean)": "amb_model_at_rest(&model, mean)",
+            "at_rest(double *mean)": "amb_model_equilibrium(&model, mean)",
             "roles(double *role)":
                 "for (int i = 0; i < amb_states(&model); i++) role[i] = amb_model_role(&model, i)",
         }  # fmt: skip

@@ -50,7 +50,7 @@ def overhung(**rotor: Any) -> Machine:
             ],
         } | rotor,
         bearing=[
-            {"name": name, "place": place, "angle": math.pi / 4, "travel_limit": 0.15e-3,
+            {"name": name, "place": place, "angle": math.pi / 4, "clearance": 0.15e-3,
              "magnet": magnet, "amplifier": amplifier}
             for name, place in (("A", 0.07), ("B", 0.24))
         ],

@@ -1,4 +1,4 @@
-"""What self-tests of whole machines do not see is known, with its reason: mutants, and lines."""
+"""What self-tests of machines do not see is known, with its reason: mutants, and lines."""
 
 from __future__ import annotations
 

@@ -203,7 +203,7 @@ def test_a_run_longer_than_the_memory_is_refused(call):
         assert "memory holds" in err
 
 
-# Anything in the place of a file
+# Anything instead of a file
 
 CONTENTS = {
     "empty": b"",

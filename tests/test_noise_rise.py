@@ -12,13 +12,13 @@ from ambkit.identification.maximum_likelihood import maximum_likelihood
 from benchmarks.identification import TRUTH, closed_loops
 
 RISE = -700.0  # 1/m
-BEARING = Bearing.preset("zittau_axial").replace(sensor__noise_rise=RISE)
+BEARING = Bearing.preset("zittau_axial").replace(sensor__position_noise=RISE)
 
 
 def test_it_goes_with_a_bearing_through_its_file() -> None:
     again = Bearing.from_toml(BEARING.to_toml())
-    assert again.sensor.noise_rise == RISE
-    assert "noise_rise" not in Bearing.preset("zittau_axial").to_toml()
+    assert again.sensor.position_noise == RISE
+    assert "position_noise" not in Bearing.preset("zittau_axial").to_toml()
 
 
 @pytest.mark.parametrize("kind", ["linear", "extended", "ud", "unscented"])
@@ -28,7 +28,7 @@ def test_a_filter_expects_the_noise_of_where_the_rotor_is(kind: str, at: float) 
     std = [1e-5, 1e-2, 1.0, 1e-5]
     share = min(max(1 + RISE * at, 1 / 8), 8.0)
     even = BEARING.replace(
-        sensor__noise_rise=0.0, sensor__noise_variance=share**2 * BEARING.sensor.noise_variance
+        sensor__position_noise=0.0, sensor__noise_variance=share**2 * BEARING.sensor.noise_variance
     )
     rising, level = (KINDS[kind].make(b) for b in (BEARING, even))
     for one in (rising, level):
@@ -54,14 +54,14 @@ def test_a_simulated_sensor_is_noisier_on_one_side() -> None:
 
 @pytest.mark.study
 def test_it_is_found_beside_all_else_with_an_honest_error() -> None:
-    truth = TRUTH.replace(sensor__noise_rise=4000.0)
+    truth = TRUTH.replace(sensor__position_noise=4000.0)
     records = closed_loops(truth, 2, first=3)
-    start = TRUTH.replace(known={"noise_rise": (0.0, 5000.0)})
+    start = TRUTH.replace(known={"position_noise": (0.0, 5000.0)})
     found = maximum_likelihood(records, start, improve_start=False)
-    error = found.standard_error("noise_rise")
+    error = found.standard_error("position_noise")
     assert error < 1000
-    assert abs(found["noise_rise"] - 4000) < 3 * error
+    assert abs(found["position_noise"] - 4000) < 3 * error
     assert abs(found["measurement_noise"] / 4e-12 - 1) < 3 * found.errors[-3]
-    low, high = found.interval("noise_rise")
+    low, high = found.interval("position_noise")
     assert low > 0
     assert high < 8000

@@ -23,7 +23,7 @@ from ambkit.identification.online.result import OnlineResult, mean_error
 from ambkit.identification.online.side_by_side import SideBySide, learn_online
 from ambkit.result.report.items import Band, Line, Rule, Span
 from ambkit.show.plots.online import online_figure
-from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.external_inputs import ExternalInputs
 
 Array = NDArray[np.float64]
 BEARING = Bearing.preset("zittau_axial")
@@ -41,12 +41,14 @@ def moved(seed: int = 0, *, load: float = 0.0, colour: float = 0.0, step: float 
         duration=1.0, seed=seed, reference=reference, disturbance=Constant(value=load),
         controller=PID.model_copy(update={"feedback": "measurement"}),
     )  # fmt: skip
-    imposed = None
+    external_inputs = None
     if colour:
         pole = math.exp(-1 / colour)
         white = np.random.default_rng(seed).normal(0, BEARING.sensor.noise_variance**0.5, 10_001)
-        imposed = Imposed(sensor_noise=lfilter([(1 - pole**2) ** 0.5], [1, -pole], white))
-    return ambkit.simulate(BEARING, scenario, imposed=imposed)
+        external_inputs = ExternalInputs(
+            sensor_noise=lfilter([(1 - pole**2) ** 0.5], [1, -pole], white)
+        )
+    return ambkit.simulate(BEARING, scenario, external_inputs=external_inputs)
 
 
 def errors(records: list[Record]) -> dict[str, Array]:

@@ -11,7 +11,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import magnet_of
-from ambkit.simulation.linear.pieces import Orbit, WorkPoint, plant
+from ambkit.simulation.linear.pieces import OperatingPoint, Orbit, plant
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.assessing import MEASUREMENT
@@ -72,10 +72,10 @@ def test_stiffnesses_are_means_over_a_turn():
         )
     )  # fmt: skip
     m = ZITTAU.rotor.mass
-    found = plant(ZITTAU, WorkPoint(iu, x, swing))
+    found = plant(ZITTAU, OperatingPoint(iu, x, swing))
     fastest = np.log(np.abs(found.unstable()).max()) / found.T
     assert fastest == pytest.approx(math.sqrt(k_s / m), rel=1e-6)
-    at_rest = plant(ZITTAU, WorkPoint(iu, x))
+    at_rest = plant(ZITTAU, OperatingPoint(iu, x))
     ratio = found.response([200.0])[0, 0, 0] / at_rest.response([200.0])[0, 0, 0]
     w2 = (2 * math.pi * 200.0) ** 2
     rest = [float(k) for k in law.tangent(iu, x)]

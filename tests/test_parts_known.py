@@ -11,8 +11,8 @@ from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison import criteria
 from ambkit.judge.comparison.bench import bench
 from ambkit.judge.comparison.bound import bearing_bound
+from ambkit.judge.comparison.candidates import candidates
 from ambkit.judge.comparison.cases import CASES
-from ambkit.judge.comparison.contenders import contenders
 from ambkit.judge.faults.campaign import inject_faults
 from ambkit.models import machine_model
 from ambkit.workflow.tuning import default_disturbance, tune_disturbance
@@ -80,7 +80,7 @@ def test_the_comparison_judges_all_and_nobody_is_below_the_limit(name: str) -> N
         def step(self, y: float, _u: float) -> tuple[float, float, float, float]:
             return y, np.nan, np.nan, y
 
-    field = contenders(MADE, bearing, custom={"raw": lambda _bearing: Raw()})
+    field = candidates(MADE, bearing, custom={"raw": lambda _bearing: Raw()})
     made = bench(bearing, CASES["model"], field, runs=6)
     assert made.stopped == 0
     right = made.best["extended"]
@@ -188,11 +188,11 @@ def test_a_filter_takes_over_from_one_of_the_same_states_alone() -> None:
     record = flown(bearing, 0, 0.1)
     old, new = ambkit.KalmanFilter(bearing), ambkit.ExtendedKalmanFilter(bearing)
     old.run(record)
-    new.take_over(old)
+    new.transfer_from(old)
     np.testing.assert_array_equal(new.mean, old.mean)
     np.testing.assert_array_equal(new.covariance, old.covariance)
     with pytest.raises((ValueError, TypeError)):
-        ambkit.ExtendedKalmanFilter(BEARING).take_over(old)
+        ambkit.ExtendedKalmanFilter(BEARING).transfer_from(old)
 
 
 @pytest.mark.parametrize("name", PARTS)
@@ -233,7 +233,7 @@ def test_who_predicts_little_follows_the_controls_all_the_same(kind: str) -> Non
     np.testing.assert_allclose(estimate["u_2"][2:], iu[:-2], rtol=1e-12, atol=1e-15)
     half = np.exp(-2 * np.pi * 200 * T / 2)  # of a sample, in which the older of two acts
     holding = estimate["i"][0]  # what was demanded before the first sample, too
-    assert holding == pytest.approx(bearing.hover_current, abs=0.05)
+    assert holding == pytest.approx(bearing.levitation_current, abs=0.05)
     i = np.full(len(iu), holding)
     for k in range(2, len(iu)):
         older = half * i[k - 1] + (1 - half) * (iu[k - 3] if k > 2 else holding)
@@ -266,6 +266,6 @@ def test_who_knows_no_noise_says_nothing_of_it(kind: str) -> None:
     assert estimate.names == ("x", "v", "f_d", "x_m")
     assert estimate.sensor_noise is None
     np.testing.assert_array_equal(estimate.mean, KINDS[kind].make(BEARING).run(record).mean)
-    if kind == "observer":  # what it expects is that of the whole machine
+    if kind == "observer":  # what it expects is that of the machine
         assert 0.85 < np.mean(estimate.nis[300:]) < 1.15
         assert 0.5 < criteria.rms(estimate.x - record["x"]) / np.mean(estimate.std("x")) < 2.0

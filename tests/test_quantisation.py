@@ -8,7 +8,7 @@ from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.observer import unstable_pole
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison import criteria
-from ambkit.simulation.imposed import Faults, Imposed
+from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 
@@ -34,8 +34,8 @@ def flown(ratio, feedback="measurement", wander=None, stuck=None, seed=0, stated
         none = Faults.none(N)
         late = np.maximum(np.arange(N) - stuck + 1.0, 0.0)
         faults = Faults(late, none.y_times, none.y_plus, none.u_times, none.u_plus, none.current)
-    imposed = Imposed(disturbance=load, faults=faults)
-    record = simulate_run(bearing, scenario, estimator=kalman, imposed=imposed)
+    external_inputs = ExternalInputs(disturbance=load, faults=faults)
+    record = simulate_run(bearing, scenario, estimator=kalman, external_inputs=external_inputs)
     return record.record, record.estimate, kalman
 
 
@@ -89,8 +89,10 @@ def test_a_constant_gain_in_the_loop_is_no_worse_than_raw(kind, name, ratio):
     for seed in range(4):
         load = np.cumsum(np.random.default_rng(seed).normal(size=N)) * walk
         made = Scenario(duration=(N - 1) * bearing.sampling_time, seed=seed, controller=pid)
-        imposed = Imposed(disturbance=load)
-        run = simulate_run(bearing, made, estimator=KINDS[kind].make(bearing), imposed=imposed)
+        external_inputs = ExternalInputs(disturbance=load)
+        run = simulate_run(
+            bearing, made, estimator=KINDS[kind].make(bearing), external_inputs=external_inputs
+        )
         assert not (run.estimate.status & ambkit.Status.FROZEN).any()
         ours.append(run.estimate["x"] - run.record["x"])
         raw.append(run.record["y"] - run.record["x"])
@@ -115,7 +117,9 @@ def test_a_slowly_sampled_stuck_sensor_is_flagged_within_three_own_times():
     faults = Faults(since, none.y_times, none.y_plus, none.u_times, none.u_plus, none.current)
     made = Scenario(duration=(N - 1) * bearing.sampling_time)
     kalman = ambkit.ExtendedKalmanFilter(bearing)
-    run = simulate_run(bearing, made, estimator=kalman, imposed=Imposed(faults=faults))
+    run = simulate_run(
+        bearing, made, estimator=kalman, external_inputs=ExternalInputs(faults=faults)
+    )
     flagged = np.flatnonzero(run.estimate.status & ambkit.Status.FROZEN)
     assert 0 <= (flagged[0] - 2000) * bearing.sampling_time <= 3 / unstable_pole(bearing)
 

@@ -22,7 +22,7 @@ from ambkit.data.reading.clock import examine
 from ambkit.data.reading.guess import guess
 from ambkit.data.reading.suspects import suspects
 from ambkit.data.record import Record
-from ambkit.judge.belongs import evaluate_record
+from ambkit.judge.plausibility import evaluate_record
 from ambkit.show import plots
 from ambkit.show.plots.reading import reading_figure
 from ambkit.show.plots.refused import refused_figure

@@ -77,7 +77,7 @@ def step_response() -> Figure:
         Line(t, np.full_like(t, 0.5e-3), signal="reference"),
         Line(t, x, signal="truth"),
         Line(t, x + 1e-6 * noise.standard_normal(t.size), signal="estimate adaptive"),
-        Rule(0.9e-3, text="travel limit", signal="limit", label=""),
+        Rule(0.9e-3, text="clearance", signal="limit", label=""),
     ]
     load = [
         Band(t[::50], force[::50] - 0.3, force[::50] + 0.3, label="2 σ of the filter"),
@@ -106,7 +106,7 @@ def force_map() -> Figure:
     error = force - 10.05 * current - 7537.5 * position
     axes = Axis("control current $i_u$", "A"), Axis("displacement $x$", "mm", 1e3)
     signed = Heatmap(i, x, error, Axis("error", "N"), diverging=True)
-    points = Points(i[::15], x[::10], signal="paper", label="work points")
+    points = Points(i[::15], x[::10], signal="paper", label="operating points")
     return Figure(
         "force-map",
         "Magnet force",

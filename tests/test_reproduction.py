@@ -178,7 +178,7 @@ def test_what_the_readme_says_was_found_is_what_is_computed(outcome):
         ("takes over without a jump, {} N; where", ".3f", ["chain.learned"]),
         ("where the constant is told, {} N", ".3f", ["chain.told"]),
         ("to {} % in the worst", ".2f", ["fig12.worst"]),
-        ("{} N with the paper's 25 work points", ".2f", ["gain.adaptive"]),
+        ("{} N with the paper's 25 operating points", ".2f", ["gain.adaptive"]),
         ("{} N with the rules spread", ".2f", ["gain.wide"]),
         ("{} N with the closed force law", ".2f", ["gain.closed"]),
         ("worse than none**: {} N rms", ".2f", ["force_rms.printed"]),

@@ -11,7 +11,7 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.validation import validate
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
-FREE = ("measurement_noise", "control_noise", "load_growth", "current_offset")
+FREE = ("measurement_noise", "control_noise", "disturbance_noise", "current_offset")
 
 
 def log(name: str, begin: float, end: float) -> ambkit.Record:

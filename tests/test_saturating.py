@@ -157,8 +157,8 @@ def test_steps_that_are_not_the_law_are_refused(change: tuple[str, str, str]) ->
 
 
 @BEARINGS
-def test_the_hover_current_carries_the_rotor(b: Bearing) -> None:
-    left = magnet_of(b).force(b.hover_current, 0.0) + b.weight
+def test_the_levitation_current_carries_the_rotor(b: Bearing) -> None:
+    left = magnet_of(b).force(b.levitation_current, 0.0) + b.weight
     assert abs(float(left)) < 1e-12 * b.rotor.mass * 9.81
 
 
@@ -187,7 +187,7 @@ def test_an_angle_takes_its_cosine() -> None:
         (
             'turns = 208\npole_area = "290 mm^2"\npole_angle = "22.5 deg"\n',
             'magnet_constant = "3.6 N mm^2/A^2"\n',
-            "iron.toml:9: magnet.iron_length: needs turns and pole_area in the place of",
+            "iron.toml:9: magnet.iron_length: needs turns and pole_area instead of",
         ),
         (
             'turns = 208\npole_area = "290 mm^2"\n',
@@ -284,7 +284,7 @@ def test_its_constant_is_identified() -> None:
     shaken = SHAKEN.model_copy(update={"duration": 1.0, "reference": REFERENCE})
     record = simulate_run(truth, shaken).record
     assert not record.meta["stop_touched"]
-    free = ["magnet_constant", "air_gap", "load_growth"]
+    free = ["magnet_constant", "air_gap", "disturbance_noise"]
     found = maximum_likelihood(record, TWO_SIDED, free=free)
     assert found.bearing.magnet.saturation == 1.6
     assert found.bearing.magnet.turns == 208

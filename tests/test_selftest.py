@@ -37,8 +37,8 @@ FAULTS = {
     "variance -1": ("{}.c", "variance = result->variance[0]", "variance = AMB_C(-1.0)"),
     "outliers never told": (
         "core/src/kalman_step.h",
-        "return surprised | outlier;",
-        "return surprised | (outlier & ~AMB_OUTLIER);",
+        "return inconsistent | outlier;",
+        "return inconsistent | (outlier & ~AMB_OUTLIER);",
     ),
     "outliers left out for ever": (
         "core/src/kalman_step.h",
@@ -50,10 +50,10 @@ FAULTS = {
         "(e * e) > (kf->gate_squared * S)",
         "(e * e) > (AMB_C(10000.0) * kf->gate_squared * S)",
     ),
-    "SURPRISED never told": (
+    "INCONSISTENT never told": (
         "core/src/kalman_step.h",
-        "(share > AMB_SURPRISING) ? AMB_SURPRISED : AMB_OK",
-        "(share > AMB_SURPRISING) ? AMB_OK : AMB_OK",
+        "(share > AMB_INCONSISTENT_SHARE) ? AMB_INCONSISTENT : AMB_OK",
+        "(share > AMB_INCONSISTENT_SHARE) ? AMB_OK : AMB_OK",
     ),
     "HELD never told": ("core/src/envelope.c", "sound ? AMB_HELD", "sound ? AMB_OK"),
     "outlier_limit 3,000": ("{}_data.c", ".outlier_limit = 3U", ".outlier_limit = 3000U"),
@@ -224,10 +224,10 @@ def test_edited_constants_are_named(exported: Exported, tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["linear", "tabulated", "multiple-model"])
 def test_what_it_visits_ships_beside_it(exported: Exported, kind: str) -> None:
     text = (exported(kind).folder / "selftest" / "COVERAGE.md").read_text()
-    for flag in ("MISSING", "FROZEN", "SATURATED", "BAD_CONTROL", "HELD", "OUTLIER", "SURPRISED",
+    for flag in ("MISSING", "FROZEN", "SATURATED", "BAD_CONTROL", "HELD", "OUTLIER", "INCONSISTENT",
                  "RESTARTED"):  # fmt: skip
         assert re.search(rf"\| `AMB_{flag}` \| [1-9]\d* samples \|", text), flag
     low, high = map(float, re.search(r"\| `x` \| (\S+) to (\S+) m", text).groups())  # type: ignore[union-attr]
-    travel = BEARING.rotor.travel_limit
+    travel = BEARING.rotor.clearance
     assert low < -0.9 * travel
     assert high > 0.9 * travel

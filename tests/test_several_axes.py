@@ -381,7 +381,7 @@ def test_another_axis_goes_on_as_if_it_were_alone(kind: str, fault: str) -> None
     assert (np.abs(ours["mean"][:, second] - theirs["mean"]) <= 1e-9 * sigma).all()
     close(P, full(theirs["covariance"]), sigma[:, :, None] * sigma[:, None])
     assert ours["status"].any()
-    assert not (ours["health"][:, 1] & ~np.uint16(Status.SURPRISED)).any()
+    assert not (ours["health"][:, 1] & ~np.uint16(Status.INCONSISTENT)).any()
     seen = Status(int(np.bitwise_or.reduce(ours["status"])))
     assert seen & (Status.HELD if fault == "lost" else Status.RESTARTED)
     # And the first is found again.

@@ -156,7 +156,7 @@ def test_a_spike_moves_neither_what_is_identified_nor_what_is_tuned(height):
     y = run["y"].copy()
     y[[1234, 4000]] += height
     spiked = Record(run.t, {name: run[name] for name in run} | {"y": y}, run.units, run.meta)
-    free = ("measurement_noise", "load_growth")
+    free = ("measurement_noise", "disturbance_noise")
     found = [maximum_likelihood(r, bearing, free, profile=False) for r in (run, spiked)]
     assert found[0].remarks == []
     assert found[1].remarks == [

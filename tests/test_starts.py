@@ -75,14 +75,14 @@ def test_a_first_measurement_that_is_a_spike(kind: str, precision: Any) -> None:
 @pytest.mark.parametrize("name", ["observer", "steady-state"])
 @pytest.mark.parametrize("lag", [2e-4, 2e-5])
 @both
-def test_an_observer_that_saw_the_travel_limit_comes_back(
+def test_an_observer_that_saw_the_clearance_comes_back(
     name: str, lag: float, precision: Any
 ) -> None:
     """The paper's rig, and a sensor much faster than a sample."""
     bearing = BEARING.replace(sensor__lag=lag)
     record = ambkit.simulate(bearing, Scenario(duration=1.0, seed=2))
     y = record["y"].copy()
-    limit = bearing.rotor.travel_limit
+    limit = bearing.rotor.clearance
     y[3000:3100] = limit + np.random.default_rng(0).normal(0, 1e-6, 100)
     estimate = (
         KINDS[name]

@@ -16,7 +16,7 @@ from ambkit import (
 )
 from ambkit.base.errors import AmbkitError
 from ambkit.export import statespace
-from ambkit.simulation.linear.pieces import WorkPoint
+from ambkit.simulation.linear.pieces import OperatingPoint
 
 LOOPS = [
     Control(kp=3000.0, ki=20000.0, kd=12.0, setpoint_weight=0.7, feedback="estimate"),
@@ -31,7 +31,7 @@ def bearing():
 
 @pytest.fixture(scope="module")
 def stiffness(bearing):
-    return [float(k) for k in magnet_of(bearing).tangent(*WorkPoint.hovering(bearing)[:2])]
+    return [float(k) for k in magnet_of(bearing).tangent(*OperatingPoint.equilibrium(bearing)[:2])]
 
 
 def test_poles_of_the_plant_are_those_of_the_unstable_rotor_and_the_sensor(bearing, stiffness):

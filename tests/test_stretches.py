@@ -8,7 +8,7 @@ import pytest
 import ambkit
 from ambkit import Bearing
 from ambkit.estimate.registry import KINDS
-from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Loop, samples, simulate_run
 
 BEARING = Bearing.preset("zittau_axial")
@@ -33,7 +33,7 @@ def flown(loop: Loop, change: bool = False) -> tuple[np.ndarray, np.ndarray]:
         runs.append(loop.run(until))
         if change:
             new = type(loop.estimator)(BEARING, loop.estimator.magnet)
-            new.take_over(loop.estimator)
+            new.transfer_from(loop.estimator)
             loop.estimator = new
     rows = [np.column_stack([r.record[s] for s in ("x", "v", "y", "u", "f_mag")]) for r in runs]
     return np.concatenate(rows), np.concatenate([r.estimate.mean for r in runs])
@@ -41,9 +41,9 @@ def flown(loop: Loop, change: bool = False) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("kind", ["linear", "ud", "multiple-model"])
 def test_a_run_in_stretches_is_the_run_in_one_go(kind):
-    drift = Imposed(magnet_scale=np.linspace(1, 0.9, samples(BEARING, STEP)))
-    whole = simulate_run(BEARING, STEP, estimator=make(kind), imposed=drift)
-    truth, mean = flown(Loop(BEARING, STEP, estimator=make(kind), imposed=drift))
+    drift = ExternalInputs(magnet_scale=np.linspace(1, 0.9, samples(BEARING, STEP)))
+    whole = simulate_run(BEARING, STEP, estimator=make(kind), external_inputs=drift)
+    truth, mean = flown(Loop(BEARING, STEP, estimator=make(kind), external_inputs=drift))
     for column, name in enumerate(("x", "v", "y", "u", "f_mag")):
         assert np.array_equal(truth[:, column], whole.record[name])
     assert np.array_equal(mean, whole.estimate.mean)
@@ -64,7 +64,7 @@ def test_mean_covariance_and_counts_carry_over_between_kinds():
     old.step(float("nan"), 0.0)  # a status to be taken over
     for kind in PLAIN:
         new = make(kind, 0.8)
-        new.take_over(old)
+        new.transfer_from(old)
         assert np.array_equal(new.mean, old.mean)
         assert np.array_equal(new.covariance, old.covariance)
         assert new.status == old.status
@@ -76,12 +76,12 @@ def test_mean_covariance_and_counts_carry_over_between_kinds():
 )
 def test_who_keeps_something_else_does_not_take_over(old, new):
     with pytest.raises(ValueError, match="can take over from each other"):
-        make(new).take_over(make(old))
+        make(new).transfer_from(make(old))
 
 
 def test_refusals():
     with pytest.raises(ValueError, match="one precision, got float64 and float32"):
-        make("linear").take_over(ambkit.KalmanFilter(BEARING, precision="float32"))
+        make("linear").transfer_from(ambkit.KalmanFilter(BEARING, precision="float32"))
     loop = Loop(BEARING, STEP)
     loop.run(until=0.05)
     with pytest.raises(ValueError, match=r"2 samples or more after 0\.05 s"):

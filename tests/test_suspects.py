@@ -12,9 +12,9 @@ import ambkit
 from ambkit import Bearing, Record
 from ambkit.data import recordings
 from ambkit.data.reading.suspects import longest_run, suspects
-from ambkit.judge.belongs import averaged, evaluate_record
-from ambkit.workflow.belonging import check_belongs
+from ambkit.judge.plausibility import averaged, evaluate_record
 from ambkit.workflow.inspection import inspect
+from ambkit.workflow.plausibility import check_plausibility
 
 BEARING = Bearing.preset("zittau_axial")
 RUN = ambkit.simulate(BEARING, step="0.3 mm", load="2 N")
@@ -33,14 +33,16 @@ def of_suspects(record: Record) -> list[str]:
 def test_a_sound_log_is_not_suspected() -> None:
     assert of_suspects(RUN) == []
     assert of_suspects(log(y=RUN["y"], u=RUN["u"], x_logged=RUN["x"], other=RUN["y"])) == []
-    assert check_belongs(log(y=RUN["y"], u=RUN["u"]), BEARING) == []
+    assert check_plausibility(log(y=RUN["y"], u=RUN["u"]), BEARING) == []
 
 
 @pytest.mark.parametrize("name", ["sinus_kalman.csv", "sinus_no_filter.csv"])
 def test_a_real_log_is_not_suspected(name: str) -> None:
     record = ambkit.load(recordings.folder() / name)
     assert of_suspects(record) == []
-    assert not any("lie" in text for text in check_belongs(record, Bearing.preset("inteco_ml")))
+    assert not any(
+        "lie" in text for text in check_plausibility(record, Bearing.preset("inteco_ml"))
+    )
 
 
 def test_an_estimate_in_the_sensor_s_place_is_noticed() -> None:
@@ -48,7 +50,7 @@ def test_an_estimate_in_the_sensor_s_place_is_noticed() -> None:
     assert of_suspects(twice) == [
         "y and x_logged hold the same numbers: is y what the sensor shows, or what was made of it?"
     ]
-    assert any("the same numbers" in text for text in check_belongs(twice, BEARING))
+    assert any("the same numbers" in text for text in check_plausibility(twice, BEARING))
     still = log(y=0 * RUN["x"], u=RUN["u"], r=0 * RUN["x"])
     assert of_suspects(still) == []
 
@@ -58,7 +60,7 @@ def test_an_estimate_in_the_sensor_s_place_is_noticed() -> None:
     lambda y: y + 0.02 * (RUN["y"] - RUN["x"]) - (y - RUN["x"]),
 ])  # fmt: skip
 def test_a_smoothed_position_is_noticed(smooth: Any) -> None:
-    (told,) = check_belongs(log(y=smooth(RUN["y"]), u=RUN["u"]), BEARING)
+    (told,) = check_plausibility(log(y=smooth(RUN["y"]), u=RUN["u"]), BEARING)
     assert "the bearing's sensor has 9.1 µm; was y smoothed before it was logged" in told
 
 
@@ -71,12 +73,12 @@ def test_a_rotor_that_lies_is_noticed_with_its_bearing_and_without() -> None:
     verdict = evaluate_record(lying, BEARING)
     (told,) = [text for text in verdict.remarks if "stop" in text]
     assert told.startswith("y rests at 1 mm, the rotor's stop, in 49 % of the samples, from 0.2")
-    assert told in check_belongs(lying, BEARING)
+    assert told in check_plausibility(lying, BEARING)
 
 
 def test_one_that_only_touches_a_stop_does_not_lie() -> None:
     y = RUN["y"].copy()
-    y[2000:2050] = BEARING.rotor.travel_limit  # 5 ms, less than the plant's own time
+    y[2000:2050] = BEARING.rotor.clearance  # 5 ms, less than the plant's time constant
     verdict = evaluate_record(log(y=y, u=RUN["u"]), BEARING)
     assert not any("rests at" in text for text in verdict.remarks)
 
@@ -158,9 +160,9 @@ def test_a_slow_measurement_on_a_finer_grid_is_no_reference() -> None:
 def test_a_light_low_pass_is_told_by_the_colour_of_the_noise() -> None:
     from scipy.signal import butter, lfilter
 
-    assert check_belongs(log(y=RUN["y"], u=RUN["u"]), BEARING) == []
+    assert check_plausibility(log(y=RUN["y"], u=RUN["u"]), BEARING) == []
     smoothed = lfilter(*butter(1, 0.3), RUN["y"])
-    (told,) = check_belongs(log(y=smoothed, u=RUN["u"]), BEARING)
+    (told,) = check_plausibility(log(y=smoothed, u=RUN["u"]), BEARING)
     assert (
         "is not white, as the bearing's sensor's is: was y smoothed before it was logged?" in told
     )
@@ -169,8 +171,8 @@ def test_a_light_low_pass_is_told_by_the_colour_of_the_noise() -> None:
 def test_a_control_signal_too_small_to_hold_the_rotor_is_told() -> None:
     sine = ambkit.Scenario(reference=ambkit.Sine(amplitude=0.3e-3, frequency=5.0))
     record = ambkit.simulate(BEARING, sine)
-    assert check_belongs(log(y=record["y"], u=record["u"]), BEARING) == []
-    (told,) = check_belongs(log(y=record["y"], u=record["u"] / 10), BEARING)
+    assert check_plausibility(log(y=record["y"], u=record["u"]), BEARING) == []
+    (told,) = check_plausibility(log(y=record["y"], u=record["u"] / 10), BEARING)
     assert told.startswith("u varies by 2")
     assert "is the record of another rig, or a unit or a scale wrong?" in told
 
@@ -179,7 +181,7 @@ def test_an_offset_that_the_weight_contradicts_is_told() -> None:
     rig = Bearing.preset("inteco_ml")
     record = ambkit.simulate(rig, duration=2.0)
     away = Record(record.t, {"y": record["y"] + 7e-3, "u": record["u"]}, {"y": "m", "u": "V"})
-    (told,) = check_belongs(away, rig)
+    (told,) = check_plausibility(away, rig)
     assert told.startswith("on its mean the magnet pulls by 3.")
     assert "where the weight is 0.594 N" in told
     assert "Is an offset or a scale of y or of u wrong" in told
@@ -187,9 +189,9 @@ def test_an_offset_that_the_weight_contradicts_is_told() -> None:
 
 @pytest.mark.parametrize("size", [3, 8])
 def test_a_running_mean_is_told_with_its_length(size: int) -> None:
-    assert check_belongs(log(y=RUN["y"], u=RUN["u"]), BEARING) == []
+    assert check_plausibility(log(y=RUN["y"], u=RUN["u"]), BEARING) == []
     mean = np.convolve(RUN["y"], np.ones(size) / size, "same")
-    (told,) = check_belongs(log(y=mean, u=RUN["u"]), BEARING)
+    (told,) = check_plausibility(log(y=mean, u=RUN["u"]), BEARING)
     assert f"is that of means of {size} samples" in told or "was y smoothed" in told
 
 

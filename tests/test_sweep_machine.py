@@ -35,7 +35,7 @@ def test_sweep_of_an_axis_is_the_models_within_two_percent(preset, axis, name):
     assert len(found.figure().panels) == 2
 
 
-def test_a_sweep_of_a_loaded_machine_is_that_of_its_work_point():
+def test_a_sweep_of_a_loaded_machine_is_that_of_its_operating_point():
     load = {"A1": -25.0}
     (swept,) = ambkit.assess_sweep(
         UFU, "none", amplitudes=["0.5 um"], axis="A1", disturbance=load

@@ -1,4 +1,4 @@
-"""Filters of whole machines, tuned by records or truth, below a peak of the sensitivity."""
+"""Filters of machines, tuned by records or truth, below a peak of the sensitivity."""
 
 import math
 from pathlib import Path
@@ -10,7 +10,7 @@ import ambkit
 from ambkit import FilterNoise, KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
-from ambkit.judge.comparison.contenders import contender_of_kind
+from ambkit.judge.comparison.candidates import candidate_of_kind
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tuning import log_likelihood
@@ -24,14 +24,14 @@ def record():
 
 
 def test_variances_of_axes_keep_their_ratios():
-    contender = contender_of_kind("linear", TUM, whole=True)
+    candidate = candidate_of_kind("linear", TUM, whole=True)
     own = KalmanFilter(TUM).variances
-    (growth,) = (each for each in contender.tunable if each.name == "noise.disturbance")
+    (growth,) = (each for each in candidate.tunable if each.name == "noise.disturbance")
     assert growth.default == pytest.approx(np.exp(np.mean(np.log(own.disturbance))))
-    made = contender.build(**{"noise.disturbance": 3 * growth.default}).variances
+    made = candidate.build(**{"noise.disturbance": 3 * growth.default}).variances
     assert made.disturbance == pytest.approx([3 * each for each in own.disturbance])
     assert made.measurement == own.measurement
-    assert contender.build(**contender.defaults).variances.disturbance == pytest.approx(
+    assert candidate.build(**candidate.defaults).variances.disturbance == pytest.approx(
         own.disturbance
     )
     with pytest.raises(ValueError, match=r"noise.control must be one number or 4, is 2"):
@@ -89,7 +89,7 @@ def test_what_cannot_be_tuned_is_refused(record):
 def test_one_expert_is_kept_for_all_bearings(tmp_path, capsys, monkeypatch):
     """The filter's file names the expert that it was tuned with, and reads it back."""
     monkeypatch.chdir(tmp_path)
-    ambkit.train(TUM.alone("A1"), weights=True).save("expert.json")
+    ambkit.train(TUM.isolated_axis("A1"), weights=True).save("expert.json")
     with pytest.raises(SystemExit) as left:
         main(["tune", "tum_mlps", "--filter", "adaptive@expert.json",
               "--budget", "1", "--runs", "1", "--max-sensitivity", "2",

@@ -1,4 +1,4 @@
-"""Unbalance control never takes a rotor into its backup bearings where plain control does not."""
+"""Unbalance control takes no rotor into its touch-down bearings where plain control does not."""
 
 import functools
 import math
@@ -110,7 +110,7 @@ def drawn(run: int, machines: tuple[str | int, ...]) -> tuple[Machine, Machine, 
 
 
 def touched(described: Machine, real: Machine, flight: Scenario) -> int:
-    """Return in how many samples a backup bearing is touched."""
+    """Return in how many samples a touch-down bearing is touched."""
     filter = KalmanFilter(described, synchronous=["unbalance"])
     T = described.sampling_time
     fastest = float(np.abs(flight.speed.sample(T * np.arange(round(flight.duration / T)))).max())
@@ -127,7 +127,7 @@ def stable(described: Machine, flight: Scenario) -> bool:
 
 
 def worse(run: int, machines: tuple[str | int, ...]) -> bool:
-    """Return whether a backup bearing is touched, and not under plain control, which is stable.
+    """Return whether a touch-down bearing is touched, and not under plain control, which is stable.
 
     An unstable loop loses the rotor with any control, sooner or later: when is chance.
     """

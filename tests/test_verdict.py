@@ -13,7 +13,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.machine import presets
 from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.pieces import WorkPoint, plant
+from ambkit.simulation.linear.pieces import OperatingPoint, plant
 from ambkit.simulation.run import simulate
 
 ZITTAU = Bearing.preset("zittau_axial")
@@ -51,7 +51,7 @@ def test_a_share_of_the_load_that_it_bears_takes_that_share_of_what_is_left(freq
     end = swung(LATE, frequency, load)
     room = LATE.current_max - 3 * loop.current_noise
     assert np.abs(end["iu"]).max() == pytest.approx(load / current * room, rel=0.03)
-    way = 0.3 * LATE.rotor.travel_limit - 3 * loop.position_noise
+    way = 0.3 * LATE.rotor.clearance - 3 * loop.position_noise
     assert np.abs(end["x"]).max() == pytest.approx(load / far * way, rel=0.03)
     held = 2.0 * LATE.magnet.bias_current
     turned = (end["u_coil"] - held) * np.exp(-2j * math.pi * frequency * end.t)
@@ -74,9 +74,9 @@ def test_constant_loads_are_held_up_to_the_end_and_no_farther(preset):
     low, high = loop_of(bearing).demands.capacity.static
     assert low < 0 < high
     for end in (low, high):
-        WorkPoint.hovering(bearing, 0.0, 0.999 * end)
+        OperatingPoint.equilibrium(bearing, 0.0, 0.999 * end)
         with pytest.raises(AmbkitError, match="no control current"):
-            WorkPoint.hovering(bearing, 0.0, 1.001 * end)
+            OperatingPoint.equilibrium(bearing, 0.0, 1.001 * end)
 
 
 def test_runout_moves_the_rotor_by_what_the_simulation_says():
@@ -95,7 +95,7 @@ def test_runout_moves_the_rotor_by_what_the_simulation_says():
 
 def test_copper_loss_is_that_of_both_coils():
     held = loop_of(LATE, disturbance=3.0)
-    iu = WorkPoint.hovering(LATE, 0.0, 3.0).iu
+    iu = OperatingPoint.equilibrium(LATE, 0.0, 3.0).iu
     i0 = LATE.magnet.bias_current
     expected = 2.0 * ((i0 + iu) ** 2 + (i0 - iu) ** 2 + 2 * held.current_noise**2)
     assert held.demands.copper_loss == pytest.approx(expected, rel=1e-9)
@@ -104,7 +104,7 @@ def test_copper_loss_is_that_of_both_coils():
     one = one.replace(amplifier__bandwidth="200 Hz", amplifier__voltage_limit="60 V",
                       amplifier__resistance="4 ohm")  # fmt: skip
     found = loop_of(one)
-    current = one.magnet.bias_current + WorkPoint.hovering(one).iu
+    current = one.magnet.bias_current + OperatingPoint.equilibrium(one).iu
     expected = 4.0 * (current**2 + found.current_noise**2)
     assert found.demands.copper_loss == pytest.approx(expected, rel=1e-9)
 
@@ -123,7 +123,7 @@ def test_the_verdict_says_what_is_kept_and_what_not(tmp_path):
     for said in ("Verdict on the loop of late", "All that has a limit keeps it", "reviewed by",
                  "an aid, not a certificate", "14839-2"):  # fmt: skip
         assert said in page
-    far = ambkit.assess(LATE, "linear", position=0.5 * LATE.rotor.travel_limit)
+    far = ambkit.assess(LATE, "linear", position=0.5 * LATE.rotor.clearance)
     kept = {row.key: row.kept for row in far.rows if row.of == "linear"}
     assert kept["displacement"] is False
     assert kept["verdict"] is False
@@ -148,7 +148,7 @@ def test_what_falls_keeps_nothing(tmp_path):
 @pytest.mark.parametrize("bearing", [ZITTAU, LATE], ids=["paper", "late"])
 def test_lqg_is_that_of_python_control(bearing):
     """Its closed loop's poles are those of regulator and filter, each alone (separation)."""
-    P = plant(bearing, WorkPoint.hovering(bearing))
+    P = plant(bearing, OperatingPoint.equilibrium(bearing))
     noise = Noise(1e-12, 1e-6, 10.0)
     weight = 1e-7
     loop = Loop(P, LQG(P, noise).compensator(weight))
@@ -172,7 +172,7 @@ def test_lqg_is_that_of_python_control(bearing):
 
 
 def test_lqg_carries_a_load_and_holds_a_reference():
-    P = plant(LATE, WorkPoint.hovering(LATE))
+    P = plant(LATE, OperatingPoint.equilibrium(LATE))
     closed = Loop(P, LQG(P, Noise(1e-12, 1e-6, 10.0)).compensator()).closed
     rest = closed.C @ np.linalg.solve(np.eye(len(closed.A)) - closed.A, closed.B) + closed.D
     names = [at.name for at in closed.inputs]
@@ -182,7 +182,7 @@ def test_lqg_carries_a_load_and_holds_a_reference():
 
 def test_lqg_makes_its_own_cost_least():
     """Nobody else has less noise in position and control together, by its own weights."""
-    P = plant(ZITTAU, WorkPoint.hovering(ZITTAU))
+    P = plant(ZITTAU, OperatingPoint.equilibrium(ZITTAU))
     var_y, var_u = ZITTAU.sensor.noise_variance, ZITTAU.amplifier.noise_variance
     weight = 1e-8
 

@@ -15,10 +15,10 @@ from ambkit.fuzzy.training import train
 from ambkit.judge.comparison.study import study
 from ambkit.machine.forces.file import load_force_points
 from ambkit.workflow import comparing, training
+from ambkit.workflow.anomalies import missing_control
 from ambkit.workflow.filtering import filter as filter_record
 from ambkit.workflow.filtering import stretch_to_tune_on
 from ambkit.workflow.identifying import identify, identify_by_lift_off, noise_at_rest
-from ambkit.workflow.oddities import lost_control
 from ambkit.workflow.simulating import experiment_duration, scenario_for
 from ambkit.workflow.tuning import default_disturbance, tune_disturbance
 
@@ -145,11 +145,11 @@ def test_filter_record_refuses_what_contradicts_itself(made):
 
 def test_lost_control_counts_stretches(made):
     log = ambkit.load(made / "log.csv")
-    assert lost_control(log) == (0, 0)
+    assert missing_control(log) == (0, 0)
     u = log["u"].copy()
     u[10:13] = u[50:57] = np.nan
     holes = ambkit.Record(log.t, {"y": log["y"], "u": u}, log.units)
-    assert lost_control(holes) == (10, 7)
+    assert missing_control(holes) == (10, 7)
 
 
 def test_an_expert_beyond_its_box_is_noticed():
@@ -247,10 +247,10 @@ def test_compare_in_own_loops(command):
         "compare", "zittau_axial", "--estimators", "linear,closed-law", "--seeds", 2,
         "--duration", "0.1 s", "--load", "3 N", "--seed", 5,
     )  # fmt: skip
-    what = comparing.happenings(BEARING, duration=0.1, load=3.0)
+    what = comparing.loop_cases(BEARING, duration=0.1, load=3.0)
     found = comparing.compare_in_loops(BEARING, what, ["linear", "closed-law"], runs=2, seed=5)
     assert without(told, "files", "adequacy") == same(found.to_dict())
-    travel = BEARING.rotor.travel_limit
+    travel = BEARING.rotor.clearance
     assert found.steps == [share * travel for share in comparing.HEIGHTS]
 
 

@@ -60,7 +60,7 @@ NOT_RUN = (
         "kalman_step.h", "amb_step_advance", "F[f] = scale", "of kinds of filters that this is not",
         lambda _: True,
     ),
-    NotRun("at_rest.c", "amb_rest_where_shown", "", _ONE, lambda _: True),
+    NotRun("equilibrium.c", "amb_rest_where_shown", "", _ONE, lambda _: True),
     NotRun(
         "control.c", "amb_working_by", "else if (works_by->copy[0]", "for bits that flip in memory",
         lambda _: True,
@@ -146,7 +146,7 @@ NOT_RUN = (
     ),
     NotRun(
         "controllers.c", "amb_controllers_step", "status |= AMB_SATURATED",
-        "each PID has held its axis to its limits", lambda has: has.alone,
+        "each PID has held its axis to its limits", lambda has: has.isolated,
     ),
     *(
         NotRun("controllers.c", function, "", _TURN, lambda has: not has.let_turn)
@@ -192,19 +192,19 @@ FILTER = (
     Unseen("kalman.c", "!amb_is_finite(mean[i]) ||", "asked of constants alone, all good"),
     Unseen("kalman.c", "for (int i = 0; i < n; i++) {", "a loop over that check, or killed"),
     Unseen("kalman.c", "near && (std != NULL)", "a start between the stops is near, and has a std"),
-    Unseen("at_rest.c", "(far > farthest)", "one position"),
-    Unseen("at_rest.c", "(position >= 0) && these[position]", "a velocity has a position"),
+    Unseen("equilibrium.c", "(far > farthest)", "one position"),
+    Unseen("equilibrium.c", "(position >= 0) && these[position]", "a velocity has a position"),
     Unseen(
-        "at_rest.c", "if (these[i] && (amb_model_role(model, i) == AMB_POSITION))",
+        "equilibrium.c", "if (these[i] && (amb_model_role(model, i) == AMB_POSITION))",
         "one position",
     ),
-    Unseen("at_rest.c", "these[j] || ((amb_model_role(model, j) == AMB_SHOWN)", "one sensor"),
-    Unseen("at_rest.c", "bool seen = false;", "the residual after an outage is not asked"),
+    Unseen("equilibrium.c", "these[j] || ((amb_model_role(model, j) == AMB_SHOWN)", "one sensor"),
+    Unseen("equilibrium.c", "bool seen = false;", "the residual after an outage is not asked"),
     Unseen(
-        "at_rest.c", "for (int i = 0; i < amb_states(model); i++) {",
+        "equilibrium.c", "for (int i = 0; i < amb_states(model); i++) {",
         "as the residual, or killed",
     ),
-    Unseen("at_rest.c", "seen = seen ||", "the residual after an outage is not asked"),
+    Unseen("equilibrium.c", "seen = seen ||", "the residual after an outage is not asked"),
     Unseen("envelope.c", "for (int r = 0; r < amb_sensors(model); r++) {", "as the residual"),
     Unseen("envelope.c", "for (int j = 0; j < n; j++) {", "clears what is clear, or killed"),
     Unseen("envelope.c", "if (j != s) {", "clears what is clear, or killed"),
@@ -304,13 +304,13 @@ _FLIPPED = "for bits that flip in memory"
 
 MACHINE = (
     Unseen("real.h", "(a > AMB_C(0.0)) && (a <= AMB_REAL_MAX)", _GIVEN),
-    Unseen("at_rest.c", "bool seen = false;", _RESIDUAL, "amb_rest_sees"),
-    Unseen("at_rest.c", "i < amb_states(model)", _RESIDUAL, "amb_rest_sees"),
-    Unseen("at_rest.c", "seen = seen ||", _RESIDUAL, "amb_rest_sees"),
+    Unseen("equilibrium.c", "bool seen = false;", _RESIDUAL, "amb_rest_sees"),
+    Unseen("equilibrium.c", "i < amb_states(model)", _RESIDUAL, "amb_rest_sees"),
+    Unseen("equilibrium.c", "seen = seen ||", _RESIDUAL, "amb_rest_sees"),
     Unseen("envelope.c", "r < amb_sensors(model)", _RESIDUAL, "amb_envelope_hold"),
-    Unseen("at_rest.c", "int most = -1;", "the search for the greatest ends at it from any start"),
-    Unseen("at_rest.c", "if (these[i] &&", _SEES, "amb_rest_add_followers"),
-    Unseen("at_rest.c", "these[j] = these[j] ||", _SEES, "amb_rest_add_followers"),
+    Unseen("equilibrium.c", "int most = -1;", "the greatest is found from any start"),
+    Unseen("equilibrium.c", "if (these[i] &&", _SEES, "amb_rest_add_followers"),
+    Unseen("equilibrium.c", "these[j] = these[j] ||", _SEES, "amb_rest_add_followers"),
     Unseen("envelope.c", "return !within;", _RETURN, "amb_envelope_clamp"),
     Unseen("envelope.c", "some = ", _RETURN, "amb_envelope_lost"),
     Unseen("envelope.c", "j < n", "clears what is clear already", "show"),
@@ -357,7 +357,7 @@ MACHINE = (
     ),
     Unseen(
         "control.c", "/ kf->set.k_ui[f]", _FIRST,
-        "amb_control_hover",
+        "amb_control_levitate",
     ),
     Unseen("control.c", "out->usable = true;", "the supervisor says it"),
     Unseen("control.c", "(a > most) ? most : -most", _TOO_FAR),

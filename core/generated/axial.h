@@ -264,7 +264,7 @@ AMB_INLINE void amb_model_shown_with(const amb_model *model, int r,
 }
 
 /* What follows from the positions when all is at rest. */
-AMB_INLINE void amb_model_at_rest(const amb_model *model, amb_real mean[AMB_STATES])
+AMB_INLINE void amb_model_equilibrium(const amb_model *model, amb_real mean[AMB_STATES])
 {
   mean[3] = mean[0] * model->K_sen;
 }

@@ -70,8 +70,8 @@ void amb_control_init(const amb_control *control, amb_control_state *state, void
   forget(control, state, filter);
 }
 
-void amb_control_hover(const amb_control *control, amb_control_state *state, const amb_real iu[],
-                       const amb_real integral[])
+void amb_control_levitate(const amb_control *control, amb_control_state *state, const amb_real iu[],
+                          const amb_real integral[])
 {
   const amb_kalman *kf = control->estimator->kf;
   for (int f = 0; f < control->law->axes; f++) {
@@ -81,7 +81,7 @@ void amb_control_hover(const amb_control *control, amb_control_state *state, con
   for (int j = 0; j < control->law->pids; j++) {
     amb_pid_reset(&state->pid[j], integral[j]);
   }
-  amb_sequence_hover(&state->sequence);
+  amb_sequence_levitate(&state->sequence);
   state->limited = false;
   state->doubted = 0U;
   state->missed = 0U;
@@ -110,8 +110,9 @@ static void lift(const amb_control *c, amb_control_state *s, const amb_real mean
   }
 }
 
-void amb_control_take_over(const amb_control *control, amb_control_state *state, void *filter,
-                           const amb_real y[AMB_SENSORS], const amb_real iu[])
+/* Bumpless transfer from another controller, whose currents are known. */
+void amb_control_transfer(const amb_control *control, amb_control_state *state, void *filter,
+                          const amb_real y[AMB_SENSORS], const amb_real iu[])
 {
   amb_real integral[AMB_CONTROLS];
   start_at(control, state, filter, y);
@@ -119,7 +120,7 @@ void amb_control_take_over(const amb_control *control, amb_control_state *state,
   for (int j = 0; j < control->law->pids; j++) {
     integral[j] = state->pid[j].integral;
   }
-  amb_control_hover(control, state, iu, integral);
+  amb_control_levitate(control, state, iu, integral);
 }
 
 /* Where a rotor can be that nothing is known of yet: between the stops, or on one, which noise

@@ -1,5 +1,5 @@
 #include "ambkit/envelope.h"
-#include "at_rest.h"
+#include "equilibrium.h"
 
 /* Of a standard deviation, at each start from a measurement. */
 #define LESS_SURE AMB_C(10.0)
@@ -74,7 +74,7 @@ static void place_towards(const amb_kalman *kf, int r, amb_real y, amb_real mean
     rest[i] = position ? mean[i] : AMB_C(0.0);
   }
   amb_rest_add_followers(model, seen);
-  amb_model_at_rest(model, rest);
+  amb_model_equilibrium(model, rest);
   const amb_real off = y - amb_model_shown(model, r, rest);
   for (int i = 0; i < n; i++) {
     const amb_real at = rest[i] + shown[i] * off;
@@ -199,7 +199,7 @@ static void rest_in_the_middle(const amb_kalman *kf, const bool lost[AMB_STATES]
     mean[i] = (moves && lost[i]) ? AMB_C(0.0) : amb_clamp(mean[i], -kf->set.cap[i], kf->set.cap[i]);
     rest[i] = mean[i];
   }
-  amb_model_at_rest(model, rest);
+  amb_model_equilibrium(model, rest);
   for (int i = 0; i < amb_states(model); i++) {
     const bool shows = lost[i] && (amb_model_role(model, i) == AMB_SHOWN);
     mean[i] = shows ? rest[i] : mean[i];

@@ -9,8 +9,8 @@
 #define NARROW AMB_C(0.5)
 
 /* Where the rotor is known no better than a step, as after a start, it stays in one for less than
- * three of its own time constants: exponent of the chance of a repeat, over the samples that it
- * stays in a very coarse one. */
+ * three of its time constant constants: exponent of the chance of a repeat, over the samples that
+ * it stays in a very coarse one. */
 #define UNKNOWN AMB_C(6.4)
 
 /* Least variance of the noise, over that in the middle (amb_noise_share). */

@@ -303,7 +303,7 @@ AMB_INLINE amb_status amb_step_outlier(const amb_kalman *kf, amb_sensor_state *s
 }
 
 /* Whether innovations have been larger than expected for a while. */
-AMB_INLINE amb_status amb_step_surprised(amb_sensor_state *sensor, amb_real e, amb_real S)
+AMB_INLINE amb_status amb_step_inconsistent(amb_sensor_state *sensor, amb_real e, amb_real S)
 {
   const amb_real before = AMB_WITHIN(sensor->surprise, AMB_C(1.0)) ? sensor->surprise : AMB_C(0.0);
   amb_real share = before * (AMB_C(1.0) - AMB_C(1.0) / AMB_MEMORY);
@@ -311,7 +311,7 @@ AMB_INLINE amb_status amb_step_surprised(amb_sensor_state *sensor, amb_real e, a
     share += AMB_C(1.0) / AMB_MEMORY;
   }
   sensor->surprise = share;
-  return (share > AMB_SURPRISING) ? AMB_SURPRISED : AMB_OK;
+  return (share > AMB_INCONSISTENT_SHARE) ? AMB_INCONSISTENT : AMB_OK;
 }
 
 /* What an update leaves behind besides the state. */
@@ -347,7 +347,7 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   if ((shown > AMB_C(0.0)) && (!sharp || amb_is_finite(e->variance))) {
     const amb_real S = shown + var_y;
     const amb_real innovation = y - amb_model_shown(model, r, state->mean);
-    const amb_status surprised = amb_step_surprised(sensor, innovation, S);
+    const amb_status inconsistent = amb_step_inconsistent(sensor, innovation, S);
     const amb_status outlier = amb_step_outlier(kf, sensor, r, innovation, S);
     if (outlier != AMB_OK) {
       e->innovation = innovation;
@@ -357,12 +357,12 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
         amb_envelope_restart(kf, &fresh, r, y);
         *state = fresh;
       }
-      return surprised | outlier;
+      return inconsistent | outlier;
     }
     amb_model_update(model, r, y, S, state->mean, state->cov, &e->innovation);
     sensor->residual = y - amb_model_shown(model, r, state->mean);
     if (amb_model_sound(model, state->cov)) {
-      return surprised;
+      return inconsistent;
     }
   }
   /* What rounding makes of a nearly singular covariance may have no root. Its variances have: the

@@ -542,7 +542,7 @@ bool amb_model_drives(const amb_model *model, int k, int i)
   return driven;
 }
 
-void amb_model_at_rest(const amb_model *model, amb_real mean[])
+void amb_model_equilibrium(const amb_model *model, amb_real mean[])
 {
   for (int i = 0; i < model->states; i++) {
     if (model->rest.start[i] < model->rest.start[i + 1]) {

@@ -79,7 +79,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
     mean[x] += dx;
     mean[v] += dv;
     mean[load] += own->force * (f_d - mean[load]);
-    amb_model_at_rest(&kf->model, mean);
+    amb_model_equilibrium(&kf->model, mean);
   }
   result->health[0] = status;
   result->status = status;
@@ -93,7 +93,7 @@ static void advance(const amb_estimator *self, amb_real scale, const amb_real iu
   (void)scale;
   follow(model, iu, mean);
   mean[amb_first(model, AMB_POSITION)] += self->kf->set.T * mean[amb_first(model, AMB_VELOCITY)];
-  amb_model_at_rest(model, mean);
+  amb_model_equilibrium(model, mean);
 }
 
 const amb_estimator_methods amb_low_pass_methods = {

@@ -263,7 +263,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   return status;
 }
 
-/* A sample, and how well each model foretold it. */
+/* A sample, and how well each model predicted it. */
 typedef struct hearing {
   amb_multiple_model_state *s;
   bool taken[AMB_SENSORS];
@@ -326,7 +326,7 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   amb_status status = amb_step_useless(kf, &s->base, r, y);
   if (status == AMB_OK) {
     told->innovation = e;
-    status = amb_step_surprised(sensor, told->innovation, told->variance);
+    status = amb_step_inconsistent(sensor, told->innovation, told->variance);
     const amb_status outlier = amb_step_outlier(kf, sensor, r, told->innovation, told->variance);
     status |= outlier;
     if (outlier == AMB_RESTARTED) {

@@ -1,5 +1,5 @@
 #include "ambkit/observer.h"
-#include "at_rest.h"
+#include "equilibrium.h"
 #include "kalman_step.h"
 
 /* Of a very coarse step, how far from its middle the rotor is taken to be at most: a constant gain
@@ -81,7 +81,7 @@ static amb_status take_in(const amb_kalman *kf, const void *constants, void *of,
   if (status == AMB_OK) {
     const amb_real e = seen - amb_model_shown(&kf->model, r, s->mean);
     told->innovation = e;
-    status = amb_step_surprised(&s->sensor[r], e, S);
+    status = amb_step_inconsistent(&s->sensor[r], e, S);
     /* After too many outliers it is the estimate that is wrong: a constant gain leads it back. */
     if (amb_step_outlier(kf, &s->sensor[r], r, e, S) == AMB_OUTLIER) {
       status |= AMB_OUTLIER;

@@ -9,7 +9,7 @@ void amb_sequence_init(amb_sequence_state *state)
   state->share = AMB_C(0.0);
 }
 
-void amb_sequence_hover(amb_sequence_state *state)
+void amb_sequence_levitate(amb_sequence_state *state)
 {
   amb_sequence_init(state);
   state->mode = AMB_FLYING;

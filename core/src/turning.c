@@ -4,6 +4,8 @@
 
 #include "ambkit/turning.h"
 
+/* Gain scheduling over the speed of rotation: the model between the speeds it was sampled at. */
+
 /* Lagrange's cubics of the nodes 0, 1, 2, 3 at x. */
 static void weigh(amb_real x, amb_real w[4])
 {

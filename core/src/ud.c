@@ -279,7 +279,7 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   if (status == AMB_OK) {
     const amb_real e = seen - amb_model_shown(model, r, s->base.mean);
     told->innovation = e;
-    status = amb_step_surprised(&s->base.sensor[r], e, S);
+    status = amb_step_inconsistent(&s->base.sensor[r], e, S);
     const amb_status outlier = amb_step_outlier(kf, &s->base.sensor[r], r, e, S);
     status |= outlier;
     if (outlier == AMB_RESTARTED) {

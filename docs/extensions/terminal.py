@@ -112,7 +112,7 @@ class Manual(SphinxDirective):
         """Ask the command itself."""
         name = self.arguments[0]
         command = typer.main.get_command(app).commands[name]
-        own = [each.removeprefix(f"{name} ") for each in VERBS if each.startswith(f"{name} ")]
+        own = [item.removeprefix(f"{name} ") for item in VERBS if item.startswith(f"{name} ")]
         shown = []
         for inner in ([], *([inner] for inner in (*getattr(command, "commands", ()), *own))):
             arguments = [name, *inner, "--help"]

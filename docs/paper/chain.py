@@ -15,7 +15,7 @@ from ambkit.machine.stiffness import stiffness_map
 from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Rule, Span
-from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Loop, Run, samples
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Sequence
@@ -84,9 +84,9 @@ class Flight:
 def chain(study: Study) -> Part:
     """Fly with what ADALINE finds, beside a filter whose k stays wrong and one that is told it."""
     shown = {way: _fly(study, way, study.seed) for way in WAYS}
-    found = {way: study.over_seeds(partial(_figures, study, way)) for way in WAYS}
-    force = {way: figures[0] for way, figures in found.items()}
-    off_k = found["learned"][2]
+    results = {way: study.over_seeds(partial(_figures, study, way)) for way in WAYS}
+    force = {way: figures[0] for way, figures in results.items()}
+    off_k = results["learned"][2]
     got_back = 100 * (force["wrong"] - force["learned"]) / (force["wrong"] - force["told"])
     return Part(
         Chapter(
@@ -111,7 +111,7 @@ def chain(study: Study) -> Part:
                      f"{_trained_off(study, shown['learned'].k[1]):.1g} % of its largest. So a "
                      "controller multiplies 50 numbers, and need not train."),
                 FigureBlock(_figure(study, shown)),
-                _table(found),
+                _table(results),
                 Text("**Without a jump.** The new filter takes over mean and covariance of the "
                      "old one; in C it is the same state and other parameters. The estimates go on "
                      "as from any sample to the next, see the last columns of the table. What "
@@ -138,14 +138,14 @@ def chain(study: Study) -> Part:
             mean_row("chain.told", "the same, k told", force["told"], "N rms",
                      smaller(force["told"], force["wrong"])),
             mean_row("chain.jump", "largest change of F_St in a sample within 5 ms of a swap, over "
-                     "that elsewhere", found["learned"][4] / found["learned"][6], ""),
+                     "that elsewhere", results["learned"][4] / results["learned"][6], ""),
             mean_row("chain.afresh", "the same, where the new filter starts afresh",
-                     found["afresh"][4] / found["afresh"][6], ""),
+                     results["afresh"][4] / results["afresh"][6], ""),
         ],
     )  # fmt: skip
 
 
-def _scenario(study: Study, seed: int) -> tuple[Scenario, Imposed]:
+def _scenario(study: Study, seed: int) -> tuple[Scenario, ExternalInputs]:
     """Return what happens, with the noise of a seed, and how the magnet drifts."""
     times = np.arange(EVERY / 2, END, EVERY)
     heights = STEP * (np.arange(times.size) % 2 == 0)
@@ -159,7 +159,9 @@ def _scenario(study: Study, seed: int) -> tuple[Scenario, Imposed]:
     )
     start, stop, growth = DRIFT
     t = study.bearing.sampling_time * np.arange(samples(study.bearing, scenario))
-    return scenario, Imposed(magnet_scale=1 + growth * np.clip((t - start) / (stop - start), 0, 1))
+    return scenario, ExternalInputs(
+        magnet_scale=1 + growth * np.clip((t - start) / (stop - start), 0, 1)
+    )
 
 
 def _filter(study: Study, k: float) -> AdaptiveKalmanFilter:
@@ -170,10 +172,10 @@ def _filter(study: Study, k: float) -> AdaptiveKalmanFilter:
 def _fly(study: Study, way: str, seed: int) -> Flight:
     """Fly one of the `WAYS`."""
     bearing = study.bearing
-    scenario, imposed = _scenario(study, seed)
-    assert imposed.magnet_scale is not None  # it drifts
+    scenario, external_inputs = _scenario(study, seed)
+    assert external_inputs.magnet_scale is not None  # it drifts
     known = bearing.magnet.magnet_constant
-    loop = Loop(bearing, scenario, estimator=_filter(study, WRONG), imposed=imposed)
+    loop = Loop(bearing, scenario, estimator=_filter(study, WRONG), external_inputs=external_inputs)
     runs: list[Run] = []
     k = [WRONG]
     for start, end in LEARNED_FROM:
@@ -184,7 +186,7 @@ def _fly(study: Study, way: str, seed: int) -> Flight:
         if way == "wrong":
             now = WRONG
         elif way == "told":
-            now = float(imposed.magnet_scale[round(end / bearing.sampling_time)])
+            now = float(external_inputs.magnet_scale[round(end / bearing.sampling_time)])
         else:
             now = (
                 identify_online(runs[-1].record, bearing, start=k[-1] * known).magnet_constant
@@ -196,7 +198,7 @@ def _fly(study: Study, way: str, seed: int) -> Flight:
             new.reset([y / bearing.sensor.gain, 0.0, 0.0, y])
         else:
             assert loop.estimator is not None  # it was given
-            new.take_over(loop.estimator)
+            new.transfer_from(loop.estimator)
         loop.estimator = new
         k.append(now)
     return Flight([*runs, loop.run()], k)
@@ -210,9 +212,9 @@ def _figures(study: Study, way: str, seed: int) -> list[float]:
     first = flight.swaps[0]
     error = flight.estimate("x") - flight.truth("x")
     force = flight.estimate("f_d") - flight.truth("f_d")
-    _, imposed = _scenario(study, seed)
-    assert imposed.magnet_scale is not None  # it drifts
-    off = [flight.assumed[i] / imposed.magnet_scale[i] - 1 for i in flight.swaps]
+    _, external_inputs = _scenario(study, seed)
+    assert external_inputs.magnet_scale is not None  # it drifts
+    off = [flight.assumed[i] / external_inputs.magnet_scale[i] - 1 for i in flight.swaps]
     changes = []
     for series in (1e6 * error, flight.estimate("f_d")):
         change = np.abs(np.diff(series, prepend=series[0]))
@@ -246,7 +248,7 @@ def _trained_off(study: Study, k: float) -> float:
     return 100 * float(off / np.abs(force).max())
 
 
-def _table(found: dict[str, Array]) -> TableBlock:
+def _table(results: dict[str, Array]) -> TableBlock:
     def entry(values: Array, digits: int) -> str:
         return f"{values.mean():.{digits}f} ± {values.std(ddof=1):.{digits}f}"
 
@@ -259,7 +261,7 @@ def _table(found: dict[str, Array]) -> TableBlock:
         rows=[
             [WAYS[way][1], entry(e[0], 3), entry(e[1], 2), entry(e[2], 1), entry(e[3], 1),
              entry(e[4], 2), entry(e[5], 1), entry(e[6], 2), f"{e[7].sum():.0f}"]
-            for way, e in found.items()
+            for way, e in results.items()
         ],
         caption=f"Mean and standard deviation over {SEEDS} seeds. Changes: the largest from one "
         "sample to the next within 5 ms after a swap, and in 5 ms anywhere else (median); of the "
@@ -268,10 +270,10 @@ def _table(found: dict[str, Array]) -> TableBlock:
 
 
 def _figure(study: Study, shown: dict[str, Flight]) -> Figure:
-    _, imposed = _scenario(study, study.seed)
+    _, external_inputs = _scenario(study, study.seed)
     learned = shown["learned"]
     t = learned.t
-    assert imposed.magnet_scale is not None  # it drifts
+    assert external_inputs.magnet_scale is not None  # it drifts
     known = 1e6 * study.bearing.magnet.magnet_constant
 
     def lines(values: dict[str, Array]) -> list[Item]:
@@ -294,7 +296,7 @@ def _figure(study: Study, shown: dict[str, Flight]) -> Figure:
                 Line(t, learned.truth("r"), signal="reference"),
                 Line(t, learned.truth("x"), signal="truth"), *spans, *swaps]),
             Panel(TIME, Axis("magnet constant", "N mm²/A²"), [
-                Line(t, known * imposed.magnet_scale, signal="truth", label=""),
+                Line(t, known * external_inputs.magnet_scale, signal="truth", label=""),
                 *lines({way: known * shown[way].assumed for way in ("wrong", "learned", "told")}),
                 *spans]),
             Panel(TIME, FORCE, [

@@ -17,7 +17,7 @@ from paper.study import SEEDS, STEP_TIME, Part, Study, mean_row, row
 
 Array = NDArray[np.float64]
 
-AT = (0.75, 0.25e-3)  # A, m: a work point off the axes
+AT = (0.75, 0.25e-3)  # A, m: an operating point off the axes
 CORNER = (1.5, 0.5e-3)
 
 
@@ -38,7 +38,7 @@ def errata(study: Study) -> Part:
     diverged = _diverges(study, shortcut=True)
     survived = _diverges(study, shortcut=False)
 
-    found = [
+    results = [
         ["Eq. 1, second equality; eq. 3, 6", "$F = k i_u^2 / x^2$",
          "$F = k [((i_0 + i_u)/(s_0 - x))^2 - ((i_0 - i_u)/(s_0 + x))^2]$",
          f"At 0.75 A, 0.25 mm: {short:.1f} N against {true_force:.2f} N; at x = 0 it is infinite."],
@@ -47,7 +47,7 @@ def errata(study: Study) -> Part:
         ["Eq. 5", "$k_s = -2 k i_0^2 / s_0^3$", "$k_s = +4 k i_0^2 / s_0^3$",
          f"{printed_s / 1e3:.3f} against {k_s / 1e3:.4f} N/mm; Table 5 has 7.53 in its middle."],
         ["Eq. 4, 5", "taken at $(s_0, i_0)$", "taken at $(x, i_u) = (0, 0)$",
-         "The slopes are after x and i_u, which are zero at the working point."],
+         "The slopes are after x and i_u, which are zero at the operating point."],
         ["Eq. 8", "$Y(k+1) = h(X(k))$", "$Y(k+1) = h(X(k+1))$",
          "Eq. 12 compares Z(k) with H X(k|k-1), of the same instant."],
         ["Eq. 9", "$u(k)$", "$u(k-1)$",
@@ -106,7 +106,7 @@ def errata(study: Study) -> Part:
                     id="errata_table",
                     title="What is printed, what is meant, and how it shows",
                     headers=["where", "printed", "meant", "calculation"],
-                    rows=found,
+                    rows=results,
                 ),
                 Text("None of these is held against the idea. Every figure in this table is "
                      "computed when the report is made."),

@@ -39,8 +39,8 @@ def expert(study: Study) -> Part:
         Chapter(
             id="expert",
             title="The expert system: a fuzzy basis function network",
-            lead="One rule at each of the 25 work points. Between them a Gaussian says how much "
-            "each rule counts, and its width is what the paper trains.",
+            lead="One rule at each of the 25 operating points. Between them a Gaussian "
+            "weighs each rule, and its width is what the paper trains.",
             blocks=[
                 Equation(r"u_i = e^{-(\|x - \tau_i\|)^2 / (2 \sigma_i^2)}", "eq. 32"),
                 Equation(r"y = \sum w_i u_i", "eq. 33, as printed"),

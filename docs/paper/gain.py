@@ -58,7 +58,7 @@ def gain(study: Study) -> Part:
                 Remark("In one sentence",
                        r"At 0.5 mm the error of $F_\mathrm{St}$ falls from "
                        f"{force['estimate linear']:.2f} N "
-                       f"to {force['estimate adaptive']:.2f} N with the paper's 25 work points, "
+                       f"to {force['estimate adaptive']:.2f} N with the paper's 25 points, "
                        f"to {force['estimate wide box']:.2f} N with 25 rules spread to 0.8 mm, and "
                        f"to {force['estimate closed law']:.2f} N with the closed law; the errors "
                        f"of position differ by {alike.mean():.1f} % between the best filter and "
@@ -86,7 +86,7 @@ def gain(study: Study) -> Part:
             *(mean_row(f"gain.{id}", f"the same, {what}", errors[name], "N rms",
                        smaller(errors[name], errors["estimate linear"]))
               for id, what, name in (
-                  ("adaptive", "adaptive filter, paper's work points", "estimate adaptive"),
+                  ("adaptive", "adaptive filter, paper's operating points", "estimate adaptive"),
                   ("wide", "25 rules spread to 0.8 mm", "estimate wide box"),
                   ("closed", "closed law", "estimate closed law"))),
             mean_row("gain.position", "position error at 0.5 mm: worst filter of a run over best",
@@ -186,9 +186,9 @@ def _windows(study: Study) -> dict[str, dict[str, Array]]:
         inside = [(t >= start) & (t < end) for start, end in stretches.values()]
         return [float(np.sqrt(square[where].mean())) for where in inside]
 
-    found = {name: study.over_seeds(partial(errors, name)) for name in study.filters}
+    results = {name: study.over_seeds(partial(errors, name)) for name in study.filters}
     return {
-        stretch: {name: of_name[place] for name, of_name in found.items()}
+        stretch: {name: of_name[place] for name, of_name in results.items()}
         for place, stretch in enumerate(stretches)
     }
 

@@ -21,36 +21,36 @@ LIMIT = 0.01  # in the paper's units, N/A and N/mm: one digit of its last place
 
 
 def lsm(study: Study) -> Part:
-    """Identify the 25 work points, and put them beside Tables 4 and 5."""
-    found = study.map
-    off_i = _deviation(found.k_i, paper.table4(), "table4")
-    off_s = _deviation(found.k_s, paper.table5(), "table5") / 1e3
+    """Identify the 25 operating points, and put them beside Tables 4 and 5."""
+    result = study.map
+    off_i = _deviation(result.k_i, paper.table4(), "table4")
+    off_s = _deviation(result.k_s, paper.table5(), "table5") / 1e3
     wrong = paper.MISPRINTS[0]
-    ours_there = float(found.k_i[wrong.row, wrong.column])
+    ours_there = float(result.k_i[wrong.row, wrong.column])
 
     # The same machine on what was identified, and on a measured map instead of a law.
     (off_k,) = study.over_seeds(lambda seed: (_identified(study, seed),))
     from_table = stiffness_map(study.bearing, force=_force_table(study))
-    off_table = 100 * float(np.max(np.abs(from_table.k_i / found.k_i - 1)))
+    off_table = 100 * float(np.max(np.abs(from_table.k_i / result.k_i - 1)))
     return Part(
         Chapter(
             id="lsm",
-            title="The LSM machine: stiffnesses at 25 work points",
-            lead="Around each work point the force is asked nine times, and a plane through the "
-            "origin is laid through the answers.",
+            title="The LSM machine: stiffnesses at 25 operating points",
+            lead="Around each operating point the force is evaluated nine times, and a plane "
+            "through the origin is fitted to the values.",
             blocks=[
                 FigureBlock(_figure_force(study)),
                 Text("The paper's Fig. 7 draws the way of the data: the identified k makes the "
-                     "force law, the law is asked at a work point and one step around it, and "
-                     "least squares make two stiffnesses of the answers."),
+                     "force law, which is evaluated at an operating point and one step around it, "
+                     "and least squares make two stiffnesses of the answers."),
                 Equation(r"\theta = (A^T A)^{-1} A^T Y", "eq. 31"),
                 Text("The columns of A are the absolute currents and displacements of the nine "
                      "points, and there is no column of ones. So k_i and k_s are not the slopes of "
                      "the force: along the ray through the origin they give the force itself, "
                      "across it the slope. That is what a filter without an affine term needs "
                      "(eq. 17), and it is why the tables are not symmetric about their middle."),
-                _table("table4", "Identified $k_i$ [N/A]", found.k_i, paper.table4(), 1.0),
-                _table("table5", "Identified $k_s$ [N/mm]", found.k_s, paper.table5(), 1e3),
+                _table("table4", "Identified $k_i$ [N/A]", result.k_i, paper.table4(), 1.0),
+                _table("table5", "Identified $k_s$ [N/mm]", result.k_s, paper.table5(), 1e3),
                 Text("The machine takes any force function. With the k that ADALINE identified "
                      "under noise, all stiffnesses are off as k is, which enters as a factor: by "
                      f"{np.sqrt(np.mean(off_k**2)):.2f} % rms over {SEEDS} seeds, "
@@ -68,8 +68,8 @@ def lsm(study: Study) -> Part:
                 "N/A", "misprint"),
         ],
         {
-            "table4.csv": stiffness_csv(found.current, found.displacement, found.k_i),
-            "table5.csv": stiffness_csv(found.current, found.displacement, found.k_s / 1e3),
+            "table4.csv": stiffness_csv(result.current, result.displacement, result.k_i),
+            "table5.csv": stiffness_csv(result.current, result.displacement, result.k_s / 1e3),
         },
     )  # fmt: skip
 

@@ -61,7 +61,7 @@ class Rig:
     @cached_property
     def bearing(self) -> Bearing:
         """The preset with the law just fitted. The logs count iu from the preset's bias current."""
-        gap, _ = self.fit.working_point(WORK_GAP)
+        gap, _ = self.fit.operating_point(WORK_GAP)
         return Bearing.preset("inteco_ml").replace(
             magnet__magnet_constant=self.fit.magnet_constant, magnet__air_gap=gap
         )

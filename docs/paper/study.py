@@ -84,7 +84,7 @@ class Study:
 
     @cached_property
     def map(self) -> StiffnessMap:
-        """k_i and k_s at the 25 work points."""
+        """k_i and k_s at the 25 operating points."""
         return stiffness_map(self.bearing)
 
     @cached_property

@@ -130,4 +130,4 @@ def _places(symbols: list[Expr]) -> Iterator[dict[Expr, Expr]]:
     draw = random.Random(0)
     for _ in range(POINTS):
         place = {s: sp.Rational(draw.randint(1, 999), 1000) for s in symbols}
-        yield place | {each: place[each] + 1 for each in (s0, i0) if each in place}
+        yield place | {item: place[item] + 1 for item in (s0, i0) if item in place}

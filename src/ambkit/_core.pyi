@@ -93,7 +93,7 @@ UNEXCITED: int = 128
 
 OUTLIER: int = 256
 
-SURPRISED: int = 512
+INCONSISTENT: int = 512
 
 NOISE_LIMIT: int = 1024
 
@@ -107,7 +107,7 @@ class Estimator:
         Start from a mean (4,) and standard deviations (4,), uncorrelated; None: diffuse.
         """
 
-    def take_over(self, other: Estimator) -> None:
+    def transfer_from(self, other: Estimator) -> None:
         """Go on where another is: its mean, covariance and counts."""
 
     @overload
@@ -345,7 +345,7 @@ class Control:
 
     def __init__(self, estimator: Estimator, given: dict[str, Any]) -> None: ...
 
-    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], r: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: float = 0, taken_over: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> dict[str, Any]:
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], r: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: float = 0, transferred: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> dict[str, Any]:
         """
         A record from power-on: readings (n, m) [m], references (n, q) [m], and whether it is to fly, 1 or 0. Or in flight from the first sample on, taken over with currents (p,) [A].
         """

@@ -1,4 +1,4 @@
-/* Controllers of a whole machine: every term by hand, limits, and what is no number. */
+/* Controllers of a machine: every term by hand, limits, and what is no number. */
 #include "ambkit/controllers.h"
 #include "check.h"
 

@@ -225,7 +225,7 @@ static void test_a_long_outage(const amb_magnet *magnet, amb_real var_y)
     last = step(&kf, magnet, &s, shaken * axis_wobble(k), AMB_C(0.4045), &r);
     CHECK(axis_sound(&s));
   }
-  CHECK((last & ~(AMB_SURPRISED | AMB_OUTLIER | AMB_RESTARTED)) ==
+  CHECK((last & ~(AMB_INCONSISTENT | AMB_OUTLIER | AMB_RESTARTED)) ==
         AMB_OK); /* the record is none of this plant */
   CHECK(s.mean[0] < AMB_C(1e-4) && s.mean[0] > AMB_C(-1e-4));
 }

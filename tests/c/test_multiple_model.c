@@ -1,4 +1,4 @@
-/* Multiple models: their weights, alone and all together, at rest, and what no model foretells. */
+/* Multiple models: their weights, alone and all together, at rest, and what no model predicts. */
 #include "ambkit/multiple_model.h"
 #include "family.h"
 

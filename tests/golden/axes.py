@@ -42,8 +42,8 @@ AXES = {
     "one-sided": ambkit.Bearing.preset("inteco_ml"),
     "odd numbers": PAPER.replace(
         sampling_time="0.13 ms", rotor__mass="0.4371 kg", sensor__gain=1.07, sensor__lag="0.37 ms",
-        rotor__gravity="33 deg", amplifier__gain="0.83 A/V", rotor__travel_limit="0.77 mm",
-        sensor__noise_rise="-90 1/m", magnet__magnet_constant="6.3 N mm^2/A^2",
+        rotor__gravity="33 deg", amplifier__gain="0.83 A/V", rotor__clearance="0.77 mm",
+        sensor__position_noise="-90 1/m", magnet__magnet_constant="6.3 N mm^2/A^2",
     ),
     "amplifier and delay": PAPER.replace(**_PARTS),
     "noise with states": PAPER.replace(
@@ -81,7 +81,7 @@ HIT = ("paper", "soft stop")
 def record_of(axis: ambkit.Bearing, n: int = 1200) -> ambkit.Record:
     """Positions with gaps, spikes, clipping and a stuck stretch, and controls: no simulation's."""
     rng, k = np.random.default_rng(3), np.arange(n)
-    reach = abs(axis.sensor.gain) * axis.rotor.travel_limit
+    reach = abs(axis.sensor.gain) * axis.rotor.clearance
     wave = np.abs((k % 400) - 200.0) / 100 - 1
     y = reach * (0.3 * wave + 0.02 * (rng.random(n) - 0.5))
     u = (0.4 * np.roll(wave, 37) + 0.1 * (rng.random(n) - 0.5)) * axis.current_max
@@ -152,7 +152,7 @@ def _scenario(axis: ambkit.Bearing, feedback: Any, hit: bool) -> ambkit.Scenario
         duration=800 * T,
         controller=pid,
         disturbance=ambkit.Step(amplitude=load, time=400 * T),
-        reference=ambkit.Step(amplitude=0.2 * axis.rotor.travel_limit, time=200 * T),
+        reference=ambkit.Step(amplitude=0.2 * axis.rotor.clearance, time=200 * T),
     )
 
 

@@ -80,13 +80,13 @@ void amb_control_init(const amb_control *control, amb_control_state *state, void
 
 /* In flight, taken over from another controller: the estimator's state is set by the caller, and
  * these are the control currents that act, iu (p) [A], and the integrals (q) [A]. */
-void amb_control_hover(const amb_control *control, amb_control_state *state, const amb_real iu[],
-                       const amb_real integral[]);
+void amb_control_levitate(const amb_control *control, amb_control_state *state, const amb_real iu[],
+                          const amb_real integral[]);
 
 /* The same, the estimator too: it starts at the readings y (m) [m], as if the rotor were at rest,
  * and integrals at what holds it there. */
-void amb_control_take_over(const amb_control *control, amb_control_state *state, void *filter,
-                           const amb_real y[AMB_SENSORS], const amb_real iu[]);
+void amb_control_transfer(const amb_control *control, amb_control_state *state, void *filter,
+                          const amb_real y[AMB_SENSORS], const amb_real iu[]);
 
 /* One sample: readings y (m) [m], references r (p) [m], speed of rotation [rad/s], and whether it
  * is to fly. Returns the sum of all flags. */

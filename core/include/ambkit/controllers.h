@@ -1,4 +1,4 @@
-/* The controllers of a whole machine: PIDs of combinations of positions, whose currents are spread
+/* The controllers of a machine: PIDs of combinations of positions, whose currents are spread
  * over its axes, and feedback of an estimator's states beside them.
  *
  *   e_j  = PID j of reference_j r, position_j x, and velocity_j x

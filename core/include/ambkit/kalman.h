@@ -23,7 +23,7 @@
 extern "C" {
 #endif
 
-/* A measurement beyond this many travel limits cannot be the rotor: it counts as missing. */
+/* A measurement beyond this many clearances cannot be the rotor: it counts as missing. */
 #define AMB_FAR AMB_C(10.0)
 
 /* Standard deviations of so many caps are none, and correlations of such neither. */
@@ -35,7 +35,7 @@ extern "C" {
 
 /* Of the innovations of a filter whose model and noise are right, one in 22 is beyond twice its
  * standard deviation; with this share over the last AMB_MEMORY samples something is wrong. */
-#define AMB_SURPRISING AMB_C(0.25)
+#define AMB_INCONSISTENT_SHARE AMB_C(0.25)
 #define AMB_MEMORY AMB_C(128.0)
 
 /* Square of a step over the variance of the noise. Up to the first the rounding is white, of

@@ -122,7 +122,7 @@ void amb_model_update(const amb_model *model, int r, amb_real y, amb_real S, amb
 void amb_model_pushed(const amb_model *model, int f, amb_real moved[]);
 void amb_model_growth(const amb_model *model, const amb_real var[], amb_real growth[]);
 bool amb_model_drives(const amb_model *model, int k, int i);
-void amb_model_at_rest(const amb_model *model, amb_real mean[]);
+void amb_model_equilibrium(const amb_model *model, amb_real mean[]);
 
 #ifdef __cplusplus
 }

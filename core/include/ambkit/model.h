@@ -124,7 +124,7 @@ AMB_INLINE int amb_first(const amb_model *model, amb_role role)
  *   bool amb_model_drives(const amb_model *model, int k, int i);
  * What each state is, and AMB_SHOWN ones set to what they are at rest:
  *   amb_role amb_model_role(const amb_model *model, int i);
- *   void amb_model_at_rest(const amb_model *model, amb_real mean[]);
+ *   void amb_model_equilibrium(const amb_model *model, amb_real mean[]);
  */
 
 #endif

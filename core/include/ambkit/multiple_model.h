@@ -2,7 +2,7 @@
  * amb_multiple_model.
  *
  * Up to five extended filters run side by side, each with its own scale of the magnet's force,
- * theta = k / known k, and are weighed by how well they foretell the measurement. The scale leaves
+ * theta = k / known k, and are weighed by how well they predict the measurement. The scale leaves
  * its value with the same probability for each of the others, a Markov chain; then mixing needs
  * none of the pairs of models. With the mean X and covariance P of all together, the weight mu_j of
  * one before mixing, d = X_j - X and w = (stay - leave) mu_j / (probability of j after mixing):

@@ -10,7 +10,7 @@ extern "C" {
 #endif
 
 typedef enum amb_flight_mode {
-  AMB_OFF,     /* no currents; the rotor lies in its backup bearing */
+  AMB_OFF,     /* no currents; the rotor lies in its touch-down bearing */
   AMB_WAITING, /* no currents yet, until what feeds the controllers can be used */
   AMB_LIFTING, /* on the way up */
   AMB_FLYING,
@@ -38,7 +38,7 @@ typedef struct amb_sequence_state {
 void amb_sequence_init(amb_sequence_state *state);
 
 /* In flight, as if it had lifted. */
-void amb_sequence_hover(amb_sequence_state *state);
+void amb_sequence_levitate(amb_sequence_state *state);
 
 /* Whether there are currents. */
 bool amb_sequence_on(const amb_sequence_state *state);

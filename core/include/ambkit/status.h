@@ -15,7 +15,7 @@ typedef unsigned int amb_status;
 #define AMB_BAD_PARAMETER 64U /* a parameter is not finite or out of range: nothing was done */
 #define AMB_UNEXCITED 128U    /* too little excitation: the identified value is held */
 #define AMB_OUTLIER 256U      /* measurement too far from its prediction: predicted only */
-#define AMB_SURPRISED                                                                              \
+#define AMB_INCONSISTENT                                                                           \
   512U /* too many innovations are larger than expected: model or noise is wrong */
 #define AMB_NOISE_LIMIT 1024U /* the noise found online is at the end of its range */
 #define AMB_RESTARTED                                                                              \

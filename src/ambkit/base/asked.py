@@ -38,39 +38,39 @@ def in_si(name: str, value: Any, unit: str) -> float | None:
     return float(value)
 
 
-def of_type(*wanted: type, **given: Any) -> None:
+def of_type(*expected_types: type, **arguments: Any) -> None:
     """Refuse what is not of a type, in a line."""
-    for name, value in given.items():
-        if isinstance(value, wanted):
+    for name, value in arguments.items():
+        if isinstance(value, expected_types):
             continue
-        first, hint = wanted[0], ""
+        first, hint = expected_types[0], ""
         ways = [f"{first.__name__}.{way}" for way in ("preset", "load") if hasattr(first, way)]
         if isinstance(value, str) and ways:
             hint = f"; {' or '.join(ways)} gives one"
-        elif isinstance(value, type) and issubclass(value, wanted):
+        elif isinstance(value, type) and issubclass(value, expected_types):
             hint = f"; {value.__name__}(...) makes one"
-        elif isinstance(getattr(value, "record", None), wanted):
+        elif isinstance(getattr(value, "record", None), expected_types):
             hint = "; give its .record"
-        kinds = " or ".join(kind.__name__ for kind in wanted)
+        kinds = " or ".join(kind.__name__ for kind in expected_types)
         raise TypeError(f"{name} must be of type {kinds}, is {_shown(value)}{hint}")
 
 
-def all_of_type(wanted: type[Kind], **given: Any) -> list[Kind]:
+def all_of_type(expected_type: type[Kind], **argument: Any) -> list[Kind]:
     """Return what may be one or several of a type as a list, and refuse all else, in a line."""
-    ((name, value),) = given.items()
+    ((name, value),) = argument.items()
     several = list(value) if isinstance(value, list | tuple) else [value]
     for one in several:
-        of_type(wanted, **{name: one})
+        of_type(expected_type, **{name: one})
     return several
 
 
-def names_in(*others: type, **given: Any) -> list[Any]:
+def names_in(*others: type, **argument: Any) -> list[Any]:
     """Return names that are given, one or several, as a list, and refuse all else, in a line."""
-    ((name, value),) = given.items()
+    ((name, value),) = argument.items()
     one = isinstance(value, (str, os.PathLike, *others)) or not isinstance(value, Iterable)
     several = [value] if one else list(value)
-    for each in several:
-        of_type(*others, str, os.PathLike, **{name: each})
+    for item in several:
+        of_type(*others, str, os.PathLike, **{name: item})
     return several
 
 

@@ -19,15 +19,15 @@ _LEAST = 1 << 20
 
 def limit() -> float:
     """Return how much memory reading one file may take [byte]."""
-    given = os.environ.get(VARIABLE, "")
-    if not given:
+    limit_text = os.environ.get(VARIABLE, "")
+    if not limit_text:
         return LIMIT
     try:
-        size = parse(given, "byte")
+        size = parse(limit_text, "byte")
     except ValueError as error:
         raise AmbkitError(f"{VARIABLE}: {error}; write it like 16 GB") from None
     if not size > 0:
-        raise AmbkitError(f"{VARIABLE}: must be greater than 0 GB, is {given}")
+        raise AmbkitError(f"{VARIABLE}: must be greater than 0 GB, is {limit_text}")
     return size
 
 

@@ -23,10 +23,10 @@ TOLD = 10
 """Problems of one file that are told one by one; the rest is counted."""
 
 
-def shortened(problems: list[str], shown: int = TOLD) -> list[str]:
+def shortened(problems: list[str], limit: int = TOLD) -> list[str]:
     """Return the first problems, and how many more there are."""
-    left = len(problems) - shown
-    return [*problems[:shown], f"and {left} more"] if left > 1 else problems
+    left = len(problems) - limit
+    return [*problems[:limit], f"and {left} more"] if left > 1 else problems
 
 
 def _count(lines: list[str]) -> int:

@@ -52,8 +52,10 @@ def markdown(text: object) -> str:
 
 
 def _behind_backslash(match: re.Match[str]) -> str:
-    found = match[0]
-    return f"{found}\\" if found.isdigit() else f"\\{found}"  # "1." begins a list, "1\." does not
+    result = match[0]
+    return (
+        f"{result}\\" if result.isdigit() else f"\\{result}"
+    )  # "1." begins a list, "1\." does not
 
 
 def label(text: object) -> str:

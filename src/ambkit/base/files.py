@@ -13,7 +13,7 @@ from ambkit.base.errors import AmbkitError
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary file beside `path`, and put it in the place of `path` at the end."""
+    """Give a temporary file beside `path`, and put it instead of `path` at the end."""
     # If the body of the ``with`` fails, the temporary file goes and `path` stays as it was.
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
@@ -61,14 +61,14 @@ def replacing_in(path: str | os.PathLike[str], first: str = "") -> Iterator[Path
     # If the body of the ``with`` fails, as on a full disk, `path` stays as it was; where it was not
     # there, it is not made.
     path = Path(path)
-    new = [each for each in (path, *path.parents) if not each.exists()]
+    new = [entry for entry in (path, *path.parents) if not entry.exists()]
     temporary = path / f".{os.getpid()}.tmp"
     try:
         make_folder(path)
         temporary.mkdir()
         yield temporary
-        made = sorted(each for each in temporary.rglob("*") if each.is_file())
-        for file in sorted(made, key=lambda each: each.name != first):
+        made = sorted(entry for entry in temporary.rglob("*") if entry.is_file())
+        for file in sorted(made, key=lambda element: element.name != first):
             place = path / file.relative_to(temporary)
             place.parent.mkdir(parents=True, exist_ok=True)
             os.replace(file, place)
@@ -78,9 +78,9 @@ def replacing_in(path: str | os.PathLike[str], first: str = "") -> Iterator[Path
         raise AmbkitError(str(error).replace(str(temporary), str(path))) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
-        for each in new:
+        for item in new:
             with suppress(OSError):  # it holds what was written
-                each.rmdir()
+                item.rmdir()
 
 
 def read_text(path: str | os.PathLike[str]) -> str:

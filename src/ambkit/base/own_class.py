@@ -45,12 +45,12 @@ def made(name: str, make: Callable[..., Any], machine: Any) -> Any:
     except (TypeError, ValueError):
         takes = 1
     try:
-        found = make(machine) if takes else make()
+        result = make(machine) if takes else make()
     except Exception as error:
-        given = "with the machine" if takes else "without arguments"
+        argument_text = "with the machine" if takes else "without arguments"
         raise AmbkitError(
-            f"{name}: it is made {given}, and fails: {type(error).__name__}: {error}"
+            f"{name}: it is made {argument_text}, and fails: {type(error).__name__}: {error}"
         ) from error
-    if not callable(getattr(found, "step", None)):
+    if not callable(getattr(result, "step", None)):
         raise AmbkitError(f"{name}: it needs a method step")
-    return found
+    return result

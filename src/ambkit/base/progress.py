@@ -47,19 +47,19 @@ def progress(
         columns.append(TextColumn("{task.fields[rate]}", markup=False))
     if notebook:
         bar = Progress(*columns, disable=True)  # rich itself would need widgets there
-        shown: AbstractContextManager[Callable[[], None]] = _below_the_cell(bar)
+        display: AbstractContextManager[Callable[[], None]] = _below_the_cell(bar)
     else:
         console = Console(stderr=True)
         bar = Progress(SpinnerColumn(), *columns, console=console, transient=True)
-        shown = nullcontext(lambda: None)
-    with bar, shown as redraw:
+        display = nullcontext(lambda: None)
+    with bar, display as redraw:
         task = bar.add_task(escaping.one_line(what), total=total, completed=begun, rate="")
         redraw()
 
         def tell(text: str = "", steps: int = 1) -> None:
-            told = rate.told(steps, total, begun)
-            shown = escaping.one_line(text or what)
-            bar.update(task, advance=steps, description=shown, rate=told)
+            rate_text = rate.told(steps, total, begun)
+            description = escaping.one_line(text or what)
+            bar.update(task, advance=steps, description=description, rate=rate_text)
             redraw()
 
         yield tell
@@ -84,19 +84,19 @@ class Rate:
 
 def duration(seconds: float) -> str:
     """Return a time as people say it: 45 s, 3 min, 2 h 05 min."""
-    whole = round(seconds)
-    if whole < 120:
-        return f"{whole} s"
+    rounded_seconds = round(seconds)
+    if rounded_seconds < 120:
+        return f"{rounded_seconds} s"
     hours, minutes = divmod(round(seconds / 60), 60)
     return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min"
 
 
 def reporting(
-    done: Callable[..., None] | None, what: str, total: int | None = None, **shown: Any
+    done: Callable[..., None] | None, what: str, total: int | None = None, **options: Any
 ) -> AbstractContextManager[Told]:
     """Give what the caller of a function wants to be told by; in a notebook a bar, else nothing."""
     if done is None and in_notebook():
-        return progress(what, total, **shown)
+        return progress(what, total, **options)
     return nullcontext(done or _silent)
 
 

@@ -71,25 +71,25 @@ def factor(from_unit: str, to_unit: str) -> float:
 def parse(text: str, unit: str) -> float:
     """Read a number with its unit, and give it in `unit`."""
     comma = _DECIMAL_COMMA.match(text)
-    shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+    excerpt = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
     if comma:
-        raise ValueError(f'"{shown}" has a decimal comma, write {comma[1]}.{comma[2]}')
+        raise ValueError(f'"{excerpt}" has a decimal comma, write {comma[1]}.{comma[2]}')
     match = _QUANTITY.fullmatch(text)
     if match is None:
-        raise ValueError(f'"{shown}" is not a number with a unit')
-    number, given = match.groups()
-    if not given and unit != "1":
-        raise ValueError(f'"{shown}" has no unit')
-    if given and unit == "1" and given != "%":
-        raise ValueError(f'"{shown}" must be a plain number')
+        raise ValueError(f'"{excerpt}" is not a number with a unit')
+    number, unit_text = match.groups()
+    if not unit_text and unit != "1":
+        raise ValueError(f'"{excerpt}" has no unit')
+    if unit_text and unit == "1" and unit_text != "%":
+        raise ValueError(f'"{excerpt}" must be a plain number')
     try:
-        value = float(Decimal(number) * _decimal_factor(given or "1", unit))
+        value = float(Decimal(number) * _decimal_factor(unit_text or "1", unit))
     except ValueError as error:
-        raise ValueError(f'"{shown}": {error}') from None
+        raise ValueError(f'"{excerpt}": {error}') from None
     except DecimalException:  # of an exponent that not even a Decimal has
         value = math.inf
     if not math.isfinite(value):
-        raise ValueError(f'"{shown}" is too large or too small a number')
+        raise ValueError(f'"{excerpt}" is too large or too small a number')
     return value
 
 
@@ -130,7 +130,7 @@ def figure(number: Any, unit: str, digits: int = 4, like: float | None = None) -
     """Print a value of a table, or several by their names; a dash where there is none."""
     # The error of a value, or what it is compared with, takes the value's prefix: `like`.
     if isinstance(number, dict):
-        return ", ".join(f"{k} {figure(each, unit, digits, like)}" for k, each in number.items())
+        return ", ".join(f"{k} {figure(item, unit, digits, like)}" for k, item in number.items())
     if number is None or not math.isfinite(number):
         return "–"
     return engineering(number, unit, digits=digits, like=like)

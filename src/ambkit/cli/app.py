@@ -107,8 +107,8 @@ for _name, _command in _COMMANDS.items():
     app.command(_name, cls=Command, help=_help(_command))(_command)
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(flag: bool) -> None:
+    if flag:
         import ambkit
 
         print(f"ambkit {ambkit.__version__}")

@@ -1,4 +1,4 @@
-"""``ambkit campaign``: thousands of machines out of their tolerances."""
+"""``ambkit campaign``: thousands of machines sampled from their tolerances."""
 
 from __future__ import annotations
 
@@ -104,11 +104,11 @@ def campaign_run(
         output.interrupted_says(again),
         output.progress(known.name, of, unit="runs", begun=begun) as done,
     ):
-        found = simulated(
+        result = simulated(
             known, folder, cluster=cluster, workers=workers, threads=threads, done=done
         )
-    output.deliver_result(found, as_json=json, verbose=verbose, plot=plot, report=report)
-    output.note(f"rows in {found.runs}")
+    output.deliver_result(result, as_json=json, verbose=verbose, plot=plot, report=report)
+    output.note(f"rows in {result.runs}")
 
 
 def campaign_report(
@@ -128,8 +128,8 @@ def campaign_report(
     from ambkit.cli import output
     from ambkit.workflow.campaign.result import Campaign
 
-    found = Campaign.load(folder)
-    output.deliver_result(found, as_json=json, verbose=verbose, plot=plot, report=out)
+    result = Campaign.load(folder)
+    output.deliver_result(result, as_json=json, verbose=verbose, plot=plot, report=out)
 
 
 def campaign_status(folder: FolderName, json: Json = False) -> None:
@@ -141,9 +141,9 @@ def campaign_status(folder: FolderName, json: Json = False) -> None:
     from ambkit.cli import output
     from ambkit.workflow.campaign.running import status
 
-    found = status(folder)
-    data = found._asdict() | {"good": found.good._asdict()}
-    output.deliver(data, [_of_status(found)], as_json=json)
+    result = status(folder)
+    data = result._asdict() | {"good": result.good._asdict()}
+    output.deliver(data, [_of_status(result)], as_json=json)
 
 
 def campaign_replay(
@@ -172,16 +172,16 @@ def campaign_replay(
     from ambkit.workflow.campaign.result import Campaign
 
     of = Campaign.load(folder)
-    found = of.replay(run)
-    estimate = found.run.estimate
+    result = of.replay(run)
+    estimate = result.run.estimate
     if estimates is not None and estimate is None:
         raise AmbkitError(f"run {run} has no estimator, so there are no --estimates")
     output.deliver_result(
-        found,
+        result,
         [
-            (out, found.run.record.save),
+            (out, result.run.record.save),
             (estimates, lambda path: estimate.save(path) if estimate is not None else None),
-            (machine, found.plant.save),
+            (machine, result.plant.save),
         ],
         as_json=json,
         verbose=verbose,
@@ -221,10 +221,10 @@ def campaign_rare(
     except ValueError as error:
         raise AmbkitError(f"--above: {error}") from None
     with output.progress("levels of rare failures", unit="runs") as done:
-        found = rare_failure(plan, figure, limit, runs=runs, seed=seed, threads=threads, done=done)
-    keep(folder, figure, limit, found)
-    data = {"figure": figure, "above": limit} | found._asdict()
-    output.deliver(data, [sentence(figure, limit, found)], as_json=json)
+        result = rare_failure(plan, figure, limit, runs=runs, seed=seed, threads=threads, done=done)
+    keep(folder, figure, limit, result)
+    data = {"figure": figure, "above": limit} | result._asdict()
+    output.deliver(data, [sentence(figure, limit, result)], as_json=json)
 
 
 def campaign_problem(study: StudyName) -> None:
@@ -241,10 +241,10 @@ def campaign_problem(study: StudyName) -> None:
     output.deliver(problem_of(Plan(load(study))), [], as_json=True)
 
 
-def _of_status(found: Status) -> str:
-    state = "finished" if found.complete else "not finished"
-    left = "" if found.complete else f" of {found.of:,}"
+def _of_status(result: Status) -> str:
+    state = "finished" if result.complete else "not finished"
+    left = "" if result.complete else f" of {result.of:,}"
     return (
-        f"{found.name}: {state}, {found.runs:,}{left} runs in {found.parts} parts, "
-        f"good {found.good}"
+        f"{result.name}: {state}, {result.runs:,}{left} runs in {result.parts} parts, "
+        f"good {result.good}"
     )

@@ -66,24 +66,24 @@ def check(
         output.deliver(schema_of(schema.value), [], as_json=True)
         return
     known = find_axis(bearing) if bearing is not None else None
-    found = [inspect(path, channel_map, known) for path in files or ()]
+    results = [inspect(path, channel_map, known) for path in files or ()]
     data: list[dict[str, Any]] = [
         {
-            "file": str(each.path),
-            "kind": each.kind,
-            "ok": each.ok,
-            "about": each.about,
-            "problems": list(each.problems),
-            "remarks": list(each.remarks),
+            "file": str(item.path),
+            "kind": item.kind,
+            "ok": item.ok,
+            "about": item.about,
+            "problems": list(item.problems),
+            "remarks": list(item.remarks),
         }
-        for each in found
+        for item in results
     ]
-    lines = [f"{each.path}: ok, {each.kind}: {each.about}" for each in found if each.ok]
+    lines = [f"{item.path}: ok, {item.kind}: {item.about}" for item in results if item.ok]
     output.deliver(data, lines, as_json=json)
-    for each in found:
-        for problem in each.problems:
+    for entry in results:
+        for problem in entry.problems:
             output.note(problem)
-        for remark in each.remarks:
-            output.note(f"{each.path}: note: {remark}")
-    if not all(each.ok for each in found):
+        for remark in entry.remarks:
+            output.note(f"{entry.path}: note: {remark}")
+    if not all(item.ok for item in results):
         raise typer.Exit(2)

@@ -153,19 +153,19 @@ def compare(
       ambkit compare zittau_axial --steps "0.1 mm,0.3 mm,0.5 mm" --load "3 N" --plot bars.png
     """
     own = {"--scenario": scenario, "--steps": steps, "--load": load, "--duration": duration}
-    given = [name for name, value in own.items() if value is not None]
-    if not given:
+    loop_options = [name for name, value in own.items() if value is not None]
+    if not loop_options:
         from ambkit.cli.compare_case import Wanted, in_case
 
         if save_filters is not None and (not tune or case == "all"):
             what = "of one case, not of all" if tune else "of tuned filters: give --tune too"
             raise AmbkitError(f"--save-filters is {what}")
-        wanted = Wanted(
+        request = Wanted(
             runs, tune, seed, spread, expert, force_map, out, plot, report, save_filters, json,
             verbose,
         )  # fmt: skip
         chosen = "all" if estimators is None else estimators
-        in_case(bearing, case or "paper", chosen, wanted)
+        in_case(bearing, case or "paper", chosen, request)
         return
     unwanted = {"--case": case, "--tune": tune or None, "--spread": spread,
                 "--save-filters": save_filters, "--report": report}  # fmt: skip
@@ -173,7 +173,7 @@ def compare(
     if clash:
         hint = "; --out and --plot do" if clash[0] == "--report" else ""
         raise AmbkitError(
-            f"{given[0]} is in place of a case, and does not go with {clash[0]}{hint}"
+            f"{loop_options[0]} is in place of a case, and does not go with {clash[0]}{hint}"
         )
     from ambkit.machine.forces.map_of import surface_in
 
@@ -214,9 +214,9 @@ def _in_own_loops(
     """Each closes its own loop, against the same noise, with the same Q and R."""
     from ambkit.cli import output
     from ambkit.cli.kinds import factories
-    from ambkit.workflow.comparing import compare_in_loops, happenings
+    from ambkit.workflow.comparing import compare_in_loops, loop_cases
 
-    what = happenings(
+    what = loop_cases(
         plant,
         scenario_file,
         steps=None if steps is None else read_quantities(steps, "m", "--steps"),
@@ -226,26 +226,26 @@ def _in_own_loops(
     )
     built = factories(chosen, plant, expert)
     with output.progress("comparing", len(what) * len(built) * seeds) as done:
-        found = compare_in_loops(plant, what, built, runs=seeds, seed=seed, plant=true, done=done)
+        result = compare_in_loops(plant, what, built, runs=seeds, seed=seed, plant=true, done=done)
     out, plot = files
-    rows = (out, lambda path: _save(path, found))
-    output.deliver_result(found, [rows], as_json=as_json, verbose=verbose, plot=plot)
+    rows = (out, lambda path: _save(path, result))
+    output.deliver_result(result, [rows], as_json=as_json, verbose=verbose, plot=plot)
 
 
-def _save(path: Path, found: LoopScores) -> None:
+def _save(path: Path, result: LoopScores) -> None:
     """Write the error of each run: a row for each case and seed."""
     import numpy as np
 
     from ambkit.data.files.tables import Table, write_table
     from ambkit.judge.comparison.criteria import EVALUATED
 
-    scores, count = found.scores, len(found.seeds)
+    scores, count = result.scores, len(result.seeds)
     columns: dict[str, Any] = {}
     units = {"case": "1", "step": "m", "seed": "1"}
     columns["case"] = np.repeat(np.arange(len(scores), dtype=float), count)
-    if found.steps is not None:
-        columns["step"] = np.repeat(np.array(found.steps, dtype=float), count)
-    columns["seed"] = np.tile(np.array(found.seeds, dtype=float), len(scores))
+    if result.steps is not None:
+        columns["step"] = np.repeat(np.array(result.steps, dtype=float), count)
+    columns["seed"] = np.tile(np.array(result.seeds, dtype=float), len(scores))
     for name in next(iter(scores.values())):
         for signal, unit in EVALUATED.items():
             key = f"{name}_{signal}"

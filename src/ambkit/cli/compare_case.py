@@ -33,10 +33,10 @@ class Wanted(NamedTuple):
     verbose: bool
 
 
-def in_case(name: str, case_name: str, chosen: str, wanted: Wanted) -> None:
+def in_case(name: str, case_name: str, chosen: str, request: Wanted) -> None:
     """Compare in a case, or in all of them, and deliver; see ``ambkit compare --help``."""
     from ambkit.cli import output
-    from ambkit.judge.comparison.contenders import expand, suited
+    from ambkit.judge.comparison.candidates import expand, suited
     from ambkit.judge.comparison.study import pieces_of
     from ambkit.machine.forces.map_of import surface_in
     from ambkit.workflow.comparing import cases_called, compare_in_all, compare_in_case
@@ -45,39 +45,39 @@ def in_case(name: str, case_name: str, chosen: str, wanted: Wanted) -> None:
     bearing = find_machine(name)
     names = suited(expand(chosen), bearing)
     with arguments_of_the_user("--"):
-        cases = cases_called(case_name, wanted.spread)
+        cases = cases_called(case_name, request.spread)
     options: dict[str, Any] = {
-        "runs": wanted.runs,
-        "budget": wanted.budget,
-        "seed": wanted.seed,
-        "spread": wanted.spread,
-        "magnets": _magnets(bearing, names, wanted.expert),
+        "runs": request.runs,
+        "budget": request.budget,
+        "seed": request.seed,
+        "spread": request.spread,
+        "magnets": _magnets(bearing, names, request.expert),
         "plant": None
-        if wanted.force_map is None
-        else surface_in(wanted.force_map, find_axis(name)),
+        if request.force_map is None
+        else surface_in(request.force_map, find_axis(name)),
     }
     if len(cases) > 1:
-        work = len(cases) * pieces_of(len(names), wanted.budget, whole=False)
+        work = len(cases) * pieces_of(len(names), request.budget, whole=False)
         with output.progress("learning", work) as done:
             all_of = compare_in_all(bearing, names, **options, done=done)
-        _deliver(all_of, wanted)
+        _deliver(all_of, request)
         return
-    whole = wanted.report is not None
-    with output.progress("learning", pieces_of(len(names), wanted.budget, whole)) as done:
-        found = compare_in_case(bearing, case_name, names, **options, whole=whole, done=done)
+    with_report = request.report is not None
+    with output.progress("learning", pieces_of(len(names), request.budget, with_report)) as done:
+        result = compare_in_case(bearing, case_name, names, **options, whole=with_report, done=done)
     more = {}
-    if wanted.save_filters is not None:
-        judged = adequacy_of(found)
+    if request.save_filters is not None:
+        judged = adequacy_of(result)
         more = {"adequacy": {kind: output.say_adequacy(of, kind) for kind, of in judged.items()}}
-    _deliver(found, wanted, more)
-    if wanted.save_filters is not None:
+    _deliver(result, request, more)
+    if request.save_filters is not None:
         left_out = save_filters(
-            found, wanted.save_filters, bearing=name,
-            magnets={} if wanted.expert is None else {"adaptive": wanted.expert},
+            result, request.save_filters, bearing=name,
+            magnets={} if request.expert is None else {"adaptive": request.expert},
         )  # fmt: skip
         for why in left_out.values():
             output.note(f"note: {why}")
-        output.note(f"wrote {wanted.save_filters}")
+        output.note(f"wrote {request.save_filters}")
 
 
 def _magnets(bearing: Machine, names: Sequence[str], expert: Path | None) -> dict[str, MagnetModel]:
@@ -90,37 +90,37 @@ def _magnets(bearing: Machine, names: Sequence[str], expert: Path | None) -> dic
     return {"adaptive": experts(expert, bearing)}
 
 
-def _deliver(found: Study | Benches, wanted: Wanted, more: dict[str, Any] | None = None) -> None:
+def _deliver(result: Study | Benches, request: Wanted, more: dict[str, Any] | None = None) -> None:
     from ambkit.cli import output
 
     output.deliver_result(
-        found,
-        [(wanted.out, lambda path: _save(path, found))],
-        as_json=wanted.as_json,
-        verbose=wanted.verbose,
-        plot=wanted.plot,
-        report=wanted.report,
+        result,
+        [(request.out, lambda path: _save(path, result))],
+        as_json=request.as_json,
+        verbose=request.verbose,
+        plot=request.plot,
+        report=request.report,
         more=more,
     )
 
 
-def _save(path: Path, found: Study | Benches) -> None:
+def _save(path: Path, result: Study | Benches) -> None:
     """Write the figures of each run: a row for case and run, columns by estimator and criterion."""
     import numpy as np
 
     from ambkit.data.files.tables import Table, write_table
     from ambkit.judge.comparison.criteria import CRITERIA
 
-    benches = found if isinstance(found, dict) else {found.bench.case.name: found.bench}
+    benches = result if isinstance(result, dict) else {result.bench.case.name: result.bench}
     gathered: dict[str, list[Any]] = {"case": [], "run": []}
     units = {"case": "1", "run": "1"}
     for place, bench in enumerate(benches.values()):
         count = bench.runs - bench.stopped
         gathered["case"].append(np.full(count, float(place)))
         gathered["run"].append(np.arange(count, dtype=float))
-        for how, standings in (("default", bench.default), ("tuned", bench.tuned)):
-            for name, standing in standings.items():
-                for criterion, values in standing.figures.items():
+        for how, scores in (("default", bench.default), ("tuned", bench.tuned)):
+            for name, score in scores.items():
+                for criterion, values in score.figures.items():
                     key = f"{name}_{how}_{criterion}"
                     gathered.setdefault(key, []).append(values)
                     units[key] = CRITERIA[criterion].si

@@ -39,14 +39,14 @@ def export_mat(
     from ambkit.export import mat
     from ambkit.fuzzy.expert import Expert
 
-    model, found = axis_to_export(bearing, estimator, ("linear", "adaptive"))
-    chosen = found.magnet if found.kind == "adaptive" else None
+    model, result = axis_to_export(bearing, estimator, ("linear", "adaptive"))
+    chosen = result.magnet if result.kind == "adaptive" else None
     if chosen is not None and not isinstance(chosen, Expert):
         raise AmbkitError(
             "--estimator: a MAT-file holds an expert; a force map goes into the bearing, as its "
             "force_map, and its tables along"
         )
     expert = chosen
-    written = mat.export_mat(model, expert, out, filter_file=found.file, force=force)
+    written = mat.export_mat(model, expert, out, filter_file=result.file, force=force)
     output.deliver({"path": str(out), "variables": list(written)}, [], as_json=json)
     output.note(f"wrote {out}, {len(written)} variables")

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from ambkit.data.channelmap import ChannelMap
     from ambkit.data.record import Record
     from ambkit.estimate.filter_file import FilterFile
+    from ambkit.workflow.anomalies import OutsideOperatingRange
     from ambkit.workflow.filtering import Filtered, Filtering, Stretch
-    from ambkit.workflow.oddities import OutsideOfBox
 
 
 def filter_record(
@@ -130,9 +130,9 @@ def filter_record(
       ambkit filter run.csv --bearing zittau_axial --out estimates.csv --plot estimates.html
     """
     from ambkit.cli import output
-    from ambkit.cli.belonging import say_what_is_odd
     from ambkit.cli.kinds import factories
     from ambkit.cli.logs import load_log
+    from ambkit.cli.plausibility import say_what_is_odd
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.estimate.noise import FilterNoise
     from ambkit.workflow.filtering import filter as filtered
@@ -159,7 +159,7 @@ def filter_record(
             _say_how_it_was_tuned(one)
             done()
 
-        found = filtered(
+        result = filtered(
             machine,
             log,
             built,
@@ -169,13 +169,13 @@ def filter_record(
             smooth=smooth,
             done=tell,
         )
-    _warn(found, len(log))
+    _warn(result, len(log))
     adequacy = {name: _adequacy(name, one, built[name], machine)
-                for name, one in found.estimators.items()}  # fmt: skip
+                for name, one in result.estimators.items()}  # fmt: skip
 
     output.deliver_result(
-        found,
-        [(out, lambda path: found.to_record().save(path))],
+        result,
+        [(out, lambda path: result.to_record().save(path))],
         as_json=json,
         verbose=verbose,
         plot=plot,
@@ -190,14 +190,14 @@ def _channels(files: Mapping[str, FilterFile], channel_map: Path | None) -> Chan
     if channel_map is None:
         return None
     channels = ChannelMap.load(channel_map)
-    said = {name: file.inputs for name, file in files.items() if not file.inputs.in_si}
-    if not said:
+    inputs = {name: file.inputs for name, file in files.items() if not file.inputs.in_si}
+    if not inputs:
         return channels
-    first, *others = said
+    first, *others = inputs
     for name in others:
-        if said[name] != said[first]:
+        if inputs[name] != inputs[first]:
             raise AmbkitError(f"{first} and {name} read other inputs: filter by one at a time")
-    return channels.with_inputs(said[first])
+    return channels.with_inputs(inputs[first])
 
 
 def _say_what_is_tuned_on(stretch: Stretch | None, log: Record) -> None:
@@ -241,26 +241,26 @@ def _adequacy(name: str, one: Filtered, build: Any, machine: Any) -> list[dict[s
     return output.say_adequacy(judge_adequacy(saved, machine, nis=one.evaluation.nis), name)
 
 
-def _warn(found: Filtering, samples: int) -> None:
+def _warn(result: Filtering, samples: int) -> None:
     """Say so where filter and record do not belong together, or what was asked is not known."""
     from ambkit.cli import output
     from ambkit.data.signals import each_of
-    from ambkit.workflow.oddities import lost_control
+    from ambkit.workflow.anomalies import missing_control
 
-    left = samples - len(found.record)
+    left = samples - len(result.record)
     if left:
         output.note(
             f"{left} samples are left out, in which magnets have no current by the record's mode"
         )
-    lost, in_a_row = lost_control(found.record)
+    lost, in_a_row = missing_control(result.record)
     if lost:
         output.note(
-            f"the control signal is missing in {lost} of {len(found.record)} samples, at most "
+            f"the control signal is missing in {lost} of {len(result.record)} samples, at most "
             f"{in_a_row} in a row: the filters hold the last one, and are less sure for a while "
             "than they say"
         )
-    gap = max(placed.magnet.air_gap for placed in found.machine.bearings)
-    for name, one in found.estimators.items():
+    gap = max(placed.magnet.air_gap for placed in result.machine.bearings)
+    for name, one in result.estimators.items():
         if any(max(each_of(e)) > gap for e in one.evaluation.prediction.values()):
             output.note(
                 f"{name}: predicts beyond the air gap, {output.value(gap, 'm', 4)}: over so long a "
@@ -271,7 +271,7 @@ def _warn(found: Filtering, samples: int) -> None:
             output.note(_of_the_box(f"{name}, axis {axis}" if axis else name, outside))
 
 
-def _of_the_box(name: str, outside: OutsideOfBox) -> str:
+def _of_the_box(name: str, outside: OutsideOperatingRange) -> str:
     """Say that the expert was asked beyond the box that it was trained for."""
     from ambkit.cli.output import value
 

@@ -161,17 +161,22 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
     beside = [other for other in VERBS if other.startswith(f"{name} ")]
     if beside:
         parser.description += f"\n\nFurther commands: {', '.join(beside)}."
-    for each in inspect.signature(verb).parameters.values():
-        text = about.parameters[each.name].replace("%", "%%")
+    for parameter in inspect.signature(verb).parameters.values():
+        text = about.parameters[parameter.name].replace("%", "%%")
         # Annotations of parameters alone: those of results name what is not imported.
-        settings = _settings(eval(each.annotation, verb.__globals__))
-        required = each.default is each.empty
-        if each.name == "records" or (required and each.kind is not each.KEYWORD_ONLY):
-            parser.add_argument(each.name, help=text, **_positional(settings, each.default))
+        settings = _settings(eval(parameter.annotation, verb.__globals__))
+        required = parameter.default is parameter.empty
+        if parameter.name == "records" or (
+            required and parameter.kind is not parameter.KEYWORD_ONLY
+        ):
+            parser.add_argument(
+                parameter.name, help=text, **_positional(settings, parameter.default)
+            )
         else:
             parser.add_argument(
-                f"--{each.name.replace('_', '-')}", dest=each.name,
-                help=text + _default(each.default), default=argparse.SUPPRESS, required=required,
+                f"--{parameter.name.replace('_', '-')}", dest=parameter.name,
+                help=text + _default(parameter.default), default=argparse.SUPPRESS,
+                required=required,
                 **{"action": Once} | settings,
             )  # fmt: skip
     _add_outputs(parser, (*MAKES.get(name, ()), *ROWS))
@@ -202,8 +207,8 @@ def _default(value: Any) -> str:
     """Return a default as the help shows it."""
     if value is None or value is False or value == () or value is inspect.Parameter.empty:
         return ""
-    shown = ", ".join(map(str, value)) if isinstance(value, tuple) else value
-    return f" [default: {shown}]"
+    text = ", ".join(map(str, value)) if isinstance(value, tuple) else value
+    return f" [default: {text}]"
 
 
 def _settings(annotation: Any) -> dict[str, Any]:
@@ -242,17 +247,17 @@ def run(name: str, arguments: Sequence[str]) -> int:
     verb = verb_called(name)
     parser = parser_of(name, verb)
     try:
-        given = vars(parser.parse_args(arguments))
+        options = vars(parser.parse_args(arguments))
     except argparse.ArgumentError as error:
         parser.error(str(error))
-    makes = "plot" in given  # else it writes a folder by itself
-    out, plots = (given.pop("out"), given.pop("plot")) if makes else ((), ())
-    as_json, verbose = given.pop("json"), given.pop("verbose")
-    _check_files("--out", out, (*MAKES.get(name, ()), *ROWS), given)
-    _check_files("--plot", plots, PICTURES, given)
-    result: Result = verb(**given)
+    makes = "plot" in options  # else it writes a folder by itself
+    out, plots = (options.pop("out"), options.pop("plot")) if makes else ((), ())
+    as_json, verbose = options.pop("json"), options.pop("verbose")
+    _check_files("--out", out, (*MAKES.get(name, ()), *ROWS), options)
+    _check_files("--plot", plots, PICTURES, options)
+    result: Result = verb(**options)
     if not makes:
-        output.written.append(Path(given["out"]))
+        output.written.append(Path(options["out"]))
     output.deliver_result(
         result,
         [
@@ -268,12 +273,12 @@ def run(name: str, arguments: Sequence[str]) -> int:
 
 
 def _check_files(
-    option: str, paths: Sequence[Path], endings: Sequence[str], given: dict[str, Any]
+    option: str, paths: Sequence[Path], endings: Sequence[str], arguments: dict[str, Any]
 ) -> None:
     """Refuse files that cannot be written, or that the command reads, before it begins."""
-    texts = [each for value in given.values()
-             for each in (value if isinstance(value, list) else [value])]  # fmt: skip
-    read = [Path(each) for each in texts if isinstance(each, str)]
+    texts = [item for value in arguments.values()
+             for item in (value if isinstance(value, list) else [value])]  # fmt: skip
+    read = [Path(text) for text in texts if isinstance(text, str)]
     for path in paths:
         problem = None
         if path.suffix.lower() not in endings:
@@ -284,7 +289,7 @@ def _check_files(
             problem = f"cannot be written: there is no folder {path.parent}"
         elif not os.access(path.parent, os.W_OK):
             problem = f"cannot be written: nor can its folder {path.parent}"
-        elif path.exists() and any(each.is_file() and each.samefile(path) for each in read):
+        elif path.exists() and any(item.is_file() and item.samefile(path) for item in read):
             problem = "is read by this command, and would be overwritten"
         if problem:
             raise AmbkitError(f"{option}: {path} {problem}")

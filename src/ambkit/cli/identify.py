@@ -64,7 +64,7 @@ def identify(
             metavar="NAMES",
             help="What to look for: magnet_constant or mass, air_gap, sensor_lag, delay, "
             "current_lag, position_offset, current_offset, sensor_gain, amplifier_gain, "
-            "measurement_noise, noise_rise, control_noise, load_growth.",
+            "measurement_noise, position_noise, control_noise, disturbance_noise.",
             show_default="what a record usually tells",
         ),
     ] = None,
@@ -146,7 +146,7 @@ def identify(
         str | None,
         typer.Option(metavar="FROM,TO", help='Of lift-off points, fit those within: "4 mm,16 mm".'),
     ] = None,
-    working_point: Annotated[
+    operating_point: Annotated[
         float | None,
         typer.Option(
             parser=quantity("m"),
@@ -199,15 +199,15 @@ def identify(
       ambkit identify run.csv --bearing my.toml --out found.toml --save-filter filter.toml
       ambkit identify logs/*.mat --channels rig.toml --bearing my.toml --report rig.html
       ambkit identify run.csv --bearing my.toml --method online --plot online.png
-      ambkit identify --lift-off points.csv --bearing inteco_ml --working-point "10 mm"
+      ambkit identify --lift-off points.csv --bearing inteco_ml --operating-point "10 mm"
       ambkit identify --coil steps/*.mat --channels coil.toml --bearing inteco_ml
     """
-    from ambkit.cli.belonging import say_what_is_odd
     from ambkit.cli.identify_corpus import LEAST, by_corpus
     from ambkit.cli.identify_lift_off import by_lift_off
     from ambkit.cli.identify_likelihood import Options, by_likelihood
     from ambkit.cli.identify_online import learn_online
     from ambkit.cli.logs import load_log
+    from ambkit.cli.plausibility import say_what_is_odd
 
     if coil:
         _for_a_coil(
@@ -223,7 +223,7 @@ def identify(
         from ambkit.cli.identify_coil import by_coil
 
         by_coil(record or [], channel_map, begin, end, isolated(find_machine(bearing), axis),
-                working_point, out, plot, json)  # fmt: skip
+                operating_point, out, plot, json)  # fmt: skip
         return
     if bool(record) == (lift_off is not None):
         raise AmbkitError("give either a RECORD or --lift-off POINTS.csv")
@@ -238,12 +238,12 @@ def identify(
     }  # fmt: skip
     chosen = method
     if method is None:
-        online_only = record and any(given is not None for given in online.values())
+        online_only = record and any(value is not None for value in online.values())
         method = Method.adaline if online_only else Method.likelihood
     if record:
         others = online if method is Method.likelihood else for_likelihood
-        for option, given in others.items():
-            if given is not None:
+        for option, value in others.items():
+            if value is not None:
                 other = "adaline" if method is Method.likelihood else "likelihood"
                 raise AmbkitError(f"{option} is for --method {other}")
     if rest_map is not None and rest is None:
@@ -252,19 +252,19 @@ def identify(
         raise AmbkitError("--force-map-nodes needs --save-force-map FILE")
     if start is not None and not start > 0:
         raise AmbkitError(f"--start must be greater than 0, is {start:g} {CONSTANT}")
-    for_points = {"--gap-range": gap_range, "--working-point": working_point}
+    for_points = {"--gap-range": gap_range, "--operating-point": operating_point}
     for_a_record = {"--from": begin, "--to": end, "--method": chosen} | online | for_likelihood
     for_a_log = {} if lifting_off else {"--channels": channel_map}
     of_the_loop = record and not lifting_off
-    for option, given in (for_points if of_the_loop else for_a_record | for_a_log).items():
-        if given is not None:
+    for option, value in (for_points if of_the_loop else for_a_record | for_a_log).items():
+        if value is not None:
             what = "--lift-off" if of_the_loop else "a RECORD of the loop"
             raise AmbkitError(f"{option} is for {what}")
     plant = find_machine(bearing)
     known = isolated(plant, axis)
     if not of_the_loop:
         points = [lift_off] if lift_off is not None else record or []
-        by_lift_off(points, lifting_off, channel_map, known, gap_range, working_point, out, plot,
+        by_lift_off(points, lifting_off, channel_map, known, gap_range, operating_point, out, plot,
                     json)  # fmt: skip
         return
     assert record
@@ -300,8 +300,8 @@ def _for_a_coil(record: list[Path] | None, others: dict[str, object]) -> None:
     """Refuse what is not asked of a coil's logs."""
     if not record:
         raise AmbkitError("--coil needs RECORDs of a coil whose control signal steps")
-    for option, given in others.items():
-        if given is not None:
+    for option, value in others.items():
+        if value is not None:
             raise AmbkitError(f"{option} is not for --coil")
 
 

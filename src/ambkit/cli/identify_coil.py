@@ -18,7 +18,7 @@ def by_coil(
     begin: float | None,
     end: float | None,
     known: Bearing,
-    working_point: float | None,
+    operating_point: float | None,
     out: Path | None,
     plot: Path | None,
     json: bool,
@@ -32,21 +32,23 @@ def by_coil(
     from ambkit.cli.logs import load_log
     from ambkit.identification.coil import fit_coil
 
-    if out is not None and working_point is None:
-        raise AmbkitError("--out needs --working-point: the lag depends on where the rotor is")
+    if out is not None and operating_point is None:
+        raise AmbkitError("--out needs --operating-point: the lag depends on where the rotor is")
     records = [load_log(path, channel_map, begin, end) for path in paths]
     names = [path.name for path in paths]
     with output.progress("fitting") as done:
-        fit = replace(fit_coil(records, names, note=done), known=known, working_point=working_point)
-    bearing = None if working_point is None else fit.bearing(known, working_point)
+        fit = replace(
+            fit_coil(records, names, note=done), known=known, operating_point=operating_point
+        )
+    bearing = None if operating_point is None else fit.bearing(known, operating_point)
 
     def write(path: Path) -> None:
         if bearing is not None:
             offset = engineering(fit.offset(known), "V", digits=6)
-            said = (
+            header = (
                 "# Driven by the control signal, through a coil that was identified. In its map:\n"
                 f'# [signals.u] offset = "{offset}", so that 0 is the bias current.\n'
             )
-            files.write_text(path, said + bearing.to_toml(path.parent))
+            files.write_text(path, header + bearing.to_toml(path.parent))
 
     output.deliver_result(fit, [(out, write)], as_json=json, plot=plot)

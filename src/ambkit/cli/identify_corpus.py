@@ -1,4 +1,4 @@
-"""``ambkit identify LOG LOG LOG...``: many logs of a rig, each foretold by what the others say."""
+"""``ambkit identify LOG LOG LOG...``: many logs of a rig, each predicted by what the others say."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LEAST = 3
 
 
 def by_corpus(options: Options, known: Bearing) -> None:
-    """Cut, identify each, pool, foretell each by the others, and deliver."""
+    """Cut, identify each, pool, predict each by the others, and deliver."""
     from ambkit.cli.identify_likelihood import refuse_parts
     from ambkit.cli.logs import load_log
     from ambkit.data.reading import load

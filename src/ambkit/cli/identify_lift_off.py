@@ -20,7 +20,7 @@ def by_lift_off(
     channel_map: Path | None,
     known: Bearing,
     gap_range: str | None,
-    working_point: float | None,
+    operating_point: float | None,
     out: Path | None,
     plot: Path | None,
     json: bool,
@@ -31,8 +31,8 @@ def by_lift_off(
     from ambkit.identification.forces.lift_off import find_lift_off, load_points
     from ambkit.workflow.identifying import check_lifts_off, identify_by_lift_off
 
-    if out is not None and working_point is None:
-        raise AmbkitError("--out needs --working-point: which distance is x = 0?")
+    if out is not None and operating_point is None:
+        raise AmbkitError("--out needs --operating-point: which distance is x = 0?")
     check_lifts_off(known)
     low, high = read_quantities(gap_range or "0 m,1 m", "m", "--gap-range", count=2)
     if recorded:
@@ -43,11 +43,11 @@ def by_lift_off(
                 done()
     else:
         points = load_points(paths[0])
-    found = identify_by_lift_off(
+    result = identify_by_lift_off(
         known,
         points,
         gap_range=(low, high if gap_range else math.inf),
-        working_point=working_point,
+        operating_point=operating_point,
         names=[path.name for path in paths] if recorded else (),
     )
-    output.deliver_result(found, [(out, found.bearing.save)], as_json=json, plot=plot)
+    output.deliver_result(result, [(out, result.bearing.save)], as_json=json, plot=plot)

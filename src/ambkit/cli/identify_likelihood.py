@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli import output
-from ambkit.cli.belonging import say_what_is_odd
 from ambkit.cli.logs import load_log
 from ambkit.cli.options import arguments_of_the_user
+from ambkit.cli.plausibility import say_what_is_odd
 
 if TYPE_CHECKING:
     from ambkit.data.rig_units import Inputs
@@ -43,10 +43,10 @@ class Options:
 
 def refuse_parts(options: Options) -> None:
     """Refuse what is not for many logs, which are judged by each other."""
-    for option, given in {
+    for option, value in {
         "--validate": options.validate or None, "--save-force-map": options.force_map,
     }.items():  # fmt: skip
-        if given is not None:
+        if value is not None:
             raise AmbkitError(f"{option} is for one or two RECORDs, or --together")
 
 
@@ -70,8 +70,8 @@ def by_likelihood(options: Options, known: Machine) -> None:
 
     rest = {} if options.rest is None else noise_at_rest(load(options.rest, options.rest_map))
     start = starting_model(known, options.axis, rest=rest, load_std=options.load_std)
-    given = None if options.free is None else options.free.replace(" ", "").split(",")
-    free = parameters_to_find(start, given)
+    free_names = None if options.free is None else options.free.replace(" ", "").split(",")
+    free = parameters_to_find(start, free_names)
     # Not Path.resolve, which raises where links go in a loop; reading the record says so.
     read = {os.path.realpath(path) for path in options.records}
     same = read & {os.path.realpath(path) for path in options.validate}
@@ -86,9 +86,9 @@ def by_likelihood(options: Options, known: Machine) -> None:
     )
     for path, record in zip([*options.records, *options.validate], records + others, strict=True):
         say_what_is_odd(path, record, known)
-    records, others = (records_of(start, each) for each in (records, others))
+    records, others = (records_of(start, item) for item in (records, others))
     with arguments_of_the_user(), output.progress("identifying") as done:
-        found = identify(
+        result = identify(
             known,
             records,
             options.axis,
@@ -103,14 +103,14 @@ def by_likelihood(options: Options, known: Machine) -> None:
         )
     inputs = None if options.channel_map is None else _inputs(options.channel_map)
     source = ", ".join(record.name for record in options.records)
-    made = identified_filter(found, inputs, source)
-    likelihood, forces = found.likelihood, found.forces
+    made = identified_filter(result, inputs, source)
+    likelihood, forces = result.likelihood, result.forces
     output.deliver_result(
-        found,
+        result,
         [
             (options.out, lambda path: files.write_text(path,
                                                           annotated_toml(likelihood, path.parent,
-                                                                         found.machine))),
+                                                                         result.machine))),
             (options.filter, lambda path: made.save(path, bearing=options.out)),
             (options.force_map, lambda path: None if forces is None else forces.save(path)),
         ],
@@ -129,8 +129,8 @@ def by_likelihood(options: Options, known: Machine) -> None:
     if options.filter is not None and RAISED in made.origin.values():
         output.note(
             f"noise.disturbance of {options.filter} is {made.variances.disturbance:.3g} N^2/s: the "
-            f"records would have {likelihood.model.load_growth:.3g} N^2/s, with which a load is "
-            "followed too slowly"
+            f"records would have {likelihood.model.disturbance_noise:.3g} N^2/s, with which a "
+            "disturbance force is followed too slowly"
         )
 
 

@@ -40,21 +40,21 @@ def learn_online(
     load = _force(disturbance, record)
     with arguments_of_the_user(), output.progress("identifying"):
         learned = side_by_side.learn_online(record, known, start=start, disturbance=load)
-    found, more = known, {"method": method}
+    result, more = known, {"method": method}
     if method != ALL:
-        found = identified(known, learned.results[method]).bearing
+        result = identified(known, learned.results[method]).bearing
         more |= learned.to_dict()["learners"][method]
-    output.deliver_result(learned, [(out, found.save)], as_json=json, plot=plot, more=more)
+    output.deliver_result(learned, [(out, result.save)], as_json=json, plot=plot, more=more)
 
 
-def _force(given: str | None, record: Record) -> ArrayLike | None:
+def _force(force_text: str | None, record: Record) -> ArrayLike | None:
     """Return the known disturbance: a signal of the record, or the same force throughout [N]."""
-    if given is None:
+    if force_text is None:
         return None
-    if given in record:
-        return record[given]
+    if force_text in record:
+        return record[force_text]
     try:
-        return quantity("N")(given)
+        return quantity("N")(force_text)
     except typer.BadParameter as error:
         hint = f"or a signal of the record: {', '.join(record)}"
         raise typer.BadParameter(f"{error.message}, {hint}", param_hint="--disturbance") from None

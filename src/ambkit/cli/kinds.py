@@ -97,5 +97,5 @@ def axis_to_export(
     target: str, estimator: str | None, choice: Sequence[str] = NAMES
 ) -> tuple[Bearing, Chosen]:
     """Return the machine with one axis and the estimator that a user wants to export."""
-    machine, found = to_export(target, estimator, choice)
-    return only_axis(machine, target), found
+    machine, result = to_export(target, estimator, choice)
+    return only_axis(machine, target), result

@@ -32,13 +32,13 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         streams.prepare()
         output.written.clear()
         output.heed_notes()
-        given = sys.argv[1:] if arguments is None else arguments
-        debug = "--debug" in given
+        argv = sys.argv[1:] if arguments is None else arguments
+        debug = "--debug" in argv
         if alone and not debug:  # what overflows shows in the results
             import warnings
 
             warnings.simplefilter("ignore", RuntimeWarning)
-        code = _run([each for each in given if each != "--debug"], debug)
+        code = _run([item for item in argv if item != "--debug"], debug)
     except KeyboardInterrupt:
         code = INTERRUPTED
     if code == INTERRUPTED:
@@ -159,16 +159,16 @@ def _unforeseen(error: Exception) -> int:
         if name.partition(".")[0] == "ambkit":
             place = f" in {name}, line {trace.tb_lineno}"
         trace = trace.tb_next
-    said = str(error).strip().partition("\n")[0]
-    what = f"{type(error).__name__}{f': {said[:200]}' if said else ''}{place}"
+    message = str(error).strip().partition("\n")[0]
+    what = f"{type(error).__name__}{f': {message[:200]}' if message else ''}{place}"
     output.note(f"ambkit: {what}: this is an error of ambkit, please report it with the output of "
                 "--debug")  # fmt: skip
     return 1
 
 
-def _trace(wanted: bool) -> None:
+def _trace(debug: bool) -> None:
     """Show where in the program the error that is being handled came from."""
-    if wanted:
+    if debug:
         import traceback
 
         traceback.print_exc()

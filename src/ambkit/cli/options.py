@@ -78,9 +78,9 @@ def keep_inputs(context: typer.Context) -> None:
                 written[parameter.opts[0]] = value
             continue
         values = value if isinstance(value, list | tuple) else [value]
-        read += [Path(each) for each in values if isinstance(each, str | Path)]
+        read += [Path(item) for item in values if isinstance(item, str | Path)]
     for option, path in written.items():
-        if any(each.is_file() and each.samefile(path) for each in read):
+        if any(item.is_file() and item.samefile(path) for item in read):
             raise AmbkitError(f"{option}: {path} is read by this command, and would be overwritten")
 
 
@@ -139,7 +139,7 @@ Synchronous = Annotated[
     typer.Option(
         "--synchronous",
         metavar="NAME",
-        help="Of a whole machine: unbalance or runout, which are estimated too; may be repeated.",
+        help="Of a machine: unbalance or runout, which are estimated too; may be repeated.",
     ),
 ]
 
@@ -160,7 +160,7 @@ def only_axis(machine: Machine, text: str) -> Bearing:
     """Return the axis of a machine that must have one."""
     if not machine.single:
         raise AmbkitError(f'"{text}" has several axes; this takes a machine with one')
-    return machine.alone("")
+    return machine.isolated_axis("")
 
 
 def isolated(machine: Machine, axis: str | None) -> Bearing:
@@ -171,10 +171,10 @@ def isolated(machine: Machine, axis: str | None) -> Bearing:
 
 
 def refuse_of_one_axis(machine: Machine, options: Mapping[str, Any]) -> None:
-    """Refuse what a whole machine does not take."""
+    """Refuse what a machine does not take."""
     for name, value in options.items():
         if value is not None:
-            raise AmbkitError(f"--{name} is of one axis; {machine.name} is a whole machine")
+            raise AmbkitError(f"--{name} is of one axis; {machine.name} is a machine")
 
 
 @contextmanager

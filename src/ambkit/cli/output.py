@@ -77,13 +77,13 @@ def deliver_result(
     """Write a result's files, print it, and say where the files are."""
     from ambkit.result.page import write_result
 
-    drawn: list[File] = [
+    outputs: list[File] = [
         *files,
         (plot, lambda path: save_figure(result, path)),
         (report, lambda path: write_result([result], path)),
     ]
     deliver(
-        result.to_dict() | dict(more or {}), told(result, verbose=verbose), drawn, as_json=as_json
+        result.to_dict() | dict(more or {}), told(result, verbose=verbose), outputs, as_json=as_json
     )
 
 
@@ -110,11 +110,11 @@ def told(result: Result, *, verbose: bool | None = None) -> Iterator[Table | str
 def show(tables: Iterable[Table | str]) -> None:
     """Print tables on stdout."""
     console = stdout()
-    for each in tables:
-        if isinstance(each, str):
-            console.print(escaping.lines(each), soft_wrap=not sys.stdout.isatty())
+    for item in tables:
+        if isinstance(item, str):
+            console.print(escaping.lines(item), soft_wrap=not sys.stdout.isatty())
         else:
-            console.print(each, crop=False)
+            console.print(item, crop=False)
 
 
 def stdout() -> Console:
@@ -125,14 +125,14 @@ def stdout() -> Console:
     return Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False)
 
 
-def say_adequacy(found: Iterable[Finding], name: str = "") -> list[dict[str, Any]]:
+def say_adequacy(results: Iterable[Finding], name: str = "") -> list[dict[str, Any]]:
     """Say on stderr what is wrong with a filter, and return all findings as plain data."""
     from ambkit.judge.adequacy import sentences
 
-    found = list(found)
-    for text in sentences(found):
+    results = list(results)
+    for text in sentences(results):
         note(f"{name}: {text}" if name else text)
-    return [each.to_dict() for each in found]
+    return [item.to_dict() for item in results]
 
 
 def note(text: str) -> None:

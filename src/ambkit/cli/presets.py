@@ -42,14 +42,14 @@ def presets(
             for b in known
         ]  # fmt: skip
         rows = [[b["name"], b["kind"], b["description"]] for b in data]
-        shown = output.table("Presets", ["name", "of a", "what"], rows, wide=True)
-        output.deliver(data, [shown], as_json=json)
+        preset_table = output.table("Presets", ["name", "of a", "what"], rows, wide=True)
+        output.deliver(data, [preset_table], as_json=json)
         return
     text = collection.text(name)
     if json:
-        found = Machine.preset(name)
-        kind = "bearing" if found.single else "machine"
-        content = {"name": name, kind: found.model_dump(), "toml": text}
+        result = Machine.preset(name)
+        kind = "bearing" if result.single else "machine"
+        content = {"name": name, kind: result.model_dump(), "toml": text}
     write = [(out, lambda path: files.write_text(path, text))]
     if json:
         output.deliver(content, [], write, as_json=True)

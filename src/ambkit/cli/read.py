@@ -117,12 +117,12 @@ def _print_guess(file: Path, *, as_json: bool) -> None:
     from ambkit.data.reading.guess import guess
 
     with output.progress(f"reading {file.name}") as done:
-        found = guess(file, progress=done)
+        result = guess(file, progress=done)
     if as_json:
-        output.deliver({"map": found}, [], as_json=True)
+        output.deliver({"map": result}, [], as_json=True)
     else:
-        print(found, end="")
-    if "\n[signals.t]\n" not in found:
+        print(result, end="")
+    if "\n[signals.t]\n" not in result:
         output.note(
             f"{file}: the map has no time: fill in its sampling_time before a log is read by it"
         )

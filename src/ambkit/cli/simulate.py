@@ -141,64 +141,64 @@ def simulate(
     if reference is not None and step is not None:
         raise AmbkitError("give either --step or --reference")
     named = estimator != "none"
-    said: dict[str, Any] = {
+    settings: dict[str, Any] = {
         "duration": duration, "step": step, "load": load, "seed": seed, "reference": reference,
         "injection": injection,
     }  # fmt: skip
-    happening = scenario_for(plant, scenario, from_estimate=named, **said)
+    full_scenario = scenario_for(plant, scenario, from_estimate=named, **settings)
     if not plant.single:
-        _note_default(plant, happening)
+        _note_default(plant, full_scenario)
     built = factories([estimator] if named else [], plant, expert, synchronous or ())
     kalman = built[estimator]() if built else "none"
-    true = surface_in(magnet, plant.alone("")) if magnet and plant.single else None
+    true = surface_in(magnet, plant.isolated_axis("")) if magnet and plant.single else None
     with output.progress("simulating"):
-        run = simulate_run(plant, scenario, estimator=kalman, magnet=true, **said)
-    adequacy = output.say_adequacy(judge_adequacy(kalman, plant, happening, run.nis))
+        run = simulate_run(plant, scenario, estimator=kalman, magnet=true, **settings)
+    adequacy = output.say_adequacy(judge_adequacy(kalman, plant, full_scenario, run.nis))
     of = None if isinstance(kalman, str) else kalman
     spectra = (waterfall, lambda path: plots.save_figure(_waterfall(run).figure(), path))
     output.deliver_result(
         run, [(out, run.record.save), spectra], as_json=json, verbose=verbose, plot=plot,
         more={"adequacy": adequacy},
     )  # fmt: skip
-    for text in _notes(run, happening, of):
+    for text in _notes(run, full_scenario, of):
         output.note(text)
 
 
-def _note_default(machine: Machine, happening: Any) -> None:
+def _note_default(machine: Machine, scenario: Any) -> None:
     """Say which controllers were chosen, where nobody says them."""
     from ambkit.cli import output
     from ambkit.simulation.default_control import default_for, is_default
 
-    if is_default(happening.controller):
-        chosen = default_for(machine, happening)
+    if is_default(scenario.controller):
+        chosen = default_for(machine, scenario)
         if chosen.fastest:
             output.note(chosen.summary)
 
 
-def _notes(run: Run, happening: Scenario, estimator: Estimator | None) -> Iterator[str]:
+def _notes(run: Run, scenario: Scenario, estimator: Estimator | None) -> Iterator[str]:
     """Yield what may help, where the rotor does not fly as it is to."""
     from ambkit.simulation.holding import holding
     from ambkit.workflow.simulating import plain_control
 
     machine, touched = run.plant, run.samples_at_the_stop
     if not machine.single:
-        plain = plain_control(machine, happening, estimator)
+        plain = plain_control(machine, scenario, estimator)
         if plain is not None:
             yield plain
-    if touched and happening.start != "rest":
+    if touched and scenario.start != "rest":
         yield _of_the_stop(run)
         if machine.single or machine.speed:
             return
-        if not holding(machine, happening.feedback or "measurement").held:
+        if not holding(machine, scenario.feedback or "measurement").held:
             yield "no PID of each axis that was tried holds it; ambkit check says more"
 
 
 def _of_the_stop(run: Run) -> str:
     """Say when the rotor touched a stop, and what may help."""
     from ambkit.cli.output import value
-    from ambkit.machine.bank import alone_of
+    from ambkit.machine.bank import isolated_axes
 
-    travel = min(each.rotor.travel_limit for each in alone_of(run.plant))
+    travel = min(isolated_axis.rotor.clearance for isolated_axis in isolated_axes(run.plant))
     at = run.first_touch
     t = run.record.t  # it is there by the end of the sample
     first = "" if at is None else f", first at {value(t[min(at + 1, len(t) - 1)], 's')}"

@@ -161,13 +161,13 @@ def train(
     from ambkit.workflow.training import train_expert as trained
 
     shape = _shape(rules)
-    for option, asked in (
+    for option, is_set in (
         ("--rules auto", shape is None),
         ("--law-error", law_error is not None),
         ("--as", take is not None),
         ("--channels", channels is not None),
     ):
-        if asked and force is None:
+        if is_set and force is None:
             raise typer.BadParameter(
                 f"{option} needs points that were measured: --force-map FORCE.csv",
                 param_hint=option.split()[0],
@@ -189,9 +189,9 @@ def train(
             f"--as {take} is written as {' or '.join(FORMS[f'the {take}'])}, --out is {out.name}",
             param_hint="--as",
         )
-    taken = "best" if take is None else take.value
+    output_kind = "best" if take is None else take.value
     if take is None and out is not None:  # points and bearings are asked for by no one by chance
-        taken = {".json": "best", ".toml": "law"}.get(out.suffix.lower(), "surface")
+        output_kind = {".json": "best", ".toml": "law"}.get(out.suffix.lower(), "surface")
     model = isolated(find_machine(bearing), axis)
     options = how_to_train(method.value, weights, normalised=not plain, scaling=scaling.value)
     measured = None
@@ -207,35 +207,35 @@ def train(
             except AmbkitError as error:
                 raise AmbkitError(f"{force}: {error}") from None
         with arguments_of_the_user("--"):
-            found = trained(
+            result = trained(
                 model, shape or RULES, reach=reach, measured=measured,
-                take=taken, note=done, **options,
+                take=output_kind, note=done, **options,
             )  # fmt: skip
-    data = found.to_dict()
+    data = result.to_dict()
     tables = [_table(data)]
     if force is not None:
-        tables = train_measured.tables(force, found, data, tables)
-    for name, wrong in found.wrong_signs.items():
+        tables = train_measured.tables(force, result, data, tables)
+    for name, wrong in result.wrong_signs.items():
         output.note(_of_wrong_sign(name, wrong, measured is not None))
 
     # What --out holds is what the filter asks only if it is what is taken.
-    holds = out if out is not None and out.suffix.lower() in FORMS[found.taken] else None
+    holds = out if out is not None and out.suffix.lower() in FORMS[result.taken] else None
     if measured is not None:
-        train_measured.say_what_is_taken(found, out, save_filter)
+        train_measured.say_what_is_taken(result, out, save_filter)
 
     if save_filter is not None:
-        data["adequacy"] = output.say_adequacy(judge_adequacy(filter_of(found)))
+        data["adequacy"] = output.say_adequacy(judge_adequacy(filter_of(result)))
 
     def draw(path: Path) -> None:
-        figure = plots.training_figure(found.expert, found.stiffness)
-        plots.save_figure(train_measured.with_points(figure, found), path)
+        figure = plots.training_figure(result.expert, result.stiffness)
+        plots.save_figure(train_measured.with_points(figure, result), path)
 
     output.deliver(
         data,
         tables,
         [
-            (out, lambda path: train_measured.save(path, found)),
-            (save_filter, lambda path: saved(found, path, bearing=bearing, written=holds)),
+            (out, lambda path: train_measured.save(path, result)),
+            (save_filter, lambda path: saved(result, path, bearing=bearing, written=holds)),
             (plot, draw),
         ],
         as_json=json,

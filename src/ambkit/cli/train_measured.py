@@ -15,74 +15,78 @@ if TYPE_CHECKING:
     from ambkit.workflow.training import MeasuredForce, TrainedExpert
 
 
-def tables(path: Path, found: TrainedExpert, data: dict[str, Any], trained: list[Any]) -> list[Any]:
+def tables(
+    path: Path, result: TrainedExpert, data: dict[str, Any], trained: list[Any]
+) -> list[Any]:
     """Put what the points said around the table of a training, and warn where they said little."""
-    assert found.measured is not None  # there are points
-    _say_what_is_hardly_measured(found)
-    if found.error["trained"] > found.error["untrained"]:
+    assert result.measured is not None  # there are points
+    _say_what_is_hardly_measured(result)
+    if result.error["trained"] > result.error["untrained"]:
         output.note("the trained expert's error is larger than the untrained one's")
-    choice = found.measured.choice
+    choice = result.measured.choice
     return [
         *([] if choice is None else _choice_table(choice)),
         *trained,
-        _points_table(path, found.measured, data["measured"]),
-        *([] if found.models is None else [_models_table(found.models, found.taken)]),
+        _points_table(path, result.measured, data["measured"]),
+        *([] if result.models is None else [_models_table(result.models, result.taken)]),
     ]
 
 
-def save(path: Path, found: TrainedExpert) -> None:
+def save(path: Path, result: TrainedExpert) -> None:
     """Write the network, the points, or the bearing with the law refitted, by the ending."""
     from ambkit.fuzzy.left_out import LAW, refitted
 
     ending = path.suffix.lower()
-    if found.measured is None or ending == ".json":
-        found.expert.save(path)
+    if result.measured is None or ending == ".json":
+        result.expert.save(path)
         return
-    points = found.measured.surface.points
+    points = result.measured.surface.points
     if ending == ".toml":
-        law = found.model[0] if found.taken == LAW else refitted(found.bearing, points)
+        law = result.model[0] if result.taken == LAW else refitted(result.bearing, points)
         law.save(path)
     else:
         points.save(path)
 
 
-def say_what_is_taken(found: TrainedExpert, out: Path | None, save_filter: Path | None) -> None:
+def say_what_is_taken(result: TrainedExpert, out: Path | None, save_filter: Path | None) -> None:
     """Say where a file that was asked for holds another model than the one that is taken."""
     from ambkit.fuzzy.left_out import NETWORK, SURFACE
 
-    taken = found.taken
-    if taken == NETWORK or (out is not None and out.suffix.lower() != ".json"):
+    chosen_name = result.taken
+    if chosen_name == NETWORK or (out is not None and out.suffix.lower() != ".json"):
         return
-    writes = "--out force.csv" if taken == SURFACE else "--out bearing.toml"
+    writes = "--out force.csv" if chosen_name == SURFACE else "--out bearing.toml"
     if out is not None:
         asks = "" if save_filter is None else f" and {save_filter.name} asks that"
         output.note(
-            f"{out.name} holds the network, but {taken} is better at points left out{asks}: "
+            f"{out.name} holds the network, but {chosen_name} is better at points left out{asks}: "
             f"{writes} writes it, --as network takes the network all the same"
         )
     elif save_filter is None:
-        output.note(f"{taken} is better at points left out: {writes} writes it")
+        output.note(f"{chosen_name} is better at points left out: {writes} writes it")
 
 
-def with_points(figure: Figure, found: TrainedExpert) -> Figure:
+def with_points(figure: Figure, result: TrainedExpert) -> Figure:
     """Put points, their surface, and the choice before the picture of a training."""
     from ambkit.show.plots.rules import with_choice, with_surface
 
-    measured = found.measured
+    measured = result.measured
     if measured is None:
         return figure
-    shown = with_surface(figure, measured.surface, found.stiffness)
-    return shown if measured.choice is None else with_choice(shown, measured.choice)
+    surface_figure = with_surface(figure, measured.surface, result.stiffness)
+    return (
+        surface_figure if measured.choice is None else with_choice(surface_figure, measured.choice)
+    )
 
 
-def _models_table(of: ModelChoice, taken: str) -> Any:
+def _models_table(of: ModelChoice, chosen_name: str) -> Any:
     """Say how the models do at points left out; warn of a network that is worse than a law."""
     models, chosen = of.models, of.chosen
-    if said := of.against(taken):
-        output.note(said)
+    if warning := of.against(chosen_name):
+        output.note(warning)
     rows = [
         [m.name, value(m.random, "N", 3), value(m.blocks, "N", 3),
-         ", ".join(["best"] * (m == chosen) + ["taken"] * (m.name == taken))]
+         ", ".join(["best"] * (m == chosen) + ["taken"] * (m.name == chosen_name))]
         for m in models
     ]  # fmt: skip
     title = "Error at points left out, rms: here and there, and whole blocks of them"
@@ -98,13 +102,17 @@ def _choice_table(choice: RuleChoice) -> list[Any]:
         for c in choice.candidates
     ]  # fmt: skip
     rows.append(["any number", "", f"{choice.surface_error:.3g}", "", ""])
-    taken, best, limit = choice.chosen.name, choice.best.name, f"{choice.limit:.3g}"
-    if taken == best:
-        said = f"Chosen: {taken}, the best; no smaller one is within a standard error ({limit})."
+    chosen_name, best, limit = choice.chosen.name, choice.best.name, f"{choice.limit:.3g}"
+    if chosen_name == best:
+        conclusion = (
+            f"Chosen: {chosen_name}, the best; no smaller one is within a standard error ({limit})."
+        )
     else:
-        said = f"Chosen: {taken}, the smallest within a standard error of {best} ({limit})."
+        conclusion = (
+            f"Chosen: {chosen_name}, the smallest within a standard error of {best} ({limit})."
+        )
     title = "Error at points left out of the training; 1 is as good as can be"
-    return [output.table(title, ["rules", "", "error", "std. error", ""], rows), said]
+    return [output.table(title, ["rules", "", "error", "std. error", ""], rows), conclusion]
 
 
 def _points_table(path: Path, measured: MeasuredForce, data: dict[str, Any]) -> Any:
@@ -116,15 +124,17 @@ def _points_table(path: Path, measured: MeasuredForce, data: dict[str, Any]) -> 
             f"{error} rms, {data['error_at_points_in_standard_errors'][name]:.3g} standard errors"
         )
 
-    surface, doubt = measured.surface, data["force_standard_error"]
-    reach = [value(size, unit, 2) for size, unit in zip(surface.reach, "Am", strict=True)]
+    surface, standard_error = measured.surface, data["force_standard_error"]
+    length_scales = [value(size, unit, 2) for size, unit in zip(surface.reach, "Am", strict=True)]
     how = "given" if measured.law_error_given else "found"
     rows = [
         ["in the box of the expert", f"{data['points_in_box']} of {data['points']}"],
         [f"error of the bearing's law, {how}",
-         f"{value(surface.law_error, 'N', 3)}, alike within {reach[0]} and {reach[1]}"],
+         f"{value(surface.law_error, 'N', 3)}, alike within {length_scales[0]} "
+         f"and {length_scales[1]}"],
         ["standard error of the force over the box",
-         f"{value(doubt['rms'], 'N', 3)} rms, {value(doubt['largest'], 'N', 3)} at most"],
+         f"{value(standard_error['rms'], 'N', 3)} rms, "
+         f"{value(standard_error['largest'], 'N', 3)} at most"],
         ["off the points: the law", off("law")],
         ["off the points: the trained expert", off("trained")],
     ]  # fmt: skip
@@ -133,11 +143,11 @@ def _points_table(path: Path, measured: MeasuredForce, data: dict[str, Any]) -> 
     return output.table(f"{path.name}: {data['points']} points", ["", ""], rows)
 
 
-def _say_what_is_hardly_measured(found: TrainedExpert) -> None:
+def _say_what_is_hardly_measured(result: TrainedExpert) -> None:
     """Name the rules at which the points tell little, and what stays there."""
     from ambkit.base.units import engineering
 
-    poor = found.hardly_measured
+    poor = result.hardly_measured
     if not poor:
         return
     nodes = [
@@ -146,7 +156,7 @@ def _say_what_is_hardly_measured(found: TrainedExpert) -> None:
     more = f" and {len(nodes) - 6} more" if len(nodes) > 6 else ""
     worst = engineering(max(error for *_, error in poor), "N", digits=2)
     output.note(
-        f"hardly measured at {len(nodes)} of {found.stiffness.k_i.size} rules: there the expert "
+        f"hardly measured at {len(nodes)} of {result.stiffness.k_i.size} rules: there the expert "
         f"stays near the bearing's law, its force known to {worst} at worst: "
         f"{', '.join(nodes[:6])}{more}"
     )

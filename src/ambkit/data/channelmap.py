@@ -167,23 +167,23 @@ class ChannelMap(Document):
     def texts(self) -> tuple[str | int, ...]:
         """The columns that hold times as text, in a format that the map says."""
         formatted = [c for c in self.signals.values() if c.format]
-        found = (self.array if c.column is None else c.column for c in formatted if not c.array)
+        result = (self.array if c.column is None else c.column for c in formatted if not c.array)
         arrays = (c.array for c in formatted if c.array)
-        return tuple(each for each in (*found, *arrays) if each is not None)
+        return tuple(item for item in (*result, *arrays) if item is not None)
 
     @property
     def wanted(self) -> tuple[str | int, ...]:
         """What the map reads of a file: names of arrays or columns, and places of columns."""
-        found: list[str | int] = []
+        results: list[str | int] = []
         for channel in self.signals.values():
             array = channel.array or self.array
             if isinstance(channel.column, str):
-                found.append(channel.column)
+                results.append(channel.column)
             elif array is not None:
-                found.append(array)
+                results.append(array)
             elif channel.column is not None:
-                found.append(channel.column)
-        return tuple(dict.fromkeys(found))
+                results.append(channel.column)
+        return tuple(dict.fromkeys(results))
 
     def apply(self, log: Log) -> Mapped:
         """Pick the signals out of a log; see `pick`."""
@@ -201,9 +201,9 @@ class ChannelMap(Document):
             try:
                 values[name] = channel.value(self._numbers(channel, log, remarks))
             except RecordError as error:
-                for each in error.problems:
-                    placed = each.startswith(f"{log.name}:")
-                    problems.append(each if placed else f"{log.name}: signal {name}: {each}")
+                for problem in error.problems:
+                    placed = problem.startswith(f"{log.name}:")
+                    problems.append(problem if placed else f"{log.name}: signal {name}: {problem}")
         clock_names = {"t", *(c.time for c in self.signals.values() if c.time)}
         signals = {name: v for name, v in values.items() if name not in clock_names}
         clock_of = {name: self.signals[name].time or "t" for name in signals}

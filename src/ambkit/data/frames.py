@@ -93,16 +93,18 @@ def from_xarray(dataset: Any) -> Series:
 
 def in_si(series: Series, units: Mapping[str, str] | None = None) -> Series:
     """Convert all columns to SI; what is SI already keeps its bits."""
-    given = {"t": series.t, **series.columns}
-    said = UNITS | dict(series.units) | dict(units or {})
-    unknown = [name for name in units or {} if name not in given]
+    raw_columns = {"t": series.t, **series.columns}
+    known_units = UNITS | dict(series.units) | dict(units or {})
+    unknown = [name for name in units or {} if name not in raw_columns]
     if unknown:
-        raise RecordError(f"units: there is no column {unknown[0]}; there are {', '.join(given)}")
-    columns, found = {}, {}
-    for name, values in given.items():
-        columns[name], found[name] = _converted(name, values, said.get(name))
-    t, _ = columns.pop("t"), found.pop("t")
-    return Series(t, columns, found, series.about)
+        raise RecordError(
+            f"units: there is no column {unknown[0]}; there are {', '.join(raw_columns)}"
+        )
+    columns, result = {}, {}
+    for name, values in raw_columns.items():
+        columns[name], result[name] = _converted(name, values, known_units.get(name))
+    t, _ = columns.pop("t"), result.pop("t")
+    return Series(t, columns, result, series.about)
 
 
 def _converted(

@@ -134,10 +134,12 @@ class Record(Shown):
         last = len(self) if stop is None else int(np.searchsorted(self.t, stop - half))
         if last - first < 2:
             span = f"it goes from {self.t[0]:g} to {self.t[-1]:g} s"
-            asked = "" if start is None else f" from {start:g} s on"
+            range_text = "" if start is None else f" from {start:g} s on"
             if stop is not None:
-                asked = f" before {stop:g} s" if start is None else f" from {start:g} to {stop:g} s"
-            raise RecordError(f"the record has no samples{asked}: {span}")
+                range_text = (
+                    f" before {stop:g} s" if start is None else f" from {start:g} to {stop:g} s"
+                )
+            raise RecordError(f"the record has no samples{range_text}: {span}")
         part = slice(first, last)
         return Record(
             self.t[part], {name: self[name][part] for name in self}, self.units, self.meta
@@ -289,9 +291,9 @@ class Record(Shown):
         return frames.Series(self.t, self.signals, self.units, {"meta": dict(self.meta)})
 
     @classmethod
-    def _of_series(cls, given: frames.Series, units: Mapping[str, str] | None) -> Record:
-        found = frames.in_si(given, units)
-        return cls(found.t, found.columns, found.units, found.about.get("meta", {}))
+    def _of_series(cls, series: frames.Series, units: Mapping[str, str] | None) -> Record:
+        result = frames.in_si(series, units)
+        return cls(result.t, result.columns, result.units, result.about.get("meta", {}))
 
 
 def _frozen(name: str, values: ArrayLike) -> Array:

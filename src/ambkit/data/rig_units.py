@@ -33,7 +33,7 @@ class Scaling(Part):
     def _without_usual(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
         usual = {"scale": 1.0, "sign": 1, "offset": ""}
-        return {key: each for key, each in data.items() if usual.get(key, key) != each}
+        return {key: item for key, item in data.items() if usual.get(key, key) != item}
 
     @property
     def si_unit(self) -> str:
@@ -66,10 +66,10 @@ class Scaling(Part):
 
     def numbers(self, values: ArrayLike) -> NDArray[np.float64]:
         """Turn a signal in SI into a rig's numbers."""
-        given = np.asarray(values, float)
+        signal = np.asarray(values, float)
         if self.gain == 1.0 and not self.zero:
-            return given
-        return np.asarray((given - self.zero) / self.gain)
+            return signal
+        return np.asarray((signal - self.zero) / self.gain)
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -88,8 +88,8 @@ class Scaling(Part):
                 key = "offset"
                 units.parse(offset, si) if offset and isinstance(offset, str) else 0.0
         except ValueError as error:
-            turned = _turned(unit, scale) if key == "scale" else ""
-            yield key, turned or str(error)
+            inversion_text = _turned(unit, scale) if key == "scale" else ""
+            yield key, inversion_text or str(error)
 
 
 class Inputs(Part):
@@ -103,14 +103,14 @@ class Inputs(Part):
     @property
     def in_si(self) -> bool:
         """Whether its numbers are those of the signals."""
-        return all(each.gain == 1 and not each.zero for each in (self.y, self.u))
+        return all(item.gain == 1 and not item.zero for item in (self.y, self.u))
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         for name, allowed in (("y", ("m",)), ("u", ("V", "A"))):
-            given = read(name)
-            if isinstance(given, Scaling) and given.si_unit not in allowed:
-                what = f"makes {name} a quantity in {given.si_unit}, it is one in {allowed[0]}"
+            scaling = read(name)
+            if isinstance(scaling, Scaling) and scaling.si_unit not in allowed:
+                what = f"makes {name} a quantity in {scaling.si_unit}, it is one in {allowed[0]}"
                 yield f"{name}.unit", what
 
 
@@ -121,7 +121,7 @@ def _scaled_unit(unit: str, scale: float | str) -> str:
 
 
 def _turned(unit: str, scale: float | str) -> str:
-    """Say so where a scale is upside down: a sensor's V/mm in the place of mm/V."""
+    """Say so where a scale is upside down: a sensor's V/mm instead of mm/V."""
     match = _SCALE.fullmatch(scale) if isinstance(scale, str) else None
     if not match or match[2].count("/") != 1:
         return ""

@@ -117,10 +117,10 @@ class AdaptiveNoise(Estimator):
         """What the filter assumes now: R [m^2], control signal [V^2], growth [N^2/s]."""
         var_y, var_d = self.core.noise
         T, axes = self.bearing.sampling_time, len(self._settings["f_0"])
-        growth = var_d[:axes] / T
+        intensity = var_d[:axes] / T
         plain = self.view.plain
         noise: Variances = self.variances._replace(
-            measurement=plain(var_y.tolist()), disturbance=plain(growth.tolist())
+            measurement=plain(var_y.tolist()), disturbance=plain(intensity.tolist())
         )
         return noise
 

@@ -43,7 +43,7 @@ class Estimator(Copyable):
     Parameters
     ----------
     bearing : Bearing or Machine
-        What is filtered: one axis, or a whole machine with all its axes and readings.
+        What is filtered: one axis, or a machine with all its axes and readings.
     magnet : optional
         What the filter knows of its magnet; by default the constant stiffnesses of the origin. Of a
         machine one for each axis.
@@ -67,7 +67,7 @@ class Estimator(Copyable):
         sensor's lag. That puts every estimate ahead of the rotor by
         ``T/(1 - exp(-T/T_sen)) - T_sen``: to reproduce the paper only.
     synchronous : sequence of str
-        Of a whole machine, what turns with its rotor at its speed and is estimated too:
+        Of a machine, what turns with its rotor at its speed and is estimated too:
         ``"unbalance"``, forces in two planes, and ``"runout"`` of each sensor. At a constant speed
         the two cannot be told apart, and the stated errors of both are those at the start; the slow
         disturbance force is free of them.
@@ -88,7 +88,7 @@ class Estimator(Copyable):
     _of_core: tuple[str, ...] = ("core", "engine", "_core_step", "_live_mean")
     estimates_noise = True  # whether sensor noise with a memory is among its states
     side_by_side = True  # whether runs side by side can share it
-    several_axes = True  # whether it takes a whole machine
+    several_axes = True  # whether it takes a machine
     by_model = True  # whether it predicts by the machine's model
     predicts = "force held, all else exact"  # from a sample to the next, for the export's README
     smooths = False  # whether mean and covariance follow the model that the smoother goes back by
@@ -126,7 +126,7 @@ class Estimator(Copyable):
         of_type(FilterNoise, noise=noise)
         self.machine, self.view = machine, View(machine)
         #: Of a single axis its short form.
-        self.bearing: Any = machine.alone("") if machine.single else machine
+        self.bearing: Any = machine.isolated_axis("") if machine.single else machine
         self.magnet = constants_of(machine) if magnet is None else bank_of(magnet, machine)
         self.precision = precision
         self.engine = Engine(
@@ -135,8 +135,8 @@ class Estimator(Copyable):
         )  # fmt: skip
         self.variances: Any = self.view.variances(noise)
         forces = self.view.known_forces(self.magnet, weight=gravity == "known")
-        told = self.view.settings(self.variances, self.states, self.engine.noises)
-        settings = told | {
+        noise_settings = self.view.settings(self.variances, self.states, self.engine.noises)
+        settings = noise_settings | {
             "f_0": forces,
             "gate": gate,
             "frozen_limit": frozen_limit,
@@ -237,7 +237,7 @@ class Estimator(Copyable):
         Parameters
         ----------
         k_i, k_s : float or array_like (p,)
-            Stiffnesses at the working point [N/A], [N/m].
+            Stiffnesses at the operating point [N/A], [N/m].
         """
         return LinearModel.of(self.model, k_i, k_s, self._settings)
 
@@ -268,7 +268,7 @@ class Estimator(Copyable):
             current that holds the rotor there.
         std : sequence of n floats, or "diffuse", optional
             Their standard deviations, finite and positive. Default: three times the measurement
-            noise, a tenth of the travel in the plant's own time, the weight, three times the
+            noise, a tenth of the travel in the plant's time constant, the weight, three times the
             measurement noise; currents are anywhere, noise is as large as it is. ``"diffuse"``:
             nothing is known but the stops and the sensor, and the first samples tell the rest.
 
@@ -280,19 +280,19 @@ class Estimator(Copyable):
         """
         if isinstance(std, str) and std != "diffuse":
             raise ValueError(f"std must be {len(self.states)} numbers or 'diffuse', got {std!r}")
-        given = self.default_std() if std is None else std
-        start = self.at_rest(0.0) if mean is None else mean
-        for name, each in (("mean", start), ("std", given)):
-            if not isinstance(each, str) and np.ndim(each) != 1:
+        initial_std = self.default_std() if std is None else std
+        start = self.equilibrium_state(0.0) if mean is None else mean
+        for name, item in (("mean", start), ("std", initial_std)):
+            if not isinstance(item, str) and np.ndim(item) != 1:
                 raise ValueError(
                     f"{name} must be {len(self.states)} numbers, one for each state, has shape "
-                    f"{np.shape(each)}"
+                    f"{np.shape(item)}"
                 )
         self.core.reset(
             self._representable(real("mean", start)),
             None
-            if isinstance(given, str)
-            else self._representable(real("std", given), positive=True),
+            if isinstance(initial_std, str)
+            else self._representable(real("std", initial_std), positive=True),
         )
 
     def _representable(self, values: ArrayLike, *, positive: bool = False) -> NDArray[np.float64]:
@@ -304,12 +304,12 @@ class Estimator(Copyable):
             near = np.where(near > 0, np.maximum(near, float(known.tiny)), near)
         return np.where(np.isfinite(a), near, a)
 
-    def take_over(self, other: Estimator) -> None:
-        """Go on where another filter is: with its mean, its covariance, its counts of bad samples.
+    def transfer_from(self, other: Estimator) -> None:
+        """Bumpless transfer: take mean, covariance and counts of bad samples from another filter.
 
-        So a filter that was learned anew replaces the one that flies, between two samples, without
-        a jump. In C, where the state is the caller's, nothing needs to be done: the next step is
-        given the new parameters, and the same state.
+        A filter that was learned anew so replaces the running one between two samples. In C, where
+        the state is the caller's, nothing needs to be done: the next step is given the new
+        parameters, and the same state.
 
         Parameters
         ----------
@@ -328,7 +328,7 @@ class Estimator(Copyable):
             raise ValueError(
                 f"both must have one precision, got {self.precision} and {other.precision}"
             )
-        self.core.take_over(other.core)
+        self.core.transfer_from(other.core)
 
     def default_std(self) -> tuple[float, ...]:
         """Return the standard deviations with which a filter starts; see :meth:`reset`."""
@@ -342,7 +342,7 @@ class Estimator(Copyable):
         """Those of its kind, for a bearing and the variances that it was made with."""
         return self.view.start_std(self.variances, self.states)
 
-    def at_rest(
+    def equilibrium_state(
         self,
         x: float | NDArray[np.float64],
         shown: float | NDArray[np.float64] | None = None,
@@ -358,16 +358,18 @@ class Estimator(Copyable):
             What the sensor shows [m]; by default what it shows of x.
         current : float, optional
             The magnet's, and what was demanded in the samples before [A]; by default what holds the
-            rotor there, see :attr:`hover`.
+            rotor there, see :attr:`levitation_current`.
 
         Notes
         -----
         Of several axes x are the rotor's coordinates (q,), 0 for all of them in the middle,
         `shown` the readings (m,) and `current` the axes' currents (p,).
         """
-        return self.view.at_rest(self.states, self.hover, x, shown, current, self.precision)
+        return self.view.equilibrium_state(
+            self.states, self.levitation_current, x, shown, current, self.precision
+        )
 
-    def at_first(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def initial_state(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the states at rest at the first measurement within the travel.
 
         Parameters
@@ -380,16 +382,16 @@ class Estimator(Copyable):
         ndarray (n,) or (runs, n)
             The states, each in its unit [m, m/s, N ...].
         """
-        return self.view.at_first(self.states, self.hover, y, self.precision)
+        return self.view.initial_state(self.states, self.levitation_current, y, self.precision)
 
     @cached_property
-    def hover(self) -> Any:
+    def levitation_current(self) -> Any:
         """Current that holds the rotor in the middle [A], and by how much more away from it [A/m].
 
         By what the filter knows of its magnet; 0 without a current among the states. Of a whole
         machine such a pair for each axis.
         """
-        return self.view.hover(self.magnet, self.states)
+        return self.view.levitation_current(self.magnet, self.states)
 
     def predict(self, u: float) -> NDArray[np.float64]:
         """Go one sample on (eq. 9, 10).
@@ -465,7 +467,7 @@ class Estimator(Copyable):
         Parameters
         ----------
         record : Record
-            With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1. Of a whole machine
+            With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1. Of a machine
             with ``y_NAME`` of each reading and ``u_NAME`` of each axis, and where it is not the
             machine's own with the ``speed`` of rotation [rad/s].
         covariance : bool
@@ -487,7 +489,7 @@ class Estimator(Copyable):
         return self.told(record.t, history, self.name)
 
     def turning(self, speed: NDArray[np.float64] | None, n: int) -> NDArray[Any] | None:
-        """Let the model of a whole machine follow the speed of its rotor.
+        """Let the model of a machine follow the speed of its rotor.
 
         Parameters
         ----------
@@ -504,13 +506,13 @@ class Estimator(Copyable):
         own = self.view.speed
         if own is None:
             return None
-        given = np.full(n, own) if speed is None else np.asarray(speed, float)
+        speeds = np.full(n, own) if speed is None else np.asarray(speed, float)
         self.engine.stand(self.core)  # nothing is left of a speed that it followed before
-        if bool((given == own).all()):
+        if bool((speeds == own).all()):
             return None
-        self.engine.let_turn(float(given.min()), float(given.max()))
-        self.engine.model_of_core.turn(float(given[0]), 0.0)
-        return np.ascontiguousarray(given, self.precision)
+        self.engine.let_turn(float(speeds.min()), float(speeds.max()))
+        self.engine.model_of_core.turn(float(speeds[0]), 0.0)
+        return np.ascontiguousarray(speeds, self.precision)
 
     def run_raw(self, y: ArrayLike, u: ArrayLike, *, covariance: bool = False) -> Estimate:
         """Run along a rig's own numbers, as the exported C does: to the last bit, from its start.
@@ -596,7 +598,7 @@ class Estimator(Copyable):
         of_type(Record, record=record)
         check_sampling(self.bearing, record)
         y, u = self.view.signals(record)
-        self.reset(self.at_first(y))
+        self.reset(self.initial_state(y))
         return y, u
 
     def forecast(self, estimate: Estimate, record: Record, ahead: int) -> NDArray[np.float64]:

@@ -108,47 +108,47 @@ def run_many(
     >>> ambkit.run_many(filters, record["y"], record["u"]).mean.shape
     (3, 1001, 4)
     """
-    each = list(estimators) if isinstance(estimators, Iterable) else [estimators]
-    for one in each:
+    parts = list(estimators) if isinstance(estimators, Iterable) else [estimators]
+    for one in parts:
         of_type(Estimator, estimators=one)
-    if not each:
+    if not parts:
         raise ValueError("estimators must hold one or more, got none")
-    if len({e.precision for e in each}) > 1:
+    if len({e.precision for e in parts}) > 1:
         raise ValueError("estimators must have one precision, got float32 and float64")
-    if len({tuple(state.name for state in e.states) for e in each}) > 1:
+    if len({tuple(state.name for state in e.states) for e in parts}) > 1:
         raise ValueError("estimators must have the same states, and got different ones")
-    precision = each[0].precision
+    precision = parts[0].precision
     Y, U = _rows("y", y, 2, precision), _rows("u", u, 2, precision)
     T = None if truth is None else _rows("truth", truth, 3, precision)
-    runs = max(len(each), len(Y), len(U), 1 if T is None else len(T))
-    if len(each) not in (1, runs):
-        raise ValueError(f"estimators must be 1 or {runs}, as many as records, got {len(each)}")
+    runs = max(len(parts), len(Y), len(U), 1 if T is None else len(T))
+    if len(parts) not in (1, runs):
+        raise ValueError(f"estimators must be 1 or {runs}, as many as records, got {len(parts)}")
     n = Y.shape[1]
     if not 0 <= skip < max(n, 1):
         raise ValueError(f"skip must be within the {n} samples, got {skip}")
-    mean, std = _starts(each, _rows("y", y, 2, "float64")) if start is None else start
-    kept = _kept(out, history, (runs, n, len(each[0].states)), precision)
+    mean, std = _starts(parts, _rows("y", y, 2, "float64")) if start is None else start
+    history_arrays = _kept(out, history, (runs, n, len(parts[0].states)), precision)
     count = threads if threads is not None else processors()
     if count < 1:
         raise ValueError(f"threads must be 1 or more, got {count}")
-    states = len(each[0].states)
-    squares, flags = each[0].engine.core.run_batch(
-        [e.core for e in each],
+    states = len(parts[0].states)
+    squares, flags = parts[0].engine.core.run_batch(
+        [e.core for e in parts],
         Y,
         U,
         _of_runs("start mean", mean, runs, states, precision),
         _of_runs("start std", std, runs, states, precision),
         truth=T,
         skip=skip,
-        means=kept["mean"],
-        innovation=kept["innovation"],
-        variance=kept["innovation_variance"],
-        status=kept["status"],
+        means=history_arrays["mean"],
+        innovation=history_arrays["innovation"],
+        variance=history_arrays["innovation_variance"],
+        status=history_arrays["status"],
         instructions=instructions,
         threads=count,
     )
     rmse = None if T is None else np.sqrt(squares / max(n - skip, 1))
-    return Batch(**kept, rmse=rmse, flags=flags)
+    return Batch(**history_arrays, rmse=rmse, flags=flags)
 
 
 def processors() -> int:
@@ -172,14 +172,14 @@ def _of_runs(name: str, a: ArrayLike, runs: int, states: int, precision: Precisi
     return np.ascontiguousarray(np.broadcast_to(real(name, a, precision), (runs, states)))
 
 
-def _starts(each: list[Estimator], Y: Array) -> tuple[ArrayLike, ArrayLike]:
+def _starts(item: list[Estimator], Y: Array) -> tuple[ArrayLike, ArrayLike]:
     """Return where `Estimator.run` would start each, to be broadcast to (runs, states) twice."""
-    if len(each) == 1:
-        return each[0].at_first(Y), each[0].default_std()
-    known = {e: e.default_std() for e in set(each)}
-    records = Y if len(Y) > 1 else [Y[0]] * len(each)
-    mean = np.array([e.at_first(y) for e, y in zip(each, records, strict=True)])
-    return mean, np.array([known[e] for e in each])
+    if len(item) == 1:
+        return item[0].initial_state(Y), item[0].default_std()
+    known = {e: e.default_std() for e in set(item)}
+    records = Y if len(Y) > 1 else [Y[0]] * len(item)
+    mean = np.array([e.initial_state(y) for e, y in zip(item, records, strict=True)])
+    return mean, np.array([known[e] for e in item])
 
 
 def _kept(
@@ -194,13 +194,13 @@ def _kept(
     }
     if unknown := set(history) - set(shapes):
         raise ValueError(f"history knows {', '.join(shapes)}; got {', '.join(sorted(unknown))}")
-    kept: dict[str, Array | None] = {}
-    for name, (wanted, kind) in shapes.items():
+    history_arrays: dict[str, Array | None] = {}
+    for name, (array_shape, kind) in shapes.items():
         old = getattr(out, name, None)
         if name not in history:
-            kept[name] = None
-        elif old is not None and old.shape == wanted and old.dtype == kind:
-            kept[name] = old
+            history_arrays[name] = None
+        elif old is not None and old.shape == array_shape and old.dtype == kind:
+            history_arrays[name] = old
         else:
-            kept[name] = np.empty(wanted, dtype=kind)
-    return kept
+            history_arrays[name] = np.empty(array_shape, dtype=kind)
+    return history_arrays

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.asked import Given, in_si
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.bank import alone_of, bank_of
+from ambkit.machine.bank import bank_of, isolated_axes
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.models.parts.free import free_parts
@@ -32,9 +32,9 @@ Array = NDArray[np.float64]
 
 
 def usual_acceleration(bearing: Machine) -> float:
-    """Return the intensity of an acceleration of 1 g over the rotor's own time [m^2/s^3]."""
+    """Return the intensity of an acceleration of 1 g over the rotor's time constant [m^2/s^3]."""
     # Singer 1970; Bar-Shalom, Li and Kirubarajan 2001, eq. 8.2.2-11: 2 sigma^2 tau.
-    return 2 * GRAVITY**2 * min(own_time(axis) for axis in alone_of(bearing))
+    return 2 * GRAVITY**2 * min(own_time(axis) for axis in isolated_axes(bearing))
 
 
 def no_force_of(bearing: Machine) -> MagnetModel:
@@ -85,11 +85,13 @@ class ConstantVelocity(KalmanFilter):
         acceleration: Given | None = None,
         **options: Any,
     ) -> None:
-        given = in_si("acceleration", acceleration, "m^2/s^3")
-        self.acceleration = usual_acceleration(bearing) if given is None else given
+        acceleration_si = in_si("acceleration", acceleration, "m^2/s^3")
+        self.acceleration = (
+            usual_acceleration(bearing) if acceleration_si is None else acceleration_si
+        )
         if not 0 < self.acceleration < math.inf:
             raise ValueError(
-                f"acceleration must be greater than 0 m^2/s^3 and finite, got {given!r}"
+                f"acceleration must be greater than 0 m^2/s^3 and finite, got {acceleration_si!r}"
             )
         if options.get("synchronous"):
             raise ValueError(f"{self.name}: it knows no force, and estimates nothing synchronous")
@@ -266,8 +268,8 @@ def tune(
     costs = [cost(float(decade)) for decade in grid]
     best = float(grid[int(np.argmin(costs))])
     around = (max(DECADES[0], best - 1), min(DECADES[1], best + 1))
-    found = minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 0.02})
-    return made(best if min(costs) <= found.fun else float(found.x))
+    result = minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 0.02})
+    return made(best if min(costs) <= result.fun else float(result.x))
 
 
 def _several(y: ArrayLike | Sequence[ArrayLike]) -> list[Array]:

@@ -95,7 +95,7 @@ class Engine:
         self.core: ModuleType = core_module(precision, any_model=not self.built_in)
         check_room(self.core, plan, machine.name)
         if self.built_in:
-            axis = machine.alone("")
+            axis = machine.isolated_axis("")
             self.model_of_core: Any = self.core.Model(
                 axis.sampling_time, axis.rotor.mass, axis.sensor.gain, axis.sensor_lag, as_printed,
             )  # fmt: skip
@@ -107,29 +107,29 @@ class Engine:
         if tuple(state.role for state in plan.states) != PAPER_ROLES or len(plan.noises) != 1:
             return False
         built_in = paper_pattern()
-        return all(np.array_equal(built_in[n], each) for n, each in self.model.pattern.items())
+        return all(np.array_equal(built_in[n], item) for n, item in self.model.pattern.items())
 
-    def let_turn(self, slowest: float, fastest: float) -> None:
+    def let_turn(self, min_speed: float, max_speed: float) -> None:
         """Let the core's model take any speed of rotation between two [rad/s]."""
         # Its numbers are computed at speeds `NODE` of a radian a sample apart, and interpolated by
         # cubics in between: what turns then keeps its phase to some 1e-8 rad a sample. What
         # unbalance does across while the speed grows is linear in that growth.
-        nodes = self.nodes(slowest, fastest)
-        kept = {
+        nodes = self.nodes(min_speed, max_speed)
+        node_arrays = {
             name: np.ascontiguousarray(
                 values, np.uint16 if values.dtype == np.intp else self.precision
             )
             for name, values in nodes._asdict().items() if isinstance(values, np.ndarray)
         }  # fmt: skip
-        self.model_of_core.nodes(nodes.lowest, nodes.step, **kept)
+        self.model_of_core.nodes(nodes.lowest, nodes.step, **node_arrays)
         self.turned = True
 
-    def nodes(self, slowest: float, fastest: float) -> Nodes:
+    def nodes(self, min_speed: float, max_speed: float) -> Nodes:
         """Return the model at the speeds between which it takes any other; see `let_turn`."""
         step = NODE / self.machine.sampling_time
-        lowest, highest = math.floor(slowest / step) - 1, math.floor(fastest / step) + 2
-        found = [self._node(number, step) for number in range(lowest, highest + 1)]
-        at, by_growth = (np.stack(each) for each in zip(*found, strict=True))
+        lowest, highest = math.floor(min_speed / step) - 1, math.floor(max_speed / step) + 2
+        results = [self._node(number, step) for number in range(lowest, highest + 1)]
+        at, by_growth = (np.stack(item) for item in zip(*results, strict=True))
         grown = np.flatnonzero(by_growth.any(axis=0))
         changing = (at != at[0]).any(axis=0)
         changing[grown] = True
@@ -187,9 +187,9 @@ def check_room(core: ModuleType, plan: Plan, name: str) -> None:
 
 def numbers(model: Model) -> Array:
     """Return all numbers of a model one after the other, as the core keeps them."""
-    found = arrays(model)
-    parts = (found[name] for name in NUMBERS)
-    return np.concatenate([each[2] if isinstance(each, tuple) else each for each in parts])
+    result = arrays(model)
+    parts = (result[name] for name in NUMBERS)
+    return np.concatenate([part[2] if isinstance(part, tuple) else part for part in parts])
 
 
 def arrays(model: Model) -> dict[str, Any]:
@@ -198,7 +198,7 @@ def arrays(model: Model) -> dict[str, Any]:
     if unknown:
         raise ValueError(f"states of unknown roles: {', '.join(unknown)}")
     on = (model.pattern["h"] | model.pattern["e"] | model.pattern["r"]) > 0
-    shown = np.array([state.role == "sensor" for state in model.states])
+    sensor_mask = np.array([state.role == "sensor" for state in model.states])
     upper = np.triu_indices(len(model.states))
     return {
         "states": len(model.states),
@@ -214,6 +214,6 @@ def arrays(model: Model) -> dict[str, Any]:
         "e": model.e[on].tolist(),
         "r": model.r[on].tolist(),
         "N": compressed_rows(model.N[:, *upper], (model.pattern["N"] > 0)[:, *upper]),
-        "rest": compressed_rows(model.rest, (model.pattern["rest"] > 0) & shown[:, None]),
+        "rest": compressed_rows(model.rest, (model.pattern["rest"] > 0) & sensor_mask[:, None]),
         "role": [float(ENUMERATORS.index(ROLES[state.role])) for state in model.states],
     }

@@ -39,7 +39,7 @@ class Status(IntFlag):
     BAD_PARAMETER = 64  #: a stiffness was not finite: not predicted
     UNEXCITED = 128  #: too little excitation: the identified value was held
     OUTLIER = 256  #: the measurement was too far from its prediction: predicted only
-    SURPRISED = 512  #: too many innovations larger than expected: model or noise is wrong
+    INCONSISTENT = 512  #: too many innovations larger than expected: model or noise is wrong
     NOISE_LIMIT = 1024  #: the noise found online is at the end of its range
     RESTARTED = 2048  #: started afresh: from this measurement, or with nothing known
 
@@ -87,7 +87,7 @@ class Estimate(Shown):
         Estimated magnet constant over the known one, and its variance [1], from estimators that
         estimate it.
     axes, readings : tuple of str
-        Names of the axes and the readings of a whole machine; empty of one axis.
+        Names of the axes and the readings of a machine; empty of one axis.
     """
 
     t: Array
@@ -128,7 +128,7 @@ class Estimate(Shown):
         states : tuple of Descriptor
             Of its model.
         axes, readings : tuple of str, optional
-            Of a whole machine.
+            Of a machine.
         """
         return cls(
             t=t,
@@ -207,8 +207,8 @@ class Estimate(Shown):
         """
         with np.errstate(divide="ignore", invalid="ignore"):  # no variance, no figure
             nis = self.innovation**2 / self.innovation_variance
-        each = np.where(self.innovation_variance > 0, nis, np.nan)
-        return np.asarray(each.mean(axis=1) if each.ndim > 1 else each)
+        parts = np.where(self.innovation_variance > 0, nis, np.nan)
+        return np.asarray(parts.mean(axis=1) if parts.ndim > 1 else parts)
 
     @property
     def units(self) -> dict[str, str]:
@@ -217,15 +217,15 @@ class Estimate(Shown):
 
     def _numbers(self) -> dict[str, tuple[NDArray[Any], str]]:
         """Return stiffnesses, innovations and status by the names of their columns, with units."""
-        found: dict[str, tuple[NDArray[Any], str]] = {}
+        results: dict[str, tuple[NDArray[Any], str]] = {}
         for name, unit in UNITS.items():
             values = getattr(self, name)
             if values.ndim == 1:
-                found[name] = values, unit
+                results[name] = values, unit
                 continue
             of = self.axes if name in ("k_i", "k_s") else self.readings
-            found |= {f"{name}_{each}": (values[:, k], unit) for k, each in enumerate(of)}
-        return found
+            results |= {f"{name}_{item}": (values[:, k], unit) for k, item in enumerate(of)}
+        return results
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -347,8 +347,8 @@ class Estimate(Shown):
         return frames.Series(self.t, columns, units, about)
 
     @classmethod
-    def _of_series(cls, given: frames.Series) -> Estimate:
-        columns, about = dict(given.columns), given.about
+    def _of_series(cls, series: frames.Series) -> Estimate:
+        columns, about = dict(series.columns), series.about
         try:
             states = tuple(Descriptor(*state) for state in about["states"])
             mean = np.column_stack([columns[state.name] for state in states])
@@ -356,17 +356,20 @@ class Estimate(Shown):
             several = {"k_i": axes, "k_s": axes}
             several |= dict.fromkeys(("innovation", "innovation_variance"), readings)
             of_core = {
-                name: np.column_stack([columns[f"{name}_{each}"] for each in several[name]])
+                name: np.column_stack([columns[f"{name}_{item}"] for item in several[name]])
                 if several.get(name)
                 else columns[name]
                 for name in UNITS
             }
             pairs = [columns[name] for name in _covariances(states) if name in columns]
-            whole = len(pairs) in (0, packed(len(states) - 1, len(states) - 1, len(states)) + 1)
-            if not whole:
+            is_complete = len(pairs) in (
+                0,
+                packed(len(states) - 1, len(states) - 1, len(states)) + 1,
+            )
+            if not is_complete:
                 raise KeyError("a covariance")
             return cls(
-                t=given.t,
+                t=series.t,
                 mean=mean,
                 **of_core | {"status": of_core["status"].astype(np.uint16)},
                 covariance=np.column_stack(pairs) if pairs else None,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert
-from ambkit.machine.bank import alone_of, bank_of
+from ambkit.machine.bank import bank_of, isolated_axes
 from ambkit.machine.forces.map_of import surface_in
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ EXPERTS = (".json", ".csv", ".parquet")
 
 def experts(path: Path, machine: Machine) -> MagnetModel:
     """Return the expert in a file for each axis of a machine, whose magnets must be alike."""
-    axes = alone_of(machine)
+    axes = isolated_axes(machine)
     other = next((b.name for b in axes if b.magnet != axes[0].magnet), None)
     if other is not None:
         raise AmbkitError(

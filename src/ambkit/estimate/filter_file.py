@@ -27,7 +27,7 @@
     [origin]
     "noise.disturbance" = "likelihood of log.csv, 0 to 2 s; ambkit tune 0.2.0"
 
-Of several axes ``[machine]`` stands in the place of ``[bearing]``, and ``[magnets.NAME]`` of a
+Of several axes ``[machine]`` stands instead of ``[bearing]``, and ``[magnets.NAME]`` of a
 bearing's name in that of ``[magnet]``; a variance may be a list, a number for each reading or axis,
 and ``synchronous = ["unbalance"]`` says what turns with the rotor and is estimated too.
 """
@@ -53,7 +53,7 @@ from ambkit.estimate.filter_parts import Assumed, PlantOf, Reference
 from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
 from ambkit.estimate.view import View
-from ambkit.machine.bank import alone_of, bank_of
+from ambkit.machine.bank import bank_of, isolated_axes
 from ambkit.machine.forces.map_of import surface_in
 from ambkit.machine.machine import Bearing, Machine
 
@@ -130,8 +130,8 @@ class FilterFile(Document):
         T, own = read("sampling_time"), of.plant.sampling_time
         if abs(T - own) > 1e-9 * own:
             whose = "bearing" if of is bearing else "machine"
-            shown = [units.engineering(each, "s") for each in (own, T)]
-            yield "sampling_time", f"must be the {whose}'s, {shown[0]}, is {shown[1]}"
+            time_texts = [units.engineering(item, "s") for item in (own, T)]
+            yield "sampling_time", f"must be the {whose}'s, {time_texts[0]}, is {time_texts[1]}"
         yield from _contradictions_of(View(of.plant), read)
 
     @property
@@ -147,8 +147,10 @@ class FilterFile(Document):
         def said(value: Any) -> Any:
             if not isinstance(value, dict):
                 return value
-            kept = {key: said(each) for key, each in value.items()}
-            return {key: each for key, each in kept.items() if each not in ("", {}, (), [], None)}
+            entries = {key: said(item) for key, item in value.items()}
+            return {
+                key: entry for key, entry in entries.items() if entry not in ("", {}, (), [], None)
+            }
 
         data: dict[str, Any] = said(handler(self))
         if not self.plant.single:
@@ -172,15 +174,15 @@ class FilterFile(Document):
             As `load`; or it steps at another rate than the bearing is sampled, or has other axes or
             readings.
         """
-        found, T = cls.load(path), bearing.sampling_time
-        _check_alike(path, found.plant, bearing)
-        if abs(found.sampling_time - T) > 1e-9 * T:
-            steps, is_sampled = (units.engineering(t, "s") for t in (found.sampling_time, T))
+        result, T = cls.load(path), bearing.sampling_time
+        _check_alike(path, result.plant, bearing)
+        if abs(result.sampling_time - T) > 1e-9 * T:
+            steps, is_sampled = (units.engineering(t, "s") for t in (result.sampling_time, T))
             raise AmbkitError(
                 f"{os.fspath(path)}: this filter steps every {steps}, and {bearing.name} "
                 f"is sampled every {is_sampled}"
             )
-        return found
+        return result
 
     def asked(self) -> MagnetModel | None:
         """Return what it asks for k_i and k_s; None where its kind knows by itself.
@@ -191,11 +193,11 @@ class FilterFile(Document):
             What the magnet's file holds is no expert and no force map.
         """
         if self.magnets:
-            each = {
-                axis.bearing.name: magnet_in(self.magnets[axis.bearing.name].file, alone)
-                for axis, alone in zip(self.plant.axes, alone_of(self.plant), strict=True)
+            parts = {
+                axis.bearing.name: magnet_in(self.magnets[axis.bearing.name].file, isolated)
+                for axis, isolated in zip(self.plant.axes, isolated_axes(self.plant), strict=True)
             }
-            return bank_of([each[axis.bearing.name] for axis in self.plant.axes], self.plant)
+            return bank_of([parts[axis.bearing.name] for axis in self.plant.axes], self.plant)
         if self.magnet is None:
             return learned_magnet(self.kind, self.plant)
         return magnet_in(self.magnet.file, self.plant)
@@ -210,7 +212,7 @@ class FilterFile(Document):
         precision : {"float64", "float32"}
             What it computes in.
         magnet : optional
-            What it asks in the place of `asked`, such as the table of its expert.
+            What it asks instead of `asked`, such as the table of its expert.
 
         Raises
         ------
@@ -250,7 +252,7 @@ def magnet_in(path: str | os.PathLike[str], bearing: Bearing) -> MagnetModel:
     return surface_in(path, bearing)
 
 
-def _of_options(kind: Any, given: Any) -> Iterator[tuple[str, str]]:
+def _of_options(kind: Any, options: Any) -> Iterator[tuple[str, str]]:
     """Tell of a kind that there is not, and of options that it has not."""
     if not isinstance(kind, str):
         return
@@ -259,7 +261,7 @@ def _of_options(kind: Any, given: Any) -> Iterator[tuple[str, str]]:
     except AmbkitError as error:
         yield "kind", str(error)
         return
-    for name, value in given.items() if isinstance(given, dict) else ():
+    for name, value in options.items() if isinstance(options, dict) else ():
         if name not in known:
             yield f"options.{name}", f"{unknown_key(name, known)}, of the {kind}"
             continue
@@ -277,7 +279,7 @@ def _contradictions_of(view: View, read: Read) -> Iterator[tuple[str, str]]:
         yield "kind", f"the {kind} takes one axis; {machine.name} has the axes {names}"
     if read("synchronous") and machine.rotor.type == "mass":
         yield "synchronous", "is of a rotor that turns; a mass does not"
-    magnets, names_of = read("magnets"), [each.name for each in machine.bearings]
+    magnets, names_of = read("magnets"), [bearing.name for bearing in machine.bearings]
     if single and magnets:
         yield "magnets", "are of named bearings; the one axis has its [magnet]"
     elif isinstance(magnets, dict) and magnets and sorted(magnets) != sorted(names_of):
@@ -298,23 +300,23 @@ def _contradictions_of(view: View, read: Read) -> Iterator[tuple[str, str]]:
         yield from view.count_of(FilterNoise(**noise.model_dump()))
 
 
-def _check_alike(path: str | os.PathLike[str], own: Any, given: Machine) -> None:
+def _check_alike(path: str | os.PathLike[str], own: Any, other_machine: Machine) -> None:
     """Refuse a filter of other axes or readings."""
 
     def about(machine: Machine) -> str:
         if machine.single:
             return f"{machine.name}, which has one axis"
         axes, readings = (
-            ", ".join(each.name for each in many) for many in (machine.axes, machine.readings)
+            ", ".join(item.name for item in many) for many in (machine.axes, machine.readings)
         )
         return f"{machine.name}, a machine with axes {axes} and readings {readings}"
 
     def lines(machine: Machine) -> list[list[str]]:
-        return [[each.name for each in many] for many in (machine.axes, machine.readings)]
+        return [[item.name for item in many] for many in (machine.axes, machine.readings)]
 
-    if lines(own) != lines(given):
+    if lines(own) != lines(other_machine):
         raise AmbkitError(
-            f"{os.fspath(path)}: this filter is of {about(own)}; not of {about(given)}"
+            f"{os.fspath(path)}: this filter is of {about(own)}; not of {about(other_machine)}"
         )
 
 
@@ -336,15 +338,15 @@ def written(value: Any, unit: str) -> Any:
     return units.engineering(in_si("option", value, unit), unit, digits=None)
 
 
-def _start(given: Mapping[str, str], made: Estimator) -> dict[str, float]:
+def _start(std_texts: Mapping[str, str], made: Estimator) -> dict[str, float]:
     """Return standard deviations at the start in SI."""
     known = {state.name: state.unit for state in made.states}
-    found = {}
-    for name, text in given.items():
+    results = {}
+    for name, text in std_texts.items():
         if name not in known:
             raise ValueError(f"start.{name}: {unknown_key(name, known)}")
         std = units.parse(text, known[name])
         if not (math.isfinite(std) and std > 0):
             raise ValueError(f"start.{name}: must be finite and greater than 0, is {text}")
-        found[name] = std
-    return found
+        results[name] = std
+    return results

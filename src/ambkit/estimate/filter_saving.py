@@ -34,10 +34,10 @@ def described(
     """Return what makes an estimator, for a file."""
     kind = kind_of(estimator)
     own = KINDS[kind].option_units
-    given = {**getattr(estimator, "inner", estimator).options, **estimator.options}
-    options = {name: written(value, own[name]) for name, value in given.items()
+    all_options = {**getattr(estimator, "inner", estimator).options, **estimator.options}
+    options = {name: written(value, own[name]) for name, value in all_options.items()
                if name in own and value is not None}  # fmt: skip
-    limits = {name: v for name, v in given.items() if name in FilterFile.model_fields}
+    limits = {name: v for name, v in all_options.items() if name in FilterFile.model_fields}
     of: dict[str, Any] = {"bearing" if estimator.view.single else "machine": PlantOf.of(bearing)}
     if isinstance(magnet, Mapping):
         of["magnets"] = {name: Reference.to(path) for name, path in magnet.items()}
@@ -60,13 +60,13 @@ def described(
 
 def _assumed(estimator: Estimator) -> Assumed:
     """Return what it assumes of the noise, that of a control signal in the signal's unit."""
-    found = {name: _one_or_each(getattr(estimator.variances, name)) for name in UNITS}
+    results = {name: _one_or_each(getattr(estimator.variances, name)) for name in UNITS}
     if estimator.machine.control_unit == "A":
-        given = found["control"]
-        each = given if isinstance(given, tuple) else (given,)
-        said = tuple(InOther.of(value, "A^2") for value in each)
-        found["control"] = said if isinstance(given, tuple) else said[0]
-    return Assumed(**found)
+        control_noise = results["control"]
+        parts = control_noise if isinstance(control_noise, tuple) else (control_noise,)
+        variances = tuple(InOther.of(value, "A^2") for value in parts)
+        results["control"] = variances if isinstance(control_noise, tuple) else variances[0]
+    return Assumed(**results)
 
 
 def _one_or_each(variances: Any) -> Any:
@@ -80,9 +80,9 @@ def made_by(command: str, what: str) -> str:
     return f"{what}; ambkit {command} {version('ambkit')}"
 
 
-def origin_of(values: Iterable[str], said: str) -> dict[str, str]:
+def origin_of(values: Iterable[str], origin: str) -> dict[str, str]:
     """Return where numbers came from, by their keys in a file, for the names of tunables."""
-    return {name if "." in name else f"options.{name}": said for name in values}
+    return {name if "." in name else f"options.{name}": origin for name in values}
 
 
 class NoFile(AmbkitError):
@@ -107,22 +107,24 @@ def save(
     if bearing is None:
         bearing = path.with_suffix(".bearing.toml" if single else ".machine.toml")
         known.save(bearing)
-    asked: str | os.PathLike[str] | Mapping[str, Path] | None = magnet
+    magnet_files: str | os.PathLike[str] | Mapping[str, Path] | None = magnet
     if magnet is not None and not single:  # one file, for all bearings
-        asked = dict.fromkeys((each.name for each in estimator.machine.bearing), Path(magnet))
+        magnet_files = dict.fromkeys(
+            (item.name for item in estimator.machine.bearing), Path(magnet)
+        )
     if magnet is None and not _asks_its_own(estimator):
-        asked = (
+        magnet_files = (
             _written_beside(path, estimator.magnet) if single
             else _each_beside(path, estimator.machine, estimator.magnet)
         )  # fmt: skip
-    described(estimator, bearing, asked).save(path)
+    described(estimator, bearing, magnet_files).save(path)
 
 
 def preset_of(known: Machine) -> str | None:
     """Return the name of the preset that a bearing or a machine is, if it is one."""
     usual = known.name in presets.all_names() and load_machine(known.name) == known
-    kept = usual and load_machine(known.name).control_unit == known.control_unit
-    return known.name if kept else None
+    unit_matches = usual and load_machine(known.name).control_unit == known.control_unit
+    return known.name if unit_matches else None
 
 
 def _asks_its_own(estimator: Estimator) -> bool:
@@ -131,7 +133,7 @@ def _asks_its_own(estimator: Estimator) -> bool:
     if KINDS[kind].magnet is None and kind != "table":
         return False
     made = KINDS[kind].make(estimator.bearing, learned_magnet(kind, estimator.bearing))
-    own, its = (_in_core(each, made) for each in (made, estimator))
+    own, its = (_in_core(item, made) for item in (made, estimator))
     return all(
         type(one) is type(other) and _alike(one.parameters, other.parameters)
         for one, other in zip(own, its, strict=True)
@@ -140,8 +142,8 @@ def _asks_its_own(estimator: Estimator) -> bool:
 
 def _in_core(estimator: Estimator, made: Estimator) -> Sequence[Any]:
     """Return the magnets of all axes in the core of another estimator."""
-    found = estimator.magnet.in_core(made.engine.core)
-    return found if isinstance(found, list) else [found]
+    result = estimator.magnet.in_core(made.engine.core)
+    return result if isinstance(result, list) else [result]
 
 
 def _alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
@@ -154,13 +156,13 @@ def _alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
 def _each_beside(path: Path, machine: Machine, magnet: MagnetModel) -> dict[str, Path]:
     """Write what a machine's filter asks beside its file: for each bearing, by their names."""
     assert isinstance(magnet, Bank)
-    each: dict[str, MagnetModel] = {}
+    parts: dict[str, MagnetModel] = {}
     for axis, model in zip(machine.axes, magnet.models, strict=True):
-        if each.setdefault(axis.bearing.name, model) is not model:
+        if parts.setdefault(axis.bearing.name, model) is not model:
             raise NoFile(f"{path}: the axes of bearing {axis.bearing.name} know it by two magnets")
     return {
         name: _written_beside(path.with_suffix(f".{name}{path.suffix}"), model)
-        for name, model in each.items()
+        for name, model in parts.items()
     }
 
 

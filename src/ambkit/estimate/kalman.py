@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class KalmanFilter(Estimator):
-    """Linear Kalman filter with the stiffnesses of the working point (paper, eq. 7-21).
+    """Linear Kalman filter with the stiffnesses of the operating point (paper, eq. 7-21).
 
     Parameters
     ----------

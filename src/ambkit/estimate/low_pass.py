@@ -63,9 +63,9 @@ class LowPass(Estimator):
     ) -> None:
         pole = unstable_pole(bearing)
         usual = {"position": 20 * pole, "velocity": 10 * pole, "force": 2 * pole}
-        given = {"position": position, "velocity": velocity, "force": force}
-        said = {name: in_si(name, corner, "rad/s") for name, corner in given.items()}
-        self.corners = usual | {name: c for name, c in said.items() if c is not None}
+        arguments = {"position": position, "velocity": velocity, "force": force}
+        corners = {name: in_si(name, corner, "rad/s") for name, corner in arguments.items()}
+        self.corners = usual | {name: c for name, c in corners.items() if c is not None}
         for name, corner in self.corners.items():
             if not (math.isfinite(corner) and corner > 0):
                 raise ValueError(f"{name} must be greater than 0 rad/s, got {corner!r}")
@@ -86,11 +86,11 @@ class LowPass(Estimator):
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         T = self.bearing.sampling_time
-        taken = {name: -math.expm1(-corner * T) for name, corner in self.corners.items()}
+        coefficients = {name: -math.expm1(-corner * T) for name, corner in self.corners.items()}
         return engine.core.LowPass(
             magnet,
             engine.model_of_core,
             m=self.bearing.rotor.mass,
-            **taken,
+            **coefficients,
             **settings,
         )

@@ -99,7 +99,7 @@ class AugmentedKalmanFilter(Estimator):
 class MultipleModelFilter(Estimator):
     """Interacting multiple models: extended filters side by side, each with its own constant.
 
-    They are weighed by how well they foretell the measurement; a magnet constant that jumps is
+    They are weighed by how well they predict the measurement; a magnet constant that jumps is
     found within milliseconds of motion. At rest nothing is weighed, for the reason and with the
     flag of :class:`AugmentedKalmanFilter`.
 

@@ -28,7 +28,7 @@ class LinearModel(NamedTuple):
 
     @classmethod
     def of(cls, model: Model, k_i: Any, k_s: Any, settings: Mapping[str, Any]) -> LinearModel:
-        """Return a model with the noise of some settings of the core, at a working point."""
+        """Return a model with the noise of some settings of the core, at an operating point."""
         gain, var_u = np.array(settings["k_ui"]), np.array(settings["var_u"])
         R = with_rounding(settings["var_y"], settings["step"], settings["dwell"])
         return cls(

@@ -61,8 +61,8 @@ def factories(
     synchronous: Sequence[str] = (),
 ) -> dict[str, Factory]:
     """Return what builds each of the chosen estimators, as often as asked."""
-    chosen, given = expanded(names), dict(magnets or {})
-    for name in given:
+    chosen, own_magnets = expanded(names), dict(magnets or {})
+    for name in own_magnets:
         if name not in chosen:
             raise AmbkitError(f"a magnet is given for {name}, which is not among those chosen")
 
@@ -82,12 +82,12 @@ def factories(
             magnet = experts(Path(file or name), bearing)
             kind = kind if file else "adaptive"
         else:
-            magnet = given[name] if name in given else learned_magnet(kind, bearing)
-        turning = {"synchronous": (*synchronous, *own)} if synchronous or own else {}
+            magnet = own_magnets[name] if name in own_magnets else learned_magnet(kind, bearing)
+        sync_options = {"synchronous": (*synchronous, *own)} if synchronous or own else {}
 
         def make(noise: FilterNoise | None = None, **options: Any) -> Estimator:
             try:
-                return KINDS[kind].make(bearing, magnet, noise=noise, **turning, **options)
+                return KINDS[kind].make(bearing, magnet, noise=noise, **sync_options, **options)
             except ValueError as error:
                 raise AmbkitError(str(error)) from error
 
@@ -98,8 +98,8 @@ def factories(
 
 def expanded(names: Iterable[str]) -> list[str]:
     """Return names of estimators, each once, with all kinds for ``"all"``."""
-    found: dict[str, None] = {}
+    results: dict[str, None] = {}
     for name in map(os.fspath, names_in(estimators=names)):
         check_named(name)
-        found |= dict.fromkeys(KINDS if name == "all" else [name])
-    return list(found)
+        results |= dict.fromkeys(KINDS if name == "all" else [name])
+    return list(results)

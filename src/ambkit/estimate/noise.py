@@ -41,7 +41,7 @@ class FilterNoise:
         a force that wanders by twice the rotor's weight in a second. The paper leaves it to
         experiment: larger follows a load faster and lets more noise through.
 
-    Of a whole machine one number is for all readings or axes, several are for each.
+    Of a machine one number is for all readings or axes, several are for each.
 
     Raises
     ------
@@ -59,14 +59,14 @@ class FilterNoise:
         control: Given | Sequence[Given] | None = None,
         disturbance: Given | Sequence[Given] | None = None,
     ) -> None:
-        given = {"measurement": measurement, "control": control, "disturbance": disturbance}
+        arguments = {"measurement": measurement, "control": control, "disturbance": disturbance}
         for name, unit in UNITS.items():
-            told: Any = given[name]
-            several = isinstance(told, Sequence) and not isinstance(told, str)
+            entry: Any = arguments[name]
+            several = isinstance(entry, Sequence) and not isinstance(entry, str)
             value = (
-                tuple(_read(name, each, unit) for each in told)
+                tuple(_read(name, item, unit) for item in entry)
                 if several
-                else _read(name, told, unit)
+                else _read(name, entry, unit)
             )
             object.__setattr__(self, name, value)
 
@@ -84,7 +84,7 @@ def _read(name: str, value: Given | None, unit: str) -> float | None:
 class Variances(NamedTuple):
     """What a filter assumes: R [m^2], control signal [V^2], growth of the disturbance [N^2/s]."""
 
-    # Numbers of one axis; tuples of numbers of a whole machine, for each reading or axis.
+    # Numbers of one axis; tuples of numbers of a machine, for each reading or axis.
 
     measurement: Any
     control: Any
@@ -99,7 +99,7 @@ class Variances(NamedTuple):
 def dwell(axes: Sequence[Bearing]) -> float:
     """Return for how many samples a rotor at rest stays within a very coarse step of its sensor."""
     # Half the time in which the fastest axis falls away by e.
-    return max(10.0, min(0.5 * own_time(each) / each.sampling_time for each in axes))
+    return max(10.0, min(0.5 * own_time(axis) / axis.sampling_time for axis in axes))
 
 
 def with_rounding(
@@ -126,8 +126,8 @@ def held_rounding(variance: float, step: float, samples: float) -> float:
 def check_variances(variances: Variances) -> None:
     """Raise ValueError where a variance is negative or not finite."""
     for name, unit in UNITS.items():
-        given = getattr(variances, name)
-        for value in given if isinstance(given, tuple) else (given,):
+        variance = getattr(variances, name)
+        for value in variance if isinstance(variance, tuple) else (variance,):
             if not math.isfinite(value) or value < 0 or (name == "measurement" and value == 0):
                 limit = "greater than 0" if name == "measurement" else "0 or greater"
                 raise ValueError(f"noise.{name} must be {limit} {unit}, got {value!r}")

@@ -1,4 +1,4 @@
-"""Observers with a constant gain: from poles, or from the Riccati equation."""
+"""Observers with a constant gain: from observer poles, or from the Riccati equation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.model import LinearModel
 from ambkit.estimate.noise import held_rounding
-from ambkit.machine.bank import alone_of
+from ambkit.machine.bank import isolated_axes
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel
 from ambkit.models import compose
 from ambkit.models.machine import machine_parts
@@ -43,7 +43,7 @@ LED = ("position", "velocity", "disturbance force", "sensor")
 class _Observer(Estimator):
     """Constant gain; the kinds differ in where it comes from.
 
-    What it says of its covariance, and expects of an innovation, is that of the whole machine, with
+    What it says of its covariance, and expects of an innovation, is that of the machine, with
     sensor noise that the observer itself has no states for.
     """
 
@@ -59,19 +59,19 @@ class _Observer(Estimator):
         k = ConstantStiffness.of(self.bearing)
         # The states are counted in their own units, or the equations below lose their digits
         # between newtons and micrometres.
-        whole = _whole(engine)
-        units = np.array(self.view.start_std(self.variances, whole.states))
-        growth = self.view.growth(self.variances, whole.noises)
-        model = LinearModel.of(whole, k.k_i, k.k_s, settings | {"var_d": growth})
+        full_model = _whole(engine)
+        units = np.array(self.view.start_std(self.variances, full_model.states))
+        intensity = self.view.growth(self.variances, full_model.noises)
+        model = LinearModel.of(full_model, k.k_i, k.k_s, settings | {"var_d": intensity})
         sensor = settings["var_y"][0], settings["step"][0]
         model = model._replace(R=held_rounding(*sensor, settings["dwell"]))
         small = model.scaled(units)
-        L = self._gain(small, whole.states)
+        L = self._gain(small, full_model.states)
         P, S = _steady(small, L)
-        most = np.array(self.view.caps(whole.states)) / units
-        reach = np.minimum(2 * _grown(small, L, most) * units, np.finfo(np.float32).max)
-        own = [whole.index(state.name) for state in engine.states]
-        self.gain, far = (L * units)[own], reach[own]
+        most = np.array(self.view.caps(full_model.states)) / units
+        state_limits = np.minimum(2 * _grown(small, L, most) * units, np.finfo(np.float32).max)
+        own = [full_model.index(state.name) for state in engine.states]
+        self.gain, far = (L * units)[own], state_limits[own]
         upper = (P * np.outer(units, units))[np.ix_(own, own)][np.triu_indices(len(own))]
         return engine.core.Observer(
             magnet,
@@ -197,7 +197,8 @@ def unstable_pole(bearing: Machine) -> float:
     """Return the pole at which the rotor falls out of its middle, sqrt(k_s / m) [rad/s]."""
     # Of several axes, of the fastest alone.
     return max(
-        math.sqrt(ConstantStiffness.of(each).k_s / each.rotor.mass) for each in alone_of(bearing)
+        math.sqrt(ConstantStiffness.of(isolated_axis).k_s / isolated_axis.rotor.mass)
+        for isolated_axis in isolated_axes(bearing)
     )
 
 

@@ -1,4 +1,4 @@
-"""An estimator of the user's: an object with ``step(y, u)`` in the place of one of ours."""
+"""An estimator of the user's: an object with ``step(y, u)`` instead of one of ours."""
 
 from __future__ import annotations
 
@@ -108,8 +108,8 @@ class OwnEstimator(Estimator):
         super().reset(mean, std)
         self._failed, self._sample = None, 0
         if callable(getattr(self.wrapped, "reset", None)):
-            given = self.default_std() if std is None or isinstance(std, str) else std
-            self.wrapped.reset(self.mean, np.asarray(given, float))
+            initial_std = self.default_std() if std is None or isinstance(std, str) else std
+            self.wrapped.reset(self.mean, np.asarray(initial_std, float))
         else:
             self.wrapped = made(self.name, self._make, self._for)
 
@@ -162,12 +162,12 @@ class OwnEstimator(Estimator):
         n = len(self.states)
         if self._failed is None:
             try:
-                given = (y[0], u[0]) if self.view.single else (np.array(y), np.array(u))
-                found = np.asarray(self.wrapped.step(*given), float)
-                if found.shape != (n,):
-                    raise ValueError(f"it returned an array of shape {found.shape}")
+                arguments = (y[0], u[0]) if self.view.single else (np.array(y), np.array(u))
+                result = np.asarray(self.wrapped.step(*arguments), float)
+                if result.shape != (n,):
+                    raise ValueError(f"it returned an array of shape {result.shape}")
                 self._sample += 1
-                return found.tolist()  # type: ignore[no-any-return]
+                return result.tolist()  # type: ignore[no-any-return]
             except BaseException as error:  # Ctrl-C too
                 self._failed = error
         return [np.nan] * n
@@ -186,9 +186,9 @@ class OwnEstimator(Estimator):
         ) from error
 
 
-def is_own(given: Any) -> TypeGuard[type[EstimatorProtocol]]:
+def is_own(candidate: Any) -> TypeGuard[type[EstimatorProtocol]]:
     """Whether it is a class of the user's, and none of ours."""
-    return isinstance(given, type) and not issubclass(given, Estimator)
+    return isinstance(candidate, type) and not issubclass(candidate, Estimator)
 
 
 def own_factory(

@@ -142,13 +142,13 @@ class Kind:
     def estimator(self) -> type[Estimator]:
         """Its class; around it may come an :class:`ambkit.AdaptiveNoise`."""
         module, called = self.of.split(".")
-        found: type[Estimator] = getattr(import_module(f"ambkit.estimate.{module}"), called)
-        return found
+        result: type[Estimator] = getattr(import_module(f"ambkit.estimate.{module}"), called)
+        return result
 
     @property
     def option_units(self) -> dict[str, str]:
         """SI unit of each option that a file may have, by name; empty of a word."""
-        known = {each.name: each.unit for each in self.tunable if "noise." not in each.name}
+        known = {item.name: item.unit for item in self.tunable if "noise." not in item.name}
         outer = {} if self.finds_noise is None else {"window": "s", "most": "1"}
         return known | dict.fromkeys(self.ratios, "1") | outer
 
@@ -316,13 +316,15 @@ def kind_of(estimator: Estimator) -> str:
     inner = getattr(estimator, "inner", estimator)
     of = f"{type(inner).__module__.rpartition('.')[2]}.{type(inner).__name__}"
     around = inner is not estimator
-    found = [k.name for k in KINDS.values() if k.of == of and (k.finds_noise is not None) == around]
+    results = [
+        k.name for k in KINDS.values() if k.of == of and (k.finds_noise is not None) == around
+    ]
     magnet: Any = estimator.magnet
     if isinstance(magnet, Bank):  # the axes of a machine are asked alike
         magnet = magnet.models[0]
-    if not found:
+    if not results:
         raise AmbkitError(f"the {estimator.name} is of no kind that a file can name")
-    return next((k for k in found if KINDS[k].given == type(magnet).__name__), found[-1])
+    return next((k for k in results if KINDS[k].given == type(magnet).__name__), results[-1])
 
 
 def learned_magnet(name: str, bearing: Machine) -> MagnetModel | None:
@@ -334,7 +336,7 @@ def learned_magnet(name: str, bearing: Machine) -> MagnetModel | None:
     machine, learned = bearing, {}
     for axis in machine.axes:
         if axis.bearing.name not in learned:  # both axes of a bearing have one magnet
-            learned[axis.bearing.name] = _learned(name, machine.alone(axis.name))
+            learned[axis.bearing.name] = _learned(name, machine.isolated_axis(axis.name))
     return bank_of([learned[axis.bearing.name] for axis in machine.axes], machine)
 
 

@@ -14,9 +14,9 @@ from ambkit.base.errors import AmbkitError
 from ambkit.data.signals import signal
 from ambkit.estimate.noise import FilterNoise, Variances, check_variances, dwell
 from ambkit.machine import geometry
-from ambkit.machine.bank import alone_of, bias_forces_of, models_of, weights_of
+from ambkit.machine.bank import bias_forces_of, isolated_axes, models_of, weights_of
 from ambkit.machine.bearing import GRAVITY
-from ambkit.machine.hovering import hover_current
+from ambkit.machine.levitation import levitation_current
 from ambkit.machine.magnets import own_time
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class View:
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
         self.single = machine.single
-        self.alone = alone_of(machine)
+        self.isolated = isolated_axes(machine)
         positions = machine.positions
         self.H = geometry.matrix([axis.line for axis in machine.axes], positions)
         self.C = geometry.matrix([r.line for r in machine.readings], positions)
@@ -62,23 +62,23 @@ class View:
 
     @cached_property
     def travel(self) -> Array:
-        """What the backup bearings leave to each coordinate of the rigid body [m] or [rad]."""
-        limits = np.array([each.rotor.travel_limit for each in self.alone])
+        """What the touch-down bearings leave to each coordinate of the rigid body [m] or [rad]."""
+        limits = np.array([item.rotor.clearance for item in self.isolated])
         return np.asarray(np.abs(np.linalg.pinv(self.H[:, : self.rigid])) @ limits)
 
     @cached_property
     def travel_seen(self) -> Array:
         """And to each reading, without its gain (m,) [m]."""
-        limits = np.array([each.rotor.travel_limit for each in self.alone])
+        limits = np.array([item.rotor.clearance for item in self.isolated])
         H, C = self.H[:, : self.rigid], self.C[:, : self.rigid]
         return np.asarray(np.abs(C @ np.linalg.pinv(H)) @ limits)
 
     @cached_property
     def seen(self) -> Array:
         """Coordinates (q, m) that explain best what sensors look at, of a rotor that is rigid."""
-        found = np.zeros((self.C.shape[1], len(self.gains)))
-        found[: self.rigid] = np.linalg.pinv(self.C[:, : self.rigid])
-        return found
+        result = np.zeros((self.C.shape[1], len(self.gains)))
+        result[: self.rigid] = np.linalg.pinv(self.C[:, : self.rigid])
+        return result
 
     @cached_property
     def steps(self) -> Array:
@@ -88,9 +88,9 @@ class View:
     @cached_property
     def shown(self) -> Array:
         """Coordinates (q, m) that explain readings best of a rotor that does not bend."""
-        found = np.zeros((self.C.shape[1], len(self.gains)))
-        found[: self.rigid] = np.linalg.pinv(self.gains[:, None] * self.C[:, : self.rigid])
-        return found
+        result = np.zeros((self.C.shape[1], len(self.gains)))
+        result[: self.rigid] = np.linalg.pinv(self.gains[:, None] * self.C[:, : self.rigid])
+        return result
 
     def along_axes(self, states: Sequence[Descriptor]) -> tuple[Array, Array]:
         """Return displacements and velocities along the axes, by the states (p, n)."""
@@ -99,16 +99,16 @@ class View:
     def along(self, lines: Array, states: Sequence[Descriptor]) -> tuple[Array, Array]:
         """Return displacements and velocities along lines of coordinates, by the states."""
         # lines (rows, q)
-        found = []
+        results = []
         for roles in (("position", "bending"), ("velocity", "bending velocity")):
             rows = np.zeros((len(lines), len(states)))
             rows[:, [k for k, state in enumerate(states) if state.role in roles]] = lines
-            found.append(rows)
-        return found[0], found[1]
+            results.append(rows)
+        return results[0], results[1]
 
     def variances(self, noise: FilterNoise) -> Variances:
         """Return what a filter assumes, one number for each reading and axis."""
-        axes = self.alone
+        axes = self.isolated
         own = Variances(
             [r.sensor.noise_variance for r in self.machine.readings],
             [b.amplifier.noise_variance for b in axes],
@@ -122,23 +122,23 @@ class View:
 
     def count_of(self, noise: FilterNoise) -> Iterator[tuple[str, str]]:
         """Yield which variances of a noise are too few or too many, by their keys."""
-        axes = len(self.alone)
+        axes = len(self.isolated)
         for name, count in zip(Variances._fields, (len(self.gains), axes, axes), strict=True):
-            given = getattr(noise, name)
-            if isinstance(given, tuple) and self.single:
+            variances = getattr(noise, name)
+            if isinstance(variances, tuple) and self.single:
                 yield f"noise.{name}", "must be one number for one axis, is a list"
-            elif isinstance(given, tuple) and len(given) != count:
-                yield f"noise.{name}", f"must be one number or {count}, is {len(given)}"
+            elif isinstance(variances, tuple) and len(variances) != count:
+                yield f"noise.{name}", f"must be one number or {count}, is {len(variances)}"
         control = noise.control if isinstance(noise.control, tuple) else (noise.control,)
         if self.machine.control_unit == "V" and any(isinstance(v, InOther) for v in control):
             yield "noise.control", "is in A^2; the control signal is in V"
 
     def _each(self, name: str, noise: FilterNoise, own: Sequence[float]) -> Any:
         """Return the variances that a noise states, or the machine's own."""
-        given = getattr(noise, name)
-        if given is None:
-            given = tuple(own)
-        return self.plain(given if isinstance(given, tuple) else (given,) * len(own))
+        variances = getattr(noise, name)
+        if variances is None:
+            variances = tuple(own)
+        return self.plain(variances if isinstance(variances, tuple) else (variances,) * len(own))
 
     def plain(self, values: Sequence[Any]) -> Any:
         """Return a tuple, or of a single axis its number."""
@@ -146,9 +146,9 @@ class View:
 
     def growth(self, variances: Variances, noises: Sequence[Descriptor]) -> list[float]:
         """Return the variances of a model's noises, the loads' in a sample [N^2]."""
-        T, p = self.machine.sampling_time, len(self.alone)
+        T, p = self.machine.sampling_time, len(self.isolated)
         return [
-            *(T * each for each in several(variances.disturbance)),
+            *(T * item for item in several(variances.disturbance)),
             *(noise.size**2 for noise in noises[p:]),
         ]
 
@@ -156,7 +156,7 @@ class View:
         self, variances: Variances, states: Sequence[Descriptor], noises: Sequence[Descriptor]
     ) -> dict[str, Any]:
         """Return what the core is told but for known forces and limits of judgement."""
-        machine, axes = self.machine, self.alone
+        machine, axes = self.machine, self.isolated
         return {
             "T": machine.sampling_time,
             "K_sen": self.gains.tolist(),
@@ -165,14 +165,14 @@ class View:
             "k_ui": [b.amplifier.gain for b in axes],
             "iu_min": [b.current_min for b in axes],
             "iu_max": [b.current_max for b in axes],
-            "x_max": [b.rotor.travel_limit for b in axes],
+            "x_max": [b.rotor.clearance for b in axes],
             "cap": self.caps(states),
             "var_u": several(variances.control),
             "var_d": self.growth(variances, noises),
             "var_y": several(variances.measurement),
-            "rise": [each.sensor.noise_rise for each in self.machine.readings],
+            "rise": [reading.sensor.position_noise for reading in self.machine.readings],
             "step": self.steps.tolist(),
-            "dwell": dwell(self.alone),
+            "dwell": dwell(self.isolated),
         }
 
     def caps(self, states: Sequence[Descriptor]) -> list[float]:
@@ -183,7 +183,7 @@ class View:
             "position": self.travel,
             "velocity": fast,
             "disturbance force": np.array(
-                [b.rotor.mass * (0.1 * (b.rotor.travel_limit / T) / T) for b in self.alone]
+                [b.rotor.mass * (0.1 * (b.rotor.clearance / T) / T) for b in self.isolated]
             ),
             "sensor": 3 * np.abs(self.gains) * self.travel_seen,
         }
@@ -192,15 +192,15 @@ class View:
     def start_std(self, variances: Variances, states: Sequence[Descriptor]) -> tuple[float, ...]:
         """Return the standard deviations with which a filter starts; see `Estimator.reset`."""
         sigma = 3 * np.sqrt(np.array(several(variances.measurement)) + self.steps**2 / 12)
-        quickest = min(own_time(b) for b in self.alone)
+        quickest = min(own_time(b) for b in self.isolated)
         seen = self.seen[: self.rigid]
         bent = np.array([state.size for state in states if state.role == "bending"])
-        unseen = (seen @ self.C[:, self.rigid :]) ** 2 @ bent**2
+        bending_variance = (seen @ self.C[:, self.rigid :]) ** 2 @ bent**2
         spread = np.sqrt(sigma**2 + self._run_out(states)) / np.abs(self.gains)
         by_role = {
-            "position": np.sqrt(((seen * spread) ** 2).sum(axis=1) + unseen),
+            "position": np.sqrt(((seen * spread) ** 2).sum(axis=1) + bending_variance),
             "velocity": 0.1 * self.travel / quickest,
-            "disturbance force": np.array([b.rotor.mass * GRAVITY for b in self.alone]),
+            "disturbance force": np.array([b.rotor.mass * GRAVITY for b in self.isolated]),
             "sensor": sigma,
         }
         others = [(VAGUE if s.role in ("unbalance", "runout") else 1.0) * s.size for s in states]
@@ -210,13 +210,13 @@ class View:
         """Return what runout adds to the readings' variance, where it is among the states [m^2]."""
         # A start from the first readings is no surer than that of where the rotor is; else it would
         # tell unbalance from runout at a constant speed, where nothing does.
-        found = np.zeros(len(self.gains))
+        result = np.zeros(len(self.gains))
         for state in states:
             if state.role == "runout" and state.name.endswith("_c"):
                 sensor = state.name.split("_", 1)[1].removesuffix("_c")
                 seen = [r.sensor.name == sensor for r in self.machine.readings]
-                found[seen] += (VAGUE * self.gains[seen] * state.size) ** 2
-        return found
+                result[seen] += (VAGUE * self.gains[seen] * state.size) ** 2
+        return result
 
     def _by_role(
         self, states: Sequence[Descriptor], by_role: dict[str, Array], currents: float,
@@ -224,17 +224,19 @@ class View:
     ) -> list[float]:  # fmt: skip
         """Return a number for each state, the k-th of a role its k-th; currents by their limits."""
         seen: dict[str, int] = {}
-        found = []
+        results = []
         for state, other in zip(states, others, strict=True):
             k = seen.get(state.role, 0)
             seen[state.role] = k + 1
             if state.role in by_role:
-                found.append(float(by_role[state.role][k]))
+                results.append(float(by_role[state.role][k]))
             elif state.role in ("current", "past control"):
-                found.append(currents * self.alone[self.axis_of(state)].amplifier.current_limit)
+                results.append(
+                    currents * self.isolated[self.axis_of(state)].amplifier.current_limit
+                )
             else:
-                found.append(other)
-        return found
+                results.append(other)
+        return results
 
     def axis_of(self, state: Descriptor) -> int:
         """Return which axis a current or a past control is of."""
@@ -243,57 +245,67 @@ class View:
 
     def known_forces(self, magnet: Any, *, weight: bool) -> list[float]:
         """Return the forces along the axes that a filter knows [N]."""
-        weights = weights_of(self.machine) if weight else [0.0] * len(self.alone)
+        weights = weights_of(self.machine) if weight else [0.0] * len(self.isolated)
         bias = bias_forces_of(magnet, self.machine)
         return [w + b for w, b in zip(weights, bias, strict=True)]
 
-    def hover(self, magnet: Any, states: Sequence[Descriptor]) -> Any:
+    def levitation_current(self, magnet: Any, states: Sequence[Descriptor]) -> Any:
         """Return for each axis the current that holds the rotor in the middle, and its slope."""
         # The weight is there, whether a filter knows it or takes it for a disturbance.
         known = self.known_forces(magnet, weight=True)
         return self.plain(
             [
-                _hovering(b, model, states, force)
-                for b, model, force in zip(self.alone, models_of(magnet), known, strict=True)
+                _levitation_current(b, model, states, force)
+                for b, model, force in zip(self.isolated, models_of(magnet), known, strict=True)
             ]
         )
 
-    def at_rest(
-        self, states: Sequence[Descriptor], hover: Any, x: Any, shown: Any = None,
+    def equilibrium_state(
+        self, states: Sequence[Descriptor], levitation_current: Any, x: Any, readings: Any = None,
         currents: Any = None, precision: str = "float64",
     ) -> Array:  # fmt: skip
-        """Return the states (n,) or (runs, n) of a rotor at rest; see `Estimator.at_rest`."""
-        q, y, i = (self._last(each) for each in (x, shown, currents))
+        """Return the states (n,) or (runs, n) of a rotor at rest: `Estimator.equilibrium_state`."""
+        q, y, i = (self._last(item) for item in (x, readings, currents))
         q = np.broadcast_to(q, (*q.shape[:-1], self.H.shape[1]))
         if y is None:
             y = self.gains * _times(self.C, q)
         if i is None:  # what holds the rotor is in the precision of an exported filter
-            i0, slope = np.array([hover] if self.single else hover).astype(precision).T
+            i0, slope = (
+                np.array([levitation_current] if self.single else levitation_current)
+                .astype(precision)
+                .T
+            )
             i = i0 + slope * _times(self.H, q).astype(precision)
         columns = {"position": q.T, "sensor": y.T}
-        taken = dict.fromkeys(columns, 0)
+        column_index = dict.fromkeys(columns, 0)
         mean = np.zeros((*q.shape[:-1], len(states)))
         for k, state in enumerate(states):
             role = "position" if state.role == "bending" else state.role
             if role in columns:
-                mean[..., k] = columns[role][taken[role]].T
-                taken[role] += 1
+                mean[..., k] = columns[role][column_index[role]].T
+                column_index[role] += 1
             elif role in ("current", "past control"):
                 mean[..., k] = i[..., self.axis_of(state)]
         return mean
 
-    def at_first(self, states: Sequence[Descriptor], hover: Any, y: Array, precision: str) -> Array:
+    def initial_state(
+        self, states: Sequence[Descriptor], levitation_current: Any, y: Array, precision: str
+    ) -> Array:
         """Return the states (n,) or (runs, n) at rest at the first readings within the travel."""
         # y (N, m), of a single axis (N,) or (runs, N). In the precision and the order of an
         # exported filter.
         if self.single:
             rows = y.reshape(-1, y.shape[-1], 1)
             first = np.array([self.first(row) for row in rows]).reshape(*y.shape[:-1], 1)
-            return self.at_rest(
-                states, hover, (first / self.gains)[..., 0], first[..., 0], precision=precision
+            return self.equilibrium_state(
+                states,
+                levitation_current,
+                (first / self.gains)[..., 0],
+                first[..., 0],
+                precision=precision,
             )
         first = self.first(y)
-        constant, by_reading = self.start_form(states, hover)
+        constant, by_reading = self.start_form(states, levitation_current)
         start: NDArray[Any] = constant.astype(precision)
         for column, seen in zip(by_reading.T, first, strict=True):
             start = start + column.astype(precision) * np.dtype(precision).type(seen)
@@ -311,13 +323,16 @@ class View:
         return readings[:, 0] if self.single else readings
 
     def start_form(
-        self, states: Sequence[Descriptor], hover: list[tuple[float, float]]
+        self, states: Sequence[Descriptor], levitation_current: list[tuple[float, float]]
     ) -> tuple[Array, Array]:
         """Return what starts the states at rest where readings y show the rotor."""
         # returns (n,), (n, m)
         zero, one = np.zeros(self.H.shape[1]), np.eye(len(self.gains))
-        constant = self.at_rest(states, hover, zero).ravel()
-        columns = [self.at_rest(states, hover, self.shown @ y, y).ravel() - constant for y in one]
+        constant = self.equilibrium_state(states, levitation_current, zero).ravel()
+        columns = [
+            self.equilibrium_state(states, levitation_current, self.shown @ y, y).ravel() - constant
+            for y in one
+        ]
         return constant, np.column_stack(columns)
 
     def first(self, y: Array) -> Array:
@@ -357,13 +372,13 @@ def _times(A: Array, x: Array) -> Array:
     return np.asarray((A @ x[..., None])[..., 0])
 
 
-def _hovering(
+def _levitation_current(
     axis: Bearing, magnet: MagnetModel, states: Sequence[Descriptor], known: float
 ) -> tuple[float, float]:
     """Return the current that holds the rotor in the middle [A], and its slope there [A/m]."""
     # Without a current among the states nobody asks: 0.
     if not {"current", "past control"} & {state.role for state in states}:
         return 0.0, 0.0
-    step = 0.1 * axis.rotor.travel_limit
-    less, middle, more = (hover_current(axis, magnet, x, known) for x in (-step, 0.0, step))
+    step = 0.1 * axis.rotor.clearance
+    less, middle, more = (levitation_current(axis, magnet, x, known) for x in (-step, 0.0, step))
     return middle, (more - less) / (2 * step)

@@ -31,7 +31,7 @@ class Symbol(NamedTuple):
 
 def symbol(elf: Path, name: str) -> Symbol:
     """Return where the linker has put a variable."""
-    reader = next((found for found in map(shutil.which, READERS) if found), None)
+    reader = next((match for match in map(shutil.which, READERS) if match), None)
     if reader is None:
         raise AmbkitError(f"{READERS[0]} is needed and not there: apt-get install binutils")
     words = [reader, "--wide", "--file-header", "--symbols", str(elf)]
@@ -39,11 +39,11 @@ def symbol(elf: Path, name: str) -> Symbol:
     if done.returncode != 0 or "ELF Header" not in done.stdout:
         raise AmbkitError(f"{elf}: is no ELF file that {reader} reads")
     row = rf"^\s*\d+: ([0-9a-f]+)\s+(\w+) OBJECT\s+\w+\s+\w+\s+\d+ {re.escape(name)}$"
-    found = re.findall(row, done.stdout, re.MULTILINE)
-    if len(found) != 1:
-        count = "no variable" if not found else f"{len(found)} variables"
+    result = re.findall(row, done.stdout, re.MULTILINE)
+    if len(result) != 1:
+        count = "no variable" if not result else f"{len(result)} variables"
         raise AmbkitError(f"{elf}: has {count} {name}; one is wanted")
-    address, size = found[0]
+    address, size = result[0]
     return Symbol(int(address, 16), int(size, 0), "big endian" in done.stdout)
 
 
@@ -56,45 +56,45 @@ def export_a2l(
         raise AmbkitError(
             f"{folder}: is no export with --calibration; {described.name} is not there"
         )
-    told: dict[str, Any] = json.loads(files.read_text(described))
-    if told.get("must_not_fly") and not force:
+    export: dict[str, Any] = json.loads(files.read_text(described))
+    if export.get("must_not_fly") and not force:
         raise AmbkitError(
-            f"{folder}: this filter must not fly: {'; '.join(told['must_not_fly'])}. --force, in "
+            f"{folder}: this filter must not fly: {'; '.join(export['must_not_fly'])}. --force, in "
             "Python force=True, exports it all the same"
         )
     at = symbol(Path(elf), variable)
-    real = 4 if told["precision"] == "float" else 8
-    n = len(told["parameters"])
+    real = 4 if export["precision"] == "float" else 8
+    n = len(export["parameters"])
     least = 2 * n * real + 4 * len(_COUNTS)
     if at.size < least:
         raise AmbkitError(
             f"{elf}: {variable} has {at.size} bytes; an amb_calibration has more than {least}"
         )
-    files.write_text(Path(out), text(told, at, variable))
+    files.write_text(Path(out), text(export, at, variable))
     return Path(out)
 
 
-def text(told: dict[str, Any], at: Symbol, variable: str) -> str:
+def text(export: dict[str, Any], at: Symbol, variable: str) -> str:
     """Return the A2L file."""
-    prefix, parameters = told["prefix"], told["parameters"]
-    kind, real = ("FLOAT32_IEEE", 4) if told["precision"] == "float" else ("FLOAT64_IEEE", 8)
+    prefix, parameters = export["prefix"], export["parameters"]
+    kind, real = ("FLOAT32_IEEE", 4) if export["precision"] == "float" else ("FLOAT64_IEEE", 8)
     n = len(parameters)
     body = []
-    for k, each in enumerate(parameters):
-        low, high = each["low"], each["high"]
+    for k, parameter in enumerate(parameters):
+        low, high = parameter["low"], parameter["high"]
         place = at.address + k * real
         body += [
-            f'/begin CHARACTERISTIC {variable}.wanted.{each["name"]} "{each["about"]}"',
-            f"  VALUE 0x{place:08X} Real 0 {prefix}.{each['name']} {low!r} {high!r}",
+            f'/begin CHARACTERISTIC {variable}.wanted.{parameter["name"]} "{parameter["about"]}"',
+            f"  VALUE 0x{place:08X} Real 0 {prefix}.{parameter['name']} {low!r} {high!r}",
             "/end CHARACTERISTIC",
         ]
         body += _measured(
-            f"{variable}.in_use.{each['name']}", f"{each['about']}: what flies", kind,
-            f"{prefix}.{each['name']}", (low, high), place + n * real,
+            f"{variable}.in_use.{parameter['name']}", f"{parameter['about']}: what flies", kind,
+            f"{prefix}.{parameter['name']}", (low, high), place + n * real,
         )  # fmt: skip
         body += [
-            f'/begin COMPU_METHOD {prefix}.{each["name"]} ""',
-            f'  IDENTICAL "%12.6" "{each["unit"]}"',
+            f'/begin COMPU_METHOD {prefix}.{parameter["name"]} ""',
+            f'  IDENTICAL "%12.6" "{parameter["unit"]}"',
             "/end COMPU_METHOD",
         ]
     for k, (name, about) in enumerate(_COUNTS.items()):

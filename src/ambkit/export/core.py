@@ -34,19 +34,19 @@ def closure(
     sources: Iterable[str], *, instead: Mapping[str, str | None] | None = None
 ) -> dict[str, str]:
     """Return C sources and all headers that they include, one through the other."""
-    root, given = folder(), instead or {}
-    found: dict[str, str] = {}
+    root, overrides = folder(), instead or {}
+    results: dict[str, str] = {}
     waiting = list(sources)
     while waiting:
         name = waiting.pop()
-        if name in found:
+        if name in results:
             continue
-        text = given[name] if name in given else (root / name).read_text(encoding="utf-8")
+        text = overrides[name] if name in overrides else (root / name).read_text(encoding="utf-8")
         if text is None:
             continue
-        found[name] = text
-        waiting += [_place(root, name, included) for included in _INCLUDE.findall(found[name])]
-    return dict(sorted(found.items()))
+        results[name] = text
+        waiting += [_place(root, name, included) for included in _INCLUDE.findall(results[name])]
+    return dict(sorted(results.items()))
 
 
 def external_names() -> tuple[str, ...]:

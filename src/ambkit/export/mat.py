@@ -75,8 +75,8 @@ def variables(
     if filter_file is not None:
         read = {"y": estimator.inputs.y, "u": estimator.inputs.u}
         content["inputs"] = {
-            name: {"gain": each.gain, "zero": each.zero, "unit": each.unit}
-            for name, each in read.items()
+            name: {"gain": item.gain, "zero": item.zero, "unit": item.unit}
+            for name, item in read.items()
         }
     return content if expert is None else content | {"expert": _expert(expert)}
 
@@ -131,10 +131,10 @@ def _tables(bearing: Bearing, expert: Expert | None) -> dict[str, Any]:
 def _fields(described: Part) -> dict[str, Any]:
     """All values of a description, and of the descriptions in it; files without their folders."""
     values = {name: getattr(described, name) for name in type(described).model_fields}
-    given = {name: value for name, value in values.items() if value not in (None, ())}
+    entries = {name: value for name, value in values.items() if value not in (None, ())}
     return {
         name: Path(value).name if name in FILES else _in_matlab(value)
-        for name, value in given.items()
+        for name, value in entries.items()
     }
 
 
@@ -144,7 +144,7 @@ def _in_matlab(value: Any) -> Any:
         return _fields(value)
     if not isinstance(value, tuple):
         return value
-    rows = [_fields(each) for each in value]
+    rows = [_fields(item) for item in value]
     return np.array([tuple(row.values()) for row in rows], [(name, object) for name in rows[0]])
 
 

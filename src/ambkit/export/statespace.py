@@ -14,7 +14,7 @@ from ambkit.models.linear import LinearSystem, Signal
 from ambkit.simulation.linear import control as control_of
 from ambkit.simulation.linear import pieces, settled
 from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.pieces import WorkPoint
+from ambkit.simulation.linear.pieces import OperatingPoint
 from ambkit.simulation.scenario import as_control
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def to_control(
     filter: Estimator | None = None,
     *,
     sampled: bool | None = None,
-    point: WorkPoint | None = None,
+    point: OperatingPoint | None = None,
 ) -> control.StateSpace:
     """Return the linearised plant, or closed loop with a PID, for python-control.
 
@@ -49,7 +49,7 @@ def to_control(
     sampled : bool, optional
         Exactly sampled, with dead time and hold; or in continuous time, which needs a bearing
         without delay. By default what there must be: sampled with a delay or a filter.
-    point : WorkPoint, optional
+    point : OperatingPoint, optional
         Control current [A] and displacement [m] where it is linearised; by default where it hovers
         in the middle.
 
@@ -73,9 +73,9 @@ def to_control(
 
 
 def plant(
-    bearing: Bearing, *, sampled: bool | None = None, point: WorkPoint | None = None
+    bearing: Bearing, *, sampled: bool | None = None, point: OperatingPoint | None = None
 ) -> control.StateSpace:
-    """Linearised plant at a work point (paper, eq. 2, 14, 18)."""
+    """Linearised plant at an operating point (paper, eq. 2, 14, 18)."""
     continuous = not _is_sampled(bearing, sampled, None)
     return _state_space(_plant(bearing, continuous, point), _name(bearing))
 
@@ -89,10 +89,10 @@ def controller(bearing: Bearing, pid: PID) -> control.StateSpace:
     )
 
 
-def estimator(filter: Estimator, *, point: WorkPoint | None = None) -> control.StateSpace:
-    """Sampled estimator with the gain that it settles to at a work point."""
+def estimator(filter: Estimator, *, point: OperatingPoint | None = None) -> control.StateSpace:
+    """Sampled estimator with the gain that it settles to at an operating point."""
     of_type(Estimator, filter=filter)
-    point = point or WorkPoint.hovering(filter.bearing)
+    point = point or OperatingPoint.equilibrium(filter.bearing)
     return _state_space(settled.estimator_at(filter, point), f"{_name(filter.bearing)}_estimator")
 
 
@@ -102,7 +102,7 @@ def closed_loop(
     filter: Estimator | None = None,
     *,
     sampled: bool | None = None,
-    point: WorkPoint | None = None,
+    point: OperatingPoint | None = None,
 ) -> control.StateSpace:
     """Linearised closed loop of plant, PID and estimator."""
     # The controller as the core's (``core/include/ambkit/controller.h``) without its limits: the
@@ -112,11 +112,11 @@ def closed_loop(
     name, law = f"{_name(bearing)}_closed_loop", as_control(pid).completed(bearing)
     if not _is_sampled(bearing, sampled, filter):
         return _state_space(_continuous_loop(bearing, law, point), name)
-    point = point or WorkPoint.hovering(bearing)
-    told = None if filter is None else settled.estimator_at(filter, point)
-    shown = np.array([[1 / bearing.sensor.gain]])
+    point = point or OperatingPoint.equilibrium(bearing)
+    linear_estimator = None if filter is None else settled.estimator_at(filter, point)
+    transform = np.array([[1 / bearing.sensor.gain]])
     K = control_of.compensator(
-        control_of.controller(law, bearing, measured=filter is None), told, shown
+        control_of.controller(law, bearing, measured=filter is None), linear_estimator, transform
     )
     return _state_space(Loop(pieces.plant(bearing, point), K).closed, name)
 
@@ -129,11 +129,13 @@ def _is_sampled(bearing: Bearing, sampled: bool | None, filter: Estimator | None
     return bool(needed) if sampled is None else sampled
 
 
-def _plant(bearing: Bearing, continuous: bool, point: WorkPoint | None) -> LinearSystem:
-    return pieces.plant(bearing, point or WorkPoint.hovering(bearing), continuous=continuous)
+def _plant(bearing: Bearing, continuous: bool, point: OperatingPoint | None) -> LinearSystem:
+    return pieces.plant(
+        bearing, point or OperatingPoint.equilibrium(bearing), continuous=continuous
+    )
 
 
-def _continuous_loop(bearing: Bearing, pid: Control, point: WorkPoint | None) -> LinearSystem:
+def _continuous_loop(bearing: Bearing, pid: Control, point: OperatingPoint | None) -> LinearSystem:
     """Plant and PID in continuous time."""
     if pid.block:
         raise AmbkitError("a PID with blocks has no continuous state space: sampled=True")
@@ -171,13 +173,13 @@ def _continuous_loop(bearing: Bearing, pid: Control, point: WorkPoint | None) ->
 
 
 def _state_space(system: LinearSystem, name: str) -> control.StateSpace:
-    found = _library().ss(
+    result = _library().ss(
         system.A, system.B, system.C, system.D, 0 if system.T is None else system.T,
         states=[at.name for at in system.states], inputs=[at.name for at in system.inputs],
         outputs=[at.name for at in system.outputs], name=name,
     )  # fmt: skip
-    found.units = dict((*system.states, *system.inputs, *system.outputs))
-    return found
+    result.units = dict((*system.states, *system.inputs, *system.outputs))
+    return result
 
 
 def _name(bearing: Bearing) -> str:

@@ -81,7 +81,7 @@ class _Search:
     def __init__(self, expert: Expert, bearing: Bearing, precision: Precision) -> None:
         self.expert = expert
         self.core = core_module(precision)
-        stop = bearing.rotor.travel_limit
+        stop = bearing.rotor.clearance
         self.limits = ((bearing.current_min, bearing.current_max), (-stop, stop))
 
     def nodes(self, rows: int, columns: int) -> tuple[Array, Array]:
@@ -104,14 +104,14 @@ class _Search:
 
     def errors(self, bound: float, error: Callable[[int], float]) -> dict[int, float]:
         """Return the error of one axis by its number of nodes, until it no longer matters."""
-        found: dict[int, float] = {}
+        results: dict[int, float] = {}
         n = 2
         while n <= _MOST_ALONG:
-            found[n] = error(n)
-            if found[n] < bound / 16:
+            results[n] = error(n)
+            if results[n] < bound / 16:
                 break
             n += 1 + n // 16
-        return found
+        return results
 
     def points(self, rows: int, columns: int, within: tuple[int, int]) -> tuple[Array, Array]:
         """Points of comparison: so many steps in each cell, and the ends of the region."""

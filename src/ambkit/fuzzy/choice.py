@@ -153,10 +153,10 @@ def choose_rules(
             f"{np.unique(block[inside]).size} of its {BLOCKS * BLOCKS} blocks"
         )
     remain = min(count - int(np.count_nonzero(left_out)) for left_out in folds)
-    tried = []
+    shapes = []
     for shape in sorted(CANDIDATES if candidates is None else candidates, key=np.prod):
         if min(shape) >= 2 and shape[0] * shape[1] <= min(remain, MAX_RULES):
-            tried.append(shape)
+            shapes.append(shape)
         elif candidates is not None:
             raise AmbkitError(
                 f"candidates: {shape[0]}x{shape[1]} rules cannot be judged; these points allow 2 "
@@ -177,10 +177,10 @@ def choose_rules(
                 off = np.asarray(force(k)(left.current, left.displacement)) - left.force
                 return np.asarray((off / doubts[k]) ** 2)
 
-            each = np.concatenate(list(pool.map(squares, range(FOLDS))))
-            return _error(each, np.concatenate([block[left_out] for left_out in folds]))
+            parts = np.concatenate(list(pool.map(squares, range(FOLDS))))
+            return _error(parts, np.concatenate([block[left_out] for left_out in folds]))
 
-        for shape in tried:
+        for shape in shapes:
             note(f"trying {shape[0]}x{shape[1]} rules")
 
             def trained(k: int, shape: Shape = shape) -> ForceFunction:
@@ -215,7 +215,7 @@ def map_of(bearing: Bearing, surface: ForceSurface, box: Box, shape: Shape) -> S
 
 def box_of(bearing: Bearing, points: ForcePoints) -> Box:
     """Lowest and highest current [A] and displacement [m] of points and bearing together."""
-    travel = bearing.rotor.travel_limit
+    travel = bearing.rotor.clearance
     box = []
     for name, values, low, high, unit in (
         ("current", points.current, bearing.current_min, bearing.current_max, "A"),

@@ -287,11 +287,11 @@ class Expert(Shown, Part):
         except RecursionError:
             raise AmbkitError(f"{name}: is nested too deeply for an expert") from None
         except ValidationError as error:
-            found = [
+            results = [
                 (f"{name}:{line_of(text, p.path)}", dotted(p.path), p.text)
                 for p in Problem.unpack(error)
             ]
-            raise ConfigError([": ".join(filter(None, parts)) for parts in found], name) from None
+            raise ConfigError([": ".join(filter(None, parts)) for parts in results], name) from None
         except ValueError:  # of int(), which takes only so many digits
             most = sys.get_int_max_str_digits()
             raise AmbkitError(f"{name}: has an integer of more than {most} digits") from None
@@ -400,8 +400,8 @@ def _shaped(name: str, values: ArrayLike, shape: tuple[int, int]) -> Array:
 
 
 def _check_finite(**values: ArrayLike) -> None:
-    for name, given in values.items():
-        array = real(name, given)
+    for name, value in values.items():
+        array = real(name, value)
         wrong = array[~np.isfinite(array)]
         if wrong.size:
             raise AmbkitError(f"{name} must be finite, has {wrong[0]}")

@@ -60,19 +60,21 @@ class ModelChoice:
     def __getitem__(self, name: str) -> LeftOut:
         return next(model for model in self.models if model.name == name)
 
-    def against(self, taken: str) -> str:
+    def against(self, chosen_name: str) -> str:
         """Say in a sentence what speaks against a model; nothing where it is the one to take."""
         best, network, law = self.chosen, self[NETWORK], self[LAW]
-        worst = [engineering(model.worse, "N", 3) for model in (network, law, best, self[taken])]
+        worst = [
+            engineering(model.worse, "N", 3) for model in (network, law, best, self[chosen_name])
+        ]
         if network.worse > law.worse:
             return (
                 f"at points left out the trained expert is off by {worst[0]} rms, the law that it "
                 f"started from by {worst[1]}: leave it; {best.name} has {worst[2]}"
             )
-        if taken != best.name:
+        if chosen_name != best.name:
             return (
-                f"at points left out {best.name} is off by {worst[2]} rms, {taken}, which was "
-                f"asked for, by {worst[3]}"
+                f"at points left out {best.name} is off by {worst[2]} rms, {chosen_name}, which "
+                f"was asked for, by {worst[3]}"
             )
         return ""
 
@@ -107,10 +109,10 @@ def _fit(bearing: Bearing, points: ForcePoints) -> tuple[tuple[float, float], Fo
     least = np.log(1.02 * float(np.abs(points.displacement).max()) / m.air_gap)
     low = [np.log(1e-2), min(max(np.log(0.2), least), -1e-9), -np.inf]
     size = float(np.ptp(points.force)) or 1.0
-    found = least_squares(
+    result = least_squares(
         off, np.zeros(3), bounds=(low, [np.log(1e2), np.log(5.0), np.inf]), x_scale=[1, 1, size]
     )
-    return values(found.x), force(found.x)
+    return values(result.x), force(result.x)
 
 
 def choose_model(

@@ -65,14 +65,14 @@ def train(
     start = Expert.from_map(stiff, widths=widths, normalised=normalised, scaling=scaling)
     data = TrainingSet(stiff, start, samples)
     if method == "least-squares":
-        found = _least_squares(data, weights, epochs)
+        result = _least_squares(data, weights, epochs)
     else:
-        found = _steepest_gradient(data, epochs, learning_rate)
-    force_rms, k_i_rms, k_s_rms = np.array(found.curve).T.tolist()
+        result = _steepest_gradient(data, epochs, learning_rate)
+    force_rms, k_i_rms, k_s_rms = np.array(result.curve).T.tolist()
     return Expert.from_map(
         stiff,
-        widths=np.exp(found.log_widths),
-        weights=found.weights,
+        widths=np.exp(result.log_widths),
+        weights=result.weights,
         normalised=normalised,
         scaling=scaling,
         training=Training(
@@ -161,8 +161,8 @@ def _least_squares(data: TrainingSet, weights: bool, epochs: int) -> _Trained:
         ftol=1e-6,
         xtol=1e-8,
     )
-    found = problem.parameters(solution.x)
-    return _Trained(*found, [*problem.curve, data.errors(data.outputs(*found).value)])
+    result = problem.parameters(solution.x)
+    return _Trained(*result, [*problem.curve, data.errors(data.outputs(*result).value)])
 
 
 def _steepest_gradient(data: TrainingSet, epochs: int, learning_rate: float) -> _Trained:

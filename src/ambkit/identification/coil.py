@@ -65,21 +65,21 @@ class Coil:
         T = record.sampling_time
         tau = self.time_constant(record["z"])
         target = self.gain * (record["u"] - self.dead_zone)
-        whole = math.floor(self.delay / T)
-        part = self.delay / T - whole
+        integer_part = math.floor(self.delay / T)
+        part = self.delay / T - integer_part
         k = np.arange(target.size)
-        now, before = (target[np.clip(k - whole - more, 0, k.size - 1)] for more in (0, 1))
+        now, before = (target[np.clip(k - integer_part - more, 0, k.size - 1)] for more in (0, 1))
         keep_before, keep_now = np.exp(-part * T / tau), np.exp(-(1 - part) * T / tau)
         pulls = zip(
             keep_before.tolist(), ((1 - keep_before) * before).tolist(),
             keep_now.tolist(), ((1 - keep_now) * now).tolist(), strict=True,
         )  # fmt: skip
-        i, found = max(float(record["i"][0]) - self.zero, 0.0), []
+        i, result = max(float(record["i"][0]) - self.zero, 0.0), []
         for keep_1, pull_1, keep_2, pull_2 in pulls:
-            found.append(i)
+            result.append(i)
             i = max(keep_1 * i + pull_1, 0.0)  # the diode
             i = max(keep_2 * i + pull_2, 0.0)
-        return np.array(found) + self.zero
+        return np.array(result) + self.zero
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -100,7 +100,7 @@ class CoilFit(Result):
     records: Mapping[str, Record]  #: The logs.
     #: What is driven through it, and where its rotor is [m], for what follows from these.
     known: Bearing | None = None
-    working_point: float | None = None
+    operating_point: float | None = None
 
     TITLE = "A coil: tau di/dt = G (u - u0) - i, i >= 0, tau = a + b exp(-z/c)"
     SECTIONS = {
@@ -118,28 +118,28 @@ class CoilFit(Result):
     @property
     def rows(self) -> list[Row]:
         """Figures of the coil, and what it leaves of each log."""
-        coil, at = self.coil, self.working_point
-        found = put([
+        coil, at = self.coil, self.operating_point
+        result = put([
             Row(name, words, getattr(coil, name), unit, error=self.standard_errors[name])
             for name, (words, unit) in WORDS.items()
         ], section=("coil",))  # fmt: skip
-        found += [
+        result += [
             Row("residual_rms", "current left unexplained, rms", self.residual_rms, "A", 3),
             Row("noise", "noise of the current, rms", self.noise, "A", 3),
         ]
         if at is not None:
             tau = float(coil.time_constant(at))
-            found.append(Row("time_constant", f"time constant at {figure(at, 'm')}", tau, "s"))
+            result.append(Row("time_constant", f"time constant at {figure(at, 'm')}", tau, "s"))
         if self.known is not None:
             zero = self.offset(self.known)
-            found.append(Row("control_offset", "offset of its control signal", zero, "V"))
+            result.append(Row("control_offset", "offset of its control signal", zero, "V"))
         for name in sorted(self.each, key=self.distance.__getitem__):
-            found += put([
+            result += put([
                 Row("distance", "distance", self.distance[name], "m"),
                 Row("each", "found from it", self.each[name], "A", 3),
                 Row("left_out", "found without it", self.left_out.get(name), "A", 3),
             ], section=("logs",), of=name)  # fmt: skip
-        return found
+        return result
 
     @property
     def notes(self) -> list[str]:
@@ -151,11 +151,11 @@ class CoilFit(Result):
         """Return a step, the time constant over the distance, and what is left of each log."""
         return [late_binding.call("coil_figure", self)]
 
-    def bearing(self, known: Bearing, working_point: float) -> Bearing:
+    def bearing(self, known: Bearing, operating_point: float) -> Bearing:
         """Return a bearing that is driven by the control signal through this coil."""
-        # Its amplifier lags by the time constant at the working point, and its loop is late by the
-        # coil's delay. `offset` says what is to be added to the control signal.
-        tau = float(self.coil.time_constant(working_point))
+        # Its amplifier lags by the time constant at the operating point, and its loop is late by
+        # the coil's delay. `offset` is what is to be added to the control signal.
+        tau = float(self.coil.time_constant(operating_point))
         gain = self.coil.gain
         return known.replace(
             amplifier__gain=gain,
@@ -270,11 +270,11 @@ def _least_squares(records: Sequence[Record], begin: Coil) -> tuple[Coil, list[A
         return np.concatenate(misses(theta))
 
     first = np.maximum(np.array([getattr(begin, name) for name in NAMES]), low + 1e-3 * size)
-    found = least_squares(
+    result = least_squares(
         in_a_row, first, x_scale=size, bounds=(low, np.inf), diff_step=np.full(size.size, 1e-5),
         xtol=1e-7, ftol=1e-7,
     )  # fmt: skip
-    return Coil(*found.x.tolist()), misses(found.x), np.asarray(found.jac)
+    return Coil(*result.x.tolist()), misses(result.x), np.asarray(result.jac)
 
 
 def _blocks(scores: Array, records: Sequence[Record]) -> Array:

@@ -34,15 +34,15 @@ def delayed(u: Array, samples: float) -> Array:
     # u (n,)
     if abs(samples) > u.size - 2:
         raise AmbkitError(f"a delay of {samples:.3g} samples is longer than the record, {u.size}")
-    whole = math.floor(samples)
-    part = samples - whole
-    if whole == 0 and part == 0:
+    integer_part = math.floor(samples)
+    part = samples - integer_part
+    if integer_part == 0 and part == 0:
         return u
     last = u.size - 1
-    now = u[np.clip(np.arange(u.size) - whole, 0, last)]
+    now = u[np.clip(np.arange(u.size) - integer_part, 0, last)]
     if part == 0:  # and a missing value beside does no harm
         return now
-    before = u[np.clip(np.arange(u.size) - whole - 1, 0, last)]
+    before = u[np.clip(np.arange(u.size) - integer_part - 1, 0, last)]
     return np.asarray((1 - part) * now + part * before)
 
 

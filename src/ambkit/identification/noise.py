@@ -90,29 +90,29 @@ def measurement_noise(record: Record, signal: str = "y", *, window: float = 0.5)
     missing = np.isnan(x)
     frozen = _in_long_runs(x) & ~missing
     length = max(20, round(window / record.sampling_time))
-    whole = x.size // length * length
-    cut = x[:whole].reshape(-1, length)
-    good = ~(missing | frozen)[:whole].reshape(cut.shape).any(axis=1)
+    full_length = x.size // length * length
+    cut = x[:full_length].reshape(-1, length)
+    good = ~(missing | frozen)[:full_length].reshape(cut.shape).any(axis=1)
 
     residuals = _straightened(cut[good])
     squares = (residuals**2).sum(axis=1)
     steps = (np.diff(residuals) ** 2).sum(axis=1)
-    at_rest = (steps >= REST_RATIO * squares) & (squares > 0)
-    typical = np.median(squares[at_rest]) / (length - 2) if at_rest.any() else 0.0
-    clean = at_rest & (np.abs(residuals).max(axis=1) <= OUTLIER * np.sqrt(typical))
+    standstill = (steps >= REST_RATIO * squares) & (squares > 0)
+    typical = np.median(squares[standstill]) / (length - 2) if standstill.any() else 0.0
+    clean = standstill & (np.abs(residuals).max(axis=1) <= OUTLIER * np.sqrt(typical))
     samples = int(clean.sum()) * length
     dropped = {
         "missing": int(missing.sum()),
         "frozen": int(frozen.sum()),
-        "in motion": int((~at_rest).sum()) * length,
-        "outliers": int((at_rest & ~clean).sum()) * length,
+        "in motion": int((~standstill).sum()) * length,
+        "outliers": int((standstill & ~clean).sum()) * length,
     }
     if not samples:
-        said = ", ".join(f"{count} {what}" for what, count in dropped.items() if count)
+        counts = ", ".join(f"{count} {what}" for what, count in dropped.items() if count)
         where = f" at {engineering(float(np.median(x[frozen])), unit)}" if frozen.any() else ""
         raise RecordError(
             f"{signal} is nowhere at rest for {length} samples, so that its noise could be seen: "
-            f"of {x.size} samples {said}{where}"
+            f"of {x.size} samples {counts}{where}"
         )
     dropped["left over"] = x.size - samples - sum(dropped.values())
     variance = float(squares[clean].sum() / (samples - 2 * clean.sum()))
@@ -170,7 +170,7 @@ def quantisation_step(values: Array) -> float | None:
 
 def position_step(records: Iterable[Record]) -> float | None:
     """Return the smallest step in which ``y`` of records comes [m]; None where one has none."""
-    steps = [quantisation_step(y[np.isfinite(y)]) for y in (each["y"] for each in records)]
+    steps = [quantisation_step(y[np.isfinite(y)]) for y in (record["y"] for record in records)]
     known = [step for step in steps if step is not None]
     return min(known) if len(known) == len(steps) else None
 

@@ -25,42 +25,42 @@ if TYPE_CHECKING:
 def judge_adequacy(
     estimator: Any,
     plant: Machine | None = None,
-    happening: Scenario | None = None,
+    scenario: Scenario | None = None,
     nis: float = math.nan,
 ) -> list[Finding]:
     """Judge whether an estimator may fly."""
     own = getattr(estimator, "bearing", None)
     plant = own if plant is None else plant.short
-    found = list(criteria.innovations(nis))
+    results = list(criteria.innovations(nis))
     if isinstance(estimator, Estimator) and plant is not None:
-        found += _static(estimator, plant, *_control_of(plant, happening))
-    if plant is not None and happening is not None:
-        found += criteria.demands(plant, happening)
-    return found
+        results += _static(estimator, plant, *_control_of(plant, scenario))
+    if plant is not None and scenario is not None:
+        results += criteria.demands(plant, scenario)
+    return results
 
 
-def sentences(found: Sequence[Finding]) -> list[str]:
+def sentences(results: Sequence[Finding]) -> list[str]:
     """Return what is wrong, the fatal first."""
-    wrong = sorted((each for each in found if each.sentence), key=lambda each: not each.fatal)
-    return list(dict.fromkeys(each.sentence for each in wrong))
+    wrong = sorted((entry for entry in results if entry.sentence), key=lambda item: not item.fatal)
+    return list(dict.fromkeys(entry.sentence for entry in wrong))
 
 
 def require_adequate(
     estimator: Estimator,
     plant: Machine | None = None,
-    happening: Scenario | None = None,
+    scenario: Scenario | None = None,
     *,
     force: bool,
 ) -> list[str]:
     """Refuse to export what must not fly; with `force` return why. What else is wrong is noted."""
-    found = judge_adequacy(estimator, plant, happening)
-    fatal = sentences([each for each in found if each.fatal])
+    result = judge_adequacy(estimator, plant, scenario)
+    fatal = sentences([item for item in result if item.fatal])
     if fatal and not force:
         raise AmbkitError(
             f"this filter must not fly: {'; '.join(fatal)}. --force, in Python force=True, exports "
             "it all the same"
         )
-    for text in sentences(found):
+    for text in sentences(result):
         logging.getLogger("ambkit").warning(text)
     return fatal
 
@@ -70,40 +70,42 @@ _MOST_JUDGED = 1000
 
 
 def _static(
-    estimator: Estimator, plant: Machine, control: Any, given: bool, fed_back: bool
+    estimator: Estimator, plant: Machine, control: Any, own_control: bool, fed_back: bool
 ) -> list[Finding]:
     """Return what follows from filter and machine alone; the same is judged once."""
-    key = _key(estimator, plant, control, given, fed_back)
+    key = _key(estimator, plant, control, own_control, fed_back)
     if key not in _JUDGED:
         if len(_JUDGED) >= _MOST_JUDGED:
             _JUDGED.clear()
-        found = [*criteria.identity(estimator, plant), *criteria.of_machine(plant)]
-        if not any(each.name == "axes" for each in found):
-            found += [*criteria.noise(estimator, plant), *criteria.settings(estimator, plant)]
+        results = [*criteria.identity(estimator, plant), *criteria.of_machine(plant)]
+        if not any(item.name == "axes" for item in results):
+            results += [*criteria.noise(estimator, plant), *criteria.settings(estimator, plant)]
             with one_thread():
-                found += criteria.of_filter(estimator, plant, control, given, fed_back)
-        _JUDGED[key] = found
+                results += criteria.of_filter(estimator, plant, control, own_control, fed_back)
+        _JUDGED[key] = results
     return _JUDGED[key]
 
 
-def _key(estimator: Estimator, plant: Any, control: Any, given: bool, fed_back: bool) -> bytes:
+def _key(
+    estimator: Estimator, plant: Any, control: Any, own_control: bool, fed_back: bool
+) -> bytes:
     held = estimator.magnet.in_core(core_module())
-    each = held if isinstance(held, list) else [held]
+    values = held if isinstance(held, list) else [held]
     parts = (
         type(estimator).__name__, estimator.name, str(dict(estimator.options)),
         str(dict(getattr(estimator, "inner", estimator).options)), estimator.variances,
-        estimator.bearing.model_dump_json(), plant.model_dump_json(), given, fed_back,
+        estimator.bearing.model_dump_json(), plant.model_dump_json(), own_control, fed_back,
         None if control is None else control.model_dump_json(),
-        [pickle.dumps(getattr(one, "parameters", id(one))) for one in each],
+        [pickle.dumps(getattr(one, "parameters", id(one))) for one in values],
     )  # fmt: skip
     return hashlib.sha256(pickle.dumps(parts)).digest()
 
 
-def _control_of(plant: Any, happening: Scenario | None) -> tuple[Any, bool, bool]:
+def _control_of(plant: Any, scenario: Scenario | None) -> tuple[Any, bool, bool]:
     """Return the controller, whether it was given, and whether the estimate feeds it."""
-    if happening is None:
+    if scenario is None:
         return None, False, True
-    given = bool(happening.controller.model_fields_set - {"feedback"})
+    own_control = bool(scenario.controller.model_fields_set - {"feedback"})
     if not plant.single:
-        return control_of(plant, happening), given, feedback_of(plant, happening) == "estimate"
-    return happening.controller, given, happening.feedback != "measurement"
+        return control_of(plant, scenario), own_control, feedback_of(plant, scenario) == "estimate"
+    return scenario.controller, own_control, scenario.feedback != "measurement"

@@ -19,12 +19,12 @@ from ambkit.judge.load_following import (
     STEP,
     following,
     load_capacity,
+    operating_point,
     settling,
-    work_point,
 )
 from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
 from ambkit.judge.loop.margins import grid
-from ambkit.machine.bank import alone_of, weights_of
+from ambkit.machine.bank import isolated_axes, weights_of
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
@@ -44,7 +44,7 @@ NIS_LIMIT = 25.0
 """Mean NIS from which on, or below its inverse, filter and record have nothing in common."""
 
 SAMPLING = (0.25, 0.5)
-"""Sampling time over the rotor's own time constant: odd, and too slow to hold it."""
+"""Sampling time over the rotor's time constant: odd, and too slow to hold it."""
 
 PARAMETER_DIFFERENCE = 0.2
 """Relative difference from which on a number is of another machine, not of an identification."""
@@ -106,7 +106,7 @@ def _parameters(b: Bearing) -> dict[str, tuple[float, str]]:
         "sampling_time": (b.sampling_time, "s"),
         "rotor.mass": (b.rotor.mass, "kg"),
         "weight along x": (b.weight, "N"),
-        "rotor.travel_limit": (b.rotor.travel_limit, "m"),
+        "rotor.clearance": (b.rotor.clearance, "m"),
         "magnet.magnet_constant": (b.magnet.magnet_constant, "N m^2/A^2"),
         "magnet.air_gap": (b.magnet.air_gap, "m"),
         "magnet.bias_current": (b.magnet.bias_current, "A"),
@@ -131,7 +131,7 @@ def identity(estimator: Estimator, plant: Any) -> Iterator[Finding]:
         yield Finding("axes", math.inf, "1", 0.0, f"{who}: axes or readings are others", True)
         return
     worst, differ = 0.0, []
-    for k, (one, other) in enumerate(zip(alone_of(own), alone_of(plant), strict=True)):
+    for k, (one, other) in enumerate(zip(isolated_axes(own), isolated_axes(plant), strict=True)):
         axis = f" of {plant.axes[k].name}" if not plant.single else ""
         ours, theirs = _parameters(one), _parameters(other)
         alike = _alike(one, other)
@@ -153,7 +153,7 @@ def identity(estimator: Estimator, plant: Any) -> Iterator[Finding]:
 
 def _alike(one: Bearing, other: Bearing) -> bool:
     """Return whether two magnets have the same stiffnesses, which is all that many logs tell."""
-    known = [ConstantStiffness.of(each) for each in (one, other)]
+    known = [ConstantStiffness.of(item) for item in (one, other)]
     a, b = (np.array([k.k_i, k.k_s]) for k in known)
     return bool((np.abs(a - b) <= PARAMETER_DIFFERENCE * np.maximum(np.abs(a), np.abs(b))).all())
 
@@ -165,20 +165,20 @@ def _fingerprint(plant: Any) -> str:
 def of_machine(plant: Machine) -> Iterator[Finding]:
     """Yield what is absurd about the machine itself: sampled too slowly, or far too light."""
     T = plant.sampling_time
-    fastest = min(alone_of(plant), key=own_time)
-    share, tau = T / own_time(fastest), own_time(fastest)
+    fastest_axis = min(isolated_axes(plant), key=own_time)
+    share, tau = T / own_time(fastest_axis), own_time(fastest_axis)
     text = ""
     if share > SAMPLING[0]:
         text = (
             f"a sampling time of {engineering(T, 's', digits=3)} is {share:.3g} times the rotor's "
-            f"own time constant sqrt(m/k_s), {engineering(tau, 's', digits=3)}, in which it falls "
+            f"time constant sqrt(m/k_s), {engineering(tau, 's', digits=3)}, in which it falls "
             f"away by e; the limit is {SAMPLING[1]:g}: are sampling_time, mass and magnet right?"
         )
-    name = "sampling time over own time constant"
+    name = "sampling time over time constant"
     yield Finding(name, share, "1", SAMPLING[1], text, share > SAMPLING[1])
     lifts = [
         load / (b.rotor.mass * GRAVITY)
-        for b, load in zip(alone_of(plant), load_capacity(plant), strict=True)
+        for b, load in zip(isolated_axes(plant), load_capacity(plant), strict=True)
     ]
     most, text = max(lifts), ""
     if most > WEIGHTS:
@@ -249,7 +249,7 @@ def settings(estimator: Estimator, plant: Machine) -> Iterator[Finding]:
 
 
 def of_filter(
-    estimator: Estimator, plant: Machine, control: Any, given: bool, fed_back: bool
+    estimator: Estimator, plant: Machine, control: Any, own_control: bool, fed_back: bool
 ) -> Iterator[Finding]:
     """Yield what gain and magnet of a filter mean: how it follows a load, and the margins."""
     if estimator.options.get("gravity") == "disturbance" and any(weights_of(plant)):
@@ -265,7 +265,7 @@ def of_filter(
         if estimator.by_model:
             yield from _follows(stand_in, plant)
         if fed_back:
-            yield from _margins(stand_in, plant, control, given)
+            yield from _margins(stand_in, plant, control, own_control)
     except AmbkitError as error:
         yield Finding("settled gain", math.nan, "1", math.nan, f"it cannot be judged: {error}")
 
@@ -274,11 +274,12 @@ def _magnet(estimator: Estimator, plant: Any) -> Iterator[Finding]:
     """Yield how far what the filter knows of its magnet is from that of the machine."""
     if not estimator.by_model:
         return
-    point = work_point(plant)
+    point = operating_point(plant)
     ours = np.atleast_2d(np.array(tangents_known(estimator.magnet, "tangent", point)).T)
+    points = np.atleast_2d(np.array(point[:2]).T)
     theirs = np.array([
         magnet_of(b).tangent(float(iu), float(x))
-        for b, (iu, x) in zip(alone_of(plant), np.atleast_2d(np.array(point[:2]).T), strict=True)
+        for b, (iu, x) in zip(isolated_axes(plant), points, strict=True)
     ])  # fmt: skip
     worst, text = 1.0, ""
     for name, unit, k in (("k_i", "N/A", 0), ("k_s", "N/m", 1)):
@@ -295,8 +296,8 @@ def _magnet(estimator: Estimator, plant: Any) -> Iterator[Finding]:
 def _follows(estimator: Estimator, plant: Any) -> Iterator[Finding]:
     """Yield how a step of the stated load is followed, and what noise its estimate has."""
     loads = load_capacity(plant)
-    each = following(estimator)
-    slow = max(each, key=lambda one: one.time / one.own)
+    parts = following(estimator)
+    slow = max(parts, key=lambda one: one.time / one.own)
     step, limit, text = STEP * loads[slow.axis], LONGEST * slow.own, ""
     if slow.time > limit:
         took = "more than " * math.isinf(slow.time) + engineering(
@@ -305,7 +306,7 @@ def _follows(estimator: Estimator, plant: Any) -> Iterator[Finding]:
         text = (
             f"a disturbance force of {engineering(step, 'N', digits=3)}, {STEP:.0%} of the load "
             f"capacity, is followed to 63 % in {took}; the limit is "
-            f"{engineering(limit, 's', digits=3)}, {LONGEST:g} times the rotor's own time constant "
+            f"{engineering(limit, 's', digits=3)}, {LONGEST:g} times the rotor's time constant "
             f"sqrt(m/k_s). Meanwhile its position is wrong by up to "
             f"{engineering(step * slow.wrong, 'm', digits=3)}: raise noise.disturbance"
         )
@@ -314,7 +315,7 @@ def _follows(estimator: Estimator, plant: Any) -> Iterator[Finding]:
         np.atleast_1d(_usual(plant).measurement)
         / np.atleast_1d(estimator.variances.measurement)
     ))  # fmt: skip
-    loud = max(each, key=lambda one: one.noise / loads[one.axis])
+    loud = max(parts, key=lambda one: one.noise / loads[one.axis])
     rms, most, text = float(loud.noise * sensors), loads[loud.axis], ""
     if rms > STEP * most:
         text = (
@@ -325,26 +326,28 @@ def _follows(estimator: Estimator, plant: Any) -> Iterator[Finding]:
     yield Finding("noise of the estimated force", rms, "N", most, text, rms > most)
 
 
-def _margins(estimator: Estimator, plant: Any, control: Any, given: bool) -> Iterator[Finding]:
+def _margins(
+    estimator: Estimator, plant: Any, control: Any, own_control: bool
+) -> Iterator[Finding]:
     """Yield the peak of abs(S) of the loop whose controllers the estimate feeds."""
     peak = loop_peak(plant, estimator, control)
     text, fatal, limit = "", False, ZONES[-1][1]
     if peak >= limit or zone_of(peak) == "C":  # not for lasting operation
-        whose = "this controller" if given else "the default controller"
+        whose = "this controller" if own_control else "the default controller"
         text = (
             f"with {whose} the loop is unstable"
             if math.isinf(peak)
             else f"with {whose} the peak of |S| is {peak:.3g}, zone {zone_of(peak)} of ISO 14839-3"
         )
         fatal = peak >= limit
-        if fatal and not given and loop_peak(plant, KalmanFilter(plant)) >= limit:
+        if fatal and not own_control and loop_peak(plant, KalmanFilter(plant)) >= limit:
             fatal, text = False, f"{text}; with the default filter too: the controller is at fault"
     yield Finding("peak of |S|", peak, "1", limit, text, fatal)
 
 
 def loop_peak(plant: Any, estimator: Estimator, control: Any = None) -> float:
     """Return the peak of abs(S) [1] on a coarse grid, infinite where the loop is unstable."""
-    of = LoopOf(plant, control, point=work_point(plant))
+    of = LoopOf(plant, control, point=operating_point(plant))
     loop = of.loop(estimator)
     if not loop.is_stable:
         return math.inf
@@ -353,16 +356,16 @@ def loop_peak(plant: Any, estimator: Estimator, control: Any = None) -> float:
     return float(np.abs(np.diagonal(along, axis1=1, axis2=2)).max())
 
 
-def demands(plant: Any, happening: Scenario) -> Iterator[Finding]:
+def demands(plant: Any, scenario: Scenario) -> Iterator[Finding]:
     """Yield travel and force that a run asks for against what there is."""
-    for axis, b, load in zip(_axes(plant), alone_of(plant), load_capacity(plant), strict=True):
-        position, force = _demanded(happening, axis, _axes(plant)[0])
+    for axis, b, load in zip(_axes(plant), isolated_axes(plant), load_capacity(plant), strict=True):
+        position, force = _demanded(scenario, axis, _axes(plant)[0])
         where = f" of {axis}" if axis else ""
-        for what, each, most, unit in (
-            ("reference", position, b.rotor.travel_limit, "m"),
+        for what, item, most, unit in (
+            ("reference", position, b.rotor.clearance, "m"),
             ("disturbance force", force, load, "N"),
         ):
-            far = _greatest(each, happening.duration)
+            far = _greatest(item, scenario.duration)
             text = ""
             if far > most:
                 limit = "clearance" if unit == "m" else "load capacity"
@@ -377,9 +380,9 @@ def _axes(plant: Any) -> list[str]:
     return [axis.name for axis in plant.axes] if not plant.single else [""]
 
 
-def _demanded(happening: Scenario, axis: str, first: str) -> tuple[list[Any], list[Any]]:
+def _demanded(scenario: Scenario, axis: str, first: str) -> tuple[list[Any], list[Any]]:
     reference, force = (
-        [signal for name, signal in happening.by_axis(what, first) if name == axis]
+        [signal for name, signal in scenario.by_axis(what, first) if name == axis]
         for what in ("reference", "disturbance")
     )
     return reference, force
@@ -390,4 +393,4 @@ def _greatest(signals: Sequence[Waveform], duration: float) -> float:
     if not signals:
         return 0.0
     t = np.linspace(0.0, duration, 2001)
-    return float(np.abs(sum(each.sample(t) for each in signals)).max())
+    return float(np.abs(sum(signal.sample(t) for signal in signals)).max())

@@ -119,11 +119,11 @@ def evaluate(
     variance = estimate.innovation_variance.reshape(y.shape)[first:]
     # The status is of all readings together: where one of several is missing, S tells of the rest.
     used = estimate.used[first:]
-    taken = used[:, None] | ((len(names) > 1) & (variance > 0))
-    if not taken.any():
+    used_mask = used[:, None] | ((len(names) > 1) & (variance > 0))
+    if not used_mask.any():
         raise RecordError(f"no measurement could be taken in: {_why(estimate, y, first)}")
     last = _last_measured(y)
-    of_readings = zip(innovation.T, variance.T, taken.T, strict=True)
+    of_readings = zip(innovation.T, variance.T, used_mask.T, strict=True)
     pairs = [(e[some], S[some]) for e, S, some in of_readings]
     forecasts = {
         ahead: np.reshape(kalman.forecast(estimate, record, ahead), y[ahead:].shape)
@@ -146,7 +146,7 @@ def evaluate(
         innovation_mean=by_reading(float(e.mean()) if e.size else math.nan for e, _ in pairs),
         innovation_std=by_reading(float(e.std()) if e.size else math.nan for e, _ in pairs),
         expected_std=by_reading(float(np.sqrt(S.mean())) if S.size else math.nan for _, S in pairs),
-        nis=_mean_nis(innovation[taken], variance[taken]),
+        nis=_mean_nis(innovation[used_mask], variance[used_mask]),
         whiteness=by_reading(_white(e) for e, _ in pairs),
         status=_flags(estimate.status[first:]),
         prediction={ahead: errors(predicted, ahead) for ahead, predicted in forecasts.items()},
@@ -166,12 +166,12 @@ def errors_along(
     estimate: Estimate, record: Record, first: int = 0, end: int | None = None
 ) -> dict[str, float]:
     """Return root mean square errors of states against a record's truth, each in its unit."""
-    found = {}
+    results = {}
     for state in estimate.states:
         truth = true_signal(record, state.name)
         if state.role in JUDGED and truth is not None:
-            found[state.name] = _rms((estimate[state.name] - truth)[first:end])
-    return found
+            results[state.name] = _rms((estimate[state.name] - truth)[first:end])
+    return results
 
 
 def true_signal(record: Record, state: str) -> Array | None:
@@ -227,7 +227,7 @@ def _check(record: Record, horizons: Sequence[int], settling: float) -> None:
 
 
 def _last_measured(y: Array) -> Array:
-    """Return y (n, readings) with each missing sample in the place of the last that was not."""
+    """Return y (n, readings) with each missing sample instead of the last that was not."""
     at = np.where(np.isnan(y), 0, np.arange(len(y))[:, None])
     return np.take_along_axis(y, np.maximum.accumulate(at, axis=0), axis=0)
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise import FilterNoise
-from ambkit.machine.bank import alone_of, weights_of
+from ambkit.machine.bank import isolated_axes, weights_of
 from ambkit.machine.magnets import magnet_of, own_time
-from ambkit.simulation.linear.pieces import WorkPoint
+from ambkit.simulation.linear.pieces import OperatingPoint
 from ambkit.simulation.linear.settled import settled_gain, tangents_known, tells
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ STEP = 0.5
 """The step of the disturbance force that is to be followed, over the load capacity."""
 
 REQUIRED, LONGEST = 1.0, 3.0
-"""In how many of the rotor's own time constants ``sqrt(m/k_s)`` the estimate is to follow that step
+"""In how many of the rotor's time constants ``sqrt(m/k_s)`` the estimate is to follow that step
 to 63 %: what is written, where the data does not say more, and what fails. Left to itself the rotor
 departs by e in one of them, by 20 in three. With the first the peak of abs(S) is about that of zone
 A, with the second beyond zone C."""
@@ -33,12 +33,12 @@ A, with the second beyond zone C."""
 
 def load_capacity(plant: Machine) -> list[float]:
     """Return the load [N] that each axis bears at x = 0, whichever way it pushes."""
-    found = []
-    for b, weight in zip(alone_of(plant), weights_of(plant), strict=True):
+    results = []
+    for b, weight in zip(isolated_axes(plant), weights_of(plant), strict=True):
         law = magnet_of(b)
         ends = (b.current_min, b.current_max)
-        found.append(min(abs(float(law.force(end, 0.0)) + weight) for end in ends))
-    return found
+        results.append(min(abs(float(law.force(end, 0.0)) + weight) for end in ends))
+    return results
 
 
 class Following(NamedTuple):
@@ -46,7 +46,7 @@ class Following(NamedTuple):
 
     axis: int
     time: float  # to 63 % [s]
-    own: float  # the rotor's own time constant [s]
+    own: float  # the rotor's time constant [s]
     wrong: float  # the greatest error of the position [m/N]
     noise: float  # of the estimated force by the sensors' noise [N]
 
@@ -55,59 +55,59 @@ def following(estimator: Estimator) -> list[Following]:
     """Return how an estimate follows a step of each disturbance force, by its model and gain."""
     # The error of the state goes by ``e+ = A (I - K H) e`` from the step on, whatever the control.
     plant = estimator.bearing
-    point, alone = work_point(plant), alone_of(plant)
+    point, isolated = operating_point(plant), isolated_axes(plant)
     model = estimator.linear_model(*tangents_known(estimator.magnet, "tangent", point))
-    kept: Any = np.arange(len(estimator.states))
+    state_indices: Any = np.arange(len(estimator.states))
     if isinstance(getattr(estimator, "gain", None), np.ndarray):
         K: Array = estimator.gain[:, None]  # type: ignore[attr-defined]
     else:
-        K, kept = settled_gain(estimator, point)
-    A, H = model.A[np.ix_(kept, kept)], model.H[:, kept]
-    roles = [estimator.states[k].role for k in kept]
+        K, state_indices = settled_gain(estimator, point)
+    A, H = model.A[np.ix_(state_indices, state_indices)], model.H[:, state_indices]
+    roles = [estimator.states[k].role for k in state_indices]
     loads = [k for k, role in enumerate(roles) if role == "disturbance force"]
-    owns = [own_time(b) for b in alone]
-    if len(loads) < len(alone):  # a load that does not wander is never followed
+    owns = [own_time(b) for b in isolated]
+    if len(loads) < len(isolated):  # a load that does not wander is never followed
         return [Following(k, math.inf, own, math.inf, 0.0) for k, own in enumerate(owns)]
-    whole = estimator.whole
-    if whole is None:
-        rows = np.eye(len(kept))[[roles.index("position")]]
+    machine_view = estimator.whole
+    if machine_view is None:
+        rows = np.eye(len(state_indices))[[roles.index("position")]]
     else:
-        rows = whole.along_axes(estimator.states)[0][:, kept]
-    M, T = A @ (np.eye(len(kept)) - K @ H), estimator.model.T
+        rows = machine_view.along_axes(estimator.states)[0][:, state_indices]
+    M, T = A @ (np.eye(len(state_indices)) - K @ H), estimator.model.T
     n, p = max(8, math.ceil(4 * LONGEST * max(owns) / T)), len(loads)
     noisy = A @ K * np.sqrt(np.atleast_1d(model.R))
-    e = np.hstack([np.eye(len(kept))[:, loads], noisy])
+    e = np.hstack([np.eye(len(state_indices))[:, loads], noisy])
     left, wrong, square = np.empty((n, p)), np.zeros(p), np.zeros(p)
     for k in range(n):
         square += (e[loads, p:] ** 2).sum(axis=1)
         e = M @ e
         left[k] = np.abs(e[loads, range(p)])
         wrong = np.maximum(wrong, np.abs(rows @ e[:, :p]).max(axis=0))
-    found = []
+    results = []
     for k, own in enumerate(owns):
         beyond = np.flatnonzero(~(left[:, k] <= math.exp(-1)))
         time = T * (beyond[-1] + 2) if beyond.size else T
         time = math.inf if beyond.size and beyond[-1] == n - 1 else float(time)
-        found.append(Following(k, time, own, float(wrong[k]), float(np.sqrt(square[k]))))
-    return found
+        results.append(Following(k, time, own, float(wrong[k]), float(np.sqrt(square[k]))))
+    return results
 
 
-def least_process_noise(make: Callable[[float], Estimator], found: float) -> float:
+def least_process_noise(make: Callable[[float], Estimator], result: float) -> float:
     """Return the process noise intensity [N^2/s] with which the stated load is followed."""
-    first = make(found)
+    first = make(result)
     plant = first.bearing
     walks = (
         (STEP * load) ** 2 / (REQUIRED * own_time(b))
-        for b, load in zip(alone_of(plant), load_capacity(plant), strict=True)
+        for b, load in zip(isolated_axes(plant), load_capacity(plant), strict=True)
     )
     most = max(walks)
 
-    def late(growth: float) -> bool:
-        return any(each.time > REQUIRED * each.own for each in following(make(growth)))
+    def late(intensity: float) -> bool:
+        return any(item.time > REQUIRED * item.own for item in following(make(intensity)))
 
-    if found >= most or not late(found):
-        return found
-    low, high = math.log(max(found, 1e-12 * most)), math.log(most)
+    if result >= most or not late(result):
+        return result
+    low, high = math.log(max(result, 1e-12 * most)), math.log(most)
     while high - low > 0.05:
         middle = (low + high) / 2
         low, high = (middle, high) if late(math.exp(middle)) else (low, middle)
@@ -126,6 +126,6 @@ def settling(estimator: Estimator) -> Estimator:
 
 
 @lru_cache(maxsize=64)
-def work_point(of: Any) -> WorkPoint:
+def operating_point(of: Any) -> OperatingPoint:
     """Return the point at which a bearing or a machine holds its rotor in the middle."""
-    return WorkPoint.of_machine(of)
+    return OperatingPoint.of_machine(of)

@@ -17,26 +17,26 @@ ALIGNED = math.cos(math.radians(1))
 
 def axis_named(machine: Machine, axis: str | None) -> str:
     """Return the name of an axis; it may be left out where there is only one."""
-    names = [each.name for each in machine.axes]
+    names = [item.name for item in machine.axes]
     if axis is None and len(names) == 1:
         return names[0]
     if axis not in names:
-        wanted = "name one of them" if axis is None else f"there is no axis {axis}"
+        hint = "name one of them" if axis is None else f"there is no axis {axis}"
         there = "one axis" if machine.single else f"the axes {', '.join(names)}"
-        raise AmbkitError(f"{machine.name} has {there}: {wanted}")
+        raise AmbkitError(f"{machine.name} has {there}: {hint}")
     return axis
 
 
 def isolated(machine: Machine, axis: str | None) -> Bearing:
     """Return an axis alone; its name may be left out where there is only one."""
-    return machine.alone(axis_named(machine, axis))
+    return machine.isolated_axis(axis_named(machine, axis))
 
 
 def reading_along(machine: Machine, axis: str) -> int:
     """Return the number of the reading that shows an axis, at its place or next to it."""
     if machine.single:
         return 0
-    line = next(each.line for each in machine.axes if each.name == axis)
+    line = next(item.line for item in machine.axes if item.name == axis)
     lines = [reading.line for reading in machine.readings]
     aligned = [k for k, other in enumerate(lines) if _aligned(line, other)]
     if not aligned:
@@ -50,26 +50,26 @@ def _aligned(one: Line, other: Line) -> bool:
     return one.cosine * other.cosine + one.sine * other.sine > ALIGNED
 
 
-def with_axis(machine: Machine, axis: str, found: Bearing) -> Machine:
+def with_axis(machine: Machine, axis: str, result: Bearing) -> Machine:
     """Return a copy with magnet, amplifier, sensor and times of an axis, not checked."""
     machine = machine.long
-    own = next(each.bearing for each in machine.axes if each.name == axis)
+    own = next(item.bearing for item in machine.axes if item.name == axis)
     seen = machine.readings[reading_along(machine, axis)].sensor
     changes = {
-        "magnet": found.magnet, "amplifier": found.amplifier, "coil": found.coil,
-        "travel_limit": found.rotor.travel_limit,
+        "magnet": result.magnet, "amplifier": result.amplifier, "coil": result.coil,
+        "clearance": result.rotor.clearance,
     }  # fmt: skip
     return machine.model_copy(
         update={
-            "sampling_time": found.sampling_time,
-            "delay": found.delay,
+            "sampling_time": result.sampling_time,
+            "delay": result.delay,
             "bearing": tuple(
-                each.model_copy(update=changes) if each is own else each
-                for each in machine.bearings
+                bearing.model_copy(update=changes) if bearing is own else bearing
+                for bearing in machine.bearings
             ),
             "sensor": tuple(
-                each.model_copy(update=dict(found.sensor)) if each is seen else each
-                for each in machine.sensors
+                sensor.model_copy(update=dict(result.sensor)) if sensor is seen else sensor
+                for sensor in machine.sensors
             ),
         }
     )

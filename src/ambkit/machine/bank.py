@@ -45,18 +45,18 @@ def models_of(magnet: Any) -> tuple[MagnetModel, ...]:
     return magnet.models if isinstance(magnet, Bank) else (magnet,)
 
 
-def alone_of(of: Machine) -> tuple[Bearing, ...]:
+def isolated_axes(of: Machine) -> tuple[Bearing, ...]:
     """Return the axes, each with all others held still."""
-    return tuple(of.alone(axis.name) for axis in of.axes)
+    return tuple(of.isolated_axis(axis.name) for axis in of.axes)
 
 
 def slowest_time(of: Machine) -> float:
-    """Return the own time of the slowest axis [s]."""
-    return max(map(own_time, alone_of(of)))
+    """Return the time constant of the slowest axis [s]."""
+    return max(map(own_time, isolated_axes(of)))
 
 
 def _each(of: Machine, made: Callable[[Bearing], MagnetModel]) -> MagnetModel:
-    return bank_of([made(axis) for axis in alone_of(of)], of)
+    return bank_of([made(axis) for axis in isolated_axes(of)], of)
 
 
 def laws_of(of: Machine) -> MagnetModel:
@@ -65,13 +65,15 @@ def laws_of(of: Machine) -> MagnetModel:
 
 
 def constants_of(of: Machine) -> MagnetModel:
-    """Return the constant stiffnesses of the work point."""
+    """Return the constant stiffnesses of the operating point."""
     return _each(of, ConstantStiffness.of)
 
 
 def bias_forces_of(magnet: MagnetModel, of: Machine) -> list[float]:
     """Return the force of each axis at iu = 0, x = 0 [N]; see `bias_force_of`."""
-    return [bias_force_of(each, b) for each, b in zip(models_of(magnet), alone_of(of), strict=True)]
+    return [
+        bias_force_of(item, b) for item, b in zip(models_of(magnet), isolated_axes(of), strict=True)
+    ]
 
 
 def weights_of(of: Machine) -> list[float]:

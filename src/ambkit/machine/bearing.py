@@ -132,8 +132,8 @@ class Magnet(Part):
             yield "pole_area", "missing: turns alone do not give the magnet constant"
         angle = read("pole_angle")
         if angle is not None and angle >= math.pi / 2:
-            shown = engineering(math.degrees(angle), "deg")
-            yield "pole_angle", f"must be less than 90 deg, is {shown}"
+            value_text = engineering(math.degrees(angle), "deg")
+            yield "pole_angle", f"must be less than 90 deg, is {value_text}"
         if angle is not None and turns is None and area is None:
             yield (
                 "pole_angle",
@@ -144,7 +144,7 @@ class Magnet(Part):
             if iron and key not in iron:
                 yield key, f"missing: iron is described by {', '.join(IRON[:2])} and {IRON[2]}"
         if iron and turns is None and area is None:
-            yield iron[0], "needs turns and pole_area in the place of magnet_constant"
+            yield iron[0], "needs turns and pole_area instead of magnet_constant"
         path, channels = read("force_map"), read("force_channels")
         for key in ("force_channels", "force_scale"):
             if read(key) is not None and path is None:
@@ -158,8 +158,8 @@ class Magnet(Part):
                 yield "force_map", str(error)
         coil = _coil_constant(read)
         if abs(coil - constant) > 1e-9 * constant:
-            shown = engineering(coil, "N m^2/A^2")
-            yield "magnet_constant", f"turns and pole_area give {shown}; give one or the other"
+            value_text = engineering(coil, "N m^2/A^2")
+            yield "magnet_constant", f"turns and pole_area give {value_text}; give one or the other"
 
 
 def _coil_constant(read: Read) -> float:
@@ -205,7 +205,8 @@ class Rotor(Mass):
 
     type: ClassVar[Literal["mass"]] = "mass"
     """As of a machine's rotor."""
-    travel_limit: Annotated[float, Quantity("m", "1 mm", above=0)]
+    renamed: ClassVar = {"travel_limit": "clearance"}
+    clearance: Annotated[float, Quantity("m", "1 mm", above=0)]
     """Greatest displacement |x| [m], where the rotor meets a stop; less than the air gap."""
 
 
@@ -246,6 +247,8 @@ class Amplifier(Part):
 class Sensor(Part):
     """The position sensor: a first-order lag with noise (paper, eq. 18)."""
 
+    renamed: ClassVar = {"noise_rise": "position_noise"}
+
     # It sees the displacement and the runout, bends it to ``x (1 + quadratic x + cubic x^2)``, and
     # lags; then come gain, noise and rounding.
 
@@ -255,7 +258,7 @@ class Sensor(Part):
     """Time constant T_Sen of the lag [s]."""
     noise_variance: Annotated[float, Quantity("m^2", "83 µm^2", above=0)]
     """Variance of the noise on the measured position [m^2], at x = 0."""
-    noise_rise: Annotated[float, Quantity("1/m", "-90 1/m")] = 0.0
+    position_noise: Annotated[float, Quantity("1/m", "-90 1/m")] = 0.0
     """By which share of it the standard deviation of the noise rises with the position shown [1/m];
     not below an eighth, nor above eight times."""
     quantisation: Annotated[float, Quantity("m", "0.5 µm", above=0)] | None = None
@@ -274,8 +277,8 @@ class Sensor(Part):
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
-        absent = ("noise_rise", "quadratic", "cubic", "hum", "runout")
-        return {k: each for k, each in data.items() if k not in absent or getattr(self, k)}
+        absent = ("position_noise", "quadratic", "cubic", "hum", "runout")
+        return {k: item for k, item in data.items() if k not in absent or getattr(self, k)}
 
 
 _DIRECTION = {"-x": -1.0, "+x": 1.0, "none": 0.0}
@@ -289,7 +292,7 @@ def along_x(gravity: Any) -> float:
     return 0.0 if abs(share) < 1e-12 else share  # across
 
 
-def hover_current_of(read: Read, enough: float = 0.0) -> float:
+def levitation_current_of(read: Read, enough: float = 0.0) -> float:
     """Return the current that carries the rotor at x = 0; 0 where ``enough`` [A] carries it."""
     weight = along_x(read("rotor.gravity")) * read("rotor.mass") * GRAVITY
     magnet = SimpleNamespace(**{key: read(f"magnet.{key}") for key in Magnet.model_fields})
@@ -298,10 +301,10 @@ def hover_current_of(read: Read, enough: float = 0.0) -> float:
         return math.nan
     bearing: Any = SimpleNamespace(magnet=magnet)
     if magnet.force_map is not None:
-        bearing.rotor = SimpleNamespace(travel_limit=read("rotor.travel_limit"))
+        bearing.rotor = SimpleNamespace(clearance=read("rotor.clearance"))
         limit = read("amplifier.current_limit")
         bearing.current_min, bearing.current_max = current_limits(limit, magnet)
-        if not 0 < bearing.rotor.travel_limit < magnet.air_gap or not limit > 0:
+        if not 0 < bearing.rotor.clearance < magnet.air_gap or not limit > 0:
             return math.nan
     try:
         law = magnet_of(bearing)

@@ -1,7 +1,7 @@
 """Where things are on a rotor: its coordinates, the axes of its bearings, its readings.
 
 The coordinates are q = (x, y, th_x, th_y), and z where there is a thrust bearing; a point of the
-shaft at the place z moves by ``x + z th_y`` and ``y - z th_x``. A rotor that bends has m1_x, m1_y
+shaft at the place z moves by ``x + z th_y`` and ``y - z th_x``. A flexible rotor has m1_x, m1_y
 and so on, which add ``phi_1(z) m1_x`` and ``phi_1(z) m1_y``: how far each mode is out where its
 shape is largest, in both planes. All count from the shape in which the rotor hangs in its bearings
 at rest, bent by its weight, where sensors are set to zero; from there its weight does what forces
@@ -113,7 +113,7 @@ class Shaft(NamedTuple):
     @classmethod
     def of(cls, rotor: Body, bearings: tuple[PlacedBearing, ...]) -> Shaft:
         """Return that of a rotor in bearings."""
-        places = tuple(each.place for each in bearings if each.type == "radial")
+        places = tuple(bearing.place for bearing in bearings if bearing.type == "radial")
         return cls(rotor.centre, rotor.bending(places), rotor.type == "mass")
 
     def line(self, place: float, angle: float) -> Line:
@@ -131,10 +131,10 @@ RIGID = Shaft()
 def axes_of(bearings: tuple[PlacedBearing, ...], shaft: Shaft = RIGID) -> tuple[Axis, ...]:
     """Return the axes of bearings, in their order."""
     return tuple(
-        Axis(name, line, each)
-        for each in bearings
+        Axis(name, line, bearing)
+        for bearing in bearings
         for name, line in _lines(
-            each, shaft, two=each.type == "radial", axial=each.type == "thrust"
+            bearing, shaft, two=bearing.type == "radial", axial=bearing.type == "thrust"
         )
     )
 
@@ -142,9 +142,11 @@ def axes_of(bearings: tuple[PlacedBearing, ...], shaft: Shaft = RIGID) -> tuple[
 def readings_of(sensors: tuple[PlacedSensor, ...], shaft: Shaft = RIGID) -> tuple[Reading, ...]:
     """Return the readings of sensors, in their order."""
     return tuple(
-        Reading(name, line, each)
-        for each in sensors
-        for name, line in _lines(each, shaft, two=each.type == "radial", axial=each.type == "axial")
+        Reading(name, line, sensor)
+        for sensor in sensors
+        for name, line in _lines(
+            sensor, shaft, two=sensor.type == "radial", axial=sensor.type == "axial"
+        )
     )
 
 

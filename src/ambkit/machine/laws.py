@@ -119,10 +119,10 @@ class Law:
         low, high : float
             Least and greatest control current [A].
         """
-        wanted, middle = force - self.bias_force, np.zeros(1)
-        at = np.array([low if wanted < 0 else high])
+        magnet_force, middle = force - self.bias_force, np.zeros(1)
+        at = np.array([low if magnet_force < 0 else high])
         pulled = float(self.in_core(core_module()).force(at, middle)[0])
-        enough = pulled <= wanted if wanted < 0 else pulled >= wanted
+        enough = pulled <= magnet_force if magnet_force < 0 else pulled >= magnet_force
         return enough and math.isfinite(pulled)
 
     def current_for(self, force: float) -> float:
@@ -141,16 +141,18 @@ class Law:
         from scipy.optimize import brentq
 
         magnet, middle, at = self.in_core(core_module()), np.zeros(1), np.zeros(1)
-        wanted = force - self.bias_force
+        magnet_force = force - self.bias_force
 
         def lacks(iu: float) -> float:
             """Return what the magnet pulls less than is wanted, in the direction of that."""
             at[0] = iu
-            return math.copysign(1.0, wanted) * (wanted - float(magnet.force(at, middle)[0]))
+            return math.copysign(1.0, magnet_force) * (
+                magnet_force - float(magnet.force(at, middle)[0])
+            )
 
-        if wanted == 0:
+        if magnet_force == 0:
             return 0.0
-        low, high = 0.0, math.copysign(self.bearing.magnet.bias_current, wanted)
+        low, high = 0.0, math.copysign(self.bearing.magnet.bias_current, magnet_force)
         while not lacks(high) <= 0:
             low, high = high, 2 * high
             if not math.isfinite(high):
@@ -302,11 +304,11 @@ LAWS: tuple[type[ClosedLaw | SaturatingLaw], ...] = (ClosedLaw, SaturatingLaw)
 
 def law_of(bearing: Bearing) -> Law:
     """Return the law that a bearing describes, without what a force map says of its magnet."""
-    found = [law for law in LAWS if law.holds_for(bearing.magnet)]
-    if len(found) != 1:
-        names = ", ".join(law.__name__ for law in found) or "none"
+    results = [law for law in LAWS if law.holds_for(bearing.magnet)]
+    if len(results) != 1:
+        names = ", ".join(law.__name__ for law in results) or "none"
         raise AmbkitError(f"a magnet must have one force law, has {names}")
-    return found[0](bearing)
+    return results[0](bearing)
 
 
 def _evaluate(

@@ -1,4 +1,4 @@
-"""The whole machine: a rotor on its bearings, with sensors, from TOML with units."""
+"""The machine: a rotor on its bearings, with sensors, from TOML with units."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from ambkit.machine.bearing import (
     Sensor,
     along_x,
     current_limits,
-    hover_current_of,
+    levitation_current_of,
 )
 from ambkit.machine.geometry import Axis, Line, Reading, Shaft
 from ambkit.machine.magnets import magnet_of
@@ -273,13 +273,13 @@ class Machine(Document):
     @property
     def short(self) -> Machine:
         """The same machine, of a single axis in the short form."""
-        return self.alone("") if self.single else self
+        return self.isolated_axis("") if self.single else self
 
     def __getitem__(self, axis: str) -> Bearing:
         """Return an axis as a machine of one axis, see `alone`."""
-        return self.alone(axis)
+        return self.isolated_axis(axis)
 
-    def alone(self, axis: str) -> Bearing:
+    def isolated_axis(self, axis: str) -> Bearing:
         """Return an axis as a bearing alone, with the mass that is effective there.
 
         Its motion is that of the machine's only where the axes do not couple, see
@@ -295,23 +295,23 @@ class Machine(Document):
         AmbkitError
             There is no such axis.
         """
-        if axis not in self.made_alone:
-            self.made_alone[axis] = self._made_alone(axis)
-        return self.made_alone[axis]
+        if axis not in self.isolated_made:
+            self.isolated_made[axis] = self._make_isolated(axis)
+        return self.isolated_made[axis]
 
     @cached_property
-    def made_alone(self) -> dict[str, Bearing]:
+    def isolated_made(self) -> dict[str, Bearing]:
         """The axes that `alone` has made, by their names: many ask for the same ones."""
         return {}
 
-    def _made_alone(self, axis: str) -> Bearing:
-        names = [each.name for each in self.axes]
+    def _make_isolated(self, axis: str) -> Bearing:
+        names = [item.name for item in self.axes]
         if axis not in names:
             raise AmbkitError(f"{self.name} has no axis {axis}; there are {', '.join(names)}")
         at = names.index(axis)
-        found = self.axes[at]
-        one = found.bearing
-        sensor = dict(self._nearest(found))
+        result = self.axes[at]
+        one = result.bearing
+        sensor = dict(self._nearest(result))
         keys: dict[str, Any] = {"name": axis or self.name, "speed": abs(self.speed)}
         if self.single:
             keys |= {"description": self.description, "source": self.source}
@@ -320,8 +320,8 @@ class Machine(Document):
         return Bearing(
             **keys, sampling_time=self.sampling_time, delay=self.delay, magnet=one.magnet,
             rotor=Rotor(
-                mass=float(self.effective_masses[at]), gravity=self._gravity_of(found),
-                travel_limit=one.travel_limit,
+                mass=float(self.effective_masses[at]), gravity=self._gravity_of(result),
+                clearance=one.clearance,
             ),
             amplifier=one.amplifier,
             sensor=Sensor.model_construct(**{key: sensor[key] for key in Sensor.model_fields}),
@@ -361,18 +361,18 @@ class Machine(Document):
         two planes each the share that the other's distance from the centre of mass says.
         """
         centre = self.rotor.centre
-        graded = [each.place - centre for each in self.unbalance if each.grade is not None]
-        found = []
-        for each in self.unbalance:
-            amount = each.amount
+        graded = [item.place - centre for item in self.unbalance if item.grade is not None]
+        results = []
+        for entry in self.unbalance:
+            amount = entry.amount
             if amount is None:
-                whole = self.rotor.mass * (each.grade or 0.0) / abs(self.speed)
-                own = each.place - centre
+                total_unbalance = self.rotor.mass * (entry.grade or 0.0) / abs(self.speed)
+                own = entry.place - centre
                 others = [abs(place) for place in graded if place != own]
                 share = others[0] / (others[0] + abs(own)) if others else 1.0
-                amount = whole * share
-            found.append((each.place, amount, each.angle))
-        return found
+                amount = total_unbalance * share
+            results.append((entry.place, amount, entry.angle))
+        return results
 
 
 class PlacedMachine(Machine):
@@ -394,7 +394,7 @@ class PlacedMachine(Machine):
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
-        return {key: each for key, each in data.items() if key != "unbalance" or each}
+        return {key: item for key, item in data.items() if key != "unbalance" or item}
 
     def model_post_init(self, context: Any, /) -> None:
         """Choose how many bending modes are kept, where the rotor does not fix it."""
@@ -419,13 +419,13 @@ class PlacedMachine(Machine):
 
     def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
         """Return the description as TOML with units, of a single axis in its short form."""
-        return self.alone("").to_toml(folder) if self.single else super().to_toml(folder)
+        return self.isolated_axis("").to_toml(folder) if self.single else super().to_toml(folder)
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         yield from delay_contradictions(read("sampling_time"), read("delay"))
         bearings, sensors = (
-            each if isinstance(each, tuple) else () for each in (read("bearing"), read("sensor"))
+            item if isinstance(item, tuple) else () for item in (read("bearing"), read("sensor"))
         )
         yield from _double_names("bearing", bearings)
         yield from _double_names("sensor", sensors)
@@ -433,7 +433,7 @@ class PlacedMachine(Machine):
         yield from loose(bearings, sensors)
         yield from _too_fast(read, sensors)
         yield from _unbalance_contradictions(read)
-        if not any(each.type == "single" for each in bearings):
+        if not any(bearing.type == "single" for bearing in bearings):
             yield from _too_heavy(read, bearings, sensors)
         yield from unseen(read, bearings, sensors)
 
@@ -470,7 +470,7 @@ class Bearing(Shown, Machine):
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
-        return {key: each for key, each in data.items() if key != "speed" or self.speed}
+        return {key: item for key, item in data.items() if key != "speed" or self.speed}
 
     @property
     def unbalance(self) -> tuple[Unbalance, ...]:
@@ -483,7 +483,7 @@ class Bearing(Shown, Machine):
         # Each part was checked when this was made.
         return (
             PlacedBearing.model_construct(
-                type="single", travel_limit=self.rotor.travel_limit, magnet=self.magnet,
+                type="single", clearance=self.rotor.clearance, magnet=self.magnet,
                 amplifier=self.amplifier, stop=self.stop, coil=self.coil,
             ),
         )  # fmt: skip
@@ -494,7 +494,7 @@ class Bearing(Shown, Machine):
         return (PlacedSensor.model_construct(type="single", **dict(self.sensor)),)
 
     @property
-    def made_alone(self) -> dict[str, Bearing]:
+    def isolated_made(self) -> dict[str, Bearing]:
         """Itself."""
         return {"": self}
 
@@ -507,7 +507,7 @@ class Bearing(Shown, Machine):
             rotor=MassRotor.model_construct(mass=self.rotor.mass, gravity=self.rotor.gravity),
             bearing=self.bearings, sensor=self.sensors,
         )  # fmt: skip
-        machine.made_alone[""] = self
+        machine.isolated_made[""] = self
         return machine
 
     @property
@@ -531,29 +531,31 @@ class Bearing(Shown, Machine):
         return self.amplifier.current_limit
 
     @property
-    def hover_current(self) -> float:
+    def levitation_current(self) -> float:
         """Control current iu [A] that carries the rotor at rest at x = 0.
 
         It solves ``F(iu, 0) + weight = 0``; ideal iron, two-sided:
         ``iu = -weight s0^2 / (4 k i0)``, one-sided: ``iu = s0 sqrt(-weight/k) - i0``.
         """
-        return hover_current_of(reader(self))
+        return levitation_current_of(reader(self))
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        yield from gap_contradictions(read, "rotor.travel_limit")
+        yield from gap_contradictions(read, "rotor.clearance")
         kind, gravity = read("magnet.type"), read("rotor.gravity")
         if kind == "one-sided" and along_x(gravity) >= 0:
-            shown = f'"{gravity}"' if isinstance(gravity, str) else engineering(gravity, "rad")
+            gravity_text = (
+                f'"{gravity}"' if isinstance(gravity, str) else engineering(gravity, "rad")
+            )
             what = "pull towards -x" if not isinstance(gravity, str) else 'be "-x"'
-            text = f"must {what}, is {shown}: nothing else pulls against a one-sided magnet"
+            text = f"must {what}, is {gravity_text}: nothing else pulls against a one-sided magnet"
             yield "rotor.gravity", text
 
         current = read("amplifier.current_limit")
-        hover = abs(hover_current_of(read, current))
-        if hover > current:
-            limit = f"at least {engineering(hover, 'A')}, which carries the rotor at x = 0"
-            if math.isinf(hover):
+        needed_current = abs(levitation_current_of(read, current))
+        if needed_current > current:
+            limit = f"at least {engineering(needed_current, 'A')}, which carries the rotor at x = 0"
+            if math.isinf(needed_current):
                 limit = "such that it carries the rotor at x = 0, which no current does"
             yield (
                 "amplifier.current_limit",
@@ -569,9 +571,9 @@ def _form_of(data: Mapping[str, Any]) -> type[Machine]:
 
 
 def _double_names(key: str, placed: tuple[Any, ...]) -> Iterator[tuple[str, str]]:
-    names = [each.name for each in placed]
+    names = [item.name for item in placed]
     lines = geometry.axes_of(placed) if key == "bearing" else geometry.readings_of(placed)
-    of_lines = [each.name for each in lines]
+    of_lines = [line.name for line in lines]
     for at, name in enumerate(names):
         if name in names[:at]:
             yield f"{key}.{at}.name", f'there is another {key} "{name}"'
@@ -595,8 +597,8 @@ def _too_fast(read: Read, sensors: tuple[PlacedSensor, ...]) -> Iterator[tuple[s
 def _unbalance_contradictions(read: Read) -> Iterator[tuple[str, str]]:
     planes, speed = read("unbalance"), read("speed")
     graded = [
-        at for at, each in enumerate(planes if isinstance(planes, tuple) else ())
-        if each.grade is not None
+        at for at, plane in enumerate(planes if isinstance(planes, tuple) else ())
+        if plane.grade is not None
     ]  # fmt: skip
     if graded and speed == 0:
         yield "speed", "missing: unbalance by a grade is what is permitted at the machine's speed"
@@ -632,7 +634,7 @@ def _too_heavy(
             if axis.bearing is not one or not force:
                 continue
             try:
-                law = magnet_of(machine.alone(axis.name))
+                law = magnet_of(machine.isolated_axis(axis.name))
                 needed = abs(law.current_for(float(force)))
             except AmbkitError:  # what is wrong with the bearing alone is told there
                 continue

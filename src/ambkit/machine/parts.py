@@ -72,8 +72,8 @@ class Coil(Part):
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         ambient, limit = read("ambient"), read("temperature_limit")
         if limit is not None and limit <= ambient:
-            shown = f"{engineering(ambient, 'K')}, what cools it; is {engineering(limit, 'K')}"
-            yield "temperature_limit", f"must be greater than {shown}"
+            limit_text = f"{engineering(ambient, 'K')}, what cools it; is {engineering(limit, 'K')}"
+            yield "temperature_limit", f"must be greater than {limit_text}"
 
 
 class Stop(Part):

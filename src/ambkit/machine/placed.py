@@ -1,4 +1,4 @@
-"""What a whole machine is made of: a rotor, and bearings, sensors and unbalance at their places.
+"""What a machine is made of: a rotor, and bearings, sensors and unbalance at their places.
 
 Places are measured along the shaft, which is z: from the centre of mass, or of a rotor by a table
 of its shaft or by matrices from where these begin. Across it are x, against gravity where the shaft
@@ -7,7 +7,7 @@ lies, and y, a quarter turn on in the direction of rotation.
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
     Discriminator,
@@ -122,6 +122,7 @@ class PlacedBearing(Part):
     # A radial one has two axes, NAME1 at its angle and NAME2 a quarter turn on; a thrust bearing
     # has one, NAME, along the shaft.
 
+    renamed: ClassVar = {"travel_limit": "clearance"}
     name: Label = ""
     """Short name, letters and digits."""
     type: Literal["radial", "thrust", "single"] = "radial"
@@ -130,20 +131,20 @@ class PlacedBearing(Part):
     """Where its force acts, along the shaft [m]."""
     angle: Angle = 0.0
     """From x, which is against gravity, to its first axis, towards y [rad]."""
-    travel_limit: Annotated[float, Quantity("m", "0.2 mm", above=0)]
-    """How far the rotor may go until it meets the backup bearing [m]; less than the air gap."""
+    clearance: Annotated[float, Quantity("m", "0.2 mm", above=0)]
+    """How far the rotor may go until it meets the touch-down bearing [m]; less than the air gap."""
     magnet: Magnet
     """The electromagnets of an axis."""
     amplifier: Amplifier
     """The amplifier of an axis."""
     stop: Stop | None = None
-    """The backup bearing, which gives way and bounces; without it a stiff one."""
+    """The touch-down bearing, which gives way and bounces; without it a stiff one."""
     coil: Coil | None = None
     """How the coils warm; without it nobody asks."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        yield from gap_contradictions(read, "travel_limit")
+        yield from gap_contradictions(read, "clearance")
         yield from voltage_contradictions(read)
         yield from coil_contradictions(read)
         if read("type") == "radial" and read("magnet.type") == "one-sided":

@@ -19,27 +19,27 @@ def beyond_the_rotor(
     read: Read, bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
 ) -> Iterator[tuple[str, str]]:
     """Yield what is at a place where there is no rotor."""
-    if any(each.type == "single" for each in bearings):
+    if any(bearing.type == "single" for bearing in bearings):
         return  # a mass has no places
     first, second = read("rotor.first_end"), read("rotor.second_end")
     planes = read("unbalance")
     placed: dict[str, tuple[Any, ...]] = {"bearing": bearings, "sensor": sensors}
     placed["unbalance"] = planes if isinstance(planes, tuple) else ()
     for key, all_of in placed.items():
-        for at, each in enumerate(all_of):
-            if getattr(each, "type", "") in ("thrust", "axial"):
+        for at, item in enumerate(all_of):
+            if getattr(item, "type", "") in ("thrust", "axial"):
                 continue
             for end, name, beyond in ((first, "first_end", -1), (second, "second_end", 1)):
-                if end is not None and (each.place - end) * beyond > 0:
+                if end is not None and (item.place - end) * beyond > 0:
                     limit = f"is beyond the rotor, whose {name} is at {engineering(end, 'm')}"
-                    yield f"{key}.{at}.place", f"{engineering(each.place, 'm')} {limit}"
+                    yield f"{key}.{at}.place", f"{engineering(item.place, 'm')} {limit}"
 
 
 def loose(
     bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
 ) -> Iterator[tuple[str, str]]:
     """Yield which coordinate no bearing holds, or no sensor sees."""
-    if any(each.type == "single" for each in bearings):
+    if any(bearing.type == "single" for bearing in bearings):
         return
     axes, readings = geometry.axes_of(bearings), geometry.readings_of(sensors)
     for key, lines, does in (("bearing", axes, "holds"), ("sensor", readings, "sees")):
@@ -50,7 +50,7 @@ def loose(
             at = next(k for k, sensor in enumerate(sensors) if sensor.type == "axial")
             yield f"sensor.{at}.type", "looks along the shaft, where there is no thrust bearing"
             continue
-        H = geometry.matrix([each.line for each in lines], positions)
+        H = geometry.matrix([line.line for line in lines], positions)
         scale = np.array([1.0 if q in "xyz" else _reach(axes) for q in positions])
         if np.linalg.matrix_rank(H / scale, tol=1e-9) < len(positions):
             *_, rows = np.linalg.svd(H / scale)
@@ -83,11 +83,11 @@ def unseen(
         text = f"keeps a mode at {engineering(highest / 2 / math.pi, 'Hz')}, and the sampling tells"
         key = "rotor.modes_up_to" if hasattr(rotor, "modes_up_to") else f"rotor.mode.{modes - 1}"
         yield key, f"{text} frequencies only up to {engineering(0.5 / T, 'Hz')}"
-    radial = [(at, each) for at, each in enumerate(sensors) if each.type != "axial"]
-    inside = [each for each in radial if bending.ends[0] <= each[1].place <= bending.ends[1]]
+    radial = [(at, item) for at, item in enumerate(sensors) if item.type != "axial"]
+    inside = [item for item in radial if bending.ends[0] <= item[1].place <= bending.ends[1]]
     if not radial or len(inside) < len(radial):
         return
-    out = np.array([bending.shape(each.place) for _, each in radial])
+    out = np.array([bending.shape(item.place) for _, item in radial])
     for k in range(modes):
         if np.abs(out[:, k]).max() < NODE:
             at, sensor = radial[0]

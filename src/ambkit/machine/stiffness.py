@@ -1,6 +1,6 @@
-"""The LSM machine: k_i and k_s at work points, from any force function (paper, eq. 26-31).
+"""The LSM machine: k_i and k_s at operating points, from any force function (paper, eq. 26-31).
 
-At each work point the force is asked at nine points, one small step around it, and
+At each operating point the force is asked at nine points, one small step around it, and
 ``F = k_i iu + k_s x`` is fitted to them **without an intercept**, on the absolute currents and
 displacements. So k_i and k_s are no tangents: they give the force itself, along the ray through the
 origin, and the tangent across it. That is what Tables 4 and 5 of the paper hold.
@@ -36,7 +36,7 @@ _STEP_CURRENT, _STEP_DISPLACEMENT = (g.ravel() for g in np.meshgrid([-1, 0, 1], 
 
 @dataclass(frozen=True, eq=False)
 class StiffnessMap:
-    """Stiffnesses at the nodes of a grid of work points, and the force function they come from.
+    """Stiffnesses at a grid of operating points, and the force function they come from.
 
     Attributes
     ----------
@@ -72,14 +72,14 @@ class StiffnessMap:
     name: str
 
     def stiffness_at(self, iu: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
-        """k_i [N/A] and k_s [N/m] by the LSM at any work points, on nodes or between them.
+        """k_i [N/A] and k_s [N/m] by the LSM at any operating points, on nodes or between them.
 
         Both have the shape that `iu` and `x` broadcast to.
 
         Parameters
         ----------
         iu, x : array_like
-            Work points [A], [m], of shapes that broadcast.
+            Operating points [A], [m], of shapes that broadcast.
         """
         k_i, k_s, _ = local_stiffness(
             self.force,
@@ -162,11 +162,11 @@ class StiffnessMap:
         return digest.hexdigest()[:16]
 
 
-def work_points(bearing: Bearing) -> tuple[Array, Array]:
-    """Return the nodes of the paper's 25 work points (Tables 2 and 3), for any bearing."""
+def operating_points(bearing: Bearing) -> tuple[Array, Array]:
+    """Return the nodes of the paper's 25 operating points (Tables 2 and 3), for any bearing."""
     # Five control currents [A] over what the amplifier gives, and five displacements [m] over half
     # the travel to either side.
-    half_travel = bearing.rotor.travel_limit / 2
+    half_travel = bearing.rotor.clearance / 2
     return (
         np.linspace(bearing.current_min, bearing.current_max, 5),
         np.linspace(-half_travel, half_travel, 5),
@@ -182,16 +182,16 @@ def stiffness_map(
     delta_displacement: Given | None = None,
     force: ForceFunction | None = None,
 ) -> StiffnessMap:
-    """Identify k_i and k_s over a grid of work points (paper, eq. 26-31, Tables 2-5).
+    """Identify k_i and k_s over a grid of operating points (paper, eq. 26-31, Tables 2-5).
 
     Parameters
     ----------
     bearing : Bearing
         Gives the limits of the box and, by default, the force.
     currents : array_like (ni,), optional
-        Nodes of the control current [A]. Default: those of `work_points`.
+        Nodes of the control current [A]. Default: those of `operating_points`.
     displacements : array_like (nx,), optional
-        Nodes of the displacement [m]. Default: those of `work_points`.
+        Nodes of the displacement [m]. Default: those of `operating_points`.
     delta_current, delta_displacement : float or str, optional
         Steps of the nine points [A], [m], such as ``"10 µm"``. Default: a hundredth of
         ``ambkit.machine.magnets.equally_far``, on the paper's rig its 0.01 A and 0.01 mm.
@@ -211,7 +211,7 @@ def stiffness_map(
         displacement at or beyond the air gap; a force that is not finite.
     """
     of_type(Bearing, bearing=bearing)
-    usual_current, usual_displacement = work_points(bearing)
+    usual_current, usual_displacement = operating_points(bearing)
     ampere, metre = equally_far(bearing)
     delta_current = in_si("delta_current", delta_current, "A")
     delta_displacement = in_si("delta_displacement", delta_displacement, "m")
@@ -227,12 +227,12 @@ def stiffness_map(
             raise AmbkitError(f"{name} must be greater than 0 {unit}, is {delta!r}")
     name = bearing.name
     if force is None:
-        reach = float(np.max(np.abs(displacement))) + delta_displacement
+        max_displacement = float(np.max(np.abs(displacement))) + delta_displacement
         gap = bearing.magnet.air_gap
-        if reach >= gap:
+        if max_displacement >= gap:
             raise AmbkitError(
                 f"displacements must stay within the air gap, {gap:g} m; the nine points of the "
-                f"outermost node reach {reach:g} m"
+                f"outermost node reach {max_displacement:g} m"
             )
         force = magnet_of(bearing).force
     else:
@@ -265,7 +265,7 @@ def local_stiffness(
     delta_current: float = 0.01,
     delta_displacement: float = 1e-5,
 ) -> tuple[Array, Array, Array]:
-    """Least squares at single work points (paper, eq. 27-31)."""
+    """Least squares at single operating points (paper, eq. 27-31)."""
     iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
     currents = iu[..., np.newaxis] + delta_current * _STEP_CURRENT
     displacements = x[..., np.newaxis] + delta_displacement * _STEP_DISPLACEMENT
@@ -301,7 +301,7 @@ def _bias(force: ForceFunction) -> float:
     return float(_asked(force, origin, origin)[0])
 
 
-def _nodes(name: str, given: ArrayLike | None, usual: Array, unit: str) -> Array:
-    nodes = usual if given is None else np.array(given, dtype=float)
+def _nodes(name: str, values: ArrayLike | None, usual: Array, unit: str) -> Array:
+    nodes = usual if values is None else np.array(values, dtype=float)
     check_nodes(name, nodes, unit)
     return nodes

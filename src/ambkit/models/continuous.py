@@ -1,4 +1,4 @@
-"""The continuous model of a whole machine: for its plant, and for its poles."""
+"""The continuous model of a machine: for its plant, and for its poles."""
 
 from __future__ import annotations
 
@@ -82,18 +82,18 @@ class Behind(NamedTuple):
 def behind_magnets(of: Continuous) -> list[Behind]:
     """Return what the model has between the force of each axis's magnet and the rotor."""
     others = [k for k, state in enumerate(of.states) if state.role not in OWN_TEXT]
-    found = []
-    for axis, push in enumerate(of.push.T):
+    results = []
+    for axis, force_input in enumerate(of.push.T):
         states = [k for k in others if _reached(of.A, of.b[:, axis], others)[k]]
-        at = int(np.argmax(np.abs(push)))
-        c, d = of.A[at, states] / push[at], float(of.b[at, axis] / push[at])
-        found.append(
+        at = int(np.argmax(np.abs(force_input)))
+        c, d = of.A[at, states] / force_input[at], float(of.b[at, axis] / force_input[at])
+        results.append(
             Behind(
                 tuple(of.states[k].name for k in states), of.A[np.ix_(states, states)],
                 of.b[states, axis], c, d,
             )
         )  # fmt: skip
-    return found
+    return results
 
 
 def _reached(A: Array, b: Array, others: list[int]) -> NDArray[np.bool_]:
@@ -110,28 +110,28 @@ def continuous(machine: Any) -> Continuous:
     plans = [_plan(machine, speed) for speed in (0.0, 1.0)]
     plan = plans[0]
     n, p, _, _ = Sampling(plan).sizes
-    at_rest, turning = (Sampling(each).generator(0.0)[:n] for each in plans)
+    standstill, unit_speed = (Sampling(item).generator(0.0)[:n] for item in plans)
     place = Sampling(plan).place
     h = np.zeros((p, n))
     for k, force in enumerate(plan.forces):
         for position, value in plan.places[force.name].items():
             h[k, place[position]] = value
-    push = np.zeros((n, p))
+    force_input = np.zeros((n, p))
     for k, force in enumerate(plan.forces):
         for position, share in plan.places[force.name].items():
             for velocity, value in plan.inertia[position].items():
-                push[place[velocity], k] += value * share
+                force_input[place[velocity], k] += value * share
     names = {state.name for state in plan.states}
     fed = (plan.currents[force.name] for force in plan.forces)
     return Continuous(
         states=tuple(plan.states),
-        A=at_rest[:, :n],
-        spin=turning[:, :n] - at_rest[:, :n],
-        b=at_rest[:, n : n + p],
-        push=push,
-        B_u=at_rest[:, n + p : n + 2 * p],
+        A=standstill[:, :n],
+        spin=unit_speed[:, :n] - standstill[:, :n],
+        b=standstill[:, n : n + p],
+        push=force_input,
+        B_u=standstill[:, n + p : n + 2 * p],
         h=h,
-        current=tuple(each if each in names else None for each in fed),
+        current=tuple(item if item in names else None for item in fed),
     )
 
 
@@ -157,9 +157,9 @@ class OpenLoop(NamedTuple):
     def unstable(self) -> NDArray[np.complex128]:
         """Those that grow [1/s], by their real parts, the slower first."""
         poles = self.poles
-        greatest = float(np.abs(poles).max())
-        found = poles[poles.real > 1e-6 * greatest]
-        return found[np.lexsort((found.imag, np.round(found.real, 6)))]
+        max_magnitude = float(np.abs(poles).max())
+        result = poles[poles.real > 1e-6 * max_magnitude]
+        return result[np.lexsort((result.imag, np.round(result.real, 6)))]
 
 
 def open_loop(machine: Any, k_s: ArrayLike, speed: float | None = None) -> OpenLoop:

@@ -1,4 +1,4 @@
-"""Linear systems as plain matrices with named signals, and a machine linearised at a work point."""
+"""Linear systems as matrices with named signals, and a machine linearised at an operating point."""
 
 from __future__ import annotations
 
@@ -68,15 +68,15 @@ class LinearSystem:
             shift, A = 2 * np.exp(half) * np.sinh(half), self.A - np.eye(n)
         modes = self._modes if self.T is not None and n >= MANY_STATES else None
         near = np.abs(shift) < NEAR_ONE if modes is not None else np.ones(len(shift), bool)
-        found = np.empty((len(shift), *self.D.shape), complex)
+        result = np.empty((len(shift), *self.D.shape), complex)
         for at in _pieces(np.flatnonzero(near)):
             solved = np.linalg.solve(shift[at, None, None] * np.eye(n) - A, self.B + 0j)
-            found[at] = self.D + self.C @ solved
+            result[at] = self.D + self.C @ solved
         if modes is not None:
             poles, C, B = modes
             for at in _pieces(np.flatnonzero(~near)):
-                found[at] = self.D + (C / (shift[at, None, None] - poles)) @ B
-        return found
+                result[at] = self.D + (C / (shift[at, None, None] - poles)) @ B
+        return result
 
     @cached_property
     def _modes(self) -> tuple[Complex, Complex, Complex] | None:
@@ -137,20 +137,20 @@ def linearised(
     plan.check()
     if continuous and plan.past:
         raise ValueError("a dead time has no state space in continuous time")
-    whole = Sampling(plan)
-    n, p, c, _ = whole.sizes
+    full_sampling = Sampling(plan)
+    n, p, c, _ = full_sampling.sizes
     i, s = (np.broadcast_to(k, (*np.shape(k)[:-1], p))[..., None] for k in (k_i, k_s))
     loads = [k for k, at in enumerate(plan.states) if at.role == LOAD]
-    kept = [k for k in range(n) if k not in loads]
+    state_indices = [k for k in range(n) if k not in loads]
     moving = [*range(n), *range(n + p, n + p + c)]
 
     def rates(after: float) -> Array:
         """Rates of states and controls, the forces put in: what a magnet sees, it answers."""
-        G = whole.generator(after)
+        G = full_sampling.generator(after)
         displaced = slice(n + p + c, n + 2 * p + c)
         seen = s * G[..., displaced, :] * T + i * G[..., n + 2 * p + c :, :] * T
         for state, force in plan.riders.items():
-            seen[..., [at.name for at in plan.forces].index(force), whole.at(state)] += 1
+            seen[..., [at.name for at in plan.forces].index(force), full_sampling.at(state)] += 1
         driven = G + G[..., n : n + p] @ seen
         return np.asarray(driven[..., moving, :][..., moving])
 
@@ -163,22 +163,22 @@ def linearised(
             Phi = exponential.transition(rates(start), (end - start) * T) @ Phi
         for control, (past, _share) in plan.past.items():
             for k, state in enumerate(past):
-                Phi[..., whole.at(state), :] = 0
-                source = whole.at(past[k - 1]) if k else whole.at(control) - p
-                Phi[..., whole.at(state), source] = 1
+                Phi[..., full_sampling.at(state), :] = 0
+                source = full_sampling.at(past[k - 1]) if k else full_sampling.at(control) - p
+                Phi[..., full_sampling.at(state), source] = 1
     inputs = [*range(n, n + c), *loads]
-    positions = [k for k in kept if plan.states[k].role == "position"]
-    readings = whole.linear_forms(plan.readings)[0]
+    positions = [k for k in state_indices if plan.states[k].role == "position"]
+    readings = full_sampling.linear_forms(plan.readings)[0]
     C = np.concatenate([readings, np.broadcast_to(
         np.eye(n)[positions], (*readings.shape[:-2], len(positions), n)
-    )], axis=-2)[..., kept]  # fmt: skip
+    )], axis=-2)[..., state_indices]  # fmt: skip
     states = [Signal(at.name, at.unit) for at in plan.states]
     controls, measured = (
         [Signal(at.name, at.unit) for at in of] for of in (plan.controls, plan.measurements)
     )
     return LinearSystem(
-        Phi[..., kept, :][..., kept], Phi[..., kept, :][..., inputs], C,
+        Phi[..., state_indices, :][..., state_indices], Phi[..., state_indices, :][..., inputs], C,
         np.zeros((C.shape[-2], len(inputs))),
-        None if continuous else T, tuple(states[k] for k in kept),
+        None if continuous else T, tuple(states[k] for k in state_indices),
         (*controls, *(states[k] for k in loads)), (*measured, *(states[k] for k in positions)),
     )  # fmt: skip

@@ -21,10 +21,10 @@ def machine_parts(
     speeding: float = 0.0,
 ) -> list[Part]:
     """Return the parts of a machine, as its keys give them."""
-    sizes = [Typical.of(machine.alone(axis.name)) for axis in machine.axes]
-    kinds: list[Any] = [each for each in PARTS if delay or each is not Delay]
+    sizes = [Typical.of(machine.isolated_axis(axis.name)) for axis in machine.axes]
+    kinds: list[Any] = [item for item in PARTS if delay or item is not Delay]
     parts: list[Part] = [part for kind in kinds for part in kind.of(machine, sizes)]
-    for name in (each for each in SYNCHRONOUS if each in synchronous):
+    for name in (item for item in SYNCHRONOUS if item in synchronous):
         parts += SYNCHRONOUS[name].of(machine, speeding)
     for kind in SENSOR_NOISE if noise else ():
         parts += kind.of(machine, sizes)

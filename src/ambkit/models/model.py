@@ -104,7 +104,7 @@ class Model:
     def __post_init__(self) -> None:
         if not (self.name.isidentifier() and self.name.isascii()):
             raise ValueError(f"name must be an identifier of C, is {self.name!r}")
-        kept = {}
+        patterns = {}
         for name in MATRICES:
             values, pattern = np.array(getattr(self, name), float), np.array(self.pattern[name])
             shape = tuple(len(getattr(self, of)) for of in MATRICES[name])
@@ -117,9 +117,9 @@ class Model:
             if not np.isfinite(values).all():
                 raise ValueError(f"{name} must be finite")
             object.__setattr__(self, name, values)
-            kept[name] = pattern.astype(np.int8)
-            kept[name].setflags(write=False)
-        object.__setattr__(self, "pattern", MappingProxyType(kept))
+            patterns[name] = pattern.astype(np.int8)
+            patterns[name].setflags(write=False)
+        object.__setattr__(self, "pattern", MappingProxyType(patterns))
         names = [at.name for at in self.states]
         if len(set(names)) < len(names):
             raise ValueError(f"names of states must differ, are {names}")

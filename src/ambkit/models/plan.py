@@ -144,7 +144,7 @@ class Plan:
                     raise ValueError(f"{source} pushes at {position}, which is no position")
 
     def _named(self, name: str, unit: str, size: float, role: str) -> Descriptor:
-        taken = {at.name for at in (*self.states, *self.forces, *self.controls)}
-        if name in taken:
+        used_names = {at.name for at in (*self.states, *self.forces, *self.controls)}
+        if name in used_names:
             raise ValueError(f"there are two of the name {name}")
         return Descriptor(name, unit, size, role)

@@ -53,10 +53,10 @@ class Sampling:
         """Return what drives each state, as (row, name, value); sums of equal places."""
         plan = self.plan
         terms = [(self.at(state), by, value) for (state, by), value in plan.rates.items()]
-        pushes = dict(plan.pushes)
+        force_inputs = dict(plan.pushes)
         if riders:
-            pushes |= {state: plan.pushes[force] for state, force in plan.riders.items()}
-        for source, places in pushes.items():
+            force_inputs |= {state: plan.pushes[force] for state, force in plan.riders.items()}
+        for source, places in force_inputs.items():
             for position, share in places.items():
                 terms += [
                     (self.at(velocity), source, value * share)
@@ -101,8 +101,8 @@ class Sampling:
         driven = self.driven()
         # What is on no circle but its own decays by its own rate, however far: no digit is lost.
         others = pattern_of(driven & ~np.eye(len(driven), dtype=bool))
-        alone = np.flatnonzero(np.diag(others) == ONE)
-        Phi[alone, alone] = np.exp(np.diag(self.generator(0.0))[alone] * self.plan.T)
+        decoupled = np.flatnonzero(np.diag(others) == ONE)
+        Phi[decoupled, decoupled] = np.exp(np.diag(self.generator(0.0))[decoupled] * self.plan.T)
         return structured(Phi, pattern_of(driven))
 
     def model(self, name: str) -> Model:
@@ -152,7 +152,7 @@ class Sampling:
 
     def linear_forms(self, rows: Sequence[Row]) -> Kinds:
         """Return rows of coefficients of the states, and their pattern."""
-        alike = np.broadcast_shapes(*(np.shape(each) for row in rows for each in row.values()))
+        alike = np.broadcast_shapes(*(np.shape(item) for row in rows for item in row.values()))
         values = np.zeros((*alike, len(rows), len(self.plan.states)))
         kinds = np.zeros(values.shape[-2:], np.int8)
         for i, entries in enumerate(rows):
@@ -183,9 +183,9 @@ class Sampling:
         controls = {at.name for at in self.plan.controls}
         held = {control: past[0] for control, (past, _) in self.plan.past.items()}
         rests = {
-            state: {held.get(by, by): value for by, value in given.items()}
-            for state, given in self.plan.rests.items()
-            if all(by in held or by not in controls for by in given)
+            state: {held.get(by, by): value for by, value in terms.items()}
+            for state, terms in self.plan.rests.items()
+            if all(by in held or by not in controls for by in terms)
         }
         rows = [rests.get(at.name, {at.name: UNIT}) for at in self.plan.states]
         for _ in rests:
@@ -195,12 +195,12 @@ class Sampling:
     def _pure_means(self, parts: dict[str, Kinds]) -> None:
         """Set the ones of h and d: the mean of what does not move by itself is what it was."""
         plan, (n, p, _c, _) = self.plan, self.sizes
-        reach = pattern_of(self.driven())
+        pattern = pattern_of(self.driven())
         for k, force in enumerate(plan.forces):
             seen = {self.at(q): value for q, value in plan.places[force.name].items()}
             for q, value in seen.items():
-                alone = all(reach[other, q] == ZERO for other in seen if other != q)
-                if value is UNIT and alone and reach[q, q] == ONE:
+                single = all(pattern[other, q] == ZERO for other in seen if other != q)
+                if value is UNIT and single and pattern[q, q] == ONE:
                     set_one(parts["h"], k, q)
             current = plan.currents.get(force.name)
             if current in {at.name for at in plan.controls} and current not in plan.past:
@@ -222,9 +222,9 @@ class Sampling:
 
 
 def _traced(row: Row, rests: dict[str, dict[str, float]]) -> dict[str, float]:
-    found: dict[str, float] = {}
+    results: dict[str, float] = {}
     for state, value in row.items():
         for by, share in rests.get(state, {state: UNIT}).items():
             product = share if value is UNIT else value if share is UNIT else value * share
-            found[by] = found[by] + product if by in found else product
-    return found
+            results[by] = results[by] + product if by in results else product
+    return results

@@ -17,11 +17,11 @@ def pattern_of(driven: Flags) -> Pattern:
     # What something drives, at once or by way of others, has a number; what nothing drives back to
     # itself has a one on the diagonal.
     n = len(driven)
-    reach = driven.copy()
+    reachability = driven.copy()
     for k in range(n):  # Warshall 1962
-        reach |= np.outer(reach[:, k], reach[k])
-    kinds = np.where(reach, NUMBER, ZERO)
-    diagonal = np.diag(reach)
+        reachability |= np.outer(reachability[:, k], reachability[k])
+    kinds = np.where(reachability, NUMBER, ZERO)
+    diagonal = np.diag(reachability)
     kinds[np.diag_indices(n)] = np.where(diagonal, NUMBER, ONE)
     return kinds.astype(np.int8)
 

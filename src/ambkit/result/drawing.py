@@ -17,8 +17,8 @@ def plot(figure: Figure, *, ax: Any = None, panel: int | str = 0, static: bool =
     """Draw a figure, see :meth:`ambkit.base.showing.Drawn.plot`."""
     if ax is not None:
         return _into(figure, ax, panel)
-    drawn = None if static else _interactive(figure)
-    return _with_pyplot(figure) if drawn is None else drawn
+    widget = None if static else _interactive(figure)
+    return _with_pyplot(figure) if widget is None else widget
 
 
 def _interactive(figure: Figure) -> Any:
@@ -60,19 +60,19 @@ def _checked(ax: Any) -> Any:
     return ax
 
 
-def _panel(figure: Figure, wanted: int | str) -> Panel:
-    found = [
+def _panel(figure: Figure, key: int | str) -> Panel:
+    results = [
         panel
         for place, panel in enumerate(figure.panels)
         if (
-            wanted.lower() in _name(panel).lower()
-            if isinstance(wanted, str)
-            else wanted in (place, place - len(figure.panels))
+            key.lower() in _name(panel).lower()
+            if isinstance(key, str)
+            else key in (place, place - len(figure.panels))
         )
     ]
-    if not found:
-        raise AmbkitError(f"there is no panel {wanted!r}; there are {_names(figure)}")
-    return found[0]
+    if not results:
+        raise AmbkitError(f"there is no panel {key!r}; there are {_names(figure)}")
+    return results[0]
 
 
 def _names(figure: Figure) -> str:

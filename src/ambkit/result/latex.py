@@ -34,6 +34,6 @@ def _tabular(of: Table) -> str:
 
 def escaped(text: str) -> str:
     """Write a text such that LaTeX sets it as it stands."""
-    shown = one_line(text).replace("  ", "\N{NO-BREAK SPACE}" * 2)
-    shown = typeset(shown) if shown[:1].isdigit() or shown[:1] == "-" else shown
-    return re.sub(".", lambda at: _WRITTEN.get(at[0], at[0]), shown)
+    line = one_line(text).replace("  ", "\N{NO-BREAK SPACE}" * 2)
+    line = typeset(line) if line[:1].isdigit() or line[:1] == "-" else line
+    return re.sub(".", lambda at: _WRITTEN.get(at[0], at[0]), line)

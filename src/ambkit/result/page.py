@@ -36,12 +36,16 @@ SIGNED = (
 
 def write_result(results: Sequence[Stated], path: str | os.PathLike[str]) -> None:
     """Write results on one page, which has the title and the facts of the first."""
-    first, signed = results[0], any(each.signed for each in results)
-    notes = "\n".join(f"- {markdown(note)}" for each in results for note in remarks(each))
-    blocks = {key: of for each in results for key, of in _blocks(each).items()}
-    parts = [_chapter(part, blocks) for each in results for part in each.chapters]
-    shown = {of.figure.id for part in parts for of in part.blocks if isinstance(of, FigureBlock)}
-    figures = [FigureBlock(of) for each in results for of in each.figures() if of.id not in shown]
+    first, signed = results[0], any(result.signed for result in results)
+    notes = "\n".join(f"- {markdown(note)}" for result in results for note in remarks(result))
+    blocks = {key: of for result in results for key, of in _blocks(result).items()}
+    parts = [_chapter(part, blocks) for result in results for part in result.chapters]
+    figure_ids = {
+        of.figure.id for part in parts for of in part.blocks if isinstance(of, FigureBlock)
+    }
+    figures = [
+        FigureBlock(of) for result in results for of in result.figures() if of.id not in figure_ids
+    ]
     report = Report(
         title=first.title,
         subtitle="",
@@ -64,15 +68,15 @@ def write_result(results: Sequence[Stated], path: str | os.PathLike[str]) -> Non
 
 def limited(results: Sequence[Stated]) -> bool:
     """Return whether some row has a limit."""
-    return any(row.kept is not None for each in results for row in each.rows)
+    return any(row.kept is not None for result in results for row in result.rows)
 
 
 def short(results: Sequence[Stated]) -> str:
     """Return in a sentence which limits are not kept."""
     missed = [
         f"{row.name.strip()} ({row.of})" if row.of else row.name.strip()
-        for each in results
-        for row in each.rows
+        for result in results
+        for row in result.rows
         if row.kept is False
     ]
     if not missed:

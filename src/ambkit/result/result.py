@@ -37,14 +37,14 @@ class Result(Stated, Drawn):
         dict
             Finding, notes, rows and series.
         """
-        found: dict[str, Any] = {"finding": self.finding, "notes": list(self.notes)}
+        results: dict[str, Any] = {"finding": self.finding, "notes": list(self.notes)}
         for row in self.rows:
-            place = found
+            place = results
             *within, key = row.key.split(".")
             for name in (*row.section, *([row.of] if row.of else []), *within):
                 place = place.setdefault(name, {})
             place |= _stated(replace(row, key=key))
-        return _merged(found, self.series)
+        return _merged(results, self.series)
 
     def to_json(self) -> str:
         """Return `to_dict` as JSON; what is not a finite number is null.
@@ -155,11 +155,11 @@ def _stated(row: Row) -> dict[str, Any]:
         "kept": row.kept,
         "note": row.note or None,
     }
-    found: dict[str, Any] = {row.key: row.value}
+    results: dict[str, Any] = {row.key: row.value}
     if row.at is not None:
-        found[row.at.key] = row.at.value
+        results[row.at.key] = row.at.value
     before = "" if row.key == "value" else f"{row.key}_"
-    return found | {f"{before}{key}": of for key, of in more.items() if of is not None}
+    return results | {f"{before}{key}": of for key, of in more.items() if of is not None}
 
 
 def _merged(first: dict[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:

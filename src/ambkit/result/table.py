@@ -44,7 +44,7 @@ class Table(NamedTuple):
         from rich import box, table
         from rich.text import Text
 
-        drawn = table.Table(
+        rich_table = table.Table(
             width=sum(widths) + GAP * len(widths) - 1,
             box=box.SIMPLE_HEAD,
             show_header=any(self.headers),
@@ -53,10 +53,10 @@ class Table(NamedTuple):
         for (place, cells), width in zip(columns.items(), widths, strict=True):
             left = place == 0 or (self.wide and place == len(self.headers) - 1)
             head = Text(cells[0], overflow="fold")
-            drawn.add_column(head, justify="left" if left else "right", width=width)
+            rich_table.add_column(head, justify="left" if left else "right", width=width)
         for row in zip(*(cells[1:] for cells in columns.values()), strict=True):
-            drawn.add_row(*(Text(cell, overflow="fold") for cell in row))
-        return drawn
+            rich_table.add_row(*(Text(cell, overflow="fold") for cell in row))
+        return rich_table
 
 
 def table(
@@ -76,8 +76,8 @@ def _widths(cells: Sequence[str], *, words: bool) -> tuple[int, int]:
     for cell in cells:
         number = not words and cell[:1] in set("0123456789+-−±–")
         least += map(cell_len, [cell] if number else cell.split())
-    whole = max(1, *map(cell_len, cells))
-    return max(*least, min(whole, LINE) if words else 1), whole
+    full_width = max(1, *map(cell_len, cells))
+    return max(*least, min(full_width, LINE) if words else 1), full_width
 
 
 def _parts(least: Sequence[int], room: int) -> list[list[int]]:
@@ -94,10 +94,10 @@ def _parts(least: Sequence[int], room: int) -> list[list[int]]:
 
 def _spread(widths: Sequence[tuple[int, int]], room: int) -> list[int]:
     """Return each column's width between its least and its whole: those that lack most get more."""
-    given = [least for least, _ in widths]
-    lacks = [whole - least for least, whole in widths]
-    for _ in range(min(sum(lacks), room + 1 - sum(given) - GAP * len(given))):
+    sizes = [least for least, _ in widths]
+    lacks = [full_width - least for least, full_width in widths]
+    for _ in range(min(sum(lacks), room + 1 - sum(sizes) - GAP * len(sizes))):
         most = max(range(len(lacks)), key=lacks.__getitem__)
-        given[most] += 1
+        sizes[most] += 1
         lacks[most] -= 1
-    return given
+    return sizes

@@ -20,10 +20,10 @@ def tables(result: Stated, *, verbose: bool = True) -> Iterator[Table]:
 
 def by_name(result: Stated, *, verbose: bool = True) -> Iterator[tuple[tuple[str, ...], Table]]:
     """Yield each section and its table."""
-    asked = [row for row in singles(result.rows) if verbose or not row.detail]
-    known = {(row.section, row.name) for row in asked if row.known}
-    shown = [row for row in asked if (row.section, row.name) in known]
-    for name, rows in by_section(shown):
+    all_rows = [row for row in singles(result.rows) if verbose or not row.detail]
+    known = {(row.section, row.name) for row in all_rows if row.known}
+    visible_rows = [row for row in all_rows if (row.section, row.name) in known]
+    for name, rows in by_section(visible_rows):
         section = result.sections.get(name, Section(" ".join(name)))
         lines = _across(rows) if section.across else _down(rows)
         if len(lines) > 1:

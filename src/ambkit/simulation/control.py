@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.machine.bank import alone_of
+from ambkit.machine.bank import isolated_axes
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.simulation.controllers import Controllers, arrays, controllers_of
 from ambkit.simulation.plant import Plant
@@ -52,7 +52,7 @@ class Controller:
     @property
     def bearing(self) -> Bearing:
         """The first axis, of a single one all that is held."""
-        return self.plant.alone[0]
+        return self.plant.isolated[0]
 
     @property
     def coils(self) -> int:
@@ -71,10 +71,10 @@ class Controller:
         """Currents that hold the rotor in the middle (p,) [A], and more a metre away [A/m]."""
         # On the line through the middle and where it lies, as magnets pull harder the nearer it is.
         nothing, down = np.zeros(len(self.down)), self.down
-        (_, middle), (_, lying) = (self.plant.hovering(at, nothing) for at in (nothing, down))
-        k = [ConstantStiffness.of(each) for each in self.plant.alone]
-        travel = np.array([each.rotor.travel_limit for each in self.plant.alone])
-        slope = np.array([-each.k_s / each.k_i for each in k])
+        (_, middle), (_, lying) = (self.plant.equilibrium(at, nothing) for at in (nothing, down))
+        k = [ConstantStiffness.of(item) for item in self.plant.isolated]
+        travel = np.array([item.rotor.clearance for item in self.plant.isolated])
+        slope = np.array([-item.k_s / item.k_i for item in k])
         far = np.abs(down) > FLAT * travel
         slope[far] = (lying - middle)[far] / down[far]
         return middle, slope
@@ -85,7 +85,7 @@ class Controller:
         view = self.estimator.view
         q = np.zeros(view.H.shape[1])
         q[: view.rigid] = np.linalg.pinv(view.H[:, : view.rigid]) @ place
-        states = np.ravel(self.estimator.at_rest(q, current=currents))
+        states = np.ravel(self.estimator.equilibrium_state(q, current=currents))
         return self.law.integrals(currents, place, states if self.fed else None)
 
     def integral(self, current: float, x: float) -> float:
@@ -96,11 +96,11 @@ class Controller:
     def fields(self) -> dict[str, Any]:
         """The fields of ``amb_control`` and of what it points to, by their names."""
         e, view, sequence = self.estimator, self.estimator.view, self.sequence
-        start, by_reading = view.start_form(e.states, e.hover)
+        start, by_reading = view.start_form(e.states, e.levitation_current)
         middle, slope = self._held
-        nothing, each = np.zeros(len(middle)), np.eye(len(middle))
+        nothing, parts = np.zeros(len(middle)), np.eye(len(middle))
         hold = self.integrals(middle, nothing)
-        hold_by = np.column_stack([self.integrals(middle + slope * at, at) - hold for at in each])
+        hold_by = np.column_stack([self.integrals(middle + slope * at, at) - hold for at in parts])
         T = self.plant.machine.sampling_time
         return (
             arrays(self.law, self.plant, e if self.fed else None)
@@ -124,35 +124,35 @@ class Controller:
         return self.estimator.engine.core.Control(self.estimator.core, self.fields | other)
 
     def run(
-        self, y: ArrayLike, r: ArrayLike, fly: ArrayLike, *, taken_over: float | None = None,
+        self, y: ArrayLike, r: ArrayLike, fly: ArrayLike, *, transferred: float | None = None,
         other: dict[str, Any] | None = None,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
         """Run an axis along readings from power-on, as the exported C does: to the last bit."""
         # y (n,) [m]; r (n,) [m]; fly (n,)
         number = np.dtype(self.estimator.precision).type
         position, _ = self.estimator.in_si(y, np.zeros(0))
-        told: dict[str, Any] = self.in_core(**(other or {})).run(
+        output: dict[str, Any] = self.in_core(**(other or {})).run(
             np.ascontiguousarray(position, number),
             np.ascontiguousarray(r, number),
             np.ascontiguousarray(fly, number),
-            taken_over=None if taken_over is None else np.array([taken_over], number),
+            transferred=None if transferred is None else np.array([transferred], number),
         )
-        told["iu"], told["u"] = told["iu"].ravel(), told["u"].ravel()
+        output["iu"], output["u"] = output["iu"].ravel(), output["u"].ravel()
         bias = number(self.bearing.magnet.bias_current)
-        coils = [bias + told["iu"], bias - told["iu"]][: self.coils]
-        return told | {"coil": np.where(told["on"][:, None] > 0, np.stack(coils, 1), number(0))}
+        coils = [bias + output["iu"], bias - output["iu"]][: self.coils]
+        return output | {"coil": np.where(output["on"][:, None] > 0, np.stack(coils, 1), number(0))}
 
 
 def lies_at(bearing: Bearing) -> float:
     """Return where a rotor lies [m]: on the stop to which its weight pulls it."""
-    travel = bearing.rotor.travel_limit
+    travel = bearing.rotor.clearance
     return travel if bearing.weight > 0 else -travel
 
 
 def settling_of(estimator: Estimator) -> int:
-    """Return the plant's own time in samples, at least one, as many as 16 bits count."""
-    alone = alone_of(estimator.bearing)
-    samples = max(own_time(each) for each in alone) / alone[0].sampling_time
+    """Return the plant's time constant in samples, at least one, as many as 16 bits count."""
+    isolated = isolated_axes(estimator.bearing)
+    samples = max(own_time(item) for item in isolated) / isolated[0].sampling_time
     return min(max(round(samples), 1), MOST_COUNTED)
 
 

@@ -21,7 +21,7 @@ from ambkit.simulation.holding import ENOUGH, two_digits, weight_of
 from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.control import compensator, controllers, fed
-from ambkit.simulation.linear.pieces import WorkPoint, plant
+from ambkit.simulation.linear.pieces import OperatingPoint, plant
 from ambkit.simulation.linear.settled import estimator_at
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import GAINS, PID, Control
@@ -44,7 +44,7 @@ LEAST = math.exp(-1)
 """Of the poles in z about which a peak is looked for."""
 
 PIDS = Control(type="decentralised"), Control(type="translation and tilt")
-CROSSED = tuple(each.model_copy(update={"cross_feedback": 0.5}) for each in PIDS)
+CROSSED = tuple(item.model_copy(update={"cross_feedback": 0.5}) for item in PIDS)
 REGULATORS = Control(type="lqg"), Control(type="lqg", gain_scheduling=True)
 INTEGRAL = (0.5, 0.25, 0.1)
 """Shares of the integral gains that are tried: an integral excites the precession, which is the
@@ -90,10 +90,10 @@ def name_of(control: Control) -> str:
 class Candidates:
     """Controllers of a machine, and its loops with them at speeds from rest to the fastest."""
 
-    def __init__(self, machine: Machine, fastest: float) -> None:
+    def __init__(self, machine: Machine, max_speed: float) -> None:
         self.plant, self.machine = Plant(machine), machine
-        self.fastest = math.copysign(fastest, machine.speed)  # the way that the machine turns
-        point = WorkPoint.of_machine(machine)
+        self.fastest = math.copysign(max_speed, machine.speed)  # the way that the machine turns
+        point = OperatingPoint.of_machine(machine)
         speeds = np.linspace(0.0, self.fastest, SPEEDS)
         self.at = [_AtSpeed(machine, point, float(speed)) for speed in speeds]
         self._known: dict[tuple[Control, Feedback], Candidate] = {}
@@ -105,12 +105,12 @@ class Candidates:
 
     def in_turn(self, feedback: Feedback) -> list[Candidate]:
         """Return the candidates up to the first whose peak is at most `ENOUGH`."""
-        found = []
-        for each in self._structures(feedback):
-            found.append(each)
-            if each.peak <= ENOUGH:
+        results = []
+        for structure in self._structures(feedback):
+            results.append(structure)
+            if structure.peak <= ENOUGH:
                 break
-        return found
+        return results
 
     def _structures(self, feedback: Feedback) -> Iterator[Candidate]:
         """Yield all candidates, from simple to linear-quadratic."""
@@ -129,10 +129,10 @@ class Candidates:
         # Or of the lowest peak. Only those are changed that the gyroscopics act on.
         filters = FILTER if feedback == "measurement" else FILTER[:1]
         usual = self._usual(control)
-        whole = control.model_copy(update={"pid": usual})
-        best = Candidate(whole, feedback, math.inf, self.fastest)
+        full_control = control.model_copy(update={"pid": usual})
+        best = Candidate(full_control, feedback, math.inf, self.fastest)
         of_axes = {
-            axis.name: b for axis, b in zip(self.machine.axes, self.plant.alone, strict=True)
+            axis.name: b for axis, b in zip(self.machine.axes, self.plant.isolated, strict=True)
         }
         for integral in INTEGRAL:
             for p, d, f in itertools.product(PROPORTIONAL, DERIVATIVE, filters):
@@ -141,8 +141,8 @@ class Candidates:
                     for name, pid in usual.items() if self._turns(control, name)
                 }  # fmt: skip
                 changed = control.model_copy(update={"pid": usual | pids})
-                found = self._peaks(changed, feedback, best.peak)
-                best = found if found.peak < best.peak else best
+                result = self._peaks(changed, feedback, best.peak)
+                best = result if result.peak < best.peak else best
             if best.peak <= ENOUGH:
                 break
         return best
@@ -150,12 +150,12 @@ class Candidates:
     def _usual(self, control: Control) -> dict[str, PID]:
         """Return the PIDs that are tuned to axes or coordinates alone."""
         if control.type == "decentralised":
-            each = zip(self.machine.axes, map(PID.for_bearing, self.plant.alone), strict=True)
+            parts = zip(self.machine.axes, map(PID.for_bearing, self.plant.isolated), strict=True)
             return {
-                axis.name: PID(**{key: getattr(pid, key) for key in GAINS}) for axis, pid in each
+                axis.name: PID(**{key: getattr(pid, key) for key in GAINS}) for axis, pid in parts
             }
-        flown = controllers_of(self.plant, control, None)
-        gains = zip(flown.names, flown.pids, strict=True)
+        control_law = controllers_of(self.plant, control, None)
+        gains = zip(control_law.names, control_law.pids, strict=True)
         return {
             name: PID.model_validate(dict(zip(IN_ORDER, pid, strict=False))) for name, pid in gains
         }
@@ -180,26 +180,26 @@ class Candidates:
         highest, where, error = 0.0, 0.0, math.inf
         try:
             estimator = self.estimator if feedback == "estimate" else None
-            flown = controllers_of(self.plant, control, estimator)
+            control_law = controllers_of(self.plant, control, estimator)
             for at in reversed(self.at):
-                peak = at.peak(flown, feedback)
+                peak = at.peak(control_law, feedback)
                 if peak > highest:
                     highest, where = peak, at.machine.speed
                 if peak >= least:
                     return Candidate(control, feedback, math.inf, where)
             if control.type == "lqg":
-                error = self._inertia_error(flown, highest)
+                error = self._inertia_error(control_law, highest)
         except (AmbkitError, ValueError):  # no regulator, no gain, or too many states for a filter
             return Candidate(control, feedback, math.inf, self.fastest)
         return Candidate(control, feedback, highest, where, error)
 
-    def _inertia_error(self, flown: Controllers, peak: float) -> float:
+    def _inertia_error(self, control_law: Controllers, peak: float) -> float:
         """Return with which error of the polar inertia the peak is at most twice as high [1]."""
         last, speed = self.at[-1], self.fastest
         for error in ERRORS:
             # A rotor of another polar inertia turns as one of another speed.
             others = [last.plant_at(speed * (1 + way * error)) for way in (-1, 1)]
-            if all(last.peak(flown, "estimate", other) <= 2 * peak for other in others):
+            if all(last.peak(control_law, "estimate", other) <= 2 * peak for other in others):
                 return error
         return 0.0
 
@@ -207,7 +207,7 @@ class Candidates:
 class _AtSpeed:
     """A machine's loops at one speed."""
 
-    def __init__(self, machine: Machine, point: WorkPoint, speed: float) -> None:
+    def __init__(self, machine: Machine, point: OperatingPoint, speed: float) -> None:
         self.machine, self.point = machine.model_copy(update={"speed": speed}), point
         self.system = plant(self.machine, point)
         self.shown = shown_along_axes(machine)
@@ -225,19 +225,19 @@ class _AtSpeed:
         return plant(self.machine.model_copy(update={"speed": speed}), self.point)
 
     def peak(
-        self, flown: Controllers, feedback: Feedback, system: LinearSystem | None = None
+        self, control_law: Controllers, feedback: Feedback, system: LinearSystem | None = None
     ) -> float:
         """Return the peak of abs(S) of the worst axis [1]; infinite where it is unstable."""
         system = self.system if system is None else system
-        control = controllers(flown, self.machine, measured=feedback == "measurement")
+        control = controllers(control_law, self.machine, measured=feedback == "measurement")
         inner = None
         if feedback == "estimate":
             E = self.estimate
-            rows = fed(flown, len(E.outputs), self.machine.speed)
+            rows = fed(control_law, len(E.outputs), self.machine.speed)
             outputs = control.inputs[: len(rows)]
             inner = replace(E, C=rows @ E.C, D=rows @ E.D, outputs=outputs)
         m = len(self.machine.readings)
-        K = compensator(control, inner, flown.shown, system.outputs[:m])
+        K = compensator(control, inner, control_law.shown, system.outputs[:m])
         loop = Loop(system, K, m, self.shown, self.added)
         return _highest(loop, end_of_range(loop.T, self.machine.speed))
 
@@ -261,13 +261,13 @@ def _highest(loop: Loop, top: float) -> float:
     return float(np.abs(S).max())
 
 
-def _changed(pid: PID, alone: Bearing | None, shares: tuple[float, ...]) -> PID:
+def _changed(pid: PID, isolated: Bearing | None, shares: tuple[float, ...]) -> PID:
     """Return a PID with shares of kp, ki, kd and derivative filter; of an axis its weight too."""
     keys = ("kp", "ki", "kd", "derivative_filter")
     gains = {
         key: two_digits(share * getattr(pid, key)) for key, share in zip(keys, shares, strict=True)
     }
-    if alone is not None:
-        weight = weight_of(alone, gains["kp"], gains["ki"], gains["kd"])
+    if isolated is not None:
+        weight = weight_of(isolated, gains["kp"], gains["ki"], gains["kd"])
         gains["setpoint_weight"] = two_digits(weight)
     return PID.model_validate(gains | {"anti_windup": pid.anti_windup})

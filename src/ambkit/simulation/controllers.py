@@ -1,4 +1,4 @@
-"""The controllers of a whole machine, for ``core/include/ambkit/controllers.h``."""
+"""The controllers of a machine, for ``core/include/ambkit/controllers.h``."""
 
 from __future__ import annotations
 
@@ -77,26 +77,26 @@ def controllers_of(
         if estimator is None:
             raise AmbkitError('type = "lqg" regulates the estimate: feedback must be "estimate"')
         _check_states(estimator, "an lqg")
-        found = _regulated(plant, estimator, control.gain_scheduling)
+        result = _regulated(plant, estimator, control.gain_scheduling)
     elif control.type in (None, "decentralised"):
         fed: Literal["measurement", "estimate"] = "estimate" if estimator else "measurement"
-        found = _decentralised(plant, pids or pids_of(plant.machine, control, fed), estimator)
+        result = _decentralised(plant, pids or pids_of(plant.machine, control, fed), estimator)
     else:
-        found = _of_translation_and_tilt(plant, control)
+        result = _of_translation_and_tilt(plant, control)
     if estimator is None:
-        return found
-    feedback = _rows(estimator, found.of_axes @ estimator.view.H) | found.feedback
+        return result
+    feedback = _rows(estimator, result.of_axes @ estimator.view.H) | result.feedback
     if control.cross_feedback:
         torques = _against_gyroscopics(plant, estimator)
         feedback["fed_back_by_speed"] = control.cross_feedback * torques
-    found = replace(found, feedback=feedback)
+    result = replace(result, feedback=feedback)
     if control.unbalance == "fought":
-        return found
+        return result
     check_unbalance(estimator)
     if not (plant.machine.speed or fastest):
-        return found
-    turn = let_turn(plant, estimator, found, control.unbalance, control.unbalance_from, fastest)
-    return replace(found, let_turn=turn)
+        return result
+    turn = let_turn(plant, estimator, result, control.unbalance, control.unbalance_from, fastest)
+    return replace(result, let_turn=turn)
 
 
 def pids_of(
@@ -108,21 +108,21 @@ def pids_of(
     own = [control.own(name) for name in names]
     if all(pid.model_fields_set >= GAINS for pid in own):
         return own
-    usual = [PID(**each.stated) for each in holding(machine, feedback).pids]
+    usual = [PID(**item.stated) for item in holding(machine, feedback).pids]
     return [
-        pid.overlaid(said, machine.alone(name)) if said.model_fields_set else pid
-        for name, pid, said in zip(names, usual, own, strict=True)
+        pid.overlaid(overrides, machine.isolated_axis(name)) if overrides.model_fields_set else pid
+        for name, pid, overrides in zip(names, usual, own, strict=True)
     ]
 
 
 def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) -> dict[str, Any]:
     """Return the fields of ``amb_controllers``, for the core."""
-    told = dict.fromkeys(
+    feedback_fields = dict.fromkeys(
         ("velocity", "fed_back", "fed_back_by_speed", "fed_back_by_square"), None
     ) | {name: values.ravel().tolist() for name, values in controllers.feedback.items()}
     return (
         {"position": controllers.shown.ravel().tolist()}
-        | told
+        | feedback_fields
         | let_turn_fields(controllers.let_turn)
         | {
             "feedback_estimate": estimator is not None,
@@ -131,8 +131,8 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
             if np.array_equal(controllers.of_axes, np.eye(1))
             else controllers.of_axes.ravel().tolist(),
             "spread": controllers.spread.ravel().tolist(),
-            "iu_min": [each.current_min for each in plant.alone],
-            "iu_max": [each.current_max for each in plant.alone],
+            "iu_min": [item.current_min for item in plant.isolated],
+            "iu_max": [item.current_max for item in plant.isolated],
         }
     )
 
@@ -149,22 +149,22 @@ def behind(gains: Sequence[float]) -> list[Sequence[float]]:
 
 
 def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | None) -> Controllers:
-    limits = [(alone.current_min, alone.current_max) for alone in plant.alone]
-    one, shown = np.eye(len(pids)), shown_along_axes(plant.machine)
+    limits = [(isolated.current_min, isolated.current_max) for isolated in plant.isolated]
+    one, transform = np.eye(len(pids)), shown_along_axes(plant.machine)
     feedback = _fed_forward(plant, pids, estimator)
     own = {k: _reading(plant, k, pid.sensor) for k, pid in enumerate(pids) if pid.sensor}
     for k, at in own.items():
-        shown[k] = 0.0
-        shown[k, at] = 1 / plant.machine.readings[at].sensor.gain
+        transform[k] = 0.0
+        transform[k, at] = 1 / plant.machine.readings[at].sensor.gain
     if estimator is not None and own:
         view = estimator.view
-        looks = view.H.copy()
-        looks[list(own)] = view.C[list(own.values())]
-        feedback |= _rows(estimator, looks)
+        sensor_rows = view.H.copy()
+        sensor_rows[list(own)] = view.C[list(own.values())]
+        feedback |= _rows(estimator, sensor_rows)
     T = plant.machine.sampling_time
     return Controllers(
         [gains_of(pid, T, *ends) for pid, ends in zip(pids, limits, strict=True)],
-        _names(plant), one, one, np.array([pid.unseen(1.0) for pid in pids]), shown, feedback,
+        _names(plant), one, one, np.array([pid.unseen(1.0) for pid in pids]), transform, feedback,
     )  # fmt: skip
 
 
@@ -189,7 +189,7 @@ def _fed_forward(
     if estimator is None:
         raise AmbkitError('feed_forward is made of the estimate: feedback must be "estimate"')
     _check_states(estimator, "feed_forward")
-    k_i = np.array([ConstantStiffness.of(alone).k_i for alone in plant.alone])
+    k_i = np.array([ConstantStiffness.of(isolated).k_i for isolated in plant.isolated])
     gain = np.zeros((len(pids), len(estimator.states)))
     gain[:, _places(estimator, "disturbance force")] = np.diag(-shares / k_i)
     return {"fed_back": gain}
@@ -211,11 +211,11 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
     # that were to hold the coordinate alone.
     masses = dict(zip(plant.machine.rigid_positions, plant.machine.masses, strict=False))
     control.check_names(list(masses))
-    k = [ConstantStiffness.of(alone) for alone in plant.alone]
-    k_i, k_s = np.array([each.k_i for each in k]), np.array([each.k_s for each in k])
-    H, first = _rigid(plant), plant.alone[0]
+    k = [ConstantStiffness.of(isolated) for isolated in plant.isolated]
+    k_i, k_s = np.array([item.k_i for item in k]), np.array([item.k_s for item in k])
+    H, first = _rigid(plant), plant.isolated[0]
     to_axes, explained = _currents(plant), np.linalg.pinv(H)
-    pids, of_axes, spread, unseen = [], [], [], []
+    pids, of_axes, spread, integral_leads = [], [], [], []
     for at, (name, mass) in enumerate(masses.items()):
         stiffness = float(H[:, at] ** 2 @ k_s)
         lever = 1.0
@@ -227,16 +227,21 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
         amperes = to_axes[:, at] * k_i[0] * stiffness / (k_s[0] * lever)
         room = min(
             abs(end / share)
-            for share, alone in zip(amperes, plant.alone, strict=True) if share
-            for end in (alone.current_min, alone.current_max)
+            for share, isolated in zip(amperes, plant.isolated, strict=True) if share
+            for end in (isolated.current_min, isolated.current_max)
         )  # fmt: skip
         pids.append(gains_of(pid, plant.machine.sampling_time, -room, room))
         of_axes.append(lever * explained[at])
         spread.append(amperes)
-        unseen.append(pid.unseen(1.0))
-    shown = np.array(of_axes) @ shown_along_axes(plant.machine)
+        integral_leads.append(pid.unseen(1.0))
+    transform = np.array(of_axes) @ shown_along_axes(plant.machine)
     return Controllers(
-        pids, tuple(masses), np.array(of_axes), np.array(spread).T, np.array(unseen), shown
+        pids,
+        tuple(masses),
+        np.array(of_axes),
+        np.array(spread).T,
+        np.array(integral_leads),
+        transform,
     )
 
 
@@ -251,7 +256,7 @@ def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controller
     else:
         K, ahead = regulator(plant, estimator)
         feedback = {"fed_back": -K}
-    p = len(plant.alone)
+    p = len(plant.isolated)
     passed = [[1.0, 0.0, 0.0, 0.0, 1.0, 1.0, -FAR, FAR]] * p
     nothing = np.zeros((p, len(estimator.states)))
     return Controllers(
@@ -261,9 +266,9 @@ def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controller
     )  # fmt: skip
 
 
-def _rows(estimator: Estimator, looks: Array) -> dict[str, Array]:
+def _rows(estimator: Estimator, sensor_rows: Array) -> dict[str, Array]:
     """Return what PIDs see of the estimator's states (q, n), by what they see of coordinates."""
-    position, velocity = estimator.view.along(looks, estimator.states)
+    position, velocity = estimator.view.along(sensor_rows, estimator.states)
     return {"position": position, "velocity": velocity}
 
 
@@ -279,14 +284,14 @@ def _places(estimator: Estimator, role: str) -> list[int]:
 
 def _currents(plant: Plant) -> Array:
     """Return the currents (p, q) of one of each force and torque on the rigid rotor."""
-    k_i = np.array([ConstantStiffness.of(alone).k_i for alone in plant.alone])
+    k_i = np.array([ConstantStiffness.of(isolated).k_i for isolated in plant.isolated])
     return np.asarray(np.linalg.pinv(_rigid(plant).T) / k_i[:, None])
 
 
 def _against_gyroscopics(plant: Plant, estimator: Estimator) -> Array:
     """Return the currents (p, n) that take the gyroscopic torques back, for each rad/s."""
     torques = _gyroscopic(plant)
-    gain = np.zeros((len(plant.alone), len(estimator.states)))
+    gain = np.zeros((len(plant.isolated), len(estimator.states)))
     gain[:, _places(estimator, "velocity")] = _currents(plant) @ torques
     return gain
 

@@ -60,7 +60,7 @@ class DefaultControl:
         if not self.candidates:
             return f"default controller: {name_of(self.chosen.control)}"
         if self.held:
-            others = [each for each in self.candidates if each is not self.chosen]
+            others = [candidate for candidate in self.candidates if candidate is not self.chosen]
             beside = f"; also tried{_listed(others)}" if others else ""
             return (
                 f"default controller: {name_of(self.chosen.control)}, fed by the "
@@ -84,13 +84,13 @@ class DefaultControl:
 
 def _listed(candidates: Iterable[Candidate]) -> str:
     """Return candidates, by what fed them."""
-    groups = itertools.groupby(candidates, key=lambda each: each.feedback)
-    each = (f", fed by the {fed_by}: {', '.join(map(str, of))}" for fed_by, of in groups)
-    return ";".join(each).replace(";,", ";")
+    groups = itertools.groupby(candidates, key=lambda item: item.feedback)
+    parts = (f", fed by the {fed_by}: {', '.join(map(str, of))}" for fed_by, of in groups)
+    return ";".join(parts).replace(";,", ";")
 
 
 def default_control(
-    machine: Machine, feedback: Feedback | None = None, fastest: float = 0.0
+    machine: Machine, feedback: Feedback | None = None, max_speed: float = 0.0
 ) -> DefaultControl:
     """Return the controllers that a machine has by default, up to its speed or a faster one."""
     # A machine that does not turn has decentralised PIDs. Of one that turns the structures are
@@ -98,28 +98,28 @@ def default_control(
     # all others closed, from rest to the fastest speed [rad/s], gyroscopics, dead time and the
     # linear Kalman filter with its default noise in the loop: the first whose peak is at most
     # `ENOUGH`, or the simplest within a factor `AS_GOOD` of the lowest.
-    fastest = max(abs(machine.speed), fastest)
-    if not fastest or machine.rotor.type == "mass":
+    max_speed = max(abs(machine.speed), max_speed)
+    if not max_speed or machine.rotor.type == "mass":
         fed_by = feedback or "measurement"
         return DefaultControl(machine.name, 0.0, Candidate(PIDS[0], fed_by, math.nan, 0.0))
-    return _chosen(machine.model_copy(update={"unbalance": ()}), feedback, fastest)
+    return _chosen(machine.model_copy(update={"unbalance": ()}), feedback, max_speed)
 
 
 def is_default(control: Control) -> bool:
     """Whether the structure of controllers is left to be chosen."""
-    said = control.model_fields_set & PID.model_fields.keys()
-    return control.type is None and not (said or control.pid or control.cross_feedback)
+    stated_gains = control.model_fields_set & PID.model_fields.keys()
+    return control.type is None and not (stated_gains or control.pid or control.cross_feedback)
 
 
 def settled(
-    machine: Machine, control: Control, feedback: Feedback | None, fastest: float = 0.0
+    machine: Machine, control: Control, feedback: Feedback | None, max_speed: float = 0.0
 ) -> Control:
     """Return controllers with their type, chosen where it is not given; held or not."""
     if control.type is not None:
         return control
     if not is_default(control):
         return control.model_copy(update={"type": "decentralised"})
-    chosen = default_control(machine, feedback, fastest).chosen.control
+    chosen = default_control(machine, feedback, max_speed).chosen.control
     return control.model_copy(update={k: getattr(chosen, k) for k in chosen.model_fields_set})
 
 
@@ -155,43 +155,43 @@ def control_of(machine: Machine, scenario: Scenario) -> Control:
 def settled_scenario(machine: Machine, scenario: Scenario) -> Scenario:
     """Return a scenario with controllers and feedback chosen where they are not given."""
     if is_default(scenario.controller):
-        found = default_for(machine, scenario)
-        if not found.held:
-            raise AmbkitError(found.summary)
+        result = default_for(machine, scenario)
+        if not result.held:
+            raise AmbkitError(result.summary)
     control, feedback = control_of(machine, scenario), feedback_of(machine, scenario)
     return scenario.model_copy(update={"controller": control.fed_by(feedback)})
 
 
 @lru_cache(maxsize=64)
-def _chosen(machine: Machine, feedback: Feedback | None, fastest: float) -> DefaultControl:
+def _chosen(machine: Machine, feedback: Feedback | None, max_speed: float) -> DefaultControl:
     try:
-        loops = Candidates(machine, fastest)
+        loops = Candidates(machine, max_speed)
     except AmbkitError:  # nothing holds the rotor in the middle
         nothing = Candidate(PIDS[0], feedback or "measurement", math.nan, 0.0)
-        return DefaultControl(machine.name, fastest, nothing)
-    found: list[Candidate] = []
+        return DefaultControl(machine.name, max_speed, nothing)
+    results: list[Candidate] = []
     if feedback != "estimate":
-        found = loops.in_turn("measurement")
-        best = _simplest(found)
+        results = loops.in_turn("measurement")
+        best = _simplest(results)
         bound = math.inf
         if feedback is None and not best.peak <= ENOUGH:
-            lowest = min(loops.peaks(each, "estimate").peak for each in loops.regulators)
+            lowest = min(loops.peaks(regulator, "estimate").peak for regulator in loops.regulators)
             if not math.isfinite(lowest):
-                lowest = min(each.peak for each in loops.in_turn("estimate"))
+                lowest = min(item.peak for item in loops.in_turn("estimate"))
             bound = FACTOR * lowest
         if feedback is not None or (best.peak <= max(ENOUGH, bound) and best.stable):
-            return DefaultControl(machine.name, fastest, best, tuple(found))
+            return DefaultControl(machine.name, max_speed, best, tuple(results))
     others = loops.in_turn("estimate")
-    found += others
-    best = _simplest(others if any(each.stable for each in others) else found)
-    return DefaultControl(machine.name, fastest, best, tuple(found))
+    results += others
+    best = _simplest(others if any(other.stable for other in others) else results)
+    return DefaultControl(machine.name, max_speed, best, tuple(results))
 
 
 def _simplest(candidates: Iterable[Candidate]) -> Candidate:
     """Return the first that is as good as the best; of those that hold nothing the first."""
-    found = list(candidates)
-    lowest = min(each.peak for each in found)
-    return next(each for each in found if each.peak <= max(ENOUGH, AS_GOOD * lowest))
+    results = list(candidates)
+    lowest = min(item.peak for item in results)
+    return next(item for item in results if item.peak <= max(ENOUGH, AS_GOOD * lowest))
 
 
 def _rpm(speed: float) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.machine.hovering import hover_current
+from ambkit.machine.levitation import levitation_current
 from ambkit.machine.magnets import Law, MagnetModel, magnet_of
 from ambkit.simulation import parts
 from ambkit.simulation.control import Controller
@@ -38,7 +38,7 @@ class StraightLine:
         hover = scenario.start == "hover"
         self.place = at if hover else 0.0
         balance = bearing.weight + self.law.bias_force + load
-        self.held = hover_current(bearing, self.magnet, self.place, balance) if hover else 0.0
+        self.held = levitation_current(bearing, self.magnet, self.place, balance) if hover else 0.0
         # What was demanded before the start is the controller's own, and known.
         self.current = min(max(self.held, bearing.current_min), bearing.current_max)
 
@@ -51,10 +51,10 @@ class StraightLine:
         """Return None: the displacement is a state."""
         return None
 
-    def force(self, found: Array) -> Array:
+    def force(self, result: Array) -> Array:
         """Return the force of the magnet (n, 1) [N]."""
         weight = self.machine.weight
-        return np.asarray(found + (weight + self.law.bias_force) - weight, float)
+        return np.asarray(result + (weight + self.law.bias_force) - weight, float)
 
     def arguments(
         self, core: ModuleType, estimator: Estimator | None, elsewhere: Any
@@ -95,7 +95,7 @@ class StraightLine:
             "bias": self.law.bias_force,
             "K_sen": bearing.sensor.gain,
             "T_sen": bearing.sensor_lag,
-            "travel": bearing.rotor.travel_limit,
+            "travel": bearing.rotor.clearance,
             "substeps": parts.substeps(bearing, self.scenario.substeps),
             "parts": parts.parts_of(bearing, precision),
             "coil": None if self.coil is None else core.Law(**self.coil),
@@ -111,10 +111,10 @@ class InLoops:
     ) -> None:  # fmt: skip
         self.machine, self.scenario, self.fastest = machine, scenario, fastest
         self.plant = plant = Plant(machine)
-        self.place, self.current = plant.hovering(at, load)
+        self.place, self.current = plant.equilibrium(at, load)
         known = None
         if estimator is not None:
-            known = np.ravel(estimator.at_rest(self.place, current=self.current))
+            known = np.ravel(estimator.equilibrium_state(self.place, current=self.current))
         self.held = self.current, at, known
         if scenario.start == "rest":
             self.place, self.current = plant.resting(), np.zeros(len(machine.axes))
@@ -128,19 +128,19 @@ class InLoops:
     @property
     def states(self) -> dict[str, tuple[int, str]]:
         """Place and unit of the states that are recorded."""
-        each, moving = self.plant.model.states, 2 * len(self.machine.positions)
-        found = {f"q_{each[k].name}": (k, each[k].unit) for k in range(moving)}
-        shown = {at.name: (k, at.unit) for k, at in enumerate(each) if at.role == "sensor"}
-        return found | shown
+        values, moving = self.plant.model.states, 2 * len(self.machine.positions)
+        results = {f"q_{values[k].name}": (k, values[k].unit) for k in range(moving)}
+        shown = {at.name: (k, at.unit) for k, at in enumerate(values) if at.role == "sensor"}
+        return results | shown
 
     def moved(self, X: Array) -> Array | None:
         """Return the displacements along the axes (n, p) [m]."""
         h = self.plant.model.h
         return np.asarray(X[: h.shape[1]].T @ h.T)
 
-    def force(self, found: Array) -> Array:
+    def force(self, result: Array) -> Array:
         """Return the forces of the magnets (n, p) [N]."""
-        return np.asarray(np.asarray(found, float) + self.plant.bias)
+        return np.asarray(np.asarray(result, float) + self.plant.bias)
 
     def arguments(
         self, core: ModuleType, estimator: Estimator | None, elsewhere: Any, **other: Any

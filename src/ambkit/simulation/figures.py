@@ -73,8 +73,8 @@ OF_SEVERAL: dict[str, Figure] = {
     "orbit_share": Figure("1", "The same as a share of the travel in that bearing, of the worst "
                           "bearing."),
     "load_kept": Figure("N", "Greatest magnitude of the loads together before the rotor first met "
-                        "a backup bearing."),
-    "touched": Figure("1", "Samples in which a backup bearing was touched."),
+                        "a touch-down bearing."),
+    "touched": Figure("1", "Samples in which a touch-down bearing was touched."),
 }  # fmt: skip
 """Those of several axes, the worst of them."""
 
@@ -85,13 +85,13 @@ def figures_of(
     """Return what a run is judged by."""
     machine, record = run.machine, run.record
     names = [axis.name for axis in machine.axes]
-    travel = np.array([axis.bearing.travel_limit for axis in machine.axes])
+    travel = np.array([axis.bearing.clearance for axis in machine.axes])
     first = first_of(settling, machine.sampling_time, len(record))
     s, r, iu, f_d = (np.column_stack([record[f"{of}_{name}"] for name in names])
                      for of in ("s", "r", "iu", "f_d"))  # fmt: skip
     off = r - s
-    found = dict.fromkeys(OF_SEVERAL, math.nan)
-    found |= {
+    result = dict.fromkeys(OF_SEVERAL, math.nan)
+    result |= {
         "tracking_rms": _rms(off[first:]),
         "tracking_peak": float(np.abs(off[first:]).max()),
         "effort": _rms(np.diff(iu, axis=0)[first - 1 :]),
@@ -102,18 +102,18 @@ def figures_of(
         "touched": float(run.samples_at_the_stop),
     }
     orbits = _orbits(machine, s[first:])
-    found["orbit_peak"] = max(float(far.max()) for far, _ in orbits)
-    found["orbit_share"] = max(float(far.max()) / travel for far, travel in orbits)
+    result["orbit_peak"] = max(float(far.max()) for far, _ in orbits)
+    result["orbit_share"] = max(float(far.max()) / travel for far, travel in orbits)
     estimate = run.estimate
     if estimate is not None and estimator is not None:
         errors = errors_of(run, estimator)
-        for name, each in errors.items():
-            found[f"{name}_rms"] = _rms(each[first:])
-            found[f"{name}_peak"] = float(np.abs(each[first:]).max())
+        for name, error in errors.items():
+            result[f"{name}_rms"] = _rms(error[first:])
+            result[f"{name}_peak"] = float(np.abs(error[first:]).max())
         nis = np.asarray(estimate.nis[first:])
-        told = nis[np.isfinite(nis)]
-        found["nis"] = float(told.mean()) if told.size else math.nan
-    return found
+        finite_nis = nis[np.isfinite(nis)]
+        result["nis"] = float(finite_nis.mean()) if finite_nis.size else math.nan
+    return result
 
 
 def errors_of(run: Run, estimator: Estimator) -> dict[str, Array]:
@@ -128,15 +128,15 @@ def errors_of(run: Run, estimator: Estimator) -> dict[str, Array]:
     )
     velocities = [record[f"q_{velocity_of(position)}"] for position in machine.positions]
     H = geometry.matrix([axis.line for axis in machine.axes], machine.positions)
-    found = {
+    results = {
         "x": x - np.column_stack([record[signal("s", name)] for name in names]),
         "v": v - np.column_stack(velocities) @ H.T,
     }
     loads = {state.name for state in estimate.states if state.role == "disturbance force"}
     if {signal("f_d", name) for name in names} <= loads:
         wrong = [estimate[signal("f_d", name)] - record[signal("f_d", name)] for name in names]
-        found["f_d"] = np.column_stack(wrong)
-    return found
+        results["f_d"] = np.column_stack(wrong)
+    return results
 
 
 def _rms(of_axes: Array) -> float:
@@ -146,12 +146,12 @@ def _rms(of_axes: Array) -> float:
 
 def _orbits(machine: Machine, s: Array) -> list[tuple[Array, float]]:
     """Return of each bearing how far the rotor is from its middle (n,), and the travel [m]."""
-    found, at = [], 0
+    result, at = [], 0
     for bearing in machine.bearings:
         axes = 2 if bearing.type == "radial" else 1
-        found.append((np.linalg.norm(s[:, at : at + axes], axis=1), bearing.travel_limit))
+        result.append((np.linalg.norm(s[:, at : at + axes], axis=1), bearing.clearance))
         at += axes
-    return found
+    return result
 
 
 def _recovery(off: Array, f_d: Array, band: float, T: float) -> float:
@@ -170,8 +170,8 @@ def flags_of(run: Run) -> list[int]:
     """Return in how many samples the estimator said each flag."""
     if run.estimate is None:
         return [0] * len(FLAGS)
-    said: Any = np.asarray(run.estimate.status)
-    return [int(np.count_nonzero(said & Status[name.upper()])) for name in FLAGS]
+    status: Any = np.asarray(run.estimate.status)
+    return [int(np.count_nonzero(status & Status[name.upper()])) for name in FLAGS]
 
 
 def first_of(settling: float, T: float, n: int) -> int:

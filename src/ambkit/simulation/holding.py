@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.bank import alone_of, weights_of
-from ambkit.machine.hovering import hover_current
+from ambkit.machine.bank import isolated_axes, weights_of
+from ambkit.machine.levitation import levitation_current
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
 from ambkit.models.linear import linearised
 from ambkit.models.machine import machine_parts
@@ -25,7 +25,7 @@ from ambkit.models.parts.rotor import velocities_of
 from ambkit.simulation.holding_margins import Sensitivities, sensitivities, shown_along_axes
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.control import compensator, controller
-from ambkit.simulation.linear.pieces import WorkPoint, plant
+from ambkit.simulation.linear.pieces import OperatingPoint, plant
 from ambkit.simulation.linear.settled import estimator_at
 
 if TYPE_CHECKING:
@@ -102,16 +102,16 @@ def chosen(bearing: Bearing) -> Gains:
     # w/k_i`` the damping D; integral, derivative filter and tracking time go with w. Of all c, from
     # high to low, the first is taken with which some D has no peak of abs(S) above `PEAK` and no
     # overshoot above `OVERSHOOT_ALONE`; where there is none, the c and D of the lowest peak.
-    at = _work_point(bearing)
+    at = _operating_point(bearing)
     P = plant(bearing, at)
     P = P.select(["y", "x"], P.inputs[0][:1])
     E = _estimator(bearing, at)
     f = _frequencies(bearing)
-    told = P.response(f)[:, 0, 0], None if E is None else E.response(f)
+    responses = P.response(f)[:, 0, 0], None if E is None else E.response(f)
     lowest, best = math.inf, textbook(bearing)
     for ratio in RATIOS:
         candidates = [_gains(bearing, ratio, float(damping)) for damping in DAMPINGS]
-        peaks = _peaks(bearing, candidates, f, *told)
+        peaks = _peaks(bearing, candidates, f, *responses)
         for peak, gains in sorted(zip(peaks, candidates, strict=True), key=itemgetter(0)):
             if peak > PEAK and peak >= lowest:
                 break
@@ -163,14 +163,14 @@ def _gains(bearing: Bearing, ratio: float, damping: float) -> Gains:
     return Gains(kp, ki, kd, two_digits(1 / (24 * w)), two_digits(5.2 / w), weight)
 
 
-def _work_point(bearing: Bearing) -> WorkPoint:
+def _operating_point(bearing: Bearing) -> OperatingPoint:
     try:
-        return WorkPoint.hovering(bearing)
+        return OperatingPoint.equilibrium(bearing)
     except AmbkitError:  # it is not held at the centre, but perhaps elsewhere
-        return WorkPoint(0.0, 0.0)
+        return OperatingPoint(0.0, 0.0)
 
 
-def _estimator(bearing: Bearing, at: WorkPoint) -> LinearSystem | None:
+def _estimator(bearing: Bearing, at: OperatingPoint) -> LinearSystem | None:
     try:
         return estimator_at(KalmanFilter(bearing), at)
     except AmbkitError:  # a model that has no gain to settle to
@@ -178,9 +178,9 @@ def _estimator(bearing: Bearing, at: WorkPoint) -> LinearSystem | None:
 
 
 def _frequencies(bearing: Bearing) -> NDArray[np.float64]:
-    slowest = 1 / (40 * math.pi * own_time(bearing))
+    min_frequency = 1 / (40 * math.pi * own_time(bearing))
     highest = 0.5 / bearing.sampling_time
-    return np.geomspace(min(slowest, highest / 2), highest, FREQUENCIES)
+    return np.geomspace(min(min_frequency, highest / 2), highest, FREQUENCIES)
 
 
 def _peaks(
@@ -210,10 +210,10 @@ def _loops(
     bearing: Bearing, gains: Gains, P: LinearSystem, E: LinearSystem | None
 ) -> Iterator[Loop]:
     """Yield the loop that is fed by the measurement, and the one that is fed by the estimate."""
-    shown = np.array([[1 / bearing.sensor.gain]])
-    yield Loop(P, compensator(controller(gains, bearing, measured=True), None, shown))
+    transform = np.array([[1 / bearing.sensor.gain]])
+    yield Loop(P, compensator(controller(gains, bearing, measured=True), None, transform))
     if E is not None:
-        yield Loop(P, compensator(controller(gains, bearing, measured=False), E, shown))
+        yield Loop(P, compensator(controller(gains, bearing, measured=False), E, transform))
 
 
 def overshoot(loop: Loop, own: float, axes: int = 1) -> float:
@@ -272,19 +272,19 @@ def holding(
 @lru_cache(maxsize=64)
 @one_thread()
 def _held(machine: Machine, feedback: Literal["measurement", "estimate"]) -> Holding:
-    usual = tuple(map(chosen, alone_of(machine)))
+    usual = tuple(map(chosen, isolated_axes(machine)))
     search = _Search(machine, usual, feedback)
-    found = Holding(usual, np.zeros(0, complex), 1.0)
+    result = Holding(usual, np.zeros(0, complex), 1.0)
     if machine.rotor.type == "mass":  # an axis alone is all there is
-        return found
+        return result
     if machine.bending is not None:
-        found = search.most_damped()
+        result = search.most_damped()
     margins = sensitivities(machine, estimated=feedback == "estimate")
-    if margins is None or not found.held:
-        return search.weighted(found)
-    if margins.peaks(found.pids).max() >= ENOUGH:
-        found = search.on_margins(found, margins)
-    return search.calm(search.weighted(found))
+    if margins is None or not result.held:
+        return search.weighted(result)
+    if margins.peaks(result.pids).max() >= ENOUGH:
+        result = search.on_margins(result, margins)
+    return search.calm(search.weighted(result))
 
 
 class _Search:
@@ -310,27 +310,27 @@ class _Search:
         if best.score >= 1:
             return best
         for shares in itertools.product(SOFTER, LESS_DAMPED, self.slower):
-            tried = self.loop.with_(self.of(self.usual, *shares))
-            best = tried if tried.score > best.score else best
+            trial = self.loop.with_(self.of(self.usual, *shares))
+            best = trial if trial.score > best.score else best
         for _ in range(FINER):
             nearby = NEARBY if len(self.slower) > 1 else (1.0,)
             for shares in itertools.product(NEARBY, NEARBY, nearby):
-                tried = self.loop.with_(self.of(best.pids, *shares))
-                best = tried if tried.score > best.score else best
+                trial = self.loop.with_(self.of(best.pids, *shares))
+                best = trial if trial.score > best.score else best
         return best
 
-    def on_margins(self, found: Holding, margins: Sensitivities) -> Holding:
+    def on_margins(self, result: Holding, margins: Sensitivities) -> Holding:
         """Return the stiffest whose peaks of abs(S) are at most `PEAK`, or those of the lowest."""
-        best, lowest = found, float(margins.peaks(found.pids).max())
+        best, lowest = result, float(margins.peaks(result.pids).max())
         near: Array = np.zeros(3)
         for p, d, f in itertools.product(SOFTER, LESS_DAMPED, self.slower):
             pids = self.of(self.usual, p, d, f)
             peak = float(margins.peaks(pids).max())
-            if peak < lowest and (tried := self.loop.with_(pids)).held:
-                best, lowest, near = tried, peak, np.log([p, d, f])
+            if peak < lowest and (trial := self.loop.with_(pids)).held:
+                best, lowest, near = trial, peak, np.log([p, d, f])
                 if peak <= PEAK:
                     return best
-        return self._refined(best, near, margins) if best is not found else best
+        return self._refined(best, near, margins) if best is not result else best
 
     def _refined(self, best: Holding, near: Array, margins: Sensitivities) -> Holding:
         """Look for a lower peak beside what was tried: of all axes alike, then of each bearing."""
@@ -369,43 +369,43 @@ class _Search:
             return peak
 
         first = start.ravel()
-        found: Any = minimize(
+        result: Any = minimize(
             cost, first, method="Nelder-Mead",
             options={
                 "maxfev": TRIES * len(start), "xatol": 1e-2, "fatol": 1e-3,
                 "initial_simplex": np.vstack([first, first + STRIDE * np.eye(len(first))]),
             },
         )  # fmt: skip
-        return cost(first), float(found.fun), found.x.reshape(start.shape)
+        return cost(first), float(result.fun), result.x.reshape(start.shape)
 
     def _shared(self, logs: Array, of_axis: NDArray[np.intp]) -> tuple[Gains, ...]:
         """Return the usual controllers with shares of given logarithms (bearings, 2 or 3)."""
         every = np.zeros((len(logs), 3))
         every[:, : logs.shape[1]] = logs
         shares = np.exp(np.clip(every, *BOUNDS))[of_axis]
-        each = zip(self.usual, shares, strict=True)
-        return tuple(_changed(pid, *map(float, share)) for pid, share in each)
+        parts = zip(self.usual, shares, strict=True)
+        return tuple(_changed(pid, *map(float, share)) for pid, share in parts)
 
-    def weighted(self, found: Holding) -> Holding:
+    def weighted(self, result: Holding) -> Holding:
         """Return controllers that were changed with the weight of the reference of their gains."""
-        if found.pids is self.usual:
-            return found
+        if result.pids is self.usual:
+            return result
         pids = tuple(
-            pid._replace(setpoint_weight=weight_of(alone, pid.kp, pid.ki, pid.kd))
-            for pid, alone in zip(found.pids, alone_of(self.machine), strict=True)
+            pid._replace(setpoint_weight=weight_of(isolated, pid.kp, pid.ki, pid.kd))
+            for pid, isolated in zip(result.pids, isolated_axes(self.machine), strict=True)
         )
-        return replace(found, pids=pids)
+        return replace(result, pids=pids)
 
-    def calm(self, found: Holding) -> Holding:
+    def calm(self, result: Holding) -> Holding:
         """Return the same with less of the references to kp, where a step overshoots by much."""
-        pids = found.pids
+        pids = result.pids
         for share in WEIGHTS:
             if self.loop.overshoot(pids) <= OVERSHOOT:
                 break
             pids = tuple(
-                pid._replace(setpoint_weight=share * pid.setpoint_weight) for pid in found.pids
+                pid._replace(setpoint_weight=share * pid.setpoint_weight) for pid in result.pids
             )
-        return replace(found, pids=pids)
+        return replace(result, pids=pids)
 
 
 def _changed(pid: Gains, p: float, d: float, f: float) -> Gains:
@@ -418,9 +418,9 @@ def _changed(pid: Gains, p: float, d: float, f: float) -> Gains:
 def _hovering(machine: Machine) -> tuple[Array, Array]:
     """Return k_i [N/A] and k_s [N/m] of the axes (p,) where they carry the rotor."""
     tangents = []
-    for alone, force in zip(alone_of(machine), weights_of(machine), strict=True):
-        law = magnet_of(alone)
-        iu = hover_current(alone, law, 0.0, law.bias_force + force)
+    for isolated, force in zip(isolated_axes(machine), weights_of(machine), strict=True):
+        law = magnet_of(isolated)
+        iu = levitation_current(isolated, law, 0.0, law.bias_force + force)
         tangents.append([float(k) for k in law.tangent(iu, 0.0)])
     k_i, k_s = np.array(tangents).T
     return k_i, k_s
@@ -430,7 +430,7 @@ class _Loop:
     """A machine with linear magnets, sampled, and what controllers make of it."""
 
     def __init__(self, machine: Machine, feedback: str) -> None:
-        self.alone = alone_of(machine)
+        self.isolated = isolated_axes(machine)
         self.k_i, self.k_s = _hovering(machine)
         self.T = machine.sampling_time
         parts = machine_parts(machine, noise=False)
@@ -464,7 +464,7 @@ class _Loop:
             B[n + 3 * k, k] = self.T * pid.ki
             B[:n, k] = self.B[:, k] * pid.kp * pid.setpoint_weight
         C = np.hstack([self.seen, np.zeros((p, len(F) - n))])
-        return _beyond(F, B, C, max(map(own_time, self.alone)) / self.T)
+        return _beyond(F, B, C, max(map(own_time, self.isolated)) / self.T)
 
     def _closed(self, pids: tuple[Gains, ...]) -> Array:
         """Return the states' matrix with controllers as ``core/src/controller.c`` has them."""
@@ -492,5 +492,5 @@ class _Loop:
             return float(np.minimum(ratio / WELL_DAMPED, 1.0).min())
         bends = np.abs(poles.imag) > self.slowest
         nearest = np.abs(np.abs(poles.imag)[:, None] - self.own.frequency).argmin(axis=1)
-        wanted = np.where(bends, LEFT_TO_IT * self.own.damping_ratio[nearest], WELL_DAMPED)
-        return float(np.minimum(ratio / wanted, 1.0).min())
+        target_damping = np.where(bends, LEFT_TO_IT * self.own.damping_ratio[nearest], WELL_DAMPED)
+        return float(np.minimum(ratio / target_damping, 1.0).min())

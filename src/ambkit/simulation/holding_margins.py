@@ -1,4 +1,4 @@
-"""Peaks of the sensitivity of a whole machine's axes, for many controllers of the same plant."""
+"""Peaks of the sensitivity of a machine's axes, for many controllers of the same plant."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine import geometry
-from ambkit.machine.bank import alone_of
+from ambkit.machine.bank import isolated_axes
 from ambkit.machine.magnets import own_time
-from ambkit.simulation.linear.pieces import WorkPoint, plant
+from ambkit.simulation.linear.pieces import OperatingPoint, plant
 from ambkit.simulation.linear.settled import estimator_at
 
 if TYPE_CHECKING:
@@ -35,12 +35,12 @@ class Sensitivities:
     """A machine's loops, each axis with its own PID and all others closed."""
 
     def __init__(self, machine: Machine, *, estimated: bool) -> None:
-        point = WorkPoint.of_machine(machine)
+        point = OperatingPoint.of_machine(machine)
         P = plant(machine, point)
         p, m = len(machine.axes), len(machine.readings)
         f = _frequencies(machine, P)
         self.T, self.z = machine.sampling_time, np.exp(2j * np.pi * f * machine.sampling_time)
-        self.volts = np.array([1 / b.amplifier.gain for b in alone_of(machine)])
+        self.volts = np.array([1 / b.amplifier.gain for b in isolated_axes(machine)])
         self.shown = shown_along_axes(machine)
         self.added = np.linalg.pinv(self.shown)
         self.plant = P.response(f)[:, :m, :p]
@@ -53,8 +53,8 @@ class Sensitivities:
         """Return the peak of abs(S) of each axis (p,) [1], be the loop stable or not."""
         # The controllers' response is written out, as `controller` has it in states: hundreds are
         # asked.
-        told = [(pid.kp, pid.ki, pid.kd, pid.derivative_filter) for pid in pids]
-        kp, ki, kd, T_f = np.array(told).T
+        gains = [(pid.kp, pid.ki, pid.kd, pid.derivative_filter) for pid in pids]
+        kp, ki, kd, T_f = np.array(gains).T
         z, T, p = self.z[:, None], self.T, len(pids)
         x, v = self.volts * (kp + ki * T / (z - 1)), self.volts * kd
         if self.estimator is None:
@@ -92,14 +92,14 @@ def shown_along_axes(machine: Machine) -> Array:
 
 def _frequencies(machine: Machine, P: LinearSystem) -> Array:
     top = min(TOP, 0.5 / machine.sampling_time)
-    slowest = 1 / (40 * math.pi * max(own_time(b) for b in alone_of(machine)))
+    min_frequency = 1 / (40 * math.pi * max(own_time(b) for b in isolated_axes(machine)))
     swings = np.log(P.poles()[np.abs(P.poles()) > 1e-6]) / machine.sampling_time
     swings = swings[np.abs(swings.real) < WITHIN * swings.imag]
     near = np.linspace(-1, 1, NEAR)
     about = [one.imag * (1 + WITHIN * near) for one in swings]
     about += [one.imag + 3 * abs(one.real) * near for one in swings]
     f = np.concatenate([
-        np.geomspace(min(slowest, top / 2), top, POINTS),
+        np.geomspace(min(min_frequency, top / 2), top, POINTS),
         np.concatenate([np.zeros(0), *about]) / (2 * math.pi),
     ])  # fmt: skip
     return np.unique(f[(f > 0) & (f <= top)])

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 NODES, RIGID = 129, 33
-"""Numbers of speeds at which the motion is computed, of a rotor that bends and of a rigid one."""
+"""Numbers of speeds at which the motion is computed, of a flexible rotor and of a rigid one."""
 LEAST, MOST = 1.5, 3.0
 """Orbit without the controllers' reaction, over that under plain control: up to the first all of
 the motion is left to the rotor, from the second on none of it."""
@@ -92,8 +92,8 @@ class LetTurn:
         across = np.stack([-unbalance[1::2], unbalance[::2]], axis=1).ravel()
         positions = self.reach @ motion[: self.reach.shape[1]]
         rows = np.vstack([positions, self.ampere[:, None] * current])
-        taken = float(((rows @ unbalance) ** 2 + (rows @ across) ** 2).max())
-        return float(np.clip((NONE**2 - taken) / (NONE**2 - FULL**2), 0.0, 1.0))
+        squared_share = float(((rows @ unbalance) ** 2 + (rows @ across) ** 2).max())
+        return float(np.clip((NONE**2 - squared_share) / (NONE**2 - FULL**2), 0.0, 1.0))
 
     def for_unbalance_of(self, machine: Machine) -> LetTurn:
         """Return the same, limited as the core limits it for a machine's unbalance."""
@@ -112,15 +112,17 @@ class LetTurn:
         """Return where it is plain control between two speeds [rad/s]; None where it is not."""
         speeds = np.abs(self.first + self.step * np.arange(len(self.share)))
         inner = speeds[(speeds > abs(low)) & (speeds < abs(high))]
-        asked = np.array(sorted({abs(low), *map(float, inner), abs(high)}))
+        speed_grid = np.array(sorted({abs(low), *map(float, inner), abs(high)}))
         way = math.copysign(1.0, self.step)
-        nothing = np.array([self.share_at(way * float(each)) <= 0 for each in asked])
+        nothing = np.array([self.share_at(way * float(item)) <= 0 for item in speed_grid])
         starts = np.flatnonzero(nothing & ~np.r_[False, nothing[:-1]])
         ends = np.flatnonzero(nothing & ~np.r_[nothing[1:], False])
         if not len(starts):
             return None
         where = ", ".join(
-            f"at {rpm(asked[a])}" if a == b else f"from {rpm(asked[a])} to {rpm(asked[b])}"
+            f"at {rpm(speed_grid[a])}"
+            if a == b
+            else f"from {rpm(speed_grid[a])} to {rpm(speed_grid[b])}"
             for a, b in zip(starts, ends, strict=True)
         )
         return (
@@ -163,7 +165,7 @@ def let_turn(
     control: _Control,
     unbalance: Literal["force-free", "still"],
     start: float | None = None,
-    fastest: float | None = None,
+    max_speed: float | None = None,
 ) -> LetTurn:
     """Return the motion that controllers are to leave to the rotor, over the speeds."""
     # Less of it, and in the end nothing, is left where the orbit would be considerably larger than
@@ -171,7 +173,7 @@ def let_turn(
     # the free rotor, or of the one that is held still. That is a ratio, whatever the unbalance.
     check_unbalance(estimator)
     machine = plant.machine
-    top = max(abs(machine.speed), abs(fastest or 0.0))
+    top = max(abs(machine.speed), abs(max_speed or 0.0))
     first = min(SLOWEST, top / 2) if start is None else start
     if not first < top:
         raise AmbkitError(
@@ -192,7 +194,9 @@ def let_turn(
     share = _shares(np.array(larger), speeds)
     share[0] = 0.0
     left = share[:, None, None]
-    room = np.array([min(alone.current_max, -alone.current_min) for alone in plant.alone])
+    room = np.array(
+        [min(isolated.current_max, -isolated.current_min) for isolated in plant.isolated]
+    )
     return LetTurn(
         float(speeds[0]), float(speeds[1] - speeds[0]), states[0], left * np.array(motion),
         left * np.array(current), share, plant.H / rotor.travel[:, None], 1 / room,
@@ -210,11 +214,11 @@ def _shares(larger: Array, speeds: Array) -> Array:
 
 def _sizes(plant: Plant, usual: list[float]) -> Array:
     """Return how large the unbalance is in each plane [kg m]: as described, or as is usual."""
-    given: dict[float, float] = {}
+    unbalances: dict[float, float] = {}
     for z, amount, _ in plant.machine.unbalances() if plant.machine.speed else []:
-        given[z] = given.get(z, 0.0) + amount
+        unbalances[z] = unbalances.get(z, 0.0) + amount
     planes = unbalance_planes(plant.machine)
-    return np.array([given.get(z, size) for z, size in zip(planes, usual, strict=True)])
+    return np.array([unbalances.get(z, size) for z, size in zip(planes, usual, strict=True)])
 
 
 def _real(Z: Complex) -> Array:
@@ -226,11 +230,11 @@ class _Rotor:
     """A rotor with unbalance of 1 kg m at a speed W: ``D(W) q = W^2 push U + give F``."""
 
     def __init__(self, plant: Plant, estimator: Estimator) -> None:
-        machine, alone, model = plant.machine, plant.alone, plant.model
-        whole = estimator.whole
-        assert whole is not None
+        machine, isolated, model = plant.machine, plant.isolated, plant.model
+        machine_view = estimator.whole
+        assert machine_view is not None
         q = len(machine.positions)
-        k = [ConstantStiffness.of(each) for each in alone]
+        k = [ConstantStiffness.of(item) for item in isolated]
         lines = [
             machine.line(z, turn) for z in unbalance_planes(machine) for turn in (0.0, math.pi / 2)
         ]
@@ -241,11 +245,11 @@ class _Rotor:
         self.planes = geometry.matrix(lines, machine.positions)
         self.push = (self.planes[::2] - 1j * self.planes[1::2]).T / machine.masses[:, None]
         self.k_i, self.k_s = np.array([[e.k_i] for e in k]), np.array([[e.k_s] for e in k])
-        self.travel = np.array([each.rotor.travel_limit for each in alone])
-        self.corners = [each.amplifier.bandwidth for each in alone]
+        self.travel = np.array([item.rotor.clearance for item in isolated])
+        self.corners = [item.amplifier.bandwidth for item in isolated]
         self.names = [state.name for state in estimator.states]
         self.currents = [
-            (at, whole.axis_of(state), state)
+            (at, machine_view.axis_of(state), state)
             for at, state in enumerate(estimator.states)
             if state.role in ("current", "past control")
         ]
@@ -257,7 +261,7 @@ class _Rotor:
 
     def given(self, speed: float) -> Complex:
         """Return the accelerations (q, p) by 1 N of each magnet that turns at a speed."""
-        return np.asarray(self.give * np.array([each.at(speed)[1] for each in self.behind]))
+        return np.asarray(self.give * np.array([item.at(speed)[1] for item in self.behind]))
 
     def left(self, speed: float, unbalance: str) -> tuple[Complex, Complex]:
         """Return the positions (q, planes) of a rotor free or held still, and its currents."""

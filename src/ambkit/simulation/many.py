@@ -20,8 +20,8 @@ from ambkit.estimate.batch import processors
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import MagnetModel, core_module
 from ambkit.simulation.controllers import Controllers
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.figures import FIGURES, FLAGS, OF_SEVERAL, figures_of, first_of, flags_of
-from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.run import Loop, Run, Sampled, simulate_run
 from ambkit.simulation.scenario import Scenario
 
@@ -48,7 +48,7 @@ class Planned:
         The plant.
     scenario : Scenario
         What happens to it, the controllers among it.
-    estimator, magnet, imposed
+    estimator, magnet, external_inputs
         As for :func:`ambkit.simulation.run.simulate_run`. The estimator is not changed, and one may
         serve all runs: each begins afresh.
     number : int, optional
@@ -62,14 +62,14 @@ class Planned:
     scenario: Scenario
     estimator: Estimator | None = None
     magnet: MagnetModel | None = None
-    imposed: Imposed | None = None
+    external_inputs: ExternalInputs | None = None
     number: int | None = None
     controllers: Controllers | None = None
 
     @property
     def axis(self) -> Bearing:
         """The plant, which has one axis."""
-        return self.bearing.alone("")
+        return self.bearing.isolated_axis("")
 
     @property
     def key(self) -> tuple[int, int]:
@@ -91,7 +91,7 @@ class Planned:
         """Simulate it with an estimator of the same kind."""
         return simulate_run(
             self.bearing, self.numbered, estimator=estimator, magnet=self.magnet,
-            imposed=self.imposed, controllers=self.controllers,
+            external_inputs=self.external_inputs, controllers=self.controllers,
         )  # fmt: skip
 
 
@@ -171,7 +171,7 @@ def simulate_many(
     settling : float
         Time at the start of each run that errors leave out [s]; the first sample always is.
     band : float
-        Control error that a rotor has recovered within, as a share of its travel limit.
+        Control error that a rotor has recovered within, as a share of its clearance.
     traces : collection of int
         Places of runs whose samples are kept.
     threads : int, optional
@@ -204,13 +204,13 @@ def simulate_many(
     of_one, planned = _parted(runs)
     if of_one:
         engine = _Engine(settling, band, threads, instructions)
-        figures, flags, kept, n = _in_lanes(planned, engine, traces, done)
+        figures, flags, traced_runs, n = _in_lanes(planned, engine, traces, done)
     else:
-        figures, flags, kept, n = _in_threads(planned, settling, band, traces, threads, done)
-    if missing := set(traces) - kept.keys():
+        figures, flags, traced_runs, n = _in_threads(planned, settling, band, traces, threads, done)
+    if missing := set(traces) - traced_runs.keys():
         raise ValueError(f"traces holds {min(missing)}, and there are {n} runs")
     known = FIGURES if of_one else OF_SEVERAL
-    return Many(_columns(known, figures, float), _columns(FLAGS, flags, np.int64), kept)
+    return Many(_columns(known, figures, float), _columns(FLAGS, flags, np.int64), traced_runs)
 
 
 _Judged = tuple[Sequence[Array], Sequence[Counts], dict[int, Run], int]
@@ -219,14 +219,14 @@ _Judged = tuple[Sequence[Array], Sequence[Counts], dict[int, Run], int]
 
 def _parted(runs: Iterable[Planned]) -> tuple[bool, Iterator[Planned]]:
     """Return whether runs have one axis, and the runs; each is checked when it is taken."""
-    each = iter(runs)
-    first = next(each, None)
+    parts = iter(runs)
+    first = next(parts, None)
     if first is None:
-        return True, each
+        return True, parts
     of_one = first.bearing.single
 
     def alike() -> Iterator[Planned]:
-        for run in chain([first], each):
+        for run in chain([first], parts):
             if run.bearing.single != of_one:
                 raise ValueError("runs must all have one axis, or all several")
             yield run
@@ -249,29 +249,29 @@ def _in_threads(
             known = own.estimators.get(id(estimator))
             estimator = known or own.estimators.setdefault(id(estimator), _copied(estimator))
         run = planned._flown(estimator)
-        found = figures_of(run, planned.estimator, settling, band)
-        return [found[name] for name in OF_SEVERAL], flags_of(run)
+        result = figures_of(run, planned.estimator, settling, band)
+        return [result[name] for name in OF_SEVERAL], flags_of(run)
 
-    rows, flags, kept = list[Array](), list[Counts](), dict[int, Run]()
+    rows, flags, traced_runs = list[Array](), list[Counts](), dict[int, Run]()
 
     def counted() -> Iterator[Planned]:
         for place, planned in enumerate(runs):
             if place in traces:
-                kept[place] = planned.simulated()
+                traced_runs[place] = planned.simulated()
             yield planned
 
     with ThreadPoolExecutor(threads) as pool:
-        for row, said in pool.map(fly, counted()):
+        for row, flag_counts in pool.map(fly, counted()):
             rows.append(np.array([row]))
-            flags.append(np.array([said], np.int64))
+            flags.append(np.array([flag_counts], np.int64))
             if done is not None:
                 done(1)
-    return rows, flags, kept, len(rows)
+    return rows, flags, traced_runs, len(rows)
 
 
 def _copied(estimator: Estimator) -> Estimator:
-    found: Estimator = pickle.loads(pickle.dumps(estimator))
-    return found
+    result: Estimator = pickle.loads(pickle.dumps(estimator))
+    return result
 
 
 def _in_lanes(
@@ -280,7 +280,7 @@ def _in_lanes(
 ) -> _Judged:  # fmt: skip
     """Fly runs of one axis, many at once in C."""
     parts: list[tuple[Array, Counts]] = []
-    kept: dict[int, Run] = {}
+    traced_runs: dict[int, Run] = {}
     place = 0
     # While some are flown, the next ones are planned: C needs no interpreter.
     ahead: Future[tuple[Array, Counts]] | None = None
@@ -299,11 +299,11 @@ def _in_lanes(
             ahead, last = pilot.submit(engine.flown, ready), len(chunk)
             for planned in chunk:
                 if place in traces:
-                    kept[place] = planned.simulated()
+                    traced_runs[place] = planned.simulated()
                 place += 1
         landed()
     figures, flags = zip(*parts, strict=True) if parts else ((), ())
-    return figures, flags, kept, place
+    return figures, flags, traced_runs, place
 
 
 def _chunked(runs: Iterator[Planned], size: int) -> Iterator[list[Planned]]:
@@ -359,8 +359,8 @@ class _Engine:
         figures = np.empty((len(numbers), len(FIGURES)))
         counts = np.empty((len(numbers), len(FLAGS)), np.int64)
         for core, plans in ready.by_core.items():
-            places = np.concatenate([np.array(each) for each in plans.values()])
-            which = np.repeat(np.arange(len(plans)), [len(each) for each in plans.values()])
+            places = np.concatenate([np.array(plan) for plan in plans.values()])
+            which = np.repeat(np.arange(len(plans)), [len(plan) for plan in plans.values()])
             order = np.argsort(places)
             places, which = places[order], np.ascontiguousarray(which[order], np.int64)
             figures[places], counts[places] = core.fly(
@@ -371,16 +371,17 @@ class _Engine:
 
     def _plan(self, planned: Planned) -> tuple[ModuleType, Any]:
         made_of = (
-            planned.bearing, planned.scenario, planned.estimator, planned.magnet, planned.imposed,
+            planned.bearing, planned.scenario, planned.estimator, planned.magnet,
+            planned.external_inputs,
         )  # fmt: skip
         known = tuple(map(id, made_of))
-        found = self._plans.get(known)
-        if found is None:
+        result = self._plans.get(known)
+        if result is None:
             core, plan, general = self._made(planned)
             if not general:
                 return core, plan
-            found = self._plans[known] = planned, core, plan
-        return found[1:]
+            result = self._plans[known] = planned, core, plan
+        return result[1:]
 
     def _sampled(self, planned: Planned) -> Sampled:
         """Return the signals of a scenario, which many bearings and controllers share."""
@@ -390,8 +391,8 @@ class _Engine:
         if key not in self._signals:
             if len(self._signals) > MOST_PLANS:
                 self._signals.clear()
-            told = Sampled.of(planned.axis, planned.scenario)
-            self._signals[key] = planned.scenario, told
+            sampled_signals = Sampled.of(planned.axis, planned.scenario)
+            self._signals[key] = planned.scenario, sampled_signals
         return self._signals[key][1]
 
     def _windows(self, bearing: Bearing, r: Array, f_d: Array, sampled: Sampled) -> Windows:
@@ -411,7 +412,7 @@ class _Engine:
         def of(scenario: Scenario) -> Loop:
             return Loop(
                 planned.axis, scenario, estimator=planned.estimator, magnet=planned.magnet,
-                imposed=planned.imposed, sampled=sampled,
+                external_inputs=planned.external_inputs, sampled=sampled,
             )  # fmt: skip
 
         loop = of(planned.scenario)
@@ -432,7 +433,7 @@ class _Engine:
         start, stop, height = at.step or (0, 0, 0.0)
         stds = loop.white_noise
         series: Any = (None, None) if stds is not None else of(planned.numbered).noise
-        noise_u, noise_y = (None if each is None else each.ravel() for each in series)
+        noise_u, noise_y = (None if item is None else item.ravel() for item in series)
         plan = core.Plan(
             **loop.arguments(core, given),
             mean=None if estimator is None else given(loop.start),
@@ -441,6 +442,6 @@ class _Engine:
             std_y=0.0 if stds is None else stds[1], noise_u=noise_u, noise_y=noise_y,
             first=at.first, step_from=start, step_to=stop, height=height,
             load_from=len(r) if at.load is None else at.load,
-            band=self.band * bearing.rotor.travel_limit,
+            band=self.band * bearing.rotor.clearance,
         )  # fmt: skip
         return core, plan, stds is not None

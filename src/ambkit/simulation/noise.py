@@ -49,7 +49,7 @@ class Stream:
 
     def share(self) -> float:
         """Return one number from 0 to below 1."""
-        low, high = (each % 2**32 for each in (self.run, self.run >> 32))
+        low, high = (item % 2**32 for item in (self.run, self.run >> 32))
         key = [self.seed % 2**32, self.seed >> 32]
         return int(core_module().philox([0, self.number, low, high], key)[0]) / 2**32
 
@@ -105,15 +105,15 @@ def hum(line: Hum, T: float, n: int, stream: Stream) -> Array:
     """Return n samples of a narrow line [m]."""
     # Without a bandwidth, a sine of random phase. Else a phasor ``z(k+1) = exp((j omega - alpha) T)
     # z(k) + noise`` with ``alpha = 2 pi bandwidth``, stationary and of the same power.
-    turning = 2j * math.pi * line.frequency * T
+    phase_step = 2j * math.pi * line.frequency * T
     if line.bandwidth == 0:
         phase = 2 * math.pi * stream.share()
-        return np.asarray(line.amplitude * np.cos(turning.imag * np.arange(n) + phase))
+        return np.asarray(line.amplitude * np.cos(phase_step.imag * np.arange(n) + phase))
     pairs = stream.normal(line.amplitude / math.sqrt(2), 2 * n)
     white = pairs[0::2] + 1j * pairs[1::2]
     rate = 2 * math.pi * line.bandwidth * T
     white[1:] *= math.sqrt(-math.expm1(-2 * rate))
-    return _first_order(np.exp(turning - rate), white).real
+    return _first_order(np.exp(phase_step - rate), white).real
 
 
 def _first_order(pole: complex, white: NDArray[Any]) -> NDArray[Any]:

@@ -32,7 +32,7 @@ def substeps(bearing: Bearing, least: int) -> int:
         2 * T / bearing.sensor_lag, 4 * T * _corner(bearing), 4 * T * turn,
         4 * T * fastest(_behind(bearing)),
     )  # fmt: skip
-    return max(least, *(math.ceil(each) for each in needed))
+    return max(least, *(math.ceil(item) for item in needed))
 
 
 def _corner(bearing: Bearing) -> float:
@@ -72,8 +72,8 @@ def behind_fields(behind: Behind | None, dtype: str) -> dict[str, Any]:
     """Return what is between a magnet and its rotor, by the names of ``amb_parts``."""
     if behind is None or not behind.states:
         return {}
-    each = {"A": behind.A.ravel(), "b": behind.b, "c": behind.c, "rest": behind.rest}
-    arrays = {f"behind_{name}": values.astype(dtype) for name, values in each.items()}
+    parts = {"A": behind.A.ravel(), "b": behind.b, "c": behind.c, "rest": behind.rest}
+    arrays = {f"behind_{name}": values.astype(dtype) for name, values in parts.items()}
     return {"behind": len(behind.states), "behind_d": behind.d} | arrays
 
 
@@ -81,38 +81,40 @@ def in_words(bearing: Bearing) -> list[str]:
     """Name each part with its values, for people."""
     magnet, amplifier = bearing.magnet, bearing.amplifier
     sensor, stop = bearing.sensor, bearing.stop
-    told = []
+    features = []
     if magnet.saturation is not None:
-        told.append(f"iron that saturates at {engineering(magnet.saturation, 'T')}")
+        features.append(f"iron that saturates at {engineering(magnet.saturation, 'T')}")
     if magnet.force_map is not None:
-        told.append(f"the force of {Path(magnet.force_map).name}")
+        features.append(f"the force of {Path(magnet.force_map).name}")
     behind = _behind(bearing)
     if behind is not None:
         lag = engineering(1 / fastest(behind), "s")
-        told.append(f"force that lags behind the current by {lag}")
+        features.append(f"force that lags behind the current by {lag}")
     if amplifier.bandwidth is not None:
         volts = amplifier.voltage_limit
         within = "" if volts is None else f" within {engineering(volts, 'V')}"
-        told.append(f"amplifier of {engineering(amplifier.bandwidth, 'Hz')}{within}")
+        features.append(f"amplifier of {engineering(amplifier.bandwidth, 'Hz')}{within}")
     if bearing.delay is not None:
         samples = bearing.delay / bearing.sampling_time
-        told.append(f"delay of {engineering(bearing.delay, 's')}, {samples:.3g} samples")
+        features.append(f"delay of {engineering(bearing.delay, 's')}, {samples:.3g} samples")
     if sensor.quantisation is not None:
-        told.append(f"quantisation of {engineering(sensor.quantisation, 'm')}")
-    if sensor.noise_rise:
-        told.append("sensor noise that depends on the position")
+        features.append(f"quantisation of {engineering(sensor.quantisation, 'm')}")
+    if sensor.position_noise:
+        features.append("sensor noise that depends on the position")
     if sensor.quadratic or sensor.cubic:
-        told.append("non-linear sensor")
+        features.append("non-linear sensor")
     if sensor.coloured_noise is not None:
-        told.append(f"coloured noise to {engineering(sensor.coloured_noise.bandwidth, 'Hz')}")
+        features.append(f"coloured noise to {engineering(sensor.coloured_noise.bandwidth, 'Hz')}")
     if sensor.hum:
-        told.append(f"hum at {', '.join(engineering(line.frequency, 'Hz') for line in sensor.hum)}")
+        features.append(
+            f"hum at {', '.join(engineering(line.frequency, 'Hz') for line in sensor.hum)}"
+        )
     if sensor.runout:
         orders = ", ".join(f"{line.order}x" for line in sensor.runout)
-        told.append(f"runout {orders} of {engineering(bearing.speed / (2 * math.pi), 'Hz')}")
+        features.append(f"runout {orders} of {engineering(bearing.speed / (2 * math.pi), 'Hz')}")
     if stop is not None:
-        told.append(f"stops of {engineering(stop.stiffness, 'N/m^1.5')}")
-    return told
+        features.append(f"stops of {engineering(stop.stiffness, 'N/m^1.5')}")
+    return features
 
 
 def coil_fields(bearing: Bearing) -> dict[str, Any] | None:
@@ -147,8 +149,8 @@ def delay_of(bearing: Machine) -> dict[str, Any]:
     samples = bearing.delay / bearing.sampling_time
     if abs(samples - round(samples)) < 1e-9:  # rounding of a whole number
         return {"delay": round(samples), "delay_rest": 0.0}
-    whole = math.floor(samples)
-    return {"delay": whole, "delay_rest": (samples - whole) * bearing.sampling_time}
+    integer_part = math.floor(samples)
+    return {"delay": integer_part, "delay_rest": (samples - integer_part) * bearing.sampling_time}
 
 
 def _sensor(bearing: Bearing, dtype: str) -> dict[str, Any]:
@@ -167,12 +169,12 @@ def of_sensor(
         parts |= {"quadratic": sensor.quadratic, "cubic": sensor.cubic}
     if sensor.quantisation is not None:
         parts["step"] = sensor.quantisation
-    if sensor.noise_rise:
-        parts["rise"] = sensor.noise_rise
-    told = tuple(runout)
-    if told:
-        lines = np.zeros(max(line.order for line in told), dtype=complex)
-        for line in told:  # amplitude cos(n phi + phase)
+    if sensor.position_noise:
+        parts["rise"] = sensor.position_noise
+    runout_lines = tuple(runout)
+    if runout_lines:
+        lines = np.zeros(max(line.order for line in runout_lines), dtype=complex)
+        for line in runout_lines:  # amplitude cos(n phi + phase)
             lines[line.order - 1] += cmath.rect(line.amplitude, line.phase - line.order * around)
         parts |= {
             "orders": len(lines),
@@ -185,7 +187,7 @@ def of_sensor(
 def _contact(bearing: Bearing) -> dict[str, Any]:
     if bearing.stop is None:
         return {}
-    travel, gap = bearing.rotor.travel_limit, bearing.magnet.air_gap
+    travel, gap = bearing.rotor.clearance, bearing.magnet.air_gap
     return {
         "stiffness": bearing.stop.stiffness,
         "damping": bearing.stop.damping,

@@ -65,7 +65,7 @@ def recorded(
             signals[name] = np.asarray(out[name], float), "V"
     if scenario.sequence is not None:
         signals["mode"] = out["mode"].astype(float), "1"
-    for way in {each.direction for each in scenario.base}:
+    for way in {item.direction for item in scenario.base}:
         signals[f"base_{way}"] = series["base"][:, "xyz".index(way)], "m/s^2"
     return Record(
         t,

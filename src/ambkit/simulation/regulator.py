@@ -1,4 +1,4 @@
-"""The linear-quadratic regulator of a whole machine, by an estimator's states."""
+"""The linear-quadratic regulator of a machine, by an estimator's states."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
     # tenths of the travel and of the currents in a share of their limits (Bryson and Ho 1975). The
     # estimated loads are cancelled at rest, and references held.
     along = estimator.view.along_axes(estimator.states)[0]
-    return regulator_of(plant.alone, estimator, along)
+    return regulator_of(plant.isolated, estimator, along)
 
 
 def scheduled(plant: Plant, estimator: Estimator) -> tuple[dict[str, Array], Array]:
@@ -58,21 +58,21 @@ def scheduled(plant: Plant, estimator: Estimator) -> tuple[dict[str, Array], Arr
         for share in {0.0, 1.0, *MIDDLES, *BETWEEN}
     }
     known = {share: regulator(plant, filters[share])[0] for share in (0.0, *MIDDLES, 1.0)}
-    models = {share: _regulated(plant.alone, filters[share]) for share in BETWEEN}
+    models = {share: _regulated(plant.isolated, filters[share]) for share in BETWEEN}
 
     def through(middle: float) -> Array:
         """Return the coefficients of the gains (3, p, n) through three nodes."""
         nodes = (0.0, middle, 1.0)
         powers = np.linalg.inv(np.vander(nodes, increasing=True))
-        return np.tensordot(powers, [known[each] for each in nodes], axes=1)
+        return np.tensordot(powers, [known[node] for node in nodes], axes=1)
 
-    def radius(found: Array) -> float:
+    def radius(result: Array) -> float:
         """Return the greatest spectral radius of the regulated model between the nodes."""
-        each = (
-            A - B @ np.tensordot([1.0, share, share**2], found, axes=1)[:, own]
+        parts = (
+            A - B @ np.tensordot([1.0, share, share**2], result, axes=1)[:, own]
             for share, (_, own, A, B) in models.items()
         )
-        return max(float(np.abs(np.linalg.eigvals(closed)).max()) for closed in each)
+        return max(float(np.abs(np.linalg.eigvals(closed)).max()) for closed in parts)
 
     best = min(map(through, MIDDLES), key=radius)
     gains = np.zeros((3, best.shape[1], len(names)))
@@ -83,30 +83,30 @@ def scheduled(plant: Plant, estimator: Estimator) -> tuple[dict[str, Array], Arr
 
 
 def _regulated(
-    alone: Sequence[Bearing], estimator: Estimator
+    isolated: Sequence[Bearing], estimator: Estimator
 ) -> tuple[LinearModel, list[int], Array, Array]:
     """Return an estimator's model, which of its states are regulated, and A and B [A] of these."""
-    k = [ConstantStiffness.of(each) for each in alone]
+    k = [ConstantStiffness.of(item) for item in isolated]
     model = estimator.linear_model(np.array([e.k_i for e in k]), np.array([e.k_s for e in k]))
     own = [at for at, state in enumerate(estimator.states) if state.role in REGULATED]
-    volts = np.array([each.amplifier.gain for each in alone])
+    volts = np.array([item.amplifier.gain for item in isolated])
     return model, own, model.A[np.ix_(own, own)], model.B[own] / volts
 
 
 def regulator_of(
-    alone: Sequence[Bearing], estimator: Estimator, along: Array
+    isolated: Sequence[Bearing], estimator: Estimator, along: Array
 ) -> tuple[Array, Array]:
     """Return the same of axes."""
     # along (p, n)
     from scipy.linalg import solve_discrete_are
 
-    model, own, A, B = _regulated(alone, estimator)
+    model, own, A, B = _regulated(isolated, estimator)
     roles = [state.role for state in estimator.states]
     loads = [at for at, role in enumerate(roles) if role == "disturbance force"]
-    n, p = len(own), len(alone)
+    n, p = len(own), len(isolated)
     C = along[:, own]
-    travel = np.array([each.rotor.travel_limit for each in alone])
-    limit = np.array([min(abs(each.current_min), each.current_max) for each in alone])
+    travel = np.array([item.rotor.clearance for item in isolated])
+    limit = np.array([min(abs(item.current_min), item.current_max) for item in isolated])
     weight = np.diag(1 / (SHARE * limit) ** 2)
     seen = C / (0.1 * travel)[:, None]
     # States are counted in what the currents make of them, or digits are lost.
@@ -126,9 +126,9 @@ def regulator_of(
     # than coordinates.
     E = model.A[np.ix_(own, loads)] / size[:, None]
     rest = np.block([[np.eye(n) - scaled, -moved], [C * size, np.zeros((p, p))]])
-    asked = np.block([[E, np.zeros((n, p))], [np.zeros((p, len(loads))), np.eye(p)]])
-    found = np.linalg.lstsq(rest, asked, rcond=1e-12)[0]
-    ahead = K_own @ found[:n] + found[n:]
+    targets = np.block([[E, np.zeros((n, p))], [np.zeros((p, len(loads))), np.eye(p)]])
+    result = np.linalg.lstsq(rest, targets, rcond=1e-12)[0]
+    ahead = K_own @ result[:n] + result[n:]
     K = np.zeros((p, len(roles)))
     K[:, own] = K_own / size
     K[:, loads] = -ahead[:, : len(loads)]

@@ -24,9 +24,9 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, core_module
 from ambkit.simulation.controllers import Controllers
 from ambkit.simulation.default_control import feedback_of, settled_scenario
+from ambkit.simulation.external_inputs import ExternalInputs, Faults, columns, series_of
 from ambkit.simulation.fields import InLoops, StraightLine
 from ambkit.simulation.holding_margins import shown_along_axes
-from ambkit.simulation.imposed import Faults, Imposed, columns, series_of
 from ambkit.simulation.noise import drawn, white
 from ambkit.simulation.recording import recorded
 from ambkit.simulation.scenario import AXES, PID, Scenario
@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 
 def _adds_noise(sensor: Any) -> bool:
     """Whether a sensor adds its noise, and neither rounds it nor has more of it at some places."""
-    return sensor.quantisation is None and not sensor.noise_rise
+    return sensor.quantisation is None and not sensor.position_noise
 
 
 def samples(machine: Machine, scenario: Scenario) -> int:
@@ -100,7 +100,7 @@ class Loop:
 
     # What is simulated is that of :func:`simulate_run`, and in stretches it is the same, to the
     # last bit, as in one go. In between, `estimator` may be replaced by one that goes on where the
-    # old one is, see :meth:`ambkit.Estimator.take_over`: so a filter is learned anew in flight.
+    # old one is, see :meth:`ambkit.Estimator.transfer_from`: so a filter is learned anew in flight.
     # `controllers` are made already, as for another machine, or are the PID of each axis.
 
     def __init__(
@@ -110,7 +110,7 @@ class Loop:
         *,
         estimator: Estimator | None = None,
         magnet: MagnetModel | None = None,
-        imposed: Imposed | None = None,
+        external_inputs: ExternalInputs | None = None,
         sampled: Sampled | None = None,
         controllers: Controllers | Sequence[PID] | None = None,
     ) -> None:
@@ -122,12 +122,15 @@ class Loop:
         self._straight = machine.single and controllers is None
         scenario.check_for(names, body=not self._straight)
         machine = machine.short if self._straight else machine
-        self.machine, self.imposed = machine, Imposed() if imposed is None else imposed
+        self.machine, self.external_inputs = (
+            machine,
+            ExternalInputs() if external_inputs is None else external_inputs,
+        )
         self.scenario = self._settled(scenario, made=controllers is not None)
         self._t, self._reference, self._load, self._injected = (
             Sampled.of(machine, self.scenario) if sampled is None else sampled
         )
-        self._fly = self.imposed.fly
+        self._fly = self.external_inputs.fly
         if self._fly is None and self.scenario.sequence is not None:
             self._fly = self.scenario.sequence.fly(self._t)
         if estimator is None and (self.fed or self.scenario.sequence is not None):
@@ -135,8 +138,8 @@ class Loop:
         self.estimator = estimator
         self._impose(magnet)
         self._form = self._formed(magnet, controllers)
-        if self.imposed.references is not None:
-            self._reference = self._reference + self.imposed.references
+        if self.external_inputs.references is not None:
+            self._reference = self._reference + self.external_inputs.references
         self._goes: Any = None  # the loop's state, between two stretches
         self._turns: tuple[Any, Any] = None, None  # an estimator, and its model that turns
         self._at = 0
@@ -149,28 +152,28 @@ class Loop:
     def _settled(self, scenario: Scenario, *, made: bool) -> Scenario:
         """Return a scenario with its controllers complete."""
         if self._straight:
-            return scenario.of_one_axis(self.machine.alone(""))
+            return scenario.of_one_axis(self.machine.isolated_axis(""))
         if made:
             return scenario.fed(feedback_of(self.machine, scenario))
         return settled_scenario(self.machine, scenario)
 
     def _impose(self, magnet: MagnetModel | None) -> None:
         """Check and put in what is given from outside."""
-        machine, n, imposed = self.machine, self._t.size, self.imposed
+        machine, n, external_inputs = self.machine, self._t.size, self.external_inputs
         p, m = len(machine.axes), len(machine.readings)
         if magnet is not None and not self._straight:
             raise AmbkitError(f"magnet: is of one axis, and {machine.name} has several")
-        for name, values in series_of(imposed):
+        for name, values in series_of(external_inputs):
             width = columns(name, p, m)
             one = width == 1 and np.shape(values) == (n,)
-            if real(f"imposed {name}", values).shape != (n, width) and not one:
-                each = f" for each of {width}" if width > 1 else ""
+            if real(f"external_inputs {name}", values).shape != (n, width) and not one:
+                parts = f" for each of {width}" if width > 1 else ""
                 raise ValueError(
-                    f"imposed {name} must have {n} values{each}, has {np.shape(values)}"
+                    f"external_inputs {name} must have {n} values{parts}, has {np.shape(values)}"
                 )
-        if imposed.disturbance is not None:
-            self._load = self._load + imposed.disturbance.reshape(n, p)
-        self._faults = imposed.faults
+        if external_inputs.disturbance is not None:
+            self._load = self._load + external_inputs.disturbance.reshape(n, p)
+        self._faults = external_inputs.faults
         self._y_injected = self._injected
         if not self._straight:
             self._y_injected = self._injected @ np.linalg.pinv(shown_along_axes(machine)).T
@@ -190,7 +193,7 @@ class Loop:
         at, load = self._reference[0], self._load[0]
         self._speed = self._base = None
         if self._straight:
-            alone = machine.alone("")
+            alone = machine.isolated_axis("")
             return StraightLine(alone, scenario, magnet, float(at[0]), float(load[0]))
         after = machine.sampling_time * np.arange(t.size + 1, dtype=float)
         own = np.full(after.size, machine.speed)
@@ -208,49 +211,54 @@ class Loop:
     def start(self) -> Array:
         """The states (n,) from which the estimator goes on [unit of each state]."""
         assert self.estimator is not None  # who asks has one
-        return np.ravel(self.estimator.at_rest(self._form.place, current=self._form.current))
+        return np.ravel(
+            self.estimator.equilibrium_state(self._form.place, current=self._form.current)
+        )
 
     @cached_property
     def noise(self) -> tuple[Array, Array]:
         """On control signals (n, p) [V] and on readings (n, m) [m], what is injected among it."""
         noise_u, noise_y = drawn(self.machine, self.scenario, self._t.size)
-        if self.imposed.sensor_noise is not None:
-            noise_y = self.imposed.sensor_noise.reshape(noise_y.shape)
+        if self.external_inputs.sensor_noise is not None:
+            noise_y = self.external_inputs.sensor_noise.reshape(noise_y.shape)
         if self._injected.any():
             noise_y = noise_y + self._y_injected
-        if self.imposed.readings is not None:
-            noise_y = noise_y + self.imposed.readings
+        if self.external_inputs.readings is not None:
+            noise_y = noise_y + self.external_inputs.readings
         return noise_u, noise_y
 
     @property
     def white_noise(self) -> tuple[float, float] | None:
         """Standard deviations of the noise [V], [m] of an axis, where it is white and no more."""
-        given = self.imposed.sensor_noise, self.imposed.readings
-        if any(each is not None for each in given) or self._injected.any():
+        given = self.external_inputs.sensor_noise, self.external_inputs.readings
+        if any(item is not None for item in given) or self._injected.any():
             return None
-        return white(self.machine.alone(""), self.scenario)
+        return white(self.machine.isolated_axis(""), self.scenario)
 
     @property
     def series(self) -> tuple[Array, Array]:
         """References [m] and disturbance forces [N], (n, p) each."""
         return self._reference, self._load
 
-    def arguments(self, core: ModuleType, given: Callable[[Array], NDArray[Any]]) -> dict[str, Any]:
+    def arguments(
+        self, core: ModuleType, converter: Callable[[Array], NDArray[Any]]
+    ) -> dict[str, Any]:
         """Return what a core is told of the loop and of what comes from outside, without noise."""
-        estimator, imposed, faults = self.estimator, self.imposed, self._faults
-        own = {} if imposed.exported is None else imposed.exported
-        told = {
+        estimator, external_inputs, faults = self.estimator, self.external_inputs, self._faults
+        own = {} if external_inputs.exported is None else external_inputs.exported
+        scale = external_inputs.magnet_scale
+        core_arguments = {
             "estimator": None if estimator is None else estimator.core,
             "control": None, "hovers": True,
-            "r": given(self._reference), "load": given(self._load),
-            "scale": None if imposed.magnet_scale is None else given(imposed.magnet_scale),
+            "r": converter(self._reference), "load": converter(self._load),
+            "scale": None if scale is None else converter(scale),
             "faults": None
             if faults is None
-            else {name: given(each) for name, each in faults.series.items()},
+            else {name: converter(item) for name, item in faults.series.items()},
             "beside": faults is not None and faults.beside,
-            "fly": None if self._fly is None else given(self._fly),
+            "fly": None if self._fly is None else converter(self._fly),
         }  # fmt: skip
-        return told | self._form.arguments(core, estimator, imposed.place, **own)
+        return core_arguments | self._form.arguments(core, estimator, external_inputs.place, **own)
 
     def _turning(self, here: slice) -> dict[str, Any]:
         """Return what a core is told of rotation, moving base and failing power."""
@@ -296,8 +304,10 @@ class Loop:
 
         noise_u, noise_y = map(given, self.noise)
         told = self._turning(here) | self.arguments(core, given)
-        found: dict[str, Any] = core.simulate(**told, noise_u=noise_u, noise_y=noise_y, state=state)
-        return found
+        result: dict[str, Any] = core.simulate(
+            **told, noise_u=noise_u, noise_y=noise_y, state=state
+        )
+        return result
 
     def run(self, until: float | None = None) -> Run:
         """Go on, to the end of the scenario or to a time before it."""
@@ -310,9 +320,9 @@ class Loop:
         if self._at == 0 and estimator is not None:
             self._turning(here)
             estimator.reset(self.start)
-            if self.imposed.exported is not None and self.scenario.sequence is None:
+            if self.external_inputs.exported is not None and self.scenario.sequence is None:
                 first = self._flown(core, slice(0, 1), core.LoopState())["y"]
-                estimator.reset(estimator.at_first(np.asarray(first, float)))
+                estimator.reset(estimator.initial_state(np.asarray(first, float)))
         out = self._flown(core, here, self._goes)
         self._at = here.stop
         if self._faults is not None:  # a record holds no infinities
@@ -330,12 +340,12 @@ class Loop:
 
 def _of_base(machine: Machine, scenario: Scenario, t: Array) -> Array:
     """Return the accelerations of the foundation (n, 3) [m/s^2]."""
-    found = np.zeros((len(t), 3))
-    for at, each in enumerate(scenario.base):
-        if each.direction not in machine.rigid_positions:
+    result = np.zeros((len(t), 3))
+    for at, item in enumerate(scenario.base):
+        if item.direction not in machine.rigid_positions:
             raise AmbkitError(
                 f"base[{at}].direction: {machine.name} has no thrust bearing, and does not move "
-                f"along {each.direction}"
+                f"along {item.direction}"
             )
-        found[:, "xyz".index(each.direction)] += each.acceleration.sample(t)
-    return found
+        result[:, "xyz".index(item.direction)] += item.acceleration.sample(t)
+    return result

@@ -88,11 +88,11 @@ class PID(Part):
     def _only_what_was_said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out what was not given: it is tuned to the bearing, whatever that will be."""
         data: dict[str, Any] = handler(self)
-        said = self.model_fields_set
+        stated_fields = self.model_fields_set
         return {
             key: value
             for key, value in data.items()
-            if key in said and value not in (None, {}, (), [])
+            if key in stated_fields and value not in (None, {}, (), [])
         }
 
     @classmethod
@@ -136,7 +136,7 @@ class PID(Part):
         return type(self).for_bearing(bearing).overlaid(self, bearing)
 
     def overlaid(self, given: PID, bearing: Bearing) -> Self:
-        """Return the controller with what was given of another in the place of its own.
+        """Return the controller with what was given of another instead of its own.
 
         Parameters
         ----------
@@ -145,9 +145,9 @@ class PID(Part):
         bearing : Bearing
             What both are to hold: the set-point weight is its, where it was not given.
         """
-        said = {name: getattr(given, name) for name in given.model_fields_set}
-        all_, changed = vars(self) | said, {*said, "setpoint_weight"}
-        if said.keys() & {"kp", "ki", "kd"} and "setpoint_weight" not in said:
+        overrides = {name: getattr(given, name) for name in given.model_fields_set}
+        all_, changed = vars(self) | overrides, {*overrides, "setpoint_weight"}
+        if overrides.keys() & {"kp", "ki", "kd"} and "setpoint_weight" not in overrides:
             weight = weight_of(bearing, all_["kp"], all_["ki"], all_["kd"])
             all_["setpoint_weight"] = two_digits(weight)
         return self.model_copy(update={name: all_[name] for name in changed})
@@ -206,7 +206,7 @@ class Control(PID):
     that of one axis, and of several it is chosen with the type."""
     type: Annotated[
         Literal["decentralised", "translation and tilt", "lqg"] | None,
-        BeforeValidator(lambda given: "decentralised" if given == "pid" else given),
+        BeforeValidator(lambda argument: "decentralised" if argument == "pid" else argument),
     ] = None
     """One PID for each axis; one for each translation and tilt of the rotor; or a linear-quadratic
     regulator of the estimator's states. Without a type and gains it is chosen on the margins over
@@ -244,12 +244,12 @@ class Control(PID):
             yield "gain_scheduling", 'is of the gains of type = "lqg"'
         if read("block") and read("type") == "lqg":
             yield "block", 'is behind a PID; type = "lqg" has none'
-        given = read("pid")
-        if not isinstance(given, dict) or not given:
+        pids = read("pid")
+        if not isinstance(pids, dict) or not pids:
             return
         if read("type") == "lqg":
             yield "pid", 'type = "lqg" has no PID: its gains are of all states'
-        for name, pid in given.items():
+        for name, pid in pids.items():
             if pid.sensor and read("type") == "translation and tilt":
                 yield f"pid.{name}.sensor", 'is of an axis: type must be "decentralised"'
             if pid.feed_forward and read("type") == "translation and tilt":
@@ -262,14 +262,14 @@ class Control(PID):
     @property
     def gains(self) -> PID:
         """What is said of all axes."""
-        said = self.model_fields_set & PID.model_fields.keys()
-        return PID(**{key: getattr(self, key) for key in said})
+        stated_fields = self.model_fields_set & PID.model_fields.keys()
+        return PID(**{key: getattr(self, key) for key in stated_fields})
 
     @property
     def stated(self) -> dict[str, PID]:
         """The PIDs that are given, by what each is of; x where that is one axis."""
-        said = self.model_fields_set >= GAINS
-        return {"x": self.gains, **self.pid} if said else self.pid
+        has_gains = self.model_fields_set >= GAINS
+        return {"x": self.gains, **self.pid} if has_gains else self.pid
 
     def own(self, name: str) -> PID:
         """Return what is said of an axis or a coordinate, of it alone or of all.
@@ -279,9 +279,11 @@ class Control(PID):
         name : str
             The axis or the coordinate.
         """
-        given = self.pid.get(name)
-        said = {} if given is None else {k: getattr(given, k) for k in given.model_fields_set}
-        return self.gains.model_copy(update=said)
+        own_pid = self.pid.get(name)
+        overrides = (
+            {} if own_pid is None else {k: getattr(own_pid, k) for k in own_pid.model_fields_set}
+        )
+        return self.gains.model_copy(update=overrides)
 
     def completed(self, bearing: Bearing) -> Self:
         """Return that of a single axis with what was not given tuned to it; see `PID.completed`.
@@ -293,10 +295,10 @@ class Control(PID):
         """
         if self.model_fields_set >= GAINS and self.feedback and not self.pid:
             return self
-        found = self.model_copy(update={"pid": {}})
+        result = self.model_copy(update={"pid": {}})
         for own in self.pid.values():
-            found = found.overlaid(own, bearing)
-        return super(Control, found).completed(bearing).fed_by(self.feedback or "estimate")
+            result = result.overlaid(own, bearing)
+        return super(Control, result).completed(bearing).fed_by(self.feedback or "estimate")
 
     def fed_by(self, feedback: Literal["measurement", "estimate"]) -> Self:
         """Return the same, fed by the one or the other.
@@ -342,27 +344,27 @@ class Control(PID):
                 )
 
 
-def as_control(given: Any) -> Any:
+def as_control(value: Any) -> Any:
     """Take a PID for that of all axes."""
-    if isinstance(given, PID) and not isinstance(given, Control):
-        return Control(**{key: getattr(given, key) for key in given.model_fields_set})
-    return given
+    if isinstance(value, PID) and not isinstance(value, Control):
+        return Control(**{key: getattr(value, key) for key in value.model_fields_set})
+    return value
 
 
 def _merged(controller: Any, control: Any, feedback: Any) -> Any:
     """Return a controller as one table, by the keys of now and of earlier releases."""
-    found: dict[str, Any] = {}
-    for each in (controller, control):
-        if isinstance(each, PID):
-            each = {key: getattr(each, key) for key in each.model_fields_set}
-        if each is not None and not isinstance(each, dict):
-            return each  # whose mistake is told where it is checked
-        found |= each or {}
+    results: dict[str, Any] = {}
+    for item in (controller, control):
+        if isinstance(item, PID):
+            item = {key: getattr(item, key) for key in item.model_fields_set}
+        if item is not None and not isinstance(item, dict):
+            return item  # whose mistake is told where it is checked
+        results |= item or {}
     if feedback is None:
-        return found
-    if found.get("feedback", feedback) != feedback:
+        return results
+    if results.get("feedback", feedback) != feedback:
         raise ValueError(f'controller.feedback: contradicts feedback = "{feedback}"')
-    return found | {"feedback": feedback}
+    return results | {"feedback": feedback}
 
 
 class Disturbance(Part):
@@ -411,7 +413,7 @@ class Base(Part):
 
 _One = Annotated[Signal, Tag(ONE_OR_MORE[0])]
 _LIST = Tag(ONE_OR_MORE[1])
-_ONE_OR_MORE = Discriminator(lambda given: ONE_OR_MORE[isinstance(given, list | tuple)])
+_ONE_OR_MORE = Discriminator(lambda raw_value: ONE_OR_MORE[isinstance(raw_value, list | tuple)])
 
 AXES = ("reference", "disturbance", "injection")
 """Signals that an axis has each."""
@@ -479,7 +481,7 @@ class Scenario(Document):
     """Speed of rotation, such as a run-up [rad/s]; the machine's own without."""
     off: Annotated[float, Quantity("s", "0.3 s", at_least=0)] | None = None
     """From when on no magnet has any current, as where the power fails: the rotor drops into its
-    backup bearings [s]."""
+    touch-down bearings [s]."""
     sequence: LiftOff | None = None
     """Lift-off and landing, of all axes together, and what looks after the flight; without, it
     flies from the start."""
@@ -492,9 +494,11 @@ class Scenario(Document):
         """Read the keys of earlier releases: ``control``, and ``feedback`` beside it."""
         if not isinstance(data, dict) or not {"control", "feedback"} & data.keys():
             return data
-        told = [data.get(key) for key in ("controller", "control", "feedback")]
+        legacy_values = [data.get(key) for key in ("controller", "control", "feedback")]
         rest = {key: data[key] for key in data if key not in ("controller", "control", "feedback")}
-        return rest | {"controller" if told[0] is not None else "control": _merged(*told)}
+        return rest | {
+            "controller" if legacy_values[0] is not None else "control": _merged(*legacy_values)
+        }
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -542,10 +546,10 @@ class Scenario(Document):
         first : str
             Name of the machine's first axis, which a signal without an axis is of.
         """
-        given = getattr(self, what)
-        if isinstance(given, tuple):
-            return [(each.axis, each.signal) for each in given]
-        return [] if given == _NOTHING else [(first, given)]
+        waveforms = getattr(self, what)
+        if isinstance(waveforms, tuple):
+            return [(waveform.axis, waveform.signal) for waveform in waveforms]
+        return [] if waveforms == _NOTHING else [(first, waveforms)]
 
     def along(self, what: str, axes: tuple[str, ...], t: NDArray[np.floating]) -> Array:
         """Return the signals at a key along all axes (n, p) [SI unit of the key].
@@ -616,8 +620,8 @@ class Scenario(Document):
         bearing : Bearing
             What the controller is to hold.
         """
-        found = self.controller.completed(bearing)
-        return self if found is self.controller else self.model_copy(update={"controller": found})
+        result = self.controller.completed(bearing)
+        return self if result is self.controller else self.model_copy(update={"controller": result})
 
 
 _NOTHING = Constant(value=0.0)

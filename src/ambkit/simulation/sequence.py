@@ -58,8 +58,8 @@ class LiftOff(Part):
     def fly(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return whether it is told to fly, 1 or 0."""
         # t (n,) [s]
-        told = t >= self.start
-        return (told if self.stop is None else told & (t < self.stop)).astype(float)
+        command = t >= self.start
+        return (command if self.stop is None else command & (t < self.stop)).astype(float)
 
     def in_samples(self, T: float) -> dict[str, Any]:
         """Return the fields of ``amb_sequence``."""

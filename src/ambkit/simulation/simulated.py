@@ -16,7 +16,7 @@ from ambkit.base.units import figure
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate
-from ambkit.machine.bank import alone_of
+from ambkit.machine.bank import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row
@@ -59,19 +59,19 @@ class Run(Result):
     @property
     def finding(self) -> str:
         """Whether it flew without touching a stop, and how well it was estimated."""
-        said = "a stop was touched" if self.samples_at_the_stop else "no stop was touched"
+        contact_text = "a stop was touched" if self.samples_at_the_stop else "no stop was touched"
         if self.estimate is None:
-            return f"{self.title}; {said}."
-        return f"{self.title}; {said}, mean NIS {self.nis:.3f} ({self.estimate.estimator})."
+            return f"{self.title}; {contact_text}."
+        return f"{self.title}; {contact_text}, mean NIS {self.nis:.3f} ({self.estimate.estimator})."
 
     @cached_property
     def rows(self) -> list[Row]:
         """Greatest displacement and current, errors of the estimate, and what turns."""
         record, t, at = self.record, self.record.t, self.first_touch
-        modes = [f"{each['mode']} from {figure(each['since'], 's')}" for each in self.modes]
+        modes = [f"{mode['mode']} from {figure(mode['since'], 's')}" for mode in self.modes]
         # It is there by the end of the sample.
         touch = None if at is None else At("first_touch", t[min(at + 1, len(t) - 1)], "s")
-        found = [
+        results = [
             Row("samples", "samples", len(record)),
             Row("duration", "duration", float(t[-1]), "s"),
             Row("seed", "seed of the noise", record.meta["seed"], detail=True),
@@ -83,21 +83,21 @@ class Run(Result):
             Row("samples_at_the_current_limit", "  samples at its limit", self._at_the_limit),
             Row("sequence", "lift-off and landing", ", ".join(modes) or None),
         ]  # fmt: skip
-        found += [row for each in self._apart for row in each.rows()]
+        results += [row for item in self._apart for row in item.rows()]
         if self.estimate is None:
-            return found
+            return results
         units, errors = self.estimate.units, late_binding.call(
             "errors_along", self.estimate, record, *self._in_flight
         )  # fmt: skip
-        found += [
+        results += [
             Row("estimator", "estimator", self.estimate.estimator),
             Row("nis", "  mean NIS (1: consistent)", self.nis),
             *(Row(name, name, error, units[name], section=ERRORS)
               for name, error in errors.items()),
         ]  # fmt: skip
         if self._in_flight[1] is None:
-            found += [row for each in self.turning for row in each.rows(())]
-        return found
+            results += [row for item in self.turning for row in item.rows(())]
+        return results
 
     SECTIONS = {
         (): Section("The run"),
@@ -109,22 +109,22 @@ class Run(Result):
     @property
     def series(self) -> dict[str, Any]:
         """Modes of lift-off and landing, critical speeds near the speed at the end."""
-        found: dict[str, Any] = {"bearing" if self.plant.single else "machine": self.plant.name}
+        results: dict[str, Any] = {"bearing" if self.plant.single else "machine": self.plant.name}
         if "mode" in self.record:
-            found["modes"] = self.modes
+            results["modes"] = self.modes
         if self.turning and self._in_flight[1] is None:
-            found["synchronous"] = {
-                each.name: {"covariance": each.covariance.tolist()} for each in self.turning
+            results["synchronous"] = {
+                item.name: {"covariance": item.covariance.tolist()} for item in self.turning
             }
-        return found
+        return results
 
     @property
     def notes(self) -> list[str]:
         """What is to be said of its speed, and of the controller where it tripped."""
-        said = [late_binding.call("separation", self._apart, self._speed)] if self._apart else []
-        if any(each["mode"] == "tripped" for each in self.modes):
-            said.append("It tripped: see lost and overload in [sequence].")
-        return said
+        remarks = [late_binding.call("separation", self._apart, self._speed)] if self._apart else []
+        if any(mode["mode"] == "tripped" for mode in self.modes):
+            remarks.append("It tripped: see lost and overload in [sequence].")
+        return remarks
 
     def figures(self) -> list[Figure]:
         """Return its figure: of several axes with orbits."""
@@ -147,10 +147,10 @@ class Run(Result):
     @cached_property
     def _apart(self) -> Sequence[Any]:
         """The critical speeds near the speed at the end."""
-        found: Sequence[Any] = () if self.plant.single else late_binding.call(
+        result: Sequence[Any] = () if self.plant.single else late_binding.call(
             "separations", self.machine, self._speed
         )  # fmt: skip
-        return found
+        return result
 
     @property
     def nis(self) -> float:
@@ -161,8 +161,8 @@ class Run(Result):
         return float(np.mean(self.estimate.nis[first:end][1:]))
 
     def _by_axis(self, values: Mapping[str, Any]) -> Any:
-        each = {axis: float(value) for axis, value in values.items()}
-        return each[""] if self.plant.single else each
+        parts = {axis: float(value) for axis, value in values.items()}
+        return parts[""] if self.plant.single else parts
 
     @property
     def _currents(self) -> dict[str, NDArray[np.float64]]:
@@ -171,14 +171,17 @@ class Run(Result):
 
     @property
     def _at_the_limit(self) -> int:
-        limits = [(each.current_min, each.current_max) for each in alone_of(self.plant)]
-        each = zip(self._currents.values(), limits, strict=True)
-        return int(np.any([(iu >= high) | (iu <= low) for iu, (low, high) in each], axis=0).sum())
+        limits = [
+            (isolated_axis.current_min, isolated_axis.current_max)
+            for isolated_axis in isolated_axes(self.plant)
+        ]
+        parts = zip(self._currents.values(), limits, strict=True)
+        return int(np.any([(iu >= high) | (iu <= low) for iu, (low, high) in parts], axis=0).sum())
 
     @cached_property
     def _in_flight(self) -> tuple[int, int | None]:
         """The first sample in which the rotor flew, and the one after it last did."""
-        # A rotor that lies has the backup bearings' forces, which no estimator knows, and a filter
+        # A rotor that lies has the touch-down bearings' forces, which no filter knows, and a filter
         # takes the magnets for switched on; so it is after a power failure. 0 and None: all of the
         # record.
         if "mode" not in self.record:
@@ -219,5 +222,5 @@ class Run(Result):
     @property
     def first_touch(self) -> int | None:
         """The first of those samples; None where there is none."""
-        found = self.record.meta["first_touch"]
-        return None if found is None else int(found)
+        result = self.record.meta["first_touch"]
+        return None if result is None else int(result)

@@ -263,13 +263,13 @@ def assess_log(
     from ambkit.workflow import assessing_log
     from ambkit.workflow.given import given_record, loop_given
 
-    taken = given_record(record, channels, window)
+    log_record = given_record(record, channels, window)
     if machine is None:
         if filter is not None or controller is not None:
             raise AmbkitError("machine says what filter and controller are of: give it too")
-        return assessing_log.assess_log(taken, logged=logged)
+        return assessing_log.assess_log(log_record, logged=logged)
     loop = loop_given(machine, filter, controller, position, disturbance)
     return assessing_log.assess_log(
-        taken, loop.machine, loop.filters, loop.controller, logged=logged, x=loop.position,
+        log_record, loop.machine, loop.filters, loop.controller, logged=logged, x=loop.position,
         load=loop.disturbance,
     )  # fmt: skip

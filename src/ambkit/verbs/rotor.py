@@ -16,7 +16,7 @@ def campbell(machine: Machine, fastest: Speed | None = None, *, count: int = 121
     """Compute modes and critical speeds of a rotor over its speed.
 
     The rotor is held by the proportional and derivative gains that a simulation has, as if sensors
-    and amplifiers were at once and without dead time; a rotor that bends also by the filters of the
+    and amplifiers were at once and without dead time; a flexible rotor also by the filters of the
     derivatives. Separation margins are those of API 617, with the controllers flown by default.
 
     Parameters
@@ -54,7 +54,7 @@ def mode_shapes(machine: Machine) -> ModeShapes:
     Parameters
     ----------
     machine : Machine, str or path
-        With a rotor that bends: a preset's name, or a TOML file.
+        With a flexible rotor: a preset's name, or a TOML file.
 
     Returns
     -------

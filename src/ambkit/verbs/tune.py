@@ -94,15 +94,15 @@ def tune(
     from ambkit.workflow import tuned_filter
     from ambkit.workflow.given import tuning_given
 
-    given = tuning_given(machine, records, filter, controller, channels)
+    task = tuning_given(machine, records, filter, controller, channels)
     with progress("tuning", budget) as done:
-        found = tuned_filter.tune(
-            given.machine, given.records, given.kind, validate=given.others(validate),
-            max_sensitivity=max_sensitivity, controller=given.controller, free=free,
-            magnet=given.magnet, inputs=given.inputs, source=given.source, runs=runs,
+        result = tuned_filter.tune(
+            task.machine, task.records, task.kind, validate=task.others(validate),
+            max_sensitivity=max_sensitivity, controller=task.controller, free=free,
+            magnet=task.magnet, inputs=task.inputs, source=task.source, runs=runs,
             budget=budget, seed=seed, done=done,
         )  # fmt: skip
-    return found.named(bearing=given.machine_file, magnet=given.magnet_file)
+    return result.named(bearing=task.machine_file, magnet=task.magnet_file)
 
 
 def tune_trade_off(
@@ -149,11 +149,11 @@ def tune_trade_off(
     from ambkit.workflow import trading_off
     from ambkit.workflow.given import tuning_given
 
-    given = tuning_given(machine, records, filter, controller, channels)
+    task = tuning_given(machine, records, filter, controller, channels)
     with progress("tuning", budget * len(peaks)) as done:
         return trading_off.trade_off(
-            given.machine, peaks, given.records, given.kind, controller=given.controller,
-            magnet=given.magnet, runs=runs, budget=budget, seed=seed, done=done,
+            task.machine, peaks, task.records, task.kind, controller=task.controller,
+            magnet=task.magnet, runs=runs, budget=budget, seed=seed, done=done,
         )  # fmt: skip
 
 

@@ -55,13 +55,13 @@ class AssessedLoop:
     #: unstable loop.
     largest: tuple[float, float]
     integral: BodeIntegral  #: The check of all of it.
-    of: LoopOf  #: Plant and work point.
+    of: LoopOf  #: Plant and operating point.
 
     @property
     def worst(self) -> AssessedAxis | None:
         """The axis that decides the zone: that of the greatest peak; None of an unstable loop."""
         # Of axes that are alike, the first: rounding does not choose.
-        return max(self.axes.values(), key=lambda each: float(f"{each.peak:.9g}"), default=None)
+        return max(self.axes.values(), key=lambda item: float(f"{item.peak:.9g}"), default=None)
 
     @property
     def margins(self) -> Margins | None:
@@ -81,18 +81,18 @@ class AssessedLoop:
     @property
     def current_noise(self) -> float:
         """Greatest standard deviation of a demanded current by noise [A]; NaN if unstable."""
-        return max((each.current_noise for each in self.axes.values()), default=math.nan)
+        return max((axis.current_noise for axis in self.axes.values()), default=math.nan)
 
     @property
     def position_noise(self) -> float:
         """Greatest standard deviation of a position by noise [m]; NaN if unstable."""
-        return max((each.position_noise for each in self.axes.values()), default=math.nan)
+        return max((axis.position_noise for axis in self.axes.values()), default=math.nan)
 
     @property
     def demands(self) -> Demands | None:
         """Those of the axis that goes farthest in its clearance; None of an unstable loop."""
-        each = [axis.demands for axis in self.axes.values()]
-        return max(each, key=lambda one: one.displacement / one.clearance, default=None)
+        parts = [axis.demands for axis in self.axes.values()]
+        return max(parts, key=lambda one: one.displacement / one.clearance, default=None)
 
     @property
     def zone(self) -> str:
@@ -108,7 +108,7 @@ class AssessedLoop:
     def verdict(self) -> str:
         """The worst of the zones of peak and displacement, A to D, or unstable; D if saturated."""
         # Beyond the limit of a current no displacement follows from a linear model.
-        limits = dict(zip(self.of.axes, self.of.alone, strict=True))
+        limits = dict(zip(self.of.axes, self.of.isolated, strict=True))
         saturated = any(
             axis.demands.current > limits[name].current_max for name, axis in self.axes.items()
         )
@@ -125,9 +125,9 @@ def assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:
     f = np.unique(np.append(f, of.top))
     S, counts, p = loop.along_axes(f), f <= of.top, loop.axes
     noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
-    currents = np.array([b.amplifier.gain for b in of.alone]) * noise[p:]
-    turned = of.turned(loop)
-    asked = demands(loop, of.machine, of.point, currents, noise[:p], turned)
+    currents = np.array([b.amplifier.gain for b in of.isolated]) * noise[p:]
+    responses = of.turned(loop)
+    axis_demands = demands(loop, of.machine, of.point, currents, noise[:p], responses)
     axes = {}
     for k, axis in enumerate(of.axes):
         seen = S[:, k, k]
@@ -139,7 +139,7 @@ def assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:
             where,
             float(currents[k]),
             float(noise[k]),
-            asked[k],
+            axis_demands[k],
         )
     largest = highest(loop.largest_sensitivity, f, np.linalg.norm(S, 2, axis=(1, 2)))
     return AssessedLoop(name, loop, True, axes, largest, integral, of)

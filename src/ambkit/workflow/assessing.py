@@ -62,5 +62,5 @@ def assess(
         loops[LQG] = assessed(LQG, of.lqg(), of)
     if hinf:
         loops[HINF] = assessed(HINF, of.hinf(), of)
-    loops |= {name: fed_by(name, each) for name, each in estimators.items()}
+    loops |= {name: fed_by(name, item) for name, item in estimators.items()}
     return Assessment(of, estimators, of.least(), loops)

@@ -80,12 +80,12 @@ class AssessedLog(Result):
     @property
     def deviation(self) -> dict[str, float]:
         """Median distance of the measured S from each model's, of the model's magnitude [1]."""
-        found = self.measured.sensitivity
-        return {name: float(np.median(np.abs(found / S - 1))) for name, S in self._models()}
+        result = self.measured.sensitivity
+        return {name: float(np.median(np.abs(result / S - 1))) for name, S in self._models()}
 
     def _models(self) -> Iterator[tuple[str, Complex]]:
-        for name, each in () if self.model is None else self.model.loops.items():
-            yield name, each.loop.of_axis(self.axis, self.measured.frequency)
+        for name, item in () if self.model is None else self.model.loops.items():
+            yield name, item.loop.of_axis(self.axis, self.measured.frequency)
 
     @property
     def title(self) -> str:
@@ -105,7 +105,7 @@ class AssessedLog(Result):
     def rows(self) -> list[Row]:
         """What the record tells, and how the models meet it."""
         m, top = self.measured, engineering(self.top, "Hz", 4)
-        found = [
+        results = [
             Row("zone", "zone of ISO 14839-3", self.zone),
             Row("peak", f"  peak of |S| to {top}", self.peak, "|S|", interval=self.interval,
                 at=At("peak_frequency", self.peak_frequency)),
@@ -118,14 +118,14 @@ class AssessedLog(Result):
         loops = {} if self.model is None else self.model.loops
         for name, loop in loops.items():
             rest = [row for row in of_loop(loop) if row.key not in ("zone", "peak")]
-            found += put([
+            results += put([
                 Row("zone", "zone", loop.zone),
                 Row("peak", "peak of |S|", loop.peak, "|S|"),
                 Row("deviation", "median distance", self.deviation[name], "%"),
                 Row("within", "within the 95 % intervals", self.within[name], "%"),
                 *put(rest, detail=True),
             ], section=MODELS, of=name)  # fmt: skip
-        return found
+        return results
 
     SECTIONS = {(): Section("Measured sensitivity"), MODELS: Section("Models of {0.name}")}
 
@@ -161,8 +161,8 @@ class AssessedLog(Result):
         from ambkit.show.plots.sensitivity import measured_figure
 
         models = [] if self.model is None else [
-            Curves(name, each.loop, self.axis)
-            for name, each in self.model.loops.items() if each.stable
+            Curves(name, loop.loop, self.axis)
+            for name, loop in self.model.loops.items() if loop.stable
         ]  # fmt: skip
         name = "" if self.model is None else f"{self.name}: "
         return measured_figure(
@@ -186,19 +186,19 @@ def assess_log(
     axis = 0
     if bearing is not None and not bearing.single:
         axis, record = of_one_axis(record, bearing)
-    found = measured_sensitivity(record, logged)
+    result = measured_sensitivity(record, logged)
     speed = None if bearing is None else bearing.speed
-    top = end_of_range(found.sampling_time, speed)
+    top = end_of_range(result.sampling_time, speed)
     model = None if bearing is None else assess(bearing, filter, controller, x=x, load=load)
-    inside = found.frequency <= top
-    size = np.where(inside, np.abs(found.sensitivity), -np.inf)
+    inside = result.frequency <= top
+    size = np.where(inside, np.abs(result.sensitivity), -np.inf)
     at = int(size.argmax())
     return AssessedLog(
-        measured=found,
+        measured=result,
         top=top,
         peak=float(size[at]),
-        peak_frequency=float(found.frequency[at]),
-        interval=found.peak_interval(top=top),
+        peak_frequency=float(result.frequency[at]),
+        interval=result.peak_interval(top=top),
         model=model,
         axis=axis,
     )
@@ -207,9 +207,11 @@ def assess_log(
 def of_one_axis(record: Record, machine: Machine) -> tuple[int, Record]:
     """Which axis of a machine something was injected at, and the record of that axis alone."""
     names = [axis.name for axis in machine.axes]
-    told = [name for name in names if signal("injected", name) in record]
-    if len(told) != 1:
-        there, has = (", ".join(signal("injected", name) for name in of) for of in (names, told))
+    injected_axes = [name for name in names if signal("injected", name) in record]
+    if len(injected_axes) != 1:
+        there, has = (
+            ", ".join(signal("injected", name) for name in of) for of in (names, injected_axes)
+        )
         raise RecordError(
             f"the record must have what was injected at one axis of {machine.name}: one of "
             f"{there}; has {has or 'none of them'}"
@@ -217,7 +219,9 @@ def of_one_axis(record: Record, machine: Machine) -> tuple[int, Record]:
     lacking = [signal("y", r.name) for r in machine.readings if signal("y", r.name) not in record]
     if lacking:
         raise RecordError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
-    axis, whole = names.index(told[0]), View(machine)
+    axis, view = names.index(injected_axes[0]), View(machine)
     y = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
-    shown = y @ (whole.H @ whole.shown)[axis]
-    return axis, Record(record.t, {"y": shown, "injected": record[signal("injected", told[0])]})
+    position = y @ (view.H @ view.shown)[axis]
+    return axis, Record(
+        record.t, {"y": position, "injected": record[signal("injected", injected_axes[0])]}
+    )

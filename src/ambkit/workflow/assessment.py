@@ -17,7 +17,7 @@ from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.stated import Section
-from ambkit.simulation.linear.pieces import WorkPoint
+from ambkit.simulation.linear.pieces import OperatingPoint
 from ambkit.simulation.scenario import PID
 from ambkit.workflow import assessment_rows as rows
 from ambkit.workflow.assessed_loop import AssessedLoop
@@ -68,7 +68,7 @@ class Assessment(Result):
 
     signed = True
 
-    of: LoopOf  #: Plant, controllers and work point.
+    of: LoopOf  #: Plant, controllers and operating point.
     estimators: dict[str, Estimator]  #: Those in the loops.
     #: Peaks of S and T, by their largest singular values, that no controller can be below with this
     #: plant.
@@ -97,7 +97,7 @@ class Assessment(Result):
         return next(iter(self.controllers.values()))
 
     @property
-    def point(self) -> WorkPoint:
+    def point(self) -> OperatingPoint:
         """Control current [A] and displacement [m] where it is linearised; of several (p,)."""
         point = self.of.point
         if len(self.of.axes) > 1:
@@ -119,7 +119,7 @@ class Assessment(Result):
     @property
     def finding(self) -> str:
         """Zone and peak of each loop, and whether the last one keeps its limits."""
-        each = ", ".join(
+        parts = ", ".join(
             f"{name}: zone {one.verdict}, peak {one.peak:.3f} at "
             f"{engineering(one.peak_frequency, 'Hz', 4)}" if one.stable else f"{name}: unstable"
             for name, one in self.loops.items()
@@ -128,51 +128,56 @@ class Assessment(Result):
             row.name.strip() for row in self.rows
             if row.kept is False and (row.of == self.last or row.section == CRITICAL)
         ]  # fmt: skip
-        kept = f"not kept: {', '.join(missed)}" if missed else "all limits kept"
-        return f"{self.machine.name}, controller fed by {each}; {kept}."
+        limit_text = f"not kept: {', '.join(missed)}" if missed else "all limits kept"
+        return f"{self.machine.name}, controller fed by {parts}; {limit_text}."
 
     @cached_property
     def rows(self) -> list[Row]:
         """Figures of the loops, of each axis, of critical speeds and balance quality grades."""
-        found = []
+        results = []
         for name, loop in self.loops.items():
-            found += put(rows.of_loop(loop), section=("loops",), of=name)
+            results += put(rows.of_loop(loop), section=("loops",), of=name)
         for name, loop in self.loops.items():
             axes = loop.axes if len(loop.axes) > 1 else {}
-            for each, axis in axes.items():
-                found += put(rows.of_axis(axis, loop.of), section=_axes(name), of=each, detail=True)
-            found += put(rows.of_unstable_poles(loop.unstable_poles), section=_poles(name))
+            for item, axis in axes.items():
+                results += put(
+                    rows.of_axis(axis, loop.of), section=_axes(name), of=item, detail=True
+                )
+            results += put(rows.of_unstable_poles(loop.unstable_poles), section=_poles(name))
         for apart in self.separations:
-            found += apart.rows()
+            results += apart.rows()
         for grade in self.grades():
-            found += put(rows.of_grade(grade), section=GRADES)
+            results += put(rows.of_grade(grade), section=GRADES)
         for name in self.loops:
             if name not in (LQG, HINF):
-                found += put(rows.of_pieces(self.shares(name)), section=PIECES, of=name)
-        return found
+                results += put(rows.of_pieces(self.shares(name)), section=PIECES, of=name)
+        return results
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
         """Titles of the tables."""
-        machine, turning = self.machine, units.rpm(self.machine.speed, 6)
+        machine, speed_text = self.machine, units.rpm(self.machine.speed, 6)
         several = len(self.of.axes) > 1
-        at = f"{turning}, the worst of its axes" if several else rows.held_at(self.of)
-        whole: dict[tuple[str, ...], Section] = {
+        at = f"{speed_text}, the worst of its axes" if several else rows.held_at(self.of)
+        all_sections: dict[tuple[str, ...], Section] = {
             ("loops",): Section(f"{machine.name} at {at}, controllers fed by"),
-            CRITICAL: Section(f"Separation of {turning} from critical speeds ({BASIS_OF_MARGINS})",
-                              across=True),
-            GRADES: Section(f"Unbalance of grades of ISO 21940-11 at {turning}, angles as bad as "
-                            "can be", across=True),
+            CRITICAL: Section(
+                f"Separation of {speed_text} from critical speeds ({BASIS_OF_MARGINS})", across=True
+            ),
+            GRADES: Section(
+                f"Unbalance of grades of ISO 21940-11 at {speed_text}, angles as bad as can be",
+                across=True,
+            ),
             PIECES: Section("Peak of |S|, all else as it is, controllers fed by"),
         }  # fmt: skip
         for name in self.loops:
-            whole[_axes(name)] = Section(
+            all_sections[_axes(name)] = Section(
                 f"Each axis with all other loops closed, controllers fed by {name}"
             )
-            whole[_poles(name)] = Section(
+            all_sections[_poles(name)] = Section(
                 f"Unstable poles of the closed loop, controllers fed by {name}", across=True
             )
-        return whole
+        return all_sections
 
     @property
     def facts(self) -> dict[str, str]:
@@ -194,11 +199,11 @@ class Assessment(Result):
             )
         if any(one.demands.heating is None for o in self.loops.values() for one in o.axes.values()):
             notes.append(f"The temperature of coils is not known: {NEEDED}.")
-        wrong = [name for name, each in self.loops.items() if not each.integral.holds]
+        wrong = [name for name, loop in self.loops.items() if not loop.integral.holds]
         if wrong:
             notes.append(f"The check does not hold, as in an unstable loop: {', '.join(wrong)}.")
         fed: list[Any] = [None] * ("measurement" in self.loops) + list(self.estimators.values())[:1]
-        notes += [each for each in dict.fromkeys(map(self.of.choice, fed)) if each]
+        notes += [fromkey for fromkey in dict.fromkeys(map(self.of.choice, fed)) if fromkey]
         compared = None if self.machine.bending is None else reduction(self.machine)
         if compared is not None and not compared.good:
             notes.append(f"{compared.text()}.")
@@ -211,7 +216,7 @@ class Assessment(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """Poles, gains and the work point."""
+        """Poles, gains and the operating point."""
         estimator = self.estimators.get(self.last)
         pids = {name: pid.model_dump(mode="json") for name, pid in self.controllers.items()}
         names = [axis.name for axis in self.machine.axes]
@@ -244,13 +249,13 @@ class Assessment(Result):
         if not machine.turns:
             return []
         own = [self.controllers.get(name) for name in self.of.axes]
-        known = [each for each in own if each is not None]
+        known = [item for item in own if item is not None]
         return separations(machine, pids=known if len(known) == len(own) else None)
 
     def plain(self) -> list[str]:
         """Return a sentence where unbalance control is plain control at the machine's speed."""
-        each = {self.of.plain(estimator) for estimator in self.estimators.values()}
-        return sorted(one for one in each if one is not None)
+        parts = {self.of.plain(estimator) for estimator in self.estimators.values()}
+        return sorted(one for one in parts if one is not None)
 
     def grades(self, filter: str | None = None) -> list[Grade]:
         """Return what unbalance of each balance quality grade would do at the machine's speed."""
@@ -262,18 +267,18 @@ class Assessment(Result):
 
     def shares(self, filter: str | None = None) -> dict[str, float]:
         """Return the peak of abs(S) as it is, and with each piece of the loop ideal in turn [1]."""
-        # The worst axis within the standard's range; controllers, filter and work point stay as
-        # they are, so that what is told is the piece's own. Infinite where the loop is unstable
+        # The worst axis within the standard's range; controllers, filter and operating point stay
+        # as they are, so that the change is the piece's own. Infinite where the loop is unstable
         # then.
         name = list(self.loops)[-1] if filter is None else filter
         estimator = self.estimators.get(name)
-        found = {"as it is": self.loops[name].peak if self.loops[name].stable else math.inf}
+        results = {"as it is": self.loops[name].peak if self.loops[name].stable else math.inf}
         there = self.loops[name].of
         for piece, plant in ideal_pieces(self.machine).items():
-            found[piece] = there.with_plant(plant, estimator).peak(estimator)
+            results[piece] = there.with_plant(plant, estimator).peak(estimator)
         if estimator is not None and not there.needs_estimate:
-            found["filter"] = there.peak()
-        return found
+            results["filter"] = there.peak()
+        return results
 
     def figure(self, filter: str | None = None) -> Figure:
         """Return Bode of S with the zones, Nyquist, compliance and noise as a picture."""
@@ -289,38 +294,38 @@ class Assessment(Result):
                 self.loops[name].loop, self.of.axes, self.loops[name].unstable_poles,
             )  # fmt: skip
         title = f"{self.bearing.name}: sensitivity with the filter in the loop"
-        stable = {each: one.loop for each, one in self.loops.items() if one.stable}
-        whole, feeding = None, None
+        stable = {item: one.loop for item, one in self.loops.items() if one.stable}
+        full_loop, feeding = None, None
         if len(self.of.axes) == 1:
-            curves = [Curves(each, loop) for each, loop in stable.items()]
+            curves = [Curves(item, loop) for item, loop in stable.items()]
         else:
-            whole, feeding = stable[name], self.estimators.get(name)
+            full_loop, feeding = stable[name], self.estimators.get(name)
             curves = [
-                Curves(" and ".join(same), whole, self.of.axes.index(same[0]))
+                Curves(" and ".join(same), full_loop, self.of.axes.index(same[0]))
                 for same in self.alike(name)
             ]
             title = f"{self.bearing.name}: sensitivity of each axis, controllers fed by {name}"
         return assessment_figure(
             title, curves, zones=ZONES, top=self.top, static=self.of.static_compliance(feeding),
-            gain=self.of.alone[0].amplifier.gain, whole=whole,
-            left_out=[each for each, one in self.loops.items() if not one.stable],
+            gain=self.of.isolated[0].amplifier.gain, whole=full_loop,
+            left_out=[item for item, one in self.loops.items() if not one.stable],
         )  # fmt: skip
 
     def alike(self, filter: str) -> list[list[str]]:
         """Return the names of a loop's axes, those together whose curves are the same."""
-        found: list[list[str]] = []
+        results: list[list[str]] = []
         axes = self.loops[filter].axes
-        for name, each in axes.items():
-            for same in found:
+        for name, axis in axes.items():
+            for same in results:
                 other = axes[same[0]]
-                if math.isclose(each.peak, other.peak, rel_tol=1e-6) and math.isclose(
-                    each.margins.crossover, other.margins.crossover, rel_tol=1e-6
+                if math.isclose(axis.peak, other.peak, rel_tol=1e-6) and math.isclose(
+                    axis.margins.crossover, other.margins.crossover, rel_tol=1e-6
                 ):
                     same.append(name)
                     break
             else:
-                found.append([name])
-        return found
+                results.append([name])
+        return results
 
     def capacity_figure(self, filter: str | None = None) -> Figure:
         """Return the load that each loop, or each of several axes, bears over the frequency."""
@@ -328,11 +333,11 @@ class Assessment(Result):
 
         demands: dict[str, tuple[float, float]] = {}
         if len(self.of.axes) == 1:
-            each = {name: loop.demands for name, loop in self.loops.items()}
+            parts = {name: loop.demands for name, loop in self.loops.items()}
         else:
             name = list(self.loops)[-1] if filter is None else filter
             axes = self.loops[name].axes
-            each = {" and ".join(same): axes[same[0]].demands for same in self.alike(name)}
+            parts = {" and ".join(same): axes[same[0]].demands for same in self.alike(name)}
             forces = dict(zip(self.of.axes, unbalance_forces(self.machine), strict=True))
             f = abs(self.machine.speed) / (2 * math.pi)
             demands = {
@@ -341,6 +346,6 @@ class Assessment(Result):
             }  # fmt: skip
         return capacity_figure(
             f"{self.bearing.name}: the load that the loop bears",
-            {name: asked.capacity for name, asked in each.items() if asked},
+            {name: demand.capacity for name, demand in parts.items() if demand},
             demands,
         )

@@ -48,7 +48,7 @@ def of_axis(axis: AssessedAxis, of: LoopOf) -> list[Row]:
     m, d, top = axis.margins, axis.demands, engineering(of.top, "Hz", 4)
     warm, load = d.heating, At("least_load_at", d.capacity.least[1])
     hottest = None if warm is None else warm.temperature
-    bearing = of.alone[of.axes.index(axis.name)]
+    bearing = of.isolated[of.axes.index(axis.name)]
     wide = At("peak_to_half_the_sampling_rate_at", m.peak_frequency)
     return [
         Row("zone", "zone of ISO 14839-3", axis.zone),
@@ -98,14 +98,14 @@ def of_loop(loop: AssessedLoop) -> list[Row]:
     worst = [_worst(same) for same in zip(*axes, strict=True)]
     orbit = loop.of.point.orbit
     with np.errstate(divide="ignore"):
-        slowest = float((np.log(np.abs(loop.loop.closed.poles())) / loop.loop.T).max())
+        slowest_pole = float((np.log(np.abs(loop.loop.closed.poles())) / loop.loop.T).max())
     return [
         Row("verdict", VERDICT, loop.verdict, below="A"),
         Row("stable", "stable", loop.stable, detail=True),
         *worst[:2], *several, *worst[2:],
         Row("greatest_orbit", "linearised along an orbit of",
             None if orbit is None else float(np.abs(orbit.x).max()), "m", 3, detail=orbit is None),
-        Row("slowest_pole", "slowest pole", slowest, "1/s", detail=True),
+        Row("slowest_pole", "slowest pole", slowest_pole, "1/s", detail=True),
         Row("bode_integral", "check: Bode's integral of ln|det S|", check.integral, digits=9,
             detail=True),
         Row("bode_poles", "  ln|p| of the unstable poles", check.poles, digits=9, detail=True),
@@ -181,26 +181,26 @@ def facts_of(loop: AssessedLoop, of: LoopOf, estimator: Estimator | None) -> dic
     for name, pid in of.pids(estimator).items():
         if pid.feed_forward:
             facts["feed-forward"] = f"{pid.feed_forward:g} of the estimated disturbance force"
-        each = ((pid.kp, "A/m"), (pid.ki, "A/(m s)"), (pid.kd, "A s/m"))
-        said = ", ".join(f"{value:g} {unit}" for value, unit in each)
+        parts = ((pid.kp, "A/m"), (pid.ki, "A/(m s)"), (pid.kd, "A s/m"))
+        text = ", ".join(f"{value:g} {unit}" for value, unit in parts)
         lag = engineering(pid.derivative_filter, "s", 3)
-        gains.setdefault(f"{said}, derivative filter {lag}", []).append(name)
+        gains.setdefault(f"{text}, derivative filter {lag}", []).append(name)
     times = (machine.sampling_time, machine.delay or 0.0)
-    return facts | {f"kp, ki, kd of {', '.join(axes)}": said for said, axes in gains.items()} | {
-        "sampling time, dead time": ", ".join(engineering(each, "s") for each in times),
+    return facts | {f"kp, ki, kd of {', '.join(axes)}": text for text, axes in gains.items()} | {
+        "sampling time, dead time": ", ".join(engineering(time, "s") for time in times),
         "looked at up to": engineering(of.top, "Hz"),
     }  # fmt: skip
 
 
 def held_at(of: LoopOf) -> str:
-    """Return displacement and control current of each axis at the work point, as text."""
-    each = [
+    """Return displacement and control current of each axis at the operating point, as text."""
+    parts = [
         f"{engineering(float(x), 'm')} by {engineering(float(iu), 'A', 3)}"
         for x, iu in zip(of.point.x, of.point.iu, strict=True)
     ]
-    if len(each) == 1:
-        return each[0]
-    return ", ".join(f"{name} {held}" for name, held in zip(of.axes, each, strict=True))
+    if len(parts) == 1:
+        return parts[0]
+    return ", ".join(f"{name} {held}" for name, held in zip(of.axes, parts, strict=True))
 
 
 def _control(control: Control) -> dict[str, str]:

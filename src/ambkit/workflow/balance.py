@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from ambkit.judge.loop.demands import of_unbalance, orbit, pairs_of
 from ambkit.machine import geometry
-from ambkit.machine.bank import alone_of
+from ambkit.machine.bank import isolated_axes
 from ambkit.machine.placed import Unbalance
 from ambkit.models.parts.synchronous import unbalance_planes
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.simulation.linear.closed import Loop
-    from ambkit.simulation.linear.pieces import WorkPoint
+    from ambkit.simulation.linear.pieces import OperatingPoint
 
 GRADES = (0.4e-3, 1e-3, 2.5e-3, 6.3e-3, 16e-3, 40e-3)
 """Balance quality grades of ISO 21940-11 that rotors on magnetic bearings have [m/s]."""
@@ -40,18 +40,18 @@ class Grade(NamedTuple):
     """Greatest amplitude of a demanded current [A]."""
 
 
-def of_grades(loop: Loop, machine: Machine, point: WorkPoint) -> list[Grade]:
+def of_grades(loop: Loop, machine: Machine, point: OperatingPoint) -> list[Grade]:
     """Return what the unbalance of each grade would do."""
     # In the planes that are described, or else at the outer bearings; the planes' shares as the
     # machine's own are graded, and their angles as bad as can be.
-    alone, pairs = alone_of(machine), pairs_of(machine)
-    travel = np.array([b.rotor.travel_limit for b in alone])
+    isolated, pairs = isolated_axes(machine), pairs_of(machine)
+    travel = np.array([b.rotor.clearance for b in isolated])
     per_grade = [
         of_unbalance(loop, machine.model_copy(update={"unbalance": (plane,)}), point)
         for plane in permitted(machine, 1.0)
     ]
-    x = sum(orbit(each.x, pairs) for each in per_grade)
-    i = sum(np.abs(each.i) for each in per_grade)
+    x = sum(orbit(item.x, pairs) for item in per_grade)
+    i = sum(np.abs(item.i) for item in per_grade)
     speed = abs(machine.speed)
     return [
         Grade(
@@ -78,8 +78,8 @@ def grade_of(machine: Machine) -> float | None:
     # The planes' amounts are added up.
     if not machine.speed or not machine.unbalance:
         return None
-    whole = sum(amount for _, amount, _ in machine.unbalances())
-    return whole * abs(machine.speed) / machine.rotor.mass
+    total_unbalance = sum(amount for _, amount, _ in machine.unbalances())
+    return total_unbalance * abs(machine.speed) / machine.rotor.mass
 
 
 def unbalance_forces(machine: Machine) -> NDArray[np.float64]:
@@ -87,10 +87,10 @@ def unbalance_forces(machine: Machine) -> NDArray[np.float64]:
     # To the rigid rotor, at the machine's speed.
     positions = machine.rigid_positions
     H = geometry.matrix([axis.line for axis in machine.axes], positions)
-    pushed = np.zeros(len(positions), complex)
+    forces = np.zeros(len(positions), complex)
     for place, amount, angle in machine.unbalances():
         ahead, across = geometry.matrix(
             [geometry.Line.across(place, turn) for turn in (angle, angle + math.pi / 2)], positions
         )
-        pushed += amount * machine.speed**2 * (ahead - 1j * across)
-    return np.asarray(np.abs(np.linalg.pinv(H.T) @ pushed), float)
+        forces += amount * machine.speed**2 * (ahead - 1j * across)
+    return np.asarray(np.abs(np.linalg.pinv(H.T) @ forces), float)

@@ -1,4 +1,4 @@
-"""What is to be said of a rotor that bends: what was left out, nodes, and who holds it."""
+"""Findings on a flexible rotor: modes left out, collocation of sensors and magnets, damping."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ambkit.base.units import engineering, percent
-from ambkit.machine.bank import alone_of
+from ambkit.machine.bank import isolated_axes
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.placing import NODE
 from ambkit.simulation.control_candidates import PIDS
@@ -80,11 +80,11 @@ def _left_out(machine: Machine, bending: Bending) -> Iterator[Remark]:
             f"{bending.attached} shapes more, which would be at {extra}"
         )
         return
-    places = [each.place for each in machine.bearings if each.type == "radial"]
-    names = [each.name for each in machine.bearings if each.type == "radial"]
+    places = [bearing.place for bearing in machine.bearings if bearing.type == "radial"]
+    names = [bearing.name for bearing in machine.bearings if bearing.type == "radial"]
     stiff = {
-        axis.bearing.name: abs(ConstantStiffness.of(alone).k_s)
-        for axis, alone in zip(machine.axes, alone_of(machine), strict=True)
+        axis.bearing.name: abs(ConstantStiffness.of(isolated).k_s)
+        for axis, isolated in zip(machine.axes, isolated_axes(machine), strict=True)
     }
     shares = np.diag(bending.residual(places)) * np.array([stiff[name] for name in names])
     k = int(np.argmax(shares))
@@ -110,22 +110,22 @@ def _nodes(machine: Machine, bending: Bending) -> Iterator[Remark]:
         "bearing": machine.bearings,
     }
     for key, placed in of_keys.items():
-        for at, each in enumerate(placed):
-            if each.type in ("axial", "thrust"):
+        for at, entry in enumerate(placed):
+            if entry.type in ("axial", "thrust"):
                 continue
-            out = bending.shape(each.place)
+            out = bending.shape(entry.place)
             for k in np.flatnonzero(np.abs(out[:modes]) < NODE):
                 what = "does not see it" if key == "sensor" else "does not hold it"
                 yield Remark(
-                    f"{key} {each.name} at {engineering(each.place, 'm')} is at a node of mode "
+                    f"{key} {entry.name} at {engineering(entry.place, 'm')} is at a node of mode "
                     f"{k + 1}, {_hertz(bending.frequency[k])}, and {what}",
                     (key, at, "place"),
                 )
     for at, bearing in enumerate(machine.bearings):
-        radial = [each for each in machine.sensors if each.type != "axial"]
+        radial = [sensor for sensor in machine.sensors if sensor.type != "axial"]
         if bearing.type != "radial" or not radial:
             continue
-        near = min(radial, key=lambda each: abs(each.place - bearing.place))
+        near = min(radial, key=lambda item: abs(item.place - bearing.place))
         pull, seen = bending.shape(bearing.place), bending.shape(near.place)
         for k in np.flatnonzero(pull[:modes] * seen[:modes] < 0):
             yield Remark(
@@ -138,9 +138,9 @@ def _nodes(machine: Machine, bending: Bending) -> Iterator[Remark]:
 
 def _held(machine: Machine, bending: Bending) -> Remark:
     """Say how the controllers of a simulation hold the rotor, or that they do not."""
-    found = holding(machine)
-    if not found.held:
-        pole = found.growing[0] if found.growing else complex(found.poles.real.max())
+    result = holding(machine)
+    if not result.held:
+        pole = result.growing[0] if result.growing else complex(result.poles.real.max())
         fed = ""
         if holding(machine, "estimate").held:
             fed = ', or an estimator that feeds the controllers (feedback = "estimate")'
@@ -154,10 +154,10 @@ def _held(machine: Machine, bending: Bending) -> Remark:
     modes = len(bending.frequency) - bending.attached
     rates = []
     for k in range(modes):
-        near = np.abs(np.abs(found.poles.imag) - bending.frequency[k]).argmin()
-        rates.append(-found.poles[near].real / abs(found.poles[near]))
+        near = np.abs(np.abs(result.poles.imag) - bending.frequency[k]).argmin()
+        rates.append(-result.poles[near].real / abs(result.poles[near]))
     worst = int(np.argmin(rates / bending.damping_ratio[:modes]))
-    pid = found.pids[0]
+    pid = result.pids[0]
     text = (
         f"a PID of each axis holds it, such as kp {engineering(pid.kp, 'A/m', 4)}, "
         f"kd {engineering(pid.kd, 'A s/m', 3)}, its derivative filtered by "

@@ -1,4 +1,4 @@
-"""The Campbell diagram of a whole machine: where its poles go with the speed of rotation."""
+"""The Campbell diagram of a machine: where its poles go with the speed of rotation."""
 
 from __future__ import annotations
 
@@ -70,28 +70,28 @@ class Campbell(Result):
     @property
     def critical(self) -> list[float]:
         """Speeds at which a whirl forwards turns as fast as the rotor [rad/s]."""
-        return [each.speed for each in self.criticals]
+        return [item.speed for item in self.criticals]
 
     @cached_property
     def criticals(self) -> list[CriticalSpeed]:
         """The same with the damping of the whirl there."""
-        found = []
+        results = []
         for mode in self.poles.T[self.forwards]:
             ahead = mode.imag - self.speed  # at rest, of a mode that only creeps, but rounding
             for k in np.flatnonzero((ahead[:-1] > 1e-9 * self.speed[-1]) & (ahead[1:] <= 0)):
                 share = ahead[k] / (ahead[k] - ahead[k + 1])
                 at = self.speed[k] + share * (self.speed[k + 1] - self.speed[k])
                 pole = mode[k] + share * (mode[k + 1] - mode[k])
-                found.append(CriticalSpeed(float(at), float(-pole.real / abs(pole))))
-        return sorted(found)
+                results.append(CriticalSpeed(float(at), float(-pole.real / abs(pole))))
+        return sorted(results)
 
     TITLE = "Campbell diagram of {0.machine.name}"
 
     @property
     def finding(self) -> str:
         """Its critical speeds."""
-        found = ", ".join(map(units.rpm, self.critical)) or "none"
-        return f"Critical speeds of {self.machine.name} up to {self._end}: {found}."
+        result = ", ".join(map(units.rpm, self.critical)) or "none"
+        return f"Critical speeds of {self.machine.name} up to {self._end}: {result}."
 
     @property
     def _end(self) -> str:
@@ -101,15 +101,15 @@ class Campbell(Result):
     def rows(self) -> list[Row]:
         """Each mode at rest and at the greatest speed, and the critical speeds."""
         modes = zip(self.whirl, self.forwards, self.poles[0].imag, self.poles[-1].imag, strict=True)
-        found = [Row("fastest", "greatest speed", float(self.speed[-1]), "rpm", detail=True)]
+        results = [Row("fastest", "greatest speed", float(self.speed[-1]), "rpm", detail=True)]
         for k, (whirl, forwards, first, last) in enumerate(modes, 1):
-            found += put([
+            results += put([
                 Row("whirl", "whirl", whirl),
                 Row("forwards", "forwards", bool(forwards), detail=True),
-                Row("at_rest", "at rest", float(first), "turns"),
+                Row("standstill", "at rest", float(first), "turns"),
                 Row("at_greatest_speed", f"at {self._end}", float(last), "turns"),
             ], section=("modes",), of=str(k))  # fmt: skip
-        return found + [row for each in self._separations for row in each.rows()]
+        return results + [row for separation in self._separations for row in separation.rows()]
 
     SECTIONS = {
         ("modes",): Section("Modes", across=True),
@@ -132,8 +132,8 @@ class Campbell(Result):
 
     @cached_property
     def _separations(self) -> Sequence[Any]:
-        found: Sequence[Any] = late_binding.call("separations", self.machine)
-        return found
+        result: Sequence[Any] = late_binding.call("separations", self.machine)
+        return result
 
     @property
     def _modes_left_out(self) -> Any:
@@ -156,21 +156,21 @@ def campbell(
     if count < 2:
         raise AmbkitError(f"count must be 2 or more, got {count!r}")
     q = len(machine.positions)
-    at_rest, spin = held(machine, pids)
+    standstill, spin = held(machine, pids)
     speed = np.linspace(0.0, fastest, count)
     poles = np.empty((count, q), complex)
     forwards = along = np.zeros(q, bool)
     for k in reversed(range(count)):  # at rest nothing tells a whirl forwards from one backwards
-        A = at_rest + speed[k] * spin
-        found, vectors = np.linalg.eig(A + _apart(machine, A) if k == count - 1 else A)
-        above = np.flatnonzero(found.imag >= 0)
+        A = standstill + speed[k] * spin
+        result, vectors = np.linalg.eig(A + _apart(machine, A) if k == count - 1 else A)
+        above = np.flatnonzero(result.imag >= 0)
         if k == count - 1:  # the others are filters
-            least_damped = above[np.argsort(-(found.imag / np.abs(found))[above])[:q]]
-            poles[k] = found[least_damped]
+            least_damped = above[np.argsort(-(result.imag / np.abs(result))[above])[:q]]
+            poles[k] = result[least_damped]
             along = _goes_along(vectors[:q, least_damped], machine)
             forwards = _goes_forwards(vectors[:q, least_damped], machine) & ~along
         else:
-            poles[k] = _followed(poles[k + 1 : k + 3], found[above])
+            poles[k] = _followed(poles[k + 1 : k + 3], result[above])
     order = np.argsort(poles[0].imag, kind="stable")
     return Campbell(machine, speed, poles[:, order], forwards[order], along[order])
 
@@ -187,8 +187,8 @@ def greatest_speed(machine: Machine, given: Given | None) -> float:
 
 
 def stiffnesses(machine: Machine) -> list[ConstantStiffness]:
-    """Return the stiffnesses of each axis at the work point."""
-    return [ConstantStiffness.of(machine.alone(axis.name)) for axis in machine.axes]
+    """Return the stiffnesses of each axis at the operating point."""
+    return [ConstantStiffness.of(machine.isolated_axis(axis.name)) for axis in machine.axes]
 
 
 def held(machine: Machine, pids: Sequence[PID | Gains] | None = None) -> tuple[Array, Array]:
@@ -238,11 +238,11 @@ def _goes_along(shapes: NDArray[np.complex128], machine: Machine) -> NDArray[np.
 
 
 def _followed(
-    after: NDArray[np.complex128], found: NDArray[np.complex128]
+    after: NDArray[np.complex128], result: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
     """Return poles in the order of those after, each next to where its path leads."""
     from scipy.optimize import linear_sum_assignment
 
     ahead = after[0] if len(after) < 2 else 2 * after[0] - after[1]
-    _, order = linear_sum_assignment(np.abs(ahead[:, None] - found[None, :]))
-    return np.asarray(found[order])
+    _, order = linear_sum_assignment(np.abs(ahead[:, None] - result[None, :]))
+    return np.asarray(result[order])

@@ -18,7 +18,7 @@ from ambkit.judge.comparison.seeds import Scores, compare
 from ambkit.judge.comparison.spread import Spread
 from ambkit.judge.comparison.standing import least
 from ambkit.judge.comparison.study import Study, across, pieces_of, study
-from ambkit.machine.bank import alone_of
+from ambkit.machine.bank import isolated_axes
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.stated import Section
@@ -105,7 +105,7 @@ def compare_in_all(
 
 
 @dataclass(frozen=True)
-class Happening:
+class LoopCase:
     """What happens to the loops that are compared."""
 
     scenario: Scenario  #: The run; its seed is replaced.
@@ -114,7 +114,7 @@ class Happening:
     load: float | None = None  #: Load after half of the run [N], if one was put in.
 
 
-def happenings(
+def loop_cases(
     bearing: Machine,
     scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
@@ -122,22 +122,22 @@ def happenings(
     load: Given | None = None,
     duration: Given | None = None,
     name: str = "scenario",
-) -> dict[str, Happening]:
+) -> dict[str, LoopCase]:
     """Return what happens, by name: the user's own scenario, or a step of each height."""
     load = in_si("load", load, "N")
     heights: list[float | None] = [None]
     if steps is not None:
         heights = [in_si("steps", height, "m") for height in steps]
     elif scenario is None:
-        heights = [share * alone_of(bearing)[0].rotor.travel_limit for share in HEIGHTS]
-    found = {}
+        heights = [share * isolated_axes(bearing)[0].rotor.clearance for share in HEIGHTS]
+    results = {}
     for height in heights:
         run = scenario_for(bearing, scenario, duration=duration, step=height, load=load)
         if run.feedback is None:  # each closes its own loop
             run = run.fed("estimate")
         at = name if height is None else engineering(height, "m", digits=4)
-        found[at] = Happening(run, height, load)
-    return found
+        results[at] = LoopCase(run, height, load)
+    return results
 
 
 @dataclass(frozen=True, repr=False)
@@ -145,7 +145,7 @@ class LoopScores(Result):
     """Estimators, each in its own loop, over the same seeds."""
 
     bearing: Machine  #: The plant, and what the estimators know.
-    happenings: Mapping[str, Happening]  #: What happened, by name.
+    loop_cases: Mapping[str, LoopCase]  #: What happened, by name.
     #: (mapping of str to Score) By the same names, and by estimator.
     scores: Mapping[str, Scores]
     seeds: range  #: Of the runs.
@@ -153,8 +153,10 @@ class LoopScores(Result):
     @property
     def steps(self) -> list[float] | None:
         """Height of the step of each [m]; None of the user's own scenario."""
-        heights = [each.step for each in self.happenings.values() if each.step is not None]
-        return heights if len(heights) == len(self.happenings) else None
+        heights = [
+            loop_case.step for loop_case in self.loop_cases.values() if loop_case.step is not None
+        ]
+        return heights if len(heights) == len(self.loop_cases) else None
 
     @property
     def title(self) -> str:
@@ -200,7 +202,7 @@ class LoopScores(Result):
         return {
             "bearing": self.bearing.name,
             "seeds": [self.seeds[0], self.seeds[-1]],
-            "load": next(iter(self.happenings.values())).load if self.happenings else None,
+            "load": next(iter(self.loop_cases.values())).load if self.loop_cases else None,
         }
 
     def figures(self) -> list[Figure]:
@@ -210,7 +212,7 @@ class LoopScores(Result):
 
 def compare_in_loops(
     bearing: Machine,
-    what: Mapping[str, Happening],
+    what: Mapping[str, LoopCase],
     estimators: Iterable[str] | Mapping[str, Callable[[], Estimator]] = USUAL,
     *,
     runs: int = RUNS,
@@ -225,7 +227,7 @@ def compare_in_loops(
     )
     seeds = range(seed, seed + runs)
     scores = {
-        name: compare(bearing, each.scenario, built, seeds, magnet=plant, done=done)
-        for name, each in what.items()
+        name: compare(bearing, item.scenario, built, seeds, magnet=plant, done=done)
+        for name, item in what.items()
     }
     return LoopScores(bearing, what, scores, seeds)

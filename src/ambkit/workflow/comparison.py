@@ -21,7 +21,7 @@ from ambkit.workflow.comparing import (
     compare_in_all,
     compare_in_case,
     compare_in_loops,
-    happenings,
+    loop_cases,
 )
 from ambkit.workflow.saved_filters import save_filters as write_filters
 
@@ -142,14 +142,16 @@ def compare(
         of_type(str, Case, case=case)
     true = _surface(force_map, bearing)
     own = {"scenario": scenario, "steps": steps, "load": load, "duration": duration}
-    given = [name for name, value in own.items() if value is not None]
-    if given:
+    loop_options = [name for name, value in own.items() if value is not None]
+    if loop_options:
         of_cases = {"case": case, "tune": tune or None, "spread": spread, "whole": whole or None,
                     "save_filters": save_filters}  # fmt: skip
         clash = [name for name, value in of_cases.items() if value is not None]
         if clash:
-            raise ValueError(f"{given[0]} is in place of a case, and does not go with {clash[0]}")
-        what = happenings(bearing, scenario, steps=steps, load=load, duration=duration)
+            raise ValueError(
+                f"{loop_options[0]} is in place of a case, and does not go with {clash[0]}"
+            )
+        what = loop_cases(bearing, scenario, steps=steps, load=load, duration=duration)
         built: Mapping[str, Callable[[], Estimator]] = (
             estimators
             if isinstance(estimators, Mapping)
@@ -167,10 +169,10 @@ def compare(
         if save_filters is not None or whole:
             raise ValueError("save_filters and whole are of one case, not of all")
         return compare_in_all(bearing, estimators, **options)
-    found = compare_in_case(bearing, case or "paper", estimators, **options, whole=whole)
+    result = compare_in_case(bearing, case or "paper", estimators, **options, whole=whole)
     if save_filters is not None:
-        write_filters(found, save_filters)
-    return found
+        write_filters(result, save_filters)
+    return result
 
 
 def _surface(force_map: Map, bearing: Machine) -> ForceSurface | None:
@@ -181,5 +183,5 @@ def _surface(force_map: Map, bearing: Machine) -> ForceSurface | None:
         axes = len(bearing.axes)
         raise AmbkitError(f"force_map is the magnet of one axis, and {bearing.name} has {axes}")
     if isinstance(force_map, str | os.PathLike):
-        return surface_in(force_map, bearing.alone(""))
+        return surface_in(force_map, bearing.isolated_axis(""))
     return force_map

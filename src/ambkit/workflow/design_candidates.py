@@ -18,8 +18,8 @@ from ambkit.estimate.view import several
 from ambkit.judge.adequacy import judge_adequacy
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.bench import bench
+from ambkit.judge.comparison.candidates import Candidate
 from ambkit.judge.comparison.cases import CASES, load_case, trials
-from ambkit.judge.comparison.contenders import Contender
 from ambkit.judge.comparison.criteria import SETTLING
 from ambkit.judge.comparison.tuning import SIGNALS, errors
 from ambkit.judge.load_following import STEP, load_capacity
@@ -52,7 +52,7 @@ records and of those tuned on simulated runs."""
 
 
 @dataclass(frozen=True)
-class Candidate:
+class TunedCandidate:
     """A tuned filter, and how it did."""
 
     kind: str  #: Of the filter.
@@ -77,10 +77,10 @@ class Candidate:
     load: float = math.nan
 
 
-def tuned_within(ceiling: float | None, *arguments: Any, **options: Any) -> Tuned:
+def tuned_within(peak_limit: float | None, *arguments: Any, **options: Any) -> Tuned:
     """Tune a filter below a ceiling on the peak of abs(S), or without where none can be."""
     try:
-        return tune(*arguments, max_sensitivity=ceiling, **options)
+        return tune(*arguments, max_sensitivity=peak_limit, **options)
     except OutOfReachError:
         return tune(*arguments, **options)
 
@@ -101,12 +101,12 @@ def exported_filter(
 
 def of_tuning(tuned: Tuned) -> dict[str, Any]:
     """Return what is kept of a filter's tuning, as plain data."""
-    taken = 1 if tuned.kept else 0
-    unseen = {name: pair[taken] for name, pair in tuned.unseen.items()}
+    pair_index = 1 if tuned.kept else 0
+    validation = {name: pair[pair_index] for name, pair in tuned.unseen.items()}
     return {
         "kept": tuned.kept,
         "by": tuned.by,
-        "unseen": unseen,
+        "unseen": validation,
         "warnings": list(tuned.warnings),
         "peak": None if math.isnan(tuned.peak) else tuned.peak,
     }
@@ -122,16 +122,16 @@ def judged(path: Path, seed: int) -> dict[str, Any]:
     plant = _with_noise(made.machine, usual)
     own = several(default_disturbance(plant))
     walks = float(np.mean(np.divide(several(usual.disturbance), own)))
-    field = {file.kind: Contender(file.kind, file.kind, file.make)}
-    found = bench(plant, replace(CASES["model"], walks=walks), field, runs=RUNS, seed=seed)
+    field = {file.kind: Candidate(file.kind, file.kind, file.make)}
+    result = bench(plant, replace(CASES["model"], walks=walks), field, runs=RUNS, seed=seed)
     load, errors = _under_a_load(plant, file, seed)
-    shown = (view.H @ view.shown) ** 2 @ several(usual.measurement)
+    raw_variance = (view.H @ view.shown) ** 2 @ several(usual.measurement)
     return {
         "errors": errors,
-        "wandering": found.default[file.kind].mean("x"),
+        "wandering": result.default[file.kind].mean("x"),
         "load": load,
-        "efficiency": found.efficiency(file.kind, "x"),
-        "raw": math.sqrt(float(np.mean(shown))),
+        "efficiency": result.efficiency(file.kind, "x"),
+        "raw": math.sqrt(float(np.mean(raw_variance))),
     }
 
 
@@ -161,31 +161,31 @@ def _under_a_load(plant: Machine, file: FilterFile, seed: int) -> tuple[float, d
     first = round(SETTLING * slowest_time(plant) / plant.sampling_time)
     for share in (1.0, 0.5, 0.25, 0.125):
         made = trials(load_case(share * load), plant, RUNS, seed)
-        flown = [each for each in made if not each.lost]
-        if flown:
-            means = errors(file.make, flown, first).mean(axis=0).tolist()
+        valid_trials = [item for item in made if not item.lost]
+        if valid_trials:
+            means = errors(file.make, valid_trials, first).mean(axis=0).tolist()
             return share * load, dict(zip(SIGNALS, means, strict=True))
     raise AmbkitError(f"{plant.name}: the rotor met a stop in all simulated runs")
 
 
-def candidate_in(place: Path, kind: str) -> Candidate:
+def candidate_in(place: Path, kind: str) -> TunedCandidate:
     """Return a candidate as its files in a folder have it."""
     tuning = read_json(place / f"candidates/{kind}.json")
-    unseen = tuning["unseen"]
+    validation = tuning["unseen"]
     if tuning["by"] == "likelihood":
-        found = read_json(place / f"candidates/{kind}.judged.json")
+        result = read_json(place / f"candidates/{kind}.judged.json")
     else:  # it was judged by simulated truth when it was tuned
-        errors = {signal: unseen[f"error of {signal}"] for signal in SIGNALS}
-        found = {"errors": errors, "raw": unseen[RAW], "wandering": errors["x"]}
+        errors = {signal: validation[f"error of {signal}"] for signal in SIGNALS}
+        result = {"errors": errors, "raw": validation[RAW], "wandering": errors["x"]}
     peak = math.nan if tuning["peak"] is None else tuning["peak"]
-    return Candidate(
-        kind, place / f"candidates/{kind}.toml", tuning["kept"], tuning["by"], unseen,
-        peak=peak, **found,
+    return TunedCandidate(
+        kind, place / f"candidates/{kind}.toml", tuning["kept"], tuning["by"], validation,
+        peak=peak, **result,
     )  # fmt: skip
 
 
-def best_of(candidates: Sequence[Candidate]) -> Candidate:
-    """Return who errs least among those that unseen records like best; of equals the simplest."""
+def best_of(candidates: Sequence[TunedCandidate]) -> TunedCandidate:
+    """Return the least error among the likeliest on validation records; of equals the simplest."""
     # Where a rotor hardly moves, its records do not tell the kinds apart; simulated truth does.
     order = list(KINDS)
     if candidates[0].by == "truth":
@@ -200,27 +200,27 @@ def best_of(candidates: Sequence[Candidate]) -> Candidate:
     return min(equal, key=lambda c: order.index(c.kind))
 
 
-def objections_to(chosen: Candidate) -> list[str]:
+def objections_to(chosen: TunedCandidate) -> list[str]:
     """Return what speaks against flying a candidate."""
-    said = []
+    objections = []
     if not chosen.wandering < chosen.raw:
         error, sensor = (engineering(v, "m", digits=3) for v in (chosen.wandering, chosen.raw))
-        said.append(f"its position errs by {error}, and that of the raw sensors by {sensor}")
+        objections.append(f"its position errs by {error}, and that of the raw sensors by {sensor}")
     if chosen.efficiency < FAR_FROM_BOUND:
-        said.append(
+        objections.append(
             f"its position reaches {100 * chosen.efficiency:.0f} % of the bound, less than "
             f"{100 * FAR_FROM_BOUND:.0f} %"
         )
-    return said
+    return objections
 
 
-def adequacy_of(chosen: Candidate, run: Scenario) -> list[Finding]:
+def adequacy_of(chosen: TunedCandidate, run: Scenario) -> list[Finding]:
     """Return whether a candidate may fly, with NIS on records that it was not tuned on."""
     made = FilterFile.load(chosen.file).make()
     return judge_adequacy(made, None, run, chosen.unseen.get("nis", math.nan))
 
 
-def evidence_for(chosen: Candidate, candidates: Sequence[Candidate]) -> str:
+def evidence_for(chosen: TunedCandidate, candidates: Sequence[TunedCandidate]) -> str:
     """Return what speaks for a candidate, in a sentence."""
     x, f_d = engineering(chosen.errors["x"], "m", 3), engineering(chosen.errors["f_d"], "N", 3)
     raw = engineering(chosen.raw, "m", 3)
@@ -228,7 +228,7 @@ def evidence_for(chosen: Candidate, candidates: Sequence[Candidate]) -> str:
     if chosen.by == "truth":
         return f"In simulated runs that it was not tuned on it errs by {x} {errors}"
 
-    def ahead(candidate: Candidate) -> str:
+    def ahead(candidate: TunedCandidate) -> str:
         return engineering(candidate.unseen[AHEAD[10]], "m", digits=3)
 
     others = [c for c in candidates if c is not chosen]

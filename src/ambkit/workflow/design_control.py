@@ -23,27 +23,27 @@ DIGITS = 3
 def control_for(bearing: Machine) -> Control:
     """The default controllers of a machine that an estimate feeds, as they are written down."""
     machine = bearing.long
-    found = default_control(machine, "estimate")
-    if not found.held:
-        raise AmbkitError(found.summary)
-    control = found.chosen.control
+    result = default_control(machine, "estimate")
+    if not result.held:
+        raise AmbkitError(result.summary)
+    control = result.chosen.control
     plain = control.type == "decentralised" and not control.pid
     estimator = KalmanFilter(machine)
-    each = LoopOf(machine, None if plain else control).pids(estimator)
+    parts = LoopOf(machine, None if plain else control).pids(estimator)
     pids = {
         name: PID(**{key: float(f"{getattr(pid, key):.{DIGITS}g}") for key in GAINS})  # type: ignore[arg-type]
-        for name, pid in each.items()
+        for name, pid in parts.items()
     }
     written = control.model_copy(update={"pid": pids, "feedback": "estimate"})
-    return written.completed(machine.alone("")) if bearing.single else written
+    return written.completed(machine.isolated_axis("")) if bearing.single else written
 
 
-def objections_to_loop(loop: AssessedLoop, ceiling: float | None) -> Sequence[str]:
+def objections_to_loop(loop: AssessedLoop, peak_limit: float | None) -> Sequence[str]:
     """Return what speaks against flying a loop."""
     if not loop.stable:
         return ["the loop is not stable"]
     if zone_of(loop.peak) != "A":
         return [f"the peak of |S| is {loop.peak:.3g}, zone {zone_of(loop.peak)} of ISO 14839-3"]
-    if ceiling is not None and loop.peak >= ceiling:
-        return [f"the peak of |S| is {loop.peak:.3g}, and is to be below {ceiling:g}"]
+    if peak_limit is not None and loop.peak >= peak_limit:
+        return [f"the peak of |S| is {loop.peak:.3g}, and is to be below {peak_limit:g}"]
     return []

@@ -23,7 +23,7 @@ from ambkit.show.plots.design import design_figure
 from ambkit.show.plots.filters import filter_figure
 from ambkit.simulation.control_candidates import name_of
 from ambkit.simulation.scenario import GAINS, PID, Control
-from ambkit.workflow.design_candidates import Candidate, evidence_for
+from ambkit.workflow.design_candidates import TunedCandidate, evidence_for
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
 
 if TYPE_CHECKING:
@@ -44,8 +44,8 @@ class Design(Result):
     folder: Path  #: Where all of it lies.
     machine: Machine  #: The machine, as the records tell it where it was identified.
     control: Control  #: The controllers, with all their gains.
-    candidates: tuple[Candidate, ...]  #: Who was tried.
-    chosen: Candidate  #: Who is to fly.
+    candidates: tuple[TunedCandidate, ...]  #: Who was tried.
+    chosen: TunedCandidate  #: Who is to fly.
     #: The loop with it, and the one with the same controllers on the measurement.
     assessed: Assessment
     overshoot: float  #: Of a step of a reference, of all axes the greatest [1].
@@ -87,7 +87,7 @@ class Design(Result):
     def notes(self) -> list[str]:
         """What speaks for it, what against it, and what is to be known."""
         why = evidence_for(self.chosen, self.candidates)
-        objections = [f"Objection: {each}" for each in self.objections]
+        objections = [f"Objection: {objection}" for objection in self.objections]
         if not self.passed:
             objections.append("Nothing was exported: --force does it all the same.")
         return [why, *objections, *self.remarks]
@@ -95,28 +95,28 @@ class Design(Result):
     @property
     def rows(self) -> list[Row]:
         """Controllers, filters that were tried, and loops."""
-        found: list[Row] = []
+        results: list[Row] = []
         for name, pid in self.control.pid.items():
-            found += put(_of_gains(pid), section=("controllers",), of=name)
-        for each in self.candidates:
-            found += put(_of_candidate(each), section=("candidates",), of=each.kind)
+            results += put(_of_gains(pid), section=("controllers",), of=name)
+        for candidate in self.candidates:
+            results += put(_of_candidate(candidate), section=("candidates",), of=candidate.kind)
         for name, loop in self.assessed.loops.items():
             if loop.stable:
-                found += put([
+                results += put([
                     Row("zone", "zone", loop.zone),
                     Row("peak", "peak of |S|", loop.peak, "|S|"),
                     Row("largest_singular_value", "largest singular value", loop.largest[0]),
                     Row("current_noise", "current by noise, rms", loop.current_noise, "A", 3),
                 ], section=("loops",), of=f"fed by {name}")  # fmt: skip
-        return found
+        return results
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
         """Titles of the tables."""
-        tried = "Filters that were tried, on what they were not tuned on"
+        title = "Filters that were tried, on what they were not tuned on"
         return {
             ("controllers",): Section(f"Controllers of {self.machine.name}", across=True),
-            ("candidates",): Section(tried),
+            ("candidates",): Section(title),
             ("loops",): Section("The loop with these controllers", across=True),
         }
 
@@ -141,7 +141,7 @@ class Design(Result):
             "chosen": self.chosen.kind,
             "why": self.why,
             "objections": list(self.objections),
-            "adequacy": [each.to_dict() for each in self.adequacy],
+            "adequacy": [item.to_dict() for item in self.adequacy],
             "peak": self.loop.peak,
             "zone": self.loop.zone,
             "overshoot": self.overshoot,
@@ -171,15 +171,15 @@ class Design(Result):
 
 
 def _of_gains(pid: PID) -> list[Row]:
-    shown = ("kp", "ki", "kd", "derivative_filter", "setpoint_weight")
+    main_gains = ("kp", "ki", "kd", "derivative_filter", "setpoint_weight")
     return [
         Row(key, key.replace("_", " "), getattr(pid, key), UNITS.get(key, "1"), 3,
-            detail=key not in shown)
-        for key in (*shown, *sorted(GAINS - set(shown)))
+            detail=key not in main_gains)
+        for key in (*main_gains, *sorted(GAINS - set(main_gains)))
     ]  # fmt: skip
 
 
-def _of_candidate(of: Candidate) -> list[Row]:
+def _of_candidate(of: TunedCandidate) -> list[Row]:
     ahead = [
         Row(f"ahead_{n}", f"{n} step{'s' * (n > 1)} ahead", of.unseen[name], "m", 3)
         for n, name in AHEAD.items() if name in of.unseen

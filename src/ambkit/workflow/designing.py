@@ -124,16 +124,16 @@ def design(
         the folder cannot be written; or `free` is given and there is no log, or several axes.
     """
     of_type(Machine, bearing=bearing)
-    given = bearing.long
-    if free is not None and not (logs and given.single):
+    machine = bearing.long
+    if free is not None and not (logs and machine.single):
         raise AmbkitError(
-            f"a design identifies a machine with one axis from its logs; {given.name} has "
-            f"{len(given.axes)}, and there are {len(logs)} logs: see 'ambkit identify --axis'"
+            f"a design identifies a machine with one axis from its logs; {machine.name} has "
+            f"{len(machine.axes)}, and there are {len(logs)} logs: see 'ambkit identify --axis'"
         )
     kinds = KINDS_TRIED if kinds is None else names_in(kinds=kinds)
     for kind in kinds:
         kind_called(kind)
-    work = _Work(given, logs, validate, channels, files.make_folder(folder), note)
+    work = _Work(machine, logs, validate, channels, files.make_folder(folder), note)
     work.identify(free)
     control = work.choose_controllers()
     for kind in kinds:
@@ -141,38 +141,38 @@ def design(
             kind, control, max_sensitivity=max_sensitivity, seed=seed, runs=runs, budget=budget
         )
         work.judge(kind, seed)
-    place, found = work.place, work.found
+    place, result = work.place, work.found
     candidates = [candidate_in(place, kind) for kind in kinds]
     chosen = best_of(candidates)
     estimator = Estimator.load(chosen.file)
     estimator.save(place / "filter.toml", bearing=place / "machine.toml")
     note("assessing the loop")
-    assessed = assess(found, {chosen.kind: estimator}, control)
+    assessed = assess(result, {chosen.kind: estimator}, control)
     loop = assessed.loops[chosen.kind]
     if loop.stable:
         pages: list[Any] = [assessed]
-        if found.rotor.type != "mass":
+        if result.rotor.type != "mass":
             note("looking at one speed after the other")
-            pages.append(assess_over_speed(found, {chosen.kind: estimator}, control))
+            pages.append(assess_over_speed(result, {chosen.kind: estimator}, control))
         write_result(pages, place / "verdict.html")
     run = Scenario(controller=control)
     adequacy = tuple(adequacy_of(chosen, run))
-    fatal = [each for each in adequacy if each.fatal and each.name != "peak of |S|"]
+    fatal = [item for item in adequacy if item.fatal and item.name != "peak of |S|"]
     objections = (
         *objections_to_loop(loop, max_sensitivity), *objections_to(chosen), *sentences(fatal)
     )  # fmt: skip
     exported = None
     if anyway or not objections:
         note("exporting")
-        known = found.short
+        known = result.short
         exported = exported_filter(known, place, "c", precision, prefix)
         exported_filter(known, place, "controller", precision, prefix, run)
     made = {name: what for name, what in FILES.items() if (place / name).exists()}
     made["design.html"] = FILES["design.html"]
-    notes = (*work.notes, *sentences([each for each in adequacy if not each.fatal]))
-    step = overshoot(loop.loop, slowest_time(found), len(found.axes))
+    notes = (*work.notes, *sentences([item for item in adequacy if not item.fatal]))
+    step = overshoot(loop.loop, slowest_time(result), len(result.axes))
     design = Design(
-        place, found, control, tuple(candidates), chosen, assessed, step,
+        place, result, control, tuple(candidates), chosen, assessed, step,
         objections, exported, made, notes, adequacy, work.last_record(),
     )  # fmt: skip
     note("drawing")
@@ -197,10 +197,10 @@ class _Work:
     """The stages of a design, and what they found."""
 
     def __init__(
-        self, given: Machine, logs: Sequence[Any], validate: Sequence[Any], channels: Any,
+        self, machine: Machine, logs: Sequence[Any], validate: Sequence[Any], channels: Any,
         place: Path, note: Callable[[str], None],
     ) -> None:  # fmt: skip
-        self.given = self.found = given
+        self.given = self.found = machine
         self.logs, self.validate, self.channels = logs, validate, channels
         self.place, self.note, self.stages = place, note, Stages(place)
         self.inputs: Inputs | None = None
@@ -267,7 +267,7 @@ class _Work:
             tuned.named(bearing=place / "machine.toml").save(place / name)
             write_json(place / f"candidates/{kind}.json", of_tuning(tuned))
 
-        known = [place / each for each in ("machine.toml", "scenario.toml", "identified.toml")]
+        known = [place / item for item in ("machine.toml", "scenario.toml", "identified.toml")]
         made_from = [files.sha256(path) for path in known if path.exists()]
         self.stages.make(
             f"tune {kind}", [kind, options, *made_from, *self.sources],
@@ -295,11 +295,11 @@ def _identified(
     place: Path,
 ) -> None:
     records = [load_filled(path, channels) for path in logs]
-    found = identify(machine.short, records, free=free)
+    result = identify(machine.short, records, free=free)
     inputs = None if channels is None else inputs_of(ChannelMap.load(channels))
-    files.write_text(place / "machine.toml", annotated_toml(found.likelihood, place))
+    files.write_text(place / "machine.toml", annotated_toml(result.likelihood, place))
     source = ", ".join(Path(path).name for path in logs)
-    write_json(place / "identified.json", {"notes": found.of_the_zeros})
-    identified_filter(found, inputs, source).save(
+    write_json(place / "identified.json", {"notes": result.of_the_zeros})
+    identified_filter(result, inputs, source).save(
         place / "identified.toml", bearing=place / "machine.toml"
     )

@@ -102,8 +102,8 @@ def train(
     of_type(Machine, StiffnessMap, source=source)
     how = how_to_train(method, weights, normalised=normalised, scaling=scaling) | details
     if force_map is None:
-        for name, asked in (("channels", channels), ("law_error", law_error)):
-            if asked is not None:
+        for name, value in (("channels", channels), ("law_error", law_error)):
+            if value is not None:
                 raise AmbkitError(f"{name} is of points that were measured: give a force_map")
         if rules is None:
             raise AmbkitError("rules = None asks points that were measured: give a force_map")
@@ -128,32 +128,32 @@ def train(
     stiffness = measured.stiffness
     shape = (stiffness.current.size, stiffness.displacement.size)
     models = choose_model(source, measured.surface, shape, note, **how)
-    if models is not None and (said := models.against(NETWORK)):
-        warnings.warn(said, stacklevel=3)  # beyond what shows the progress
+    if models is not None and (warning := models.against(NETWORK)):
+        warnings.warn(warning, stacklevel=3)  # beyond what shows the progress
     return train_network(stiffness, **how)
 
 
 def save_filter(
-    found: TrainedExpert,
+    result: TrainedExpert,
     path: str | os.PathLike[str],
     *,
     bearing: str | os.PathLike[str] | None = None,
     written: str | os.PathLike[str] | None = None,
 ) -> None:
     """Write the filter that knows what was written of a training."""
-    made = filter_of(found)
-    if found.taken in (LAW, REFITTED):
-        made.save(path, bearing=written or (bearing if found.taken == LAW else None))
+    made = filter_of(result)
+    if result.taken in (LAW, REFITTED):
+        made.save(path, bearing=written or (bearing if result.taken == LAW else None))
         return
     made.save(path, bearing=bearing, magnet=written)
 
 
-def filter_of(found: TrainedExpert) -> AdaptiveKalmanFilter:
+def filter_of(result: TrainedExpert) -> AdaptiveKalmanFilter:
     """Return the filter that knows what is taken of a training."""
-    law, magnet = found.model
+    law, magnet = result.model
     made = AdaptiveKalmanFilter(law, magnet)
-    part = "bearing.file" if found.taken in (LAW, REFITTED) else "magnet.file"
-    made.origin = {part: made_by("train", found.expert.source)}
+    part = "bearing.file" if result.taken in (LAW, REFITTED) else "magnet.file"
+    made.origin = {part: made_by("train", result.expert.source)}
     return made
 
 

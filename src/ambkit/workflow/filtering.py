@@ -22,8 +22,8 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.stated import Section
 from ambkit.simulation.sequence import Mode
+from ambkit.workflow.anomalies import OutsideOperatingRange, outside_operating_range
 from ambkit.workflow.harmonics import Harmonic, harmonics
-from ambkit.workflow.oddities import OutsideOfBox, outside_of_box
 from ambkit.workflow.tuning import default_disturbance, log_likelihood, tune_disturbance
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ class Filtered:
     tuning: TunedNoise | None = None  #: None where nothing was tuned.
     smoothed: Estimate | None = None  #: Each sample estimated from the whole record, if asked for.
     #: By axis, where an expert is asked beyond its box in more than a hundredth of the samples.
-    outside: Mapping[str, OutsideOfBox] = field(default_factory=dict)
+    outside: Mapping[str, OutsideOperatingRange] = field(default_factory=dict)
     #: What it says of unbalance and runout at the end of the record.
     turning: Sequence[Harmonic] = ()
 
@@ -117,7 +117,7 @@ class Filtering(Result):
     @property
     def evaluations(self) -> dict[str, Evaluation]:
         """The evaluations, by estimator."""
-        return {name: each.evaluation for name, each in self.estimators.items()}
+        return {name: estimator.evaluation for name, estimator in self.estimators.items()}
 
     @property
     def smoothed(self) -> dict[str, Estimate]:
@@ -138,8 +138,10 @@ class Filtering(Result):
 
     def growth(self, noise: FilterNoise) -> Any:
         """Growth of the load's variance that is assumed [N^2/s]; of several by their axes."""
-        axes, growth = (axis.name for axis in self.machine.axes), noise.disturbance
-        return dict(zip(axes, growth, strict=True)) if isinstance(growth, tuple) else growth
+        axes, intensity = (axis.name for axis in self.machine.axes), noise.disturbance
+        return (
+            dict(zip(axes, intensity, strict=True)) if isinstance(intensity, tuple) else intensity
+        )
 
     @property
     def title(self) -> str:
@@ -167,19 +169,21 @@ class Filtering(Result):
     def rows(self) -> list[Row]:
         """Innovations, predictions, load and errors of each estimator, and what turns."""
         flags = dict.fromkeys(flag for e in self.evaluations.values() for flag in e.status)
-        found, turning = [], []
-        for name, each in self.estimators.items():
-            found += put(self._of(each, list(flags)), section=ESTIMATORS, of=name)
-            turning += [row for of in each.turning for row in of.rows((*ESTIMATORS, name))]
-        return found + turning
+        result, harmonic_rows = [], []
+        for name, estimator in self.estimators.items():
+            result += put(self._of(estimator, list(flags)), section=ESTIMATORS, of=name)
+            harmonic_rows += [
+                row for of in estimator.turning for row in of.rows((*ESTIMATORS, name))
+            ]
+        return result + harmonic_rows
 
-    def _of(self, each: Filtered, flags: Sequence[str]) -> list[Row]:
+    def _of(self, item: Filtered, flags: Sequence[str]) -> list[Row]:
         """Return the figures of one estimator."""
-        after: dict[str, Any] = {} if each.smoothed is None else self.after(each.name)
-        units = each.evaluation.estimate.units
+        after: dict[str, Any] = {} if item.smoothed is None else self.after(item.name)
+        units = item.evaluation.estimate.units
         return [
-            *each.evaluation.rows(self.machine, flags),
-            Row("disturbance_noise", "load, noise assumed", self.growth(each.noise), "N^2/s"),
+            *item.evaluation.rows(self.machine, flags),
+            Row("disturbance_noise", "load, noise assumed", self.growth(item.noise), "N^2/s"),
             Row("smoothed.disturbance_mean", "load, mean, smoothed",
                 after.get("disturbance_mean"), "N", detail=True),
             Row("smoothed.disturbance_std", "load, std, smoothed",
@@ -191,11 +195,11 @@ class Filtering(Result):
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
         """Titles of the tables."""
-        turning: dict[tuple[str, ...], Section] = {
+        harmonic_sections: dict[tuple[str, ...], Section] = {
             (*ESTIMATORS, name, "synchronous"): Section(f"{name}: what turns", across=True)
             for name in self.estimators
         }
-        return {ESTIMATORS: Section(self.title), **turning}
+        return {ESTIMATORS: Section(self.title), **harmonic_sections}
 
     @property
     def series(self) -> dict[str, Any]:
@@ -205,9 +209,9 @@ class Filtering(Result):
             "estimators": {
                 name: {key: {} for key in ("rmse", "status", "logged")}
                 | {"synchronous": {
-                    h.name: {"covariance": h.covariance.tolist()} for h in each.turning
+                    h.name: {"covariance": h.covariance.tolist()} for h in estimator.turning
                 }}
-                for name, each in self.estimators.items()
+                for name, estimator in self.estimators.items()
             },
         }  # fmt: skip
 
@@ -217,7 +221,9 @@ class Filtering(Result):
 
     def to_record(self) -> Record:
         """Return the estimates; of several estimators, each signal carries the name."""
-        records = {name: each.estimate.to_record() for name, each in self.evaluations.items()}
+        records = {
+            name: evaluation.estimate.to_record() for name, evaluation in self.evaluations.items()
+        }
         records |= {f"{n}_smoothed": e.to_record() for n, e in self.smoothed.items()}
         if len(records) == 1:
             return next(iter(records.values()))
@@ -313,7 +319,7 @@ def filter(
         if isinstance(estimators, Mapping)
         else factories(estimators, bearing, magnets, synchronous)
     )
-    found = {}
+    results = {}
     for name, build in built.items():
         # A filter from a file assumes what the file says.
         if isinstance(build, FromFile):
@@ -323,13 +329,13 @@ def filter(
             estimator, one = _filtered(name, build, record, noise, stretch, late)
         one = replace(
             one,
-            outside=outside_of_box(estimator, one.evaluation.estimate, record),
+            outside=outside_operating_range(estimator, one.evaluation.estimate, record),
             turning=harmonics(estimator, until),
             smoothed=build(one.noise).smooth(record) if smooth else None,
         )
-        found[name] = one
+        results[name] = one
         done(one)
-    return Filtering(bearing, record, stretch, late, found)
+    return Filtering(bearing, record, stretch, late, results)
 
 
 def check_signals(machine: Machine, record: Record) -> None:
@@ -343,7 +349,7 @@ def check_signals(machine: Machine, record: Record) -> None:
 
 def in_flight(record: Record) -> tuple[float | None, float | None]:
     """From when to when the magnets have currents, in a record of lift-off and landing [s]."""
-    # A rotor that lies has the backup bearings' forces, and magnets that are off, which no
+    # A rotor that lies has the touch-down bearings' forces, and magnets that are off, which no
     # estimator is told. None and None: a record without a ``mode``, or one that never lifts.
     if "mode" not in record:
         return None, None
@@ -369,13 +375,13 @@ def _filtered(
     if stretch is None:
         estimator, evaluation = evaluated(noise)
         return estimator, Filtered(name, noise, evaluation)
-    found, why = _tuned(build, noise, record, stretch)
+    result, why = _tuned(build, noise, record, stretch)
     untuned = replace(noise, disturbance=default_disturbance(build().bearing))
-    with_found, without = evaluated(found), evaluated(untuned)
+    with_found, without = evaluated(result), evaluated(untuned)
     worse = _likelihood(with_found[1]) < _likelihood(without[1])
-    kept = not (worse and stretch.by_itself)
-    tuning = TunedNoise(found, untuned, why, worse, kept)
-    assumed, (estimator, evaluation) = (found, with_found) if kept else (untuned, without)
+    use_tuned = not (worse and stretch.by_itself)
+    tuning = TunedNoise(result, untuned, why, worse, use_tuned)
+    assumed, (estimator, evaluation) = (result, with_found) if use_tuned else (untuned, without)
     return estimator, Filtered(name, assumed, evaluation, tuning)
 
 
@@ -385,7 +391,7 @@ def _tuned(
     """Return the noise under which a stretch of a record is most likely, and why that."""
     part = record.between(record.t[0] + stretch.start, record.t[0] + stretch.stop)
     tuned = tune_disturbance(
-        build().bearing, part, lambda growth: build(replace(noise, disturbance=growth))
+        build().bearing, part, lambda intensity: build(replace(noise, disturbance=intensity))
     )
     return replace(noise, disturbance=tuned.growth), tuned.why
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def annotated_toml(
-    found: MaximumLikelihood,
+    result: MaximumLikelihood,
     folder: str | os.PathLike[str] | None = None,
     machine: Machine | None = None,
 ) -> str:
@@ -24,31 +24,33 @@ def annotated_toml(
     # it names are seen from `folder`, where it will lie.
     several = None if machine is None or machine.single else machine
     in_bearing = {"current_lag": ("amplifier", "bandwidth")}
-    if found.delay_counts:
+    if result.delay_counts:
         in_bearing["delay"] = ("", "delay")
-    places = {in_bearing.get(p.name, tuple(p.place.split("__"))): p for p in found.parameters}
-    lines = [f"# Identified by maximum likelihood from {found.samples} measurements."]
-    for p in found.parameters:
+    places = {in_bearing.get(p.name, tuple(p.place.split("__"))): p for p in result.parameters}
+    lines = [f"# Identified by maximum likelihood from {result.samples} measurements."]
+    for p in result.parameters:
         of_log = "__" not in p.place and p.name not in in_bearing
         if of_log or several:
-            of = "log" if of_log else f"axis {found.bearing.name}"
-            lines.append(f"# Of the {of}: {p.name} = {_with_error(found, p.name)}.")
-    lines += [f"# Not found: {name}: {why}." for name, why in found.held.items()]
-    carried = carried_over(found.model, delay=not found.delay_counts, offsets=found.offsets_count)
+            of = "log" if of_log else f"axis {result.bearing.name}"
+            lines.append(f"# Of the {of}: {p.name} = {_with_error(result, p.name)}.")
+    lines += [f"# Not found: {name}: {why}." for name, why in result.held.items()]
+    carried = carried_over(
+        result.model, delay=not result.delay_counts, offsets=result.offsets_count
+    )
     lines += [f"# {line}".rstrip() for line in carried]
     table = ""
     if several:
         return "\n".join(lines) + "\n" + several.to_toml(folder)
-    for line in found.bearing.to_toml(folder).splitlines():
+    for line in result.bearing.to_toml(folder).splitlines():
         if line.startswith("["):
             table = line.strip("[]")
         place = table, line.partition(" = ")[0]
         if place in places:
             p = places[place]
-            error = engineering(found.standard_error(p.name), p.unit, 2, like=found[p.name])
+            error = engineering(result.standard_error(p.name), p.unit, 2, like=result[p.name])
             line += f"  # found, standard error {error}"
             if p.name == "current_lag":
-                line += f" of its lag, {engineering(found[p.name], p.unit, 4)}"
+                line += f" of its lag, {engineering(result[p.name], p.unit, 4)}"
         lines.append(line)
     return "\n".join(lines) + "\n"
 
@@ -80,8 +82,11 @@ def carried_over(model: LoopModel, *, delay: bool = True, offsets: bool = True) 
     known = _known_to_filters(model.late_bearing(delay=not delay))
     if known:
         lines.append(f"{known} A map needs none.")
-    growth = f"{model.load_growth:.4g} N^2/s"
-    return [*lines, f'The load, as it wandered: ambkit filter ... --disturbance-noise "{growth}"']
+    intensity_text = f"{model.disturbance_noise:.4g} N^2/s"
+    return [
+        *lines,
+        f'The load, as it wandered: ambkit filter ... --disturbance-noise "{intensity_text}"',
+    ]
 
 
 def _known_to_filters(bearing: Bearing) -> str:
@@ -97,7 +102,7 @@ def _known_to_filters(bearing: Bearing) -> str:
     return f"The bearing has {' and '.join(known)}, which its filters know." if known else ""
 
 
-def _with_error(found: MaximumLikelihood, name: str) -> str:
-    p = next(p for p in found.parameters if p.name == name)
-    error = engineering(found.standard_error(name), p.unit, 2, like=found[name])
-    return f"{engineering(found[name], p.unit, 4)} (standard error {error})"
+def _with_error(result: MaximumLikelihood, name: str) -> str:
+    p = next(p for p in result.parameters if p.name == name)
+    error = engineering(result.standard_error(name), p.unit, 2, like=result[name])
+    return f"{engineering(result[name], p.unit, 4)} (standard error {error})"

@@ -26,7 +26,7 @@ from ambkit.simulation.controllers import TYPES
 from ambkit.simulation.linear.settled import tells
 from ambkit.simulation.scenario import Control, Scenario
 from ambkit.simulation.waveforms import Constant
-from ambkit.workflow.belonging import check_belongs
+from ambkit.workflow.plausibility import check_plausibility
 
 if TYPE_CHECKING:
     from ambkit.data.rig_units import Inputs
@@ -69,10 +69,10 @@ def loop_given(
     if filter is None:
         filter = NONE if measured else "linear"
     if isinstance(filter, (list, tuple)):  # fed by the measurement is assessed beside each
-        filter = [each for each in filter if each != NONE] or NONE
+        filter = [item for item in filter if item != NONE] or NONE
     filters = {} if filter == NONE else given_estimators(filter, plant)
     if filter in ("all", ["all"]):
-        for name in [name for name, each in filters.items() if not tells(each)]:
+        for name in [name for name, filter_ in filters.items() if not tells(filter_)]:
             NOTES.warning("%s is left out: it does not settle to a gain", name)
             del filters[name]
     forces = dict(constant)
@@ -102,9 +102,9 @@ class TuningGiven(NamedTuple):
         known = isinstance(self.channels, ChannelMap)
         return inputs_of(self.channels if known else ChannelMap.load(self.channels))
 
-    def others(self, given: Any) -> list[Record]:
+    def others(self, records: Any) -> list[Record]:
         """Return further records."""
-        return given_records(given, self.machine, self.channels)
+        return given_records(records, self.machine, self.channels)
 
 
 def tuning_given(
@@ -122,61 +122,61 @@ def tuning_given(
         experts(Path(file), plant) if file else None,
         given_controller(plant.long, controller)[0],
         channels,
-        ", ".join(Path(each).name for each in named if not isinstance(each, Record)),
+        ", ".join(Path(item).name for item in named if not isinstance(item, Record)),
         machine if isinstance(machine, str | os.PathLike) else None,
         file or None,
     )
 
 
-def given_records(given: Any, machine: Machine, channels: Any) -> list[Record]:
+def given_records(records: Any, machine: Machine, channels: Any) -> list[Record]:
     """Return records; where files do not look like those of the machine, that is noted."""
-    found = []
-    for each in names_in(Record, records=given):
-        found.append(given_record(each, channels))
-        if not isinstance(each, Record):
+    results = []
+    for item in names_in(Record, records=records):
+        results.append(given_record(item, channels))
+        if not isinstance(item, Record):
             try:
-                odd = check_belongs(found[-1], machine)
+                odd = check_plausibility(results[-1], machine)
             except RecordError as error:
-                raise RecordError([f"{each}: {problem}" for problem in error.problems]) from None
+                raise RecordError([f"{item}: {problem}" for problem in error.problems]) from None
             for text in odd:
-                NOTES.warning("%s: %s", each, text)
-    return found
+                NOTES.warning("%s: %s", item, text)
+    return results
 
 
-def given_machine(given: Any) -> Machine:
+def given_machine(source: Any) -> Machine:
     """Return the machine that is given or named."""
-    if isinstance(given, str | os.PathLike):
-        return load_machine(given)
-    of_type(Machine, machine=given)
-    return cast(Machine, given)
+    if isinstance(source, str | os.PathLike):
+        return load_machine(source)
+    of_type(Machine, machine=source)
+    return cast(Machine, source)
 
 
-def is_filter(given: Any) -> bool:
+def is_filter(source: Any) -> bool:
     """Whether this is the TOML file of a filter: only these have a ``kind``."""
     import tomllib
 
     try:
-        if not isinstance(given, str | os.PathLike) or Path(given).suffix != FILTER_SUFFIX:
+        if not isinstance(source, str | os.PathLike) or Path(source).suffix != FILTER_SUFFIX:
             return False
-        return "kind" in tomllib.loads(Path(given).read_text(encoding="utf-8"))
+        return "kind" in tomllib.loads(Path(source).read_text(encoding="utf-8"))
     except (OSError, ValueError):  # which is told by who reads it
         return False
 
 
-def given_controller(machine: Machine, given: Any) -> tuple[PID | None, dict[str, float], bool]:
+def given_controller(machine: Machine, value: Any) -> tuple[PID | None, dict[str, float], bool]:
     """Return the controllers, the constant disturbances, and whether a measurement feeds them."""
-    if not isinstance(given, str | os.PathLike):
-        return given, {}, False
-    if given in TYPES:
-        return Control.model_validate({"type": given}), {}, False
-    if Path(given).suffix != ".toml":
+    if not isinstance(value, str | os.PathLike):
+        return value, {}, False
+    if value in TYPES:
+        return Control.model_validate({"type": value}), {}, False
+    if Path(value).suffix != ".toml":
         raise AmbkitError(
-            f"controller: {given!r} is none of {', '.join(TYPES)}, and no file that ends with .toml"
+            f"controller: {value!r} is none of {', '.join(TYPES)}, and no file that ends with .toml"
         )
-    scenario, axes = Scenario.load(given), tuple(axis.name for axis in machine.axes)
+    scenario, axes = Scenario.load(value), tuple(axis.name for axis in machine.axes)
     wrong = list(scenario.wrong_for(axes, body=not machine.single))
     if wrong:
-        raise AmbkitError(f"{given}: {'; '.join(wrong)}")
+        raise AmbkitError(f"{value}: {'; '.join(wrong)}")
     if machine.single:
         return scenario.controller, {}, False
     forces = {
@@ -189,18 +189,18 @@ def given_controller(machine: Machine, given: Any) -> tuple[PID | None, dict[str
     return control, forces, default_control.feedback_of(machine, scenario) == "measurement"
 
 
-def given_orbit(given: Any) -> Any:
+def given_orbit(orbit: Any) -> Any:
     """Return whether a loop is linearised along its orbit, or of which half axis that is [m]."""
-    if given in (None, "own"):
-        return given is not None
-    return in_si("orbit", given, "m")
+    if orbit in (None, "own"):
+        return orbit is not None
+    return in_si("orbit", orbit, "m")
 
 
-def given_record(given: Any, channels: Any = None, window: Any = None) -> Record:
+def given_record(source: Any, channels: Any = None, window: Any = None) -> Record:
     """Return a record, filled where its log has gaps, or the part of it that is wanted."""
-    record: Record = given
-    if isinstance(given, str | os.PathLike):
-        record = load_filled(given, channels, NOTES.warning)
+    record: Record = source
+    if isinstance(source, str | os.PathLike):
+        record = load_filled(source, channels, NOTES.warning)
     of_type(Record, record=record)
     if window is None:
         return record
@@ -215,40 +215,40 @@ def given_load(bearing: Machine, load: Any) -> dict[str, float]:
     """Return constant loads by the names of axes [N]; a number is of the first axis."""
     if load is None or isinstance(load, Mapping):
         return {
-            name: in_si(f"disturbance of {name}", each, "N") for name, each in (load or {}).items()
+            name: in_si(f"disturbance of {name}", item, "N") for name, item in (load or {}).items()
         }
     return {bearing.long.axes[0].name: in_si("disturbance", load, "N")}
 
 
-def given_estimators(given: Any, bearing: Machine) -> dict[str, Estimator]:
+def given_estimators(filters: Any, bearing: Machine) -> dict[str, Estimator]:
     """Return the estimators that were given or named, by their names."""
     from ambkit.estimate.base import Estimator
 
-    if given is None:
+    if filters is None:
         return {}
-    if is_own(given):
-        given = {given.__name__: given}
-    found: dict[str, Estimator] = {
-        name: OwnEstimator(bearing, each, name) if is_own(each) else each
-        for name, each in (given.items() if isinstance(given, Mapping) else ())
+    if is_own(filters):
+        filters = {filters.__name__: filters}
+    results: dict[str, Estimator] = {
+        name: OwnEstimator(bearing, entry, name) if is_own(entry) else entry
+        for name, entry in (filters.items() if isinstance(filters, Mapping) else ())
     }
-    for each in found.values():
-        of_type(Estimator, filter=each)
-    for each in () if isinstance(given, Mapping) else names_in(Estimator, filter=given):
-        if isinstance(each, Estimator):
-            if each.name in found:
-                raise AmbkitError(f"two filters are called {each.name}: give them as a mapping")
-            found[each.name] = each
+    for item in results.values():
+        of_type(Estimator, filter=item)
+    for item in () if isinstance(filters, Mapping) else names_in(Estimator, filter=filters):
+        if isinstance(item, Estimator):
+            if item.name in results:
+                raise AmbkitError(f"two filters are called {item.name}: give them as a mapping")
+            results[item.name] = item
         else:
-            found |= {name: make() for name, make in factories([each], bearing).items()}
-    for name, each in found.items():
-        T = each.bearing.sampling_time
+            results |= {name: make() for name, make in factories([item], bearing).items()}
+    for name, item in results.items():
+        T = item.bearing.sampling_time
         if abs(T - bearing.sampling_time) > 1e-9 * T:
             raise AmbkitError(
                 f"{name}: its sampling_time is {T:g} s, that of {bearing.name} "
                 f"{bearing.sampling_time:g} s"
             )
-    return found
+    return results
 
 
 def of_machine(
@@ -287,12 +287,12 @@ def _chosen(text: str, machine: Machine, choice: Sequence[str]) -> Chosen:
         raise AmbkitError(f"filter: {text} cannot be exported yet; {', '.join(choice)} can")
     path = Path(text.rpartition(AT)[2])
     if path.suffix == FILTER_SUFFIX:
-        found = FilterFile.load_for(text, machine)
-        if found.kind not in choice:
+        result = FilterFile.load_for(text, machine)
+        if result.kind not in choice:
             raise AmbkitError(
-                f"{path}: {found.kind} cannot be exported so; {', '.join(choice)} can"
+                f"{path}: {result.kind} cannot be exported so; {', '.join(choice)} can"
             )
-        return Chosen(found.kind, found.asked(), found)
+        return Chosen(result.kind, result.asked(), result)
     if not (path.suffix or path.exists() or os.sep in text):
         near = difflib.get_close_matches(text, choice, 1)
         hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(choice)}"
@@ -318,13 +318,13 @@ def given_band(given: Any) -> tuple[float, float] | None:
 
 def given_limits(given: Sequence[str]) -> tuple[float | None, float | None]:
     """Return limits of current [A] and displacement [m], each told by its unit."""
-    found: dict[str, float] = {}
+    results: dict[str, float] = {}
     for text in names_in(limit=given):
         unit = next((unit for unit in ("A", "m") if _is_in(text, unit)), None)
         if unit is None:
             raise AmbkitError(f'limit must be a current or a length such as "2 A", is {text!r}')
-        found[unit] = in_si("limit", text, unit)
-    return found.get("A"), found.get("m")
+        results[unit] = in_si("limit", text, unit)
+    return results.get("A"), results.get("m")
 
 
 def _is_in(text: str, unit: str) -> bool:

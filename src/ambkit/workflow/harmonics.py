@@ -77,32 +77,32 @@ class Harmonic:
 
     def rows(self, of: tuple[str, ...]) -> list[Row]:
         """Return its figures; cosine and sine are shown where there is no amplitude."""
-        shown, known = "g mm" if self.role == "unbalance" else "m", self.amplitude is not None
+        unit, known = "g mm" if self.role == "unbalance" else "m", self.amplitude is not None
         (cc, cs), (_, ss) = self.covariance
         both = math.sqrt(cc * ss)
         why = "the start says more than the record" if self.by_start else "it is not clear of 0"
         note = f"{self.name}: {why}, correlation {cs / both if both > 0 else 0.0:.2f}"
-        found = [
+        results = [
             Row("role", "what", self.role),
             Row("order", "order", self.order, detail=True),
-            Row("cosine", "cosine", self.cosine, shown, 3, detail=known,
+            Row("cosine", "cosine", self.cosine, unit, 3, detail=known,
                 note="" if known else note),
-            Row("cosine_std", "its std", math.sqrt(max(cc, 0.0)), shown, 2, detail=known),
-            Row("sine", "sine", self.sine, shown, 3, detail=known),
-            Row("sine_std", "std of sine", math.sqrt(max(ss, 0.0)), shown, 2, detail=known),
-            Row("start_std", "std at the start", self.start, shown, detail=True),
+            Row("cosine_std", "its std", math.sqrt(max(cc, 0.0)), unit, 2, detail=known),
+            Row("sine", "sine", self.sine, unit, 3, detail=known),
+            Row("sine_std", "std of sine", math.sqrt(max(ss, 0.0)), unit, 2, detail=known),
+            Row("start_std", "std at the start", self.start, unit, detail=True),
             Row("start_share", "share of the start", self.start_share, "%", detail=True),
             Row("start_dominates", "start dominates", self.by_start, detail=True),
         ]  # fmt: skip
         if self.amplitude is not None and self.angle is not None:
-            (size, doubt), (angle, off) = self.amplitude, self.angle
-            found += [
-                Row("amplitude", "amplitude", size, shown),
-                Row("amplitude_std", "std of amplitude", doubt, shown, 2),
+            (size, size_std), (angle, off) = self.amplitude, self.angle
+            results += [
+                Row("amplitude", "amplitude", size, unit),
+                Row("amplitude_std", "std of amplitude", size_std, unit, 2),
                 Row("angle", "angle", angle, "deg"),
                 Row("angle_std", "std of angle", off, "deg"),
             ]
-        return put(found, section=(*of, "synchronous"), of=self.name)
+        return put(results, section=(*of, "synchronous"), of=self.name)
 
 
 def harmonics(estimator: Estimator, record: Record) -> list[Harmonic]:
@@ -111,7 +111,7 @@ def harmonics(estimator: Estimator, record: Record) -> list[Harmonic]:
     Parameters
     ----------
     estimator : Estimator
-        Of a whole machine, where the record ended.
+        Of a machine, where the record ended.
     record : Record
         With the ``speed`` of rotation [rad/s], where it is not the machine's own.
 
@@ -126,7 +126,7 @@ def harmonics(estimator: Estimator, record: Record) -> list[Harmonic]:
     if not places:
         return []
     angle, shares = _turned(estimator, record), _start_shares(covariance, start, places)
-    found = []
+    results = []
     for first, second in zip(places[::2], places[1::2], strict=True):
         state = estimator.states[first]
         name = state.name.rsplit("_", 1)[0]
@@ -135,11 +135,11 @@ def harmonics(estimator: Estimator, record: Record) -> list[Harmonic]:
         pair = [first, second]
         cosine, sine = back @ mean[pair]
         spread = back @ covariance[np.ix_(pair, pair)] @ back.T
-        found.append(
+        results.append(
             Harmonic(name, state.role, state.unit, float(cosine), float(sine), spread,
                      float(start[first]), shares[first], order)
         )  # fmt: skip
-    return found
+    return results
 
 
 def _start_shares(covariance: Array, start: Sequence[float], places: list[int]) -> dict[int, float]:
@@ -148,15 +148,17 @@ def _start_shares(covariance: Array, start: Sequence[float], places: list[int]) 
     values, ways = np.linalg.eigh(scale[:, None] * covariance[np.ix_(places, places)] * scale)
     untold = np.where(values > TOLD**2, values, 0.0)
     share = (ways**2 @ untold).reshape(-1, 2).sum(axis=1)
-    whole = (ways**2 @ np.maximum(values, 0.0)).reshape(-1, 2).sum(axis=1)
-    found = np.divide(share, whole, out=np.zeros_like(share), where=whole > 0)
-    return dict(zip(places[::2], found.tolist(), strict=True))
+    total = (ways**2 @ np.maximum(values, 0.0)).reshape(-1, 2).sum(axis=1)
+    result = np.divide(share, total, out=np.zeros_like(share), where=total > 0)
+    return dict(zip(places[::2], result.tolist(), strict=True))
 
 
 def _turned(estimator: Estimator, record: Record) -> float:
     """Return by how much the rotor turned along a record [rad]."""
-    given = dict(record.signals).get("speed")
-    speed = np.full(len(record.t), estimator.bearing.speed) if given is None else given
+    speed_signal = dict(record.signals).get("speed")
+    speed = (
+        np.full(len(record.t), estimator.bearing.speed) if speed_signal is None else speed_signal
+    )
     return float(np.sum((speed[1:] + speed[:-1]) / 2 * np.diff(record.t)))
 
 

@@ -29,7 +29,7 @@ from ambkit.identification.noise import Noise, measurement_noise
 from ambkit.judge.load_following import REQUIRED, STEP, least_process_noise
 from ambkit.machine.axes import axis_named, isolated, with_axis
 from ambkit.machine.machine import Bearing, Machine
-from ambkit.machine.stiffness import work_points
+from ambkit.machine.stiffness import operating_points
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.stated import Section
@@ -54,13 +54,13 @@ AtRest = Mapping[str, Noise | str]
 
 def noise_at_rest(record: Record) -> dict[str, Noise | str]:
     """Return the noise of each signal of a record at rest, or why it cannot be seen."""
-    found: dict[str, Noise | str] = {}
+    results: dict[str, Noise | str] = {}
     for name in record:
         try:
-            found[name] = measurement_noise(record, name)
+            results[name] = measurement_noise(record, name)
         except RecordError as error:
-            found[name] = str(error)
-    return found
+            results[name] = str(error)
+    return results
 
 
 def _noise_as_data(noise: Noise | str) -> dict[str, Any]:
@@ -107,20 +107,20 @@ class Identified(Result):
     @property
     def of_the_zeros(self) -> list[str]:
         """What is to be known of offsets that were looked for, before a filter takes them."""
-        found = self.likelihood
-        looked_for = [p for p in found.parameters if p.name in OFFSETS]
-        shown = " and ".join(
-            f"{p.name.replace('_', ' ')} {engineering(found[p.name], p.unit, 3)} ± "
-            f"{engineering(found.standard_error(p.name), p.unit, 2, like=found[p.name])}"
+        result = self.likelihood
+        looked_for = [p for p in result.parameters if p.name in OFFSETS]
+        zeros = " and ".join(
+            f"{p.name.replace('_', ' ')} {engineering(result[p.name], p.unit, 3)} ± "
+            f"{engineering(result.standard_error(p.name), p.unit, 2, like=result[p.name])}"
             for p in looked_for
         )
-        if not found.offsets_count:
-            return [f"{shown}: as likely none, and the zeros stay as they were given"]
+        if not result.offsets_count:
+            return [f"{zeros}: as likely none, and the zeros stay as they were given"]
         position = [p.name for p in looked_for if p.name == "position_offset"]
-        noise = math.sqrt(found.bearing.sensor.noise_variance)
-        if position and found.standard_error(position[0]) > noise:
+        noise = math.sqrt(result.bearing.sensor.noise_variance)
+        if position and result.standard_error(position[0]) > noise:
             return [
-                f"{shown}: the position is known to no better than that, and the sensor's noise is "
+                f"{zeros}: the position is known to no better than that, and the sensor's noise is "
                 f"{engineering(noise, 'm', 3)}; who has measured the zeros leaves them out of free"
             ]
         return []
@@ -135,9 +135,9 @@ class Identified(Result):
         }
 
     @cached_property
-    def work_points(self) -> dict[str, Any]:
-        """Stiffnesses at the paper's 25 work points, rows over the displacement."""
-        current, displacement = work_points(self.bearing)
+    def operating_points(self) -> dict[str, Any]:
+        """Stiffnesses at the paper's 25 operating points, rows over the displacement."""
+        current, displacement = operating_points(self.bearing)
         return {"current": current.tolist(), "displacement": displacement.tolist()} | {
             name: {"value": values.tolist(), "standard_error": errors.tolist()}
             for name, (values, errors) in self.likelihood.stiffness_map(
@@ -156,23 +156,23 @@ class Identified(Result):
     @cached_property
     def rows(self) -> list[Row]:
         """The parameters, the stiffnesses, the noise at rest, and how it did on records."""
-        found, stiffness = [*self.likelihood.rows], self.stiffness
+        result, stiffness = [*self.likelihood.rows], self.stiffness
         for name, unit in (("k_i", "N/A"), ("k_s", "N/m")):
             at = stiffness[name]
-            found.append(
+            result.append(
                 Row("value", "found", at["value"], unit, error=at["standard_error"], of=name,
                     section=("stiffness",))
             )  # fmt: skip
         for name, noise in self.rest.items():
             if not isinstance(noise, str):
-                found += put([
+                result += put([
                     Row("standard_deviation", "noise, rms", noise.standard_deviation, noise.unit),
                     Row("colour", "colour", noise.colour),
                 ], section=("rest",), of=name)  # fmt: skip
-        found += self._at_work_points()
+        result += self._at_operating_points()
         for check in self.validation:
             k = check.farthest
-            found += put([
+            result += put([
                 Row("fit", f"fit, {k} samples ahead", check.fit[k] / 100, "%"),
                 Row("fit_of_start", "of the start", check.of_start[k] / 100
                     if k in check.of_start else None, "%"),
@@ -182,17 +182,17 @@ class Identified(Result):
                 Row("free_of_control", "free of control", check.cross.share_within, "%"),
                 Row("nis", "mean NIS", check.nis, digits=3),
             ], section=("fits",), of=check.name)  # fmt: skip
-        return found
+        return result
 
-    def _at_work_points(self) -> Iterator[Row]:
-        """Yield the stiffnesses at the paper's work points, a column for each current."""
+    def _at_operating_points(self) -> Iterator[Row]:
+        """Yield the stiffnesses at the paper's operating points, a column for each current."""
         for name, unit in (("k_i", "N/A"), ("k_s", "N/m")):
-            at = self.work_points[name]
-            for j, x in enumerate(self.work_points["displacement"]):
-                for k, iu in enumerate(self.work_points["current"]):
-                    shown = engineering(x, "m", 3)
+            at = self.operating_points[name]
+            for j, x in enumerate(self.operating_points["displacement"]):
+                for k, iu in enumerate(self.operating_points["current"]):
+                    label = engineering(x, "m", 3)
                     yield Row(
-                        shown, shown, at["value"][j][k], unit, error=at["standard_error"][j][k],
+                        label, label, at["value"][j][k], unit, error=at["standard_error"][j][k],
                         of=engineering(iu, "A", 3), section=(name,), detail=True,
                     )  # fmt: skip
 
@@ -203,8 +203,12 @@ class Identified(Result):
         where = f"{engineering(at['current'], 'A', 2)}, {engineering(at['displacement'], 'm', 2)}"
         return self.likelihood.sections | {
             ("stiffness",): Section(f"Stiffness at {where}", across=True),
-            ("k_i",): Section("k_i at work points, where the records have been and by the law"),
-            ("k_s",): Section("k_s at work points, where the records have been and by the law"),
+            ("k_i",): Section(
+                "k_i at operating points, where the records have been and by the law"
+            ),
+            ("k_s",): Section(
+                "k_s at operating points, where the records have been and by the law"
+            ),
             ("rest",): Section("At rest", across=True),
             ("fits",): Section("On records", across=True),
         }
@@ -213,7 +217,7 @@ class Identified(Result):
     def notes(self) -> list[str]:
         """What to think of it."""
         where = "" if self.on_others else ", which it was identified from"
-        notes = [*self.likelihood.notes, *(f"{said}." for said in self.of_the_zeros)]
+        notes = [*self.likelihood.notes, *(f"{sentence}." for sentence in self.of_the_zeros)]
         problems = {name: why for name, why in self.rest.items() if isinstance(why, str)}
         notes += [f"{name} at rest: {why}" for name, why in problems.items()]
         notes += [f"{check.name}{where}: {check.verdict}" for check in self.validation]
@@ -229,13 +233,13 @@ class Identified(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """Stiffnesses at work points, noise at rest, residuals, and how the search went."""
-        found = self.likelihood
-        data = dict(found.series) | {
+        """Stiffnesses at operating points, noise at rest, residuals, and how the search went."""
+        result = self.likelihood
+        data = dict(result.series) | {
             "bearing": self.given.name,
-            "magnet_constant": found["magnet_constant"],
+            "magnet_constant": result["magnet_constant"],
             "stiffness": {name: self.stiffness[name] for name in ("current", "displacement")},
-            "work_points": self.work_points,
+            "operating_points": self.operating_points,
             "rest": {name: _noise_as_data(noise) for name, noise in self.rest.items()},
             "validated_on_other_records": self.on_others,
             "validation": [check.to_dict() for check in self.validation],
@@ -264,28 +268,28 @@ class Identified(Result):
 
 
 def identified_filter(
-    found: Identified, inputs: Inputs | None = None, source: str = ""
+    result: Identified, inputs: Inputs | None = None, source: str = ""
 ) -> Estimator:
     """Return the extended filter of what was found: its noise, its delay, the log's offsets."""
-    model = found.likelihood.model
-    made, raised = _following_a_load(found.machine.short, model.load_growth)
-    free = {p.name for p in found.likelihood.parameters}
-    if not found.machine.single:
+    model = result.likelihood.model
+    made, raised = _following_a_load(result.machine.short, model.disturbance_noise)
+    free = {p.name for p in result.likelihood.parameters}
+    if not result.machine.single:
         made.origin = raised
         return made
     made.inputs = of_log = inputs or made.inputs
-    if found.likelihood.offsets_count:
-        volts = model.current_offset / found.bearing.amplifier.gain
+    if result.likelihood.offsets_count:
+        volts = model.current_offset / result.bearing.amplifier.gain
         made.inputs = Inputs(y=of_log.y.shifted(-model.position_offset), u=of_log.u.shifted(volts))
     else:
         free -= set(OFFSETS)
-    said = made_by("identify", f"likelihood of {source or 'records'}")
+    origin = made_by("identify", f"likelihood of {source or 'records'}")
     keys = {
         "measurement_noise": "noise.measurement", "control_noise": "noise.control",
-        "load_growth": "noise.disturbance", "position_offset": "inputs.y.offset",
+        "disturbance_noise": "noise.disturbance", "position_offset": "inputs.y.offset",
         "current_offset": "inputs.u.offset",
     }  # fmt: skip
-    made.origin = {key: said for name, key in keys.items() if name in free} | raised
+    made.origin = {key: origin for name, key in keys.items() if name in free} | raised
     return made
 
 
@@ -305,10 +309,10 @@ def _following_a_load(
 
 def corpus_filter(corpus: Corpus) -> Estimator:
     """Return the extended filter of what many logs say together."""
-    made, raised = _following_a_load(corpus.bearing, corpus.model.load_growth)
-    said = made_by("identify", f"likelihood of {len(corpus.found)} logs")
+    made, raised = _following_a_load(corpus.bearing, corpus.model.disturbance_noise)
+    origin = made_by("identify", f"likelihood of {len(corpus.found)} logs")
     keys = ("noise.measurement", "noise.control", "noise.disturbance")
-    made.origin = dict.fromkeys(keys, said) | raised
+    made.origin = dict.fromkeys(keys, origin) | raised
     return made
 
 
@@ -322,7 +326,7 @@ def starting_model(
     """Return the model that identification starts from."""
     load_std = in_si("load_std", load_std, "N")
     axis = axis_named(machine, axis)
-    bearing = machine.alone(axis)
+    bearing = machine.isolated_axis(axis)
     seen = (rest or {}).get("y")
     if isinstance(seen, Noise):
         bearing = bearing.replace(sensor__noise_variance=seen.variance)
@@ -407,7 +411,7 @@ def identify(
         `machine` is no machine, or one of `records` no record.
     """
     of_type(Machine, machine=machine)
-    records, others = (all_of_type(Record, records=each) for each in (records, others))
+    records, others = (all_of_type(Record, records=item) for item in (records, others))
     start = starting_model(machine, axis, rest=rest, load_std=load_std)
     looked_for = parameters_to_find(start, free)
     if any(record is seen for record in others for seen in records):
@@ -417,9 +421,9 @@ def identify(
         )
     if map_forces and not machine.single:
         raise AmbkitError(f"forces are mapped of one axis, {machine.name} has several")
-    records, others = (records_of(start, each) for each in (records, others))
+    records, others = (records_of(start, item) for item in (records, others))
     try:
-        found = maximum_likelihood(records, start, looked_for, lines=machine.single, note=note)
+        result = maximum_likelihood(records, start, looked_for, lines=machine.single, note=note)
     except ConfigError as error:
         raise AmbkitError(
             f"what is likely under these records is no bearing that could be ({error}): does the "
@@ -428,14 +432,14 @@ def identify(
     judged_on = others or records
     names = names or [f"record {number}" for number in range(1, len(judged_on) + 1)]
     checks = [
-        validate(found.model, record, start=found.start, settling=found.settling, name=name)
+        validate(result.model, record, start=result.start, settling=result.settling, name=name)
         for name, record in zip(names, judged_on, strict=True)
     ]
     forces = None
     if map_forces:
-        forces = force_map(found.model, records, nodes=nodes, settling=found.settling, note=note)
+        forces = force_map(result.model, records, nodes=nodes, settling=result.settling, note=note)
     return Identified(
-        isolated(machine, axis), records, found, checks, bool(others), rest or {}, forces
+        isolated(machine, axis), records, result, checks, bool(others), rest or {}, forces
     )
 
 
@@ -443,11 +447,11 @@ def identify(
 class LiftedOff(Result):
     """A bearing from the points at which its rotor lifts off."""
 
-    #: With the constant that was found, and the air gap and bias current of the working point; as
+    #: With the constant that was found, and the air gap and bias current of the operating point; as
     #: it was given without one.
     bearing: Bearing
     fit: LiftOffFit  #: The law through the points.
-    working_point: float | None  #: Distance at x = 0 [m].
+    operating_point: float | None  #: Distance at x = 0 [m].
     names: Sequence[str] = ()  #: Of the recordings; none of a table of points.
 
     TITLE = "Lift-off of {0.bearing.name}"
@@ -459,9 +463,9 @@ class LiftedOff(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """The law through the points, and the working point."""
+        """The law through the points, and the operating point."""
         fit, magnet, errors = self.fit, self.bearing.magnet, self.fit.standard_errors
-        found = [
+        results = [
             Row("magnet_constant", "magnet constant k", fit.magnet_constant, "N m^2/A^2",
                 error=errors["magnet_constant"], symbol="k"),
             Row("gap_offset", "gap offset z_off", fit.gap_offset, "m", error=errors["gap_offset"],
@@ -470,13 +474,13 @@ class LiftedOff(Result):
             Row("points", "points", len(fit.points)),
             Row("points_left_out", "points left out", len(fit.left_out)),
         ]  # fmt: skip
-        if self.working_point is not None:
-            at = engineering(self.working_point, "m", 4)
-            found += [
+        if self.operating_point is not None:
+            at = engineering(self.operating_point, "m", 4)
+            results += [
                 Row("air_gap", f"air gap at {at}", magnet.air_gap, "m"),
                 Row("bias_current", "bias current there", magnet.bias_current, "A"),
             ]
-        return found
+        return results
 
     SECTIONS = {(): Section("F = k (i / (z + z_off))²")}
 
@@ -518,20 +522,20 @@ def identify_by_lift_off(
     points: Iterable[LiftOff],
     *,
     gap_range: tuple[Given, Given] = (0.0, math.inf),
-    working_point: Given | None = None,
+    operating_point: Given | None = None,
     names: Sequence[str] = (),
 ) -> LiftedOff:
     """Fit the law of a one-sided magnet to the points at which its rotor lifts off."""
     check_lifts_off(bearing)
     near, far = (in_si("gap_range", end, "m") for end in gap_range)
-    working_point = in_si("working_point", working_point, "m")
+    operating_point = in_si("operating_point", operating_point, "m")
     fit = fit_lift_off(points, bearing.rotor.mass, gap_range=(near, far))
-    if working_point is None:
+    if operating_point is None:
         return LiftedOff(bearing, fit, None, names)
-    gap, bias = fit.working_point(working_point)
-    found = bearing.replace(
+    gap, bias = fit.operating_point(operating_point)
+    result = bearing.replace(
         **bearing.magnet.with_constant(fit.magnet_constant),
         magnet__air_gap=gap,
         magnet__bias_current=bias,
     )
-    return LiftedOff(found, fit, working_point, names)
+    return LiftedOff(result, fit, operating_point, names)

@@ -108,7 +108,7 @@ def design_injection(
     else:
         if axis is not None:
             raise AmbkitError(f"{bearing.name} has one axis: leave its name out")
-        of = _OfBearing(bearing.alone(""), scenario, filter, current, displacement)
+        of = _OfBearing(bearing.isolated_axis(""), scenario, filter, current, displacement)
     return of.designed(band)
 
 
@@ -125,18 +125,18 @@ class _Experiment:
 
     def __init__(
         self,
-        found: Assessment,
+        result: Assessment,
         n: int,
         held: float,
         axis: str | None,
         limits: Sequence[float | None],
     ) -> None:
-        self.bearing: Any = found.bearing
+        self.bearing: Any = result.bearing
         self.T, self.n = self.bearing.sampling_time, n
         self.t = self.T * np.arange(n)
         self.rest = math.ceil(REST * n)
         self.period = (n - self.rest) // PERIODS
-        loop = list(found.loops.values())[-1]
+        loop = list(result.loops.values())[-1]
         if loop.worst is None:
             raise AmbkitError(
                 f"{self.bearing.name}: the loop is not stable, there is nothing to measure"
@@ -148,9 +148,9 @@ class _Experiment:
                 f"{self.bearing.name} has no axis {chosen}; there are {', '.join(axes)}"
             )
         self.at = axes.index(chosen)
-        self.axis = chosen if len(found.of.axes) > 1 else ""
+        self.axis = chosen if len(result.of.axes) > 1 else ""
         self.name = f"{self.bearing.name} {self.axis}".strip()
-        self.all_limits = [_limits(b, held, limits[0], limits[1]) for b in found.of.alone]
+        self.all_limits = [_limits(b, held, limits[0], limits[1]) for b in result.of.isolated]
         self.limits = self.all_limits[self.at]
 
     def designed(self, band: tuple[float, float] | None) -> Injection:
@@ -181,9 +181,9 @@ class _Experiment:
         loop, of, k = self.loop.loop, self.loop.of, self.at
         orders = (self.bearing.speed or 0.0) / (2 * math.pi) * np.arange(1, 21)
         sensors = of.machine.sensor
-        hum = [line.frequency for each in sensors for line in each.hum]
+        hum = [line.frequency for sensor in sensors for line in sensor.hum]
         peak = self.loop.axes[list(self.loop.axes)[k]].peak_frequency
-        m, p = loop.measurements, len(of.alone)
+        m, p = loop.measurements, len(of.isolated)
         seen, shaken = of.shown[k], of.added[:, k]
         if not self.axis:  # the one reading, as it is
             seen = shaken = np.ones(1)
@@ -191,7 +191,7 @@ class _Experiment:
         def demanded(f: Array) -> Array:
             return np.asarray(np.abs(loop.noise_to_control(f)[:, k] @ shaken))
 
-        of_y, of_u = (np.array(each) for each in of.noise())
+        of_y, of_u = (np.array(item) for item in of.noise())
         there, sensed = float(demanded(np.array([peak]))[0]), float(seen**2 @ of_y)
 
         def weight(f: Array) -> Array:
@@ -201,14 +201,14 @@ class _Experiment:
                 np.sqrt(noise) * np.where(f > peak, np.minimum(1.0, there / demanded(f)), 1.0)
             )
 
-        found = sparse_multisine(
+        result = sparse_multisine(
             self.period, self.T, band, without=[*hum, *orders[orders > 0]], weight=weight
         )
-        if len(found.frequencies) < 2:
+        if len(result.frequencies) < 2:
             raise AmbkitError(
                 "the band has no room for two lines: widen it, or make the run longer"
             )
-        return found
+        return result
 
     def run(self, added: Array, other: int = 0) -> _Run:
         """Simulate with a signal (n,) [m], and with other noise than the seed's."""
@@ -227,17 +227,17 @@ class _Experiment:
 
     def taken(self, currents: Sequence[Array], displacements: Sequence[Array]) -> float:
         """Return what a run takes of the limits of all axes; 1: up to one."""
-        each = zip(currents, displacements, self.all_limits, strict=True)
+        parts = zip(currents, displacements, self.all_limits, strict=True)
         return max(
             max(float(np.abs(iu).max()) / of.current, float(np.abs(x).max()) / of.displacement)
-            for iu, x, of in each
+            for iu, x, of in parts
         )
 
     def at_the_limit(self, excitation: Excitation) -> Array:
         """Return the signal as large as the limits allow, (n,) [m]."""
         unit = np.zeros(self.n)
-        whole = np.tile(excitation.values, PERIODS)
-        unit[self.rest : self.rest + len(whole)] = whole
+        periods = np.tile(excitation.values, PERIODS)
+        unit[self.rest : self.rest + len(periods)] = periods
         floor = self.level(np.zeros(self.n))
         if not floor < FILLED:
             raise AmbkitError(
@@ -288,35 +288,35 @@ class _OfMachine(_Experiment):
     """Of one axis of a machine, all others closed."""
 
     def __init__(
-        self, machine: Machine, flight: Scenario, filter: Any, axis: str | None,
+        self, machine: Machine, scenario: Scenario, filter: Any, axis: str | None,
         *limits: float | None,
     ) -> None:  # fmt: skip
-        flight = self.flight = settled_scenario(machine, flight.replace(noise=True))
-        self.filter = (filter or "linear") if flight.feedback == "estimate" else None
-        n = max(2, round(flight.duration / machine.sampling_time) + 1)
+        scenario = self.flight = settled_scenario(machine, scenario.replace(noise=True))
+        self.filter = (filter or "linear") if scenario.feedback == "estimate" else None
+        n = max(2, round(scenario.duration / machine.sampling_time) + 1)
         t = machine.sampling_time * np.arange(n)
         names = tuple(axis.name for axis in machine.axes)
-        held = float(np.abs(flight.along("reference", names, t)).max())
-        found = assess(machine, self.filter, flight.controller)
-        super().__init__(found, n, held, axis, limits)
+        held = float(np.abs(scenario.along("reference", names, t)).max())
+        result = assess(machine, self.filter, scenario.controller)
+        super().__init__(result, n, held, axis, limits)
 
     def run(self, added: Array, other: int = 0) -> _Run:
         """Simulate the machine."""
         there = Added.model_construct(axis=self.axis, position=_recorded(self.t, added))
         others = (
-            Added.model_construct(axis=name, position=each)
-            for name, each in self.flight.by_axis("injection", self.bearing.axes[0].name)
+            Added.model_construct(axis=name, position=item)
+            for name, item in self.flight.by_axis("injection", self.bearing.axes[0].name)
         )
-        flight = self.flight.model_copy(
+        run_scenario = self.flight.model_copy(
             update={"seed": self.flight.seed + other, "injection": (*others, there)}
         )
         inner = next(iter(given_estimators(self.filter, self.bearing).values()), None)
-        run = simulate_run(self.bearing, flight, estimator=inner)
+        run = simulate_run(self.bearing, run_scenario, estimator=inner)
         names = list(self.loop.axes)
         level = self.taken(*([run.record[f"{of}_{name}"] for name in names] for of in ("iu", "s")))
-        _, told = of_one_axis(run.record, self.bearing)
+        _, axis_record = of_one_axis(run.record, self.bearing)
         own = {"iu": run.record[signal("iu", self.axis)], "x": run.record[signal("s", self.axis)]}
-        signals = {"y": told["y"], "injected": told["injected"]} | own
+        signals = {"y": axis_record["y"], "injected": axis_record["injected"]} | own
         return _Run(Record(run.record.t, signals), level, run.estimate)
 
 
@@ -324,7 +324,7 @@ def _limits(
     bearing: Bearing, held: float, current: float | None, displacement: float | None
 ) -> Limits:
     """Return the limits of an axis; by default of displacements within which magnets are linear."""
-    far = min(held + LINEAR * bearing.magnet.air_gap, 0.5 * (held + bearing.rotor.travel_limit))
+    far = min(held + LINEAR * bearing.magnet.air_gap, 0.5 * (held + bearing.rotor.clearance))
     return Limits.of(bearing, current, far if displacement is None else displacement)
 
 

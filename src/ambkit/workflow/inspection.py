@@ -61,8 +61,8 @@ def inspect(
         if path.exists() and not path.is_file() and not path.is_dir():
             raise AmbkitError(f"{path}: is no file but a device or a pipe, which may never end")
         kind, describe = _recognise(path, channel_map, bearing)
-        found = describe(path)
-        return Finding(path, kind, found.about, found.problems, found.remarks)
+        result = describe(path)
+        return Finding(path, kind, result.about, result.problems, result.remarks)
     except (ConfigError, RecordError) as error:
         return Finding(path, kind, "", error.problems)
     except AmbkitError as error:
@@ -143,42 +143,42 @@ def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Descr
     from ambkit.simulation.parts import in_words
     from ambkit.workflow import machines
 
-    found = _documents()[kind].load(path)
+    result = _documents()[kind].load(path)
     if kind in _SHORT.values():
-        return _Described(f"signals {', '.join(found.signals)}")
+        return _Described(f"signals {', '.join(result.signals)}")
     if kind == "filter":
-        made = found.make()  # what only the whole tells: starts, options, the magnet's file
+        made = result.make()  # what only the whole tells: starts, options, the magnet's file
         judged = judge_adequacy(made, bearing if made.view.single else None)
-        fatal = sentences([each for each in judged if each.fatal])
+        fatal = sentences([item for item in judged if item.fatal])
         others = [text for text in sentences(judged) if text not in fatal]
         problems = tuple(f"{path}: this filter must not fly: {text}" for text in fatal)
-        return _Described(f"{found.kind}, for {found.plant.name}", problems, tuple(others))
-    if kind == "machine" and not found.single:
-        about, remarks = machines.described(found)
+        return _Described(f"{result.kind}, for {result.plant.name}", problems, tuple(others))
+    if kind == "machine" and not result.single:
+        about, remarks = machines.described(result)
         lines = toml_text.parse(files.read_text(path))
-        told = (
-            f"line {lines.line(each.path)}: {each.text}" if each.path else each.text
-            for each in remarks
+        notes = (
+            f"line {lines.line(remark.path)}: {remark.text}" if remark.path else remark.text
+            for remark in remarks
         )
-        return _Described(about, (), (*told, *sentences(list(of_machine(found)))))
+        return _Described(about, (), (*notes, *sentences(list(of_machine(result)))))
     if kind == "study":
-        return _Described(_of_study(found))
+        return _Described(_of_study(result))
     if kind == "scenario":
-        return _Described(f"{engineering(found.duration, 's')}, {_of_signals(found)}")
-    found = found.alone("") if kind == "machine" else found
-    mass = engineering(found.rotor.mass, "kg")
-    about = "; ".join([f"{found.name}, {found.magnet.type}, {mass}", *in_words(found)])
-    return _Described(about, (), tuple(sentences(list(of_machine(found)))))
+        return _Described(f"{engineering(result.duration, 's')}, {_of_signals(result)}")
+    result = result.isolated_axis("") if kind == "machine" else result
+    mass = engineering(result.rotor.mass, "kg")
+    about = "; ".join([f"{result.name}, {result.magnet.type}, {mass}", *in_words(result)])
+    return _Described(about, (), tuple(sentences(list(of_machine(result)))))
 
 
 def _of_signals(scenario: Any) -> str:
     """Say of which type the signals of a scenario are."""
-    told = [
-        f"{what} {each.type} {axis}".strip()
-        for what in ("reference", "disturbance") for axis, each in scenario.by_axis(what, "")
+    descriptions = [
+        f"{what} {item.type} {axis}".strip()
+        for what in ("reference", "disturbance") for axis, item in scenario.by_axis(what, "")
     ]  # fmt: skip
     speed = [] if scenario.speed is None else [f"speed {scenario.speed.type}"]
-    return ", ".join([*told, *speed]) or "nothing demanded"
+    return ", ".join([*descriptions, *speed]) or "nothing demanded"
 
 
 def _of_study(study: Any) -> str:
@@ -260,8 +260,8 @@ def _lost(missing: Mapping[str, int]) -> str:
     if len(counts) == 1 and len(missing) > 1:
         (count,) = counts
         return f", {count} missing in each signal" if count else ""
-    told = ", ".join(f"{count} of {name}" for name, count in missing.items() if count)
-    return f", missing {told}" if told else ""
+    signal_counts = ", ".join(f"{count} of {name}" for name, count in missing.items() if count)
+    return f", missing {signal_counts}" if signal_counts else ""
 
 
 def _describe_record(
@@ -273,7 +273,7 @@ def _describe_record(
     from ambkit.data.reading import load
     from ambkit.data.reading.faults import account, find
     from ambkit.data.reading.suspects import suspects
-    from ambkit.judge.belongs import evaluate_record
+    from ambkit.judge.plausibility import evaluate_record
 
     record = load(path, channel_map)
     lacking = [name for name in ("y", "u") if name not in record]
@@ -292,8 +292,8 @@ def _describe_record(
     ]
     remarks = account(faults, record.sampling_time)
     if bearing is None:
-        told = suspects(record.t, record.signals, record.units)
-        return _Described(about, (), (*remarks, *told))
+        findings = suspects(record.t, record.signals, record.units)
+        return _Described(about, (), (*remarks, *findings))
     verdict = evaluate_record(record, bearing)
     return _Described(
         about, tuple(f"{path}: {p}" for p in verdict.problems), (*remarks, *verdict.remarks)

@@ -1,4 +1,4 @@
-"""What is to be said of a whole machine."""
+"""What is to be said of a machine."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def _of_the_poles(machine: Machine) -> str:
     linear, masses = stiffnesses(machine), machine.effective_masses
     same: dict[tuple[str, str], list[str]] = {}
     for axis, mass, k in zip(machine.axes, masses, linear, strict=True):
-        alone = engineering(mass, "kg", 4), engineering(math.sqrt(k.k_s / mass), "rad/s", 4)
-        same.setdefault(alone, []).append(axis.name)
+        pair = engineering(mass, "kg", 4), engineering(math.sqrt(k.k_s / mass), "rad/s", 4)
+        same.setdefault(pair, []).append(axis.name)
     bearings = ", ".join(
         f"{' and '.join(names)} {mass} and {pole}" for (mass, pole), names in same.items()
     )
@@ -52,9 +52,9 @@ def _of_the_poles(machine: Machine) -> str:
     if share < COUPLED and not machine.speed:
         return f"the axes are bearings alone, with an effective mass and a pole of: {bearings}"
     poles = open_loop(machine, [k.k_s for k in linear]).unstable
-    shown = " and ".join(dict.fromkeys(map(_pole, poles[poles.imag >= 0])))
+    text = " and ".join(dict.fromkeys(map(_pole, poles[poles.imag >= 0])))
     return (
-        f"without control the rotor falls away with {shown}; as bearings alone the axes would have "
+        f"without control the rotor falls away with {text}; as bearings alone the axes would have "
         f"an effective mass and a pole of: {bearings}; they couple by {share:.0%}"
     )
 

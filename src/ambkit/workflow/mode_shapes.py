@@ -49,26 +49,26 @@ class ModeShapes(Result):
     @property
     def finding(self) -> str:
         """Their frequencies."""
-        found = ", ".join(engineering(f / math.tau, "Hz", 4) for f in self.frequency)
-        return f"Bending modes of {self.machine}, free and at rest: {found}."
+        text = ", ".join(engineering(f / math.tau, "Hz", 4) for f in self.frequency)
+        return f"Bending modes of {self.machine}, free and at rest: {text}."
 
     @property
     def rows(self) -> list[Row]:
         """Frequency, damping and mass of each, and the deflections at magnets and sensors."""
-        found: list[Row] = []
+        results: list[Row] = []
         for k, frequency in enumerate(self.frequency):
-            found += put([
+            results += put([
                 Row("frequency", "frequency", float(frequency) / math.tau, "Hz"),
                 Row("damping_ratio", "damping ratio", float(self.damping_ratio[k])),
                 Row("mass", "modal mass", float(self.mass[k]), "kg"),
             ], section=MODES, of=str(k + 1))  # fmt: skip
         for key, of in (("magnets", self.magnets), ("sensors", self.sensors)):
             for name, (place, shape) in of.items():
-                found += put([
+                results += put([
                     Row("place", "place", place, "m"),
                     *(Row(f"shape.{k}", f"mode {k}", float(out)) for k, out in enumerate(shape, 1)),
                 ], section=(key,), of=name)  # fmt: skip
-        return found
+        return results
 
     SECTIONS = {
         MODES: Section("Modes", across=True),
@@ -94,18 +94,19 @@ def mode_shapes(machine: Machine) -> ModeShapes:
     bending = machine.bending
     if bending is None:
         raise AmbkitError(f"{machine.name}: its rotor is rigid, and has no bending modes")
-    kept = slice(len(bending.frequency) - bending.attached)
+    mode_slice = slice(len(bending.frequency) - bending.attached)
     place = np.linspace(*bending.ends, POINTS)
 
     def marked(placed: tuple[object, ...], axial: str) -> dict[str, tuple[float, Array]]:
         return {
-            each.name: (each.place, bending.shape(each.place)[kept])  # type: ignore[attr-defined]
-            for each in placed
-            if each.type != axial  # type: ignore[attr-defined]
+            item.name: (item.place, bending.shape(item.place)[mode_slice])  # type: ignore[attr-defined]
+            for item in placed
+            if item.type != axial  # type: ignore[attr-defined]
         }
 
     return ModeShapes(
-        machine.name, bending.frequency[kept], bending.damping_ratio[kept], bending.mass[kept],
-        place, np.array([bending.shape(float(z)) for z in place])[:, kept],
+        machine.name, bending.frequency[mode_slice], bending.damping_ratio[mode_slice],
+        bending.mass[mode_slice],
+        place, np.array([bending.shape(float(z)) for z in place])[:, mode_slice],
         marked(machine.bearings, "thrust"), marked(machine.sensors, "axial"),
     )  # fmt: skip

@@ -89,8 +89,8 @@ class OverSpeed(Result):
 
     @property
     def clearance(self) -> Array:
-        """What the backup bearings leave to each axis (p,) [m]."""
-        return np.array([axis.bearing.travel_limit for axis in self.machine.axes])
+        """What the touch-down bearings leave to each axis (p,) [m]."""
+        return np.array([axis.bearing.clearance for axis in self.machine.axes])
 
     @property
     def current_limit(self) -> Array:
@@ -107,14 +107,14 @@ class OverSpeed(Result):
         """Least of the permitted temperatures of coils [K]; None: not known."""
         coils = [axis.bearing.coil for axis in self.machine.axes]
         limits = [coil.temperature_limit for coil in coils if coil is not None]
-        return min((each for each in limits if each is not None), default=None)
+        return min((limit for limit in limits if limit is not None), default=None)
 
     @property
     def worst(self) -> tuple[float, float]:
         """Greatest peak of abs(S) [1], and at which speed [rad/s]; infinite if unstable there."""
-        each = np.where(np.isnan(self.peaks), np.inf, self.peaks).max(axis=1)
-        at = int(np.argmax(each))
-        return float(each[at]), float(self.speed[at])
+        parts = np.where(np.isnan(self.peaks), np.inf, self.peaks).max(axis=1)
+        at = int(np.argmax(parts))
+        return float(parts[at]), float(self.speed[at])
 
     @property
     def zone(self) -> str:
@@ -132,9 +132,9 @@ class OverSpeed(Result):
         return self._greatest(self.current / self.current_limit)
 
     def _greatest(self, share: Array) -> tuple[float, float]:
-        each = np.where(np.isnan(share), -np.inf, share).max(axis=1)
-        at = int(np.argmax(each))
-        return float(each[at]), float(self.speed[at])
+        parts = np.where(np.isnan(share), -np.inf, share).max(axis=1)
+        at = int(np.argmax(parts))
+        return float(parts[at]), float(self.speed[at])
 
     TITLE = "Loop of {0.machine.name} over speed"
 
@@ -152,7 +152,7 @@ class OverSpeed(Result):
     def rows(self) -> list[Row]:
         """The greatest figures over the speed, and the distance from critical speeds."""
         (peak, at), (far, there), (used, where) = self.worst, self.farthest, self.hardest
-        greatest = [
+        worst_rows = [
             Row("zone", "zone of ISO 14839-3", self.zone),
             Row("peak", "  peak of |S|, worst axis", peak, "|S|", below=ZONE_A,
                 at=At("peak_speed", at, "rpm")),
@@ -165,20 +165,20 @@ class OverSpeed(Result):
         ]  # fmt: skip
         if self.hottest is not None:
             kelvin, where = self.hottest
-            greatest.append(
+            worst_rows.append(
                 Row("greatest_coil_temperature", "temperature of a coil", kelvin, "degC",
                     below=self.temperature_limit, at=At("temperature_speed", where, "rpm"))
             )  # fmt: skip
-        found = put(greatest, section=GREATEST, of=self.fed_by)
-        for speed, each in self.integrals.items():
-            found += put([
-                Row("integral", "integral", each.integral, digits=9),
-                Row("poles", "ln|p| of the unstable poles", each.poles, digits=9),
-                Row("holds", "they agree", each.holds),
+        result = put(worst_rows, section=GREATEST, of=self.fed_by)
+        for speed, integral in self.integrals.items():
+            result += put([
+                Row("integral", "integral", integral.integral, digits=9),
+                Row("poles", "ln|p| of the unstable poles", integral.poles, digits=9),
+                Row("holds", "they agree", integral.holds),
             ], section=("bode",), of=units.rpm(speed), detail=True)  # fmt: skip
         for apart in separations(self.machine):
-            found += apart.rows()
-        return found
+            result += apart.rows()
+        return result
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
@@ -206,7 +206,7 @@ class OverSpeed(Result):
             "current_limit": self.current_limit.tolist(),
             "voltage_share": None if self.voltage is None else self.voltage.tolist(),
             "coil_temperature": None if self.temperature is None else self.temperature.tolist(),
-            "poles": [[[float(p.real), float(p.imag)] for p in each] for each in self.poles],
+            "poles": [[[float(p.real), float(p.imag)] for p in pole] for pole in self.poles],
         }
 
     def figures(self) -> list[Figure]:
@@ -259,20 +259,20 @@ def assess_over_speed(
     ((name, estimator),) = estimators.items() or [(MEASUREMENT, None)]
     run = _Run(machine, estimator, controller, given_load(machine, load), orbit, fastest)
     speeds = np.linspace(0.0, fastest, count)
-    each = [run.at(float(speed)) for speed in speeds]
+    parts = [run.at(float(speed)) for speed in speeds]
     checked = sorted({0.0, fastest, *([machine.speed] if 0 < machine.speed < fastest else [])})
-    volts = [one.voltage for one in each if one.voltage is not None]
-    warm = [one.temperature for one in each if one.temperature is not None]
+    volts = [one.voltage for one in parts if one.voltage is not None]
+    warm = [one.temperature for one in parts if one.temperature is not None]
     return OverSpeed(
         machine=machine,
         fed_by=name,
         axes=run.axes,
         speed=speeds,
-        peaks=np.array([one.peaks for one in each]),
-        largest=np.array([one.largest for one in each]),
-        poles=tuple(one.poles for one in each),
-        orbit=np.array([one.orbit for one in each]),
-        current=np.array([one.current for one in each]),
+        peaks=np.array([one.peaks for one in parts]),
+        largest=np.array([one.largest for one in parts]),
+        poles=tuple(one.poles for one in parts),
+        orbit=np.array([one.orbit for one in parts]),
+        current=np.array([one.current for one in parts]),
         voltage=np.array(volts) if len(volts) == count else None,
         temperature=np.array(warm) if len(warm) == count else None,
         integrals={speed: bode_integral(run.loop(speed)[1]) for speed in checked},
@@ -301,7 +301,7 @@ class _Run:
         controller: PID | None,
         load: Any,
         orbit: bool,
-        fastest: float,
+        max_speed: float,
     ) -> None:
         planes = tuple(
             Unbalance(place=place, amount=amount, angle=angle)
@@ -311,7 +311,7 @@ class _Run:
         self.estimator, self.orbit = estimator, orbit
         of = LoopOf(self.machine, controller, load=load)
         self.point, self.axes, self.control = of.point, of.axes, of.control
-        self.flown = of.flown_by(estimator, fastest)
+        self.flown = of.flown_by(estimator, max_speed)
 
     def loop(self, speed: float) -> tuple[LoopOf, Loop]:
         """Return the loop at a speed [rad/s], and what it is of."""
@@ -337,49 +337,54 @@ class _Run:
         peaks = [highest(partial(loop.of_axis, k), f[counts], S[counts, k, k])[0] for k in range(p)]
         sizes = np.linalg.norm(S, 2, axis=(1, 2))
         largest = highest(loop.largest_sensitivity, f, sizes)[0]
-        turned = of.turned(loop)
-        return _AtSpeed(np.array(peaks), largest, poles, *self.asked(of, loop, turned))
+        responses = of.turned(loop)
+        return _AtSpeed(np.array(peaks), largest, poles, *self.asked(of, loop, responses))
 
     def asked(
-        self, of: LoopOf, loop: Loop, turned: list[Turned]
+        self, of: LoopOf, loop: Loop, responses: list[Turned]
     ) -> tuple[Array, Array, Array | None, Array | None]:
         """Return of each axis displacement [m], current [A], voltage [1] and temperature [K]."""
         p, pairs, point = loop.axes, pairs_of(of.machine), self.point
         noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
-        gains = np.array([b.amplifier.gain for b in of.alone])
+        gains = np.array([b.amplifier.gain for b in of.isolated])
         far = orbit(point.x, pairs) + SIGMAS * noise[:p]
         most = np.abs(point.iu) + SIGMAS * gains * noise[p:]
         square = point.iu**2 + (gains * noise[p:]) ** 2
-        for each in turned:
-            far = far + orbit(each.x, pairs)
-            most = most + np.abs(each.i)
-            square = square + np.abs(each.i) ** 2 / 2
-        volts = [self.share(of, k, turned) for k in range(p)]
-        known = [each for each in volts if each is not None]
+        for response in responses:
+            far = far + orbit(response.x, pairs)
+            most = most + np.abs(response.i)
+            square = square + np.abs(response.i) ** 2 / 2
+        volts = [self.share(of, k, responses) for k in range(p)]
+        known = [volt for volt in volts if volt is not None]
         warm = [
             heating(b, squares_of_coils(b, float(iu), float(mean)))
-            for b, iu, mean in zip(of.alone, point.iu, square, strict=True)
+            for b, iu, mean in zip(of.isolated, point.iu, square, strict=True)
         ]
-        temperatures = [each.temperature for each in warm if each is not None]
+        temperatures = [item.temperature for item in warm if item is not None]
         return (
             far, most, np.array(known) if len(known) == p else None,
             np.array(temperatures) if len(temperatures) == p else None,
         )  # fmt: skip
 
-    def share(self, of: LoopOf, axis: int, turned: list[Turned]) -> float | None:
+    def share(self, of: LoopOf, axis: int, responses: list[Turned]) -> float | None:
         """Return the greatest voltage of an axis's coils, of its limit [1]."""
-        b, limit = of.alone[axis], of.alone[axis].amplifier.voltage_limit
+        b, limit = of.isolated[axis], of.isolated[axis].amplifier.voltage_limit
         iu, x = float(self.point.iu[axis]), float(self.point.x[axis])
         f = np.array([of.machine.speed / (2 * math.pi)])
-        taken = [
-            voltage(b, iu, x, f, np.array([each.i[axis]]), np.array([each.x[axis]]))
-            for each in turned or [Turned(0 * self.point.x + 0j, 0 * self.point.x + 0j)]
+        coil_voltages = [
+            voltage(b, iu, x, f, np.array([response.i[axis]]), np.array([response.x[axis]]))
+            for response in responses or [Turned(0 * self.point.x + 0j, 0 * self.point.x + 0j)]
         ]
-        if limit is None or any(each is None for each in taken):
+        if limit is None or any(coil_voltage is None for coil_voltage in coil_voltages):
             return None
-        coils = list(zip(*(each for each in taken if each is not None), strict=True))
+        coils = list(
+            zip(
+                *(coil_voltage for coil_voltage in coil_voltages if coil_voltage is not None),
+                strict=True,
+            )
+        )
         used = [
-            limit - each[0][0] + sum(float(volts[0]) for _room, volts in each) for each in coils
+            limit - coil[0][0] + sum(float(volts[0]) for _room, volts in coil) for coil in coils
         ]
         return float(max(used) / limit)
 

@@ -86,8 +86,8 @@ class Reduction:
     @property
     def critical_error(self) -> float:
         """Greatest error of a critical speed [1]; infinite where one is missing."""
-        each = [abs(kept / full - 1) for kept, full in self.critical]
-        return max((math.inf if math.isnan(one) else one for one in each), default=0.0)
+        parts = [abs(kept / full - 1) for kept, full in self.critical]
+        return max((math.inf if math.isnan(one) else one for one in parts), default=0.0)
 
     @property
     def good(self) -> bool:
@@ -128,20 +128,20 @@ class Reduction:
         w, to = self.whirl, f"up to {rpm(self.fastest)} and {engineering(self.highest, 'Hz', 4)}"
         if not self.fastest:
             return "free whirl frequencies: the rotor stands still, and the modes kept are exact"
-        said = "as with the full matrices"
+        deviation = "as with the full matrices"
         if w.share:
-            said = (
+            deviation = (
                 f"off by {_percent(w.share)} at most, {engineering(w.kept / 2 / math.pi, 'Hz', 4)} "
                 f"where the full matrices have {_way(w.full)} at {rpm(w.speed)}"
             )
         if not math.isnan(w.left_out):
-            said += f", and {_way(w.left_out)} at {rpm(w.left_out_at)} is left out"
-        return f"free whirl frequencies {to}: {said}"
+            deviation += f", and {_way(w.left_out)} at {rpm(w.left_out_at)} is left out"
+        return f"free whirl frequencies {to}: {deviation}"
 
     def _of_critical(self) -> list[str]:
         if not self.critical:
             return []
-        each = ", ".join(
+        parts = ", ".join(
             f"{rpm(kept)} (full: {rpm(full)})" if abs(kept / full - 1) > 1e-4 else rpm(kept)
             if kept == kept and full == full
             else f"{'none' if math.isnan(kept) else rpm(kept)} "
@@ -150,7 +150,7 @@ class Reduction:
         )  # fmt: skip
         share = self.critical_error
         off = "one is missing" if math.isinf(share) else f"off by {_percent(share)} at most"
-        return [f"critical speeds: {each}; {off}"]
+        return [f"critical speeds: {parts}; {off}"]
 
     def _of_peak(self) -> str:
         p = self.peak
@@ -170,16 +170,16 @@ class Reduction:
     def text(self) -> str:
         """Return it as one sentence, with what helps."""
         what = f"{self.kept} of {self.every} bending modes kept, against all: "
-        said = what + "; ".join(self.sentences())
+        lead = what + "; ".join(self.sentences())
         if self.good:
-            return f"{said}; {'' if self.peak is None else 'all '}within {_percent(self.tolerance)}"
+            return f"{lead}; {'' if self.peak is None else 'all '}within {_percent(self.tolerance)}"
         help = "leave out rotor.modes_up_to, so that enough modes are kept"
         if max(self.whirl.error, self.critical_error) <= self.tolerance:  # it is the loop's
             help = f"give rotor.modes_up_to = {engineering(self.needed, 'Hz', 4)}, so that the "
             help += "default controllers are chosen with more modes"
         elif self.needed:
             help += f", or raise it to {engineering(self.needed, 'Hz', 4)}"
-        return f"{said}; not within {_percent(self.tolerance)} (rotor.modes_within): {help}"
+        return f"{lead}; not within {_percent(self.tolerance)} (rotor.modes_within): {help}"
 
 
 @lru_cache(maxsize=32)
@@ -193,43 +193,43 @@ def reduction(machine: Machine) -> Reduction | None:
         return None
     T, speed, every = machine.sampling_time, machine.speed, rotor.every_mode
     f = every.frequency / (2 * math.pi)
-    kept = len(bending.frequency) - bending.attached
+    mode_count = len(bending.frequency) - bending.attached
     top = end_of_range(T, speed)
-    given = rotor.modes_up_to or top
-    count = min(len(f), max(kept + MORE, LEAST))
+    frequency_limit = rotor.modes_up_to or top
+    count = min(len(f), max(mode_count + MORE, LEAST))
     many = machine.model_copy(
         update={"rotor": rotor.model_copy(
             update={"modes_up_to": above(f, count), "residual": False}
         )}
     )  # fmt: skip
-    fastest = BEYOND * abs(speed)
+    max_speed = BEYOND * abs(speed)
     peak, grows = _peaks(machine, many)
     needed = enough(rotor, T, speed, rotor.modes_within)
     if grows is not None:
         needed = max(needed, BESIDE * abs(grows.imag) / 2 / math.pi)
-    elif peak is not None and peak.share > rotor.modes_within and kept < len(f):
-        needed = max(needed, above(f, kept + 1))
+    elif peak is not None and peak.share > rotor.modes_within and mode_count < len(f):
+        needed = max(needed, above(f, mode_count + 1))
     return Reduction(
-        kept, len(f), rotor.modes_within, fastest, min(given, top),
-        whirl_error(rotor, bending, min(given, top), speeds_of(speed)),
-        _critical(machine, many, fastest), peak, grows, needed,
+        mode_count, len(f), rotor.modes_within, max_speed, min(frequency_limit, top),
+        whirl_error(rotor, bending, min(frequency_limit, top), speeds_of(speed)),
+        _critical(machine, many, max_speed), peak, grows, needed,
     )  # fmt: skip
 
 
-def _critical(machine: Machine, many: Machine, fastest: float) -> tuple[tuple[float, float], ...]:
+def _critical(machine: Machine, many: Machine, max_speed: float) -> tuple[tuple[float, float], ...]:
     """Return the critical speeds of both that are not critically damped [rad/s]."""
-    if not fastest:
+    if not max_speed:
         return ()
     pids = holding(machine).pids
     some, all_of = (
         [
-            one.speed for one in campbell(each, fastest, count=SPEEDS, pids=pids).criticals
+            one.speed for one in campbell(item, max_speed, count=SPEEDS, pids=pids).criticals
             if one.amplification >= DAMPED
         ]
-        for each in (machine, many)
+        for item in (machine, many)
     )  # fmt: skip
     n = max(len(some), len(all_of))
-    padded = [[*each, *([math.nan] * (n - len(each)))] for each in (some, all_of)]
+    padded = [[*item, *([math.nan] * (n - len(item)))] for item in (some, all_of)]
     return tuple(zip(*padded, strict=True))
 
 
@@ -239,7 +239,7 @@ def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None
         of = LoopOf(machine)
         fed_by_estimate = default_control(machine).chosen.feedback == "estimate"
         estimator = KalmanFilter(machine) if fed_by_estimate else None
-        flown = of.flown_by(estimator)
+        control_law = of.flown_by(estimator)
     except (AmbkitError, ValueError):  # nothing holds the rotor, or no filter takes it
         return None, None
     worst: Peak | None = None
@@ -248,9 +248,12 @@ def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None
             estimator = KalmanFilter(machine.model_copy(update={"speed": speed}))
         loops = [
             LoopOf(
-                each.model_copy(update={"speed": speed}), of.control, point=of.point, flown=flown
+                item.model_copy(update={"speed": speed}),
+                of.control,
+                point=of.point,
+                flown=control_law,
             ).loop(estimator)
-            for each in (machine, many)
+            for item in (machine, many)
         ]
         if not loops[0].is_stable:
             return None, None
@@ -269,9 +272,9 @@ def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None
             tops.append([
                 highest(partial(loop.of_axis, k), f, S[:, k])[0] for k in range(loop.axes)
             ])  # fmt: skip
-        for axis, kept, full in zip(of.axes, *tops, strict=True):
-            found = Peak(axis, speed, kept, full)
-            worst = found if worst is None or found.share > worst.share else worst
+        for axis, reduced_peak, full in zip(of.axes, *tops, strict=True):
+            result = Peak(axis, speed, reduced_peak, full)
+            worst = result if worst is None or result.share > worst.share else worst
     return worst, None
 
 

@@ -80,8 +80,8 @@ def _report(study: Study, parts: list[Part], rows: list[SummaryRow], seed: int) 
         subtitle="The paper of Li, Kästner and Worlitz, reproduced and judged",
         lead="An active magnetic bearing is unstable without control, its force law is nonlinear, "
         "its sensor noisy and late. The paper corrects the model of a Kalman filter while it runs: "
-        "ADALINE identifies the magnet, least squares gives the stiffnesses at 25 work points, a "
-        "fuzzy network makes an expert of them, and the filter asks it at every sample (its "
+        "ADALINE identifies the magnet, least squares gives the stiffnesses at 25 points, "
+        "a fuzzy network makes an expert of them, and the filter asks it at each sample (its "
         "Fig. 1 draws it as one block diagram). Everything below is computed by one C core, the "
         "same that flies.",
         version=version("ambkit"),

@@ -19,45 +19,45 @@ if TYPE_CHECKING:
     from ambkit.judge.comparison.study import Study
 
 
-def tuned_filters(found: Study) -> dict[str, Estimator]:
+def tuned_filters(result: Study) -> dict[str, Estimator]:
     """Return the filters that a comparison tuned, each with where its numbers are from."""
-    bench = found.bench
+    bench = result.bench
     if not bench.tuned:
         raise AmbkitError("nothing was tuned: give the tuning a number of evaluations")
-    said = made_by(
+    origin = made_by(
         "compare",
         f"errors in {TRAINING} simulated runs of {bench.bearing.name}, case {bench.case.name}",
     )
     made = {}
-    for name, standing in bench.tuned.items():
-        tuning = standing.tuning
+    for name, score in bench.tuned.items():
+        tuning = score.tuning
         if name not in KINDS or tuning is None:
             continue
         better = tuning.objective < tuning.default
-        estimator: Estimator = found.field[name].build(**(tuning.values if better else {}))
+        estimator: Estimator = result.field[name].build(**(tuning.values if better else {}))
         if better:
-            estimator.origin = origin_of(tuning.values, said)
+            estimator.origin = origin_of(tuning.values, origin)
         made[name] = estimator
     return made
 
 
-def adequacy_of(found: Study) -> dict[str, list[Finding]]:
+def adequacy_of(result: Study) -> dict[str, list[Finding]]:
     """Return by kind whether the filters that a comparison tuned may fly."""
     return {
-        name: judge_adequacy(made, nis=found.bench.tuned[name].mean("nis"))
-        for name, made in tuned_filters(found).items()
+        name: judge_adequacy(made, nis=result.bench.tuned[name].mean("nis"))
+        for name, made in tuned_filters(result).items()
     }
 
 
 def save_filters(
-    found: Study,
+    result: Study,
     folder: str | os.PathLike[str],
     *,
     bearing: str | os.PathLike[str] | None = None,
     magnets: Mapping[str, str | os.PathLike[str]] | None = None,
 ) -> dict[str, str]:
     """Write the filters that a comparison tuned, a file for each kind: ``FOLDER/KIND.toml``."""
-    made, known = tuned_filters(found), found.bench.bearing
+    made, known = tuned_filters(result), result.bench.bearing
     place = files.make_folder(folder)
     if bearing is None and preset_of(known) is None:
         bearing = place / "bearing.toml"
@@ -65,8 +65,8 @@ def save_filters(
     left_out = {}
     for name, estimator in made.items():
         try:
-            given = (magnets or {}).get(name)
-            estimator.save(place / f"{name}.toml", bearing=bearing, magnet=given)
+            magnet = (magnets or {}).get(name)
+            estimator.save(place / f"{name}.toml", bearing=bearing, magnet=magnet)
         except NoFile as error:
             left_out[name] = str(error)
     return left_out

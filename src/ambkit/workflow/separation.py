@@ -110,17 +110,17 @@ def separations(
     if not speed:
         return []
     if pids is None:  # those that are flown by default
-        flown = default_control(machine).chosen.control.pid
-        pids = [flown[axis.name] for axis in machine.axes] if flown else None
-    found = campbell(machine, 2 * speed, pids=pids)
-    return [Separation(each, speed) for each in found.criticals]
+        default_pids = default_control(machine).chosen.control.pid
+        pids = [default_pids[axis.name] for axis in machine.axes] if default_pids else None
+    result = campbell(machine, 2 * speed, pids=pids)
+    return [Separation(critical, speed) for critical in result.criticals]
 
 
-def sentence(found: Sequence[Separation], speed: float) -> str:
+def sentence(results: Sequence[Separation], speed: float) -> str:
     """Return what is to be said of a speed of operation."""
-    if not found:
+    if not results:
         return f"no critical speed up to {rpm(2 * abs(speed))}"
-    each = "; ".join(one.text() for one in found)
-    near = [rpm(one.critical.speed) for one in found if not one.kept]
+    parts = "; ".join(one.text() for one in results)
+    near = [rpm(one.critical.speed) for one in results if not one.kept]
     verdict = f"too near to {', '.join(near)} ({BASIS})" if near else f"kept ({BASIS})"
-    return f"separation from critical speeds: {each}: {verdict}"
+    return f"separation from critical speeds: {parts}: {verdict}"

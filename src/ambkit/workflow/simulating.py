@@ -31,7 +31,7 @@ from ambkit.workflow.harmonics import harmonics
 
 if TYPE_CHECKING:
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.simulation.imposed import Imposed
+    from ambkit.simulation.external_inputs import ExternalInputs
     from ambkit.simulation.run import Run
 
 STEP_AT, LOAD_AT = 0.1, 0.5
@@ -91,50 +91,52 @@ def scenario_for(
     machine = bearing.short
     duration, step = in_si("duration", duration, "s"), in_si("step", step, "m")
     load = in_si("load", load, "N")
-    happening = Scenario() if scenario is None else scenario
-    if isinstance(happening, str | os.PathLike):
-        happening = Scenario.load(happening)
-    of_type(Scenario, scenario=happening)
-    if not from_estimate and happening.feedback is None:
-        happening = happening.fed("measurement")
+    full_scenario = Scenario() if scenario is None else scenario
+    if isinstance(full_scenario, str | os.PathLike):
+        full_scenario = Scenario.load(full_scenario)
+    of_type(Scenario, scenario=full_scenario)
+    if not from_estimate and full_scenario.feedback is None:
+        full_scenario = full_scenario.fed("measurement")
     axes = tuple(axis.name for axis in machine.axes)
-    happening.check_for(axes, body=not machine.single)
+    full_scenario.check_for(axes, body=not machine.single)
     if machine.single:
-        happening = happening.of_one_axis(machine.alone(""))
+        full_scenario = full_scenario.of_one_axis(machine.isolated_axis(""))
     if duration is not None:
-        happening = happening.replace(duration=duration)
+        full_scenario = full_scenario.replace(duration=duration)
     if reference is not None:
         if step is not None:
             raise AmbkitError("the reference is either a step or a record's: give one of them")
-        happening = _along(Path(reference), axes, happening, duration, "reference", "r")
+        full_scenario = _along(Path(reference), axes, full_scenario, duration, "reference", "r")
     if injection is not None:
-        happening = _along(Path(injection), axes, happening, duration, "injection", "injected")
+        full_scenario = _along(
+            Path(injection), axes, full_scenario, duration, "injection", "injected"
+        )
     if step is not None:
-        at = Step(amplitude=step, time=STEP_AT * happening.duration)
-        happening = happening.replace(reference=at)
+        at = Step(amplitude=step, time=STEP_AT * full_scenario.duration)
+        full_scenario = full_scenario.replace(reference=at)
     if load is not None:
-        at = Step(amplitude=load, time=LOAD_AT * happening.duration)
-        happening = happening.replace(disturbance=at)
-    return happening if seed is None else happening.replace(seed=seed)
+        at = Step(amplitude=load, time=LOAD_AT * full_scenario.duration)
+        full_scenario = full_scenario.replace(disturbance=at)
+    return full_scenario if seed is None else full_scenario.replace(seed=seed)
 
 
 def _along(
-    path: Path, axes: tuple[str, ...], happening: Scenario, duration: float | None, what: str,
+    path: Path, axes: tuple[str, ...], scenario: Scenario, duration: float | None, what: str,
     of: str,
 ) -> Scenario:  # fmt: skip
     """Return a run that takes references or injections from the signals of a record."""
     record = Record.load(path)
     if duration is None:
-        happening = happening.replace(duration=float(record.t[-1]))
+        scenario = scenario.replace(duration=float(record.t[-1]))
     there = [axis for axis in axes if signal(of, axis) in record]
     if not there:
         names = ", ".join(signal(of, axis) for axis in axes)
         raise AmbkitError(f"{path}: it has none of the signals {names}")
-    told = [
+    signals = [
         {"axis": axis, "position": Recorded(file=str(path), signal=signal(of, axis))}
         for axis in there
     ]
-    return happening.replace(**{what: told})
+    return scenario.replace(**{what: signals})
 
 
 def simulate_run(
@@ -145,7 +147,7 @@ def simulate_run(
     magnet: MagnetModel | None = None,
     force_map: str | os.PathLike[str] | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
-    imposed: Imposed | None = None,
+    external_inputs: ExternalInputs | None = None,
     duration: Given | None = None,
     step: Given | None = None,
     load: Given | None = None,
@@ -171,13 +173,13 @@ def simulate_run(
         ``"none"``. By default the linear filter where the controller needs one.
     magnet : MagnetModel, optional
         The plant's own magnet, where it is not what the bearing describes; of a single axis, as
-        `force_map` and `imposed`.
+        `force_map` and `external_inputs`.
     force_map : path, optional
         The same as points of iu, x and f_mag.
     magnets : mapping of str to MagnetModel, optional
         What an estimator that is named knows of the magnet, such as
         ``{"adaptive": Expert.load("expert.json")}``.
-    imposed : Imposed, optional
+    external_inputs : ExternalInputs, optional
         Series of disturbance, noise and magnet from outside.
     duration, step, load, seed, reference, injection
         See :func:`ambkit.scenario_for`.
@@ -207,12 +209,12 @@ def simulate_run(
     if estimator is not None:
         of_type(Estimator, str, estimator=estimator)
     without = isinstance(estimator, str) and estimator == "none"
-    happening = scenario_for(
+    full_scenario = scenario_for(
         bearing, scenario, duration=duration, step=step, load=load, seed=seed, reference=reference,
         injection=injection, from_estimate=not without,
     )  # fmt: skip
     machine = bearing.short
-    if without and happening.feedback == "estimate":
+    if without and full_scenario.feedback == "estimate":
         place = f"{os.fspath(scenario)}: " if isinstance(scenario, str | os.PathLike) else ""
         raise AmbkitError(
             f'{place}the controller is fed by the estimate (feedback = "estimate"), so the '
@@ -229,8 +231,10 @@ def simulate_run(
             raise AmbkitError("the plant's magnet is either a model or a force map: give one")
         if not machine.single:
             raise AmbkitError(f"force_map: is of one axis, and {machine.name} has several")
-        magnet = surface_in(force_map, machine.alone(""))
-    run = looped(machine, happening, estimator=made, magnet=magnet, imposed=imposed)
+        magnet = surface_in(force_map, machine.isolated_axis(""))
+    run = looped(
+        machine, full_scenario, estimator=made, magnet=magnet, external_inputs=external_inputs
+    )
     if made is None or machine.single:
         return run
     return replace(run, turning=harmonics(made, run.record))
@@ -244,7 +248,7 @@ def simulate(
     magnet: MagnetModel | None = None,
     force_map: str | os.PathLike[str] | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
-    imposed: Imposed | None = None,
+    external_inputs: ExternalInputs | None = None,
     duration: Given | None = None,
     step: Given | None = None,
     load: Given | None = None,
@@ -256,7 +260,7 @@ def simulate(
 
     Parameters
     ----------
-    bearing, scenario, estimator, magnet, force_map, magnets, imposed
+    bearing, scenario, estimator, magnet, force_map, magnets, external_inputs
         See :func:`ambkit.simulate_run`, which also returns the estimate.
     duration, step, load, seed, reference, injection
         See :func:`ambkit.scenario_for`.
@@ -280,8 +284,8 @@ def simulate(
     """
     run = simulate_run(
         bearing, scenario, estimator=estimator, magnet=magnet, force_map=force_map, magnets=magnets,
-        imposed=imposed, duration=duration, step=step, load=load, seed=seed, reference=reference,
-        injection=injection,
+        external_inputs=external_inputs, duration=duration, step=step, load=load, seed=seed,
+        reference=reference, injection=injection,
     )  # fmt: skip
     return run.record
 
@@ -292,14 +296,18 @@ def experiment_duration(bearing: Bearing) -> float:
     return float(f"{OWN_PERIODS / own:.2g}")
 
 
-def plain_control(machine: Machine, happening: Scenario, estimator: Estimator | None) -> str | None:
+def plain_control(machine: Machine, scenario: Scenario, estimator: Estimator | None) -> str | None:
     """Return a sentence on where a flight's unbalance control is plain control."""
-    if happening.controller.unbalance == "fought" or estimator is None:
+    if scenario.controller.unbalance == "fought" or estimator is None:
         return None
-    flight = settled_scenario(machine, happening)
+    full_scenario = settled_scenario(machine, scenario)
     T = machine.sampling_time
-    t = T * np.arange(max(2, round(flight.duration / T) + 1) + 1, dtype=float)
-    speed = np.abs([machine.speed] if flight.speed is None else flight.speed.sample(t))
+    t = T * np.arange(max(2, round(full_scenario.duration / T) + 1) + 1, dtype=float)
+    speed = np.abs(
+        [machine.speed] if full_scenario.speed is None else full_scenario.speed.sample(t)
+    )
     low, high = float(speed.min()), float(speed.max())
-    turn = controllers_of(Plant(machine), flight.controller, estimator, fastest=high).let_turn
-    return None if turn is None else turn.sentence(flight.controller.unbalance, low, high)
+    turn = controllers_of(
+        Plant(machine), full_scenario.controller, estimator, fastest=high
+    ).let_turn
+    return None if turn is None else turn.sentence(full_scenario.controller.unbalance, low, high)

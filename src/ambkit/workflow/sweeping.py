@@ -116,22 +116,22 @@ class Sweep(Result):
     @property
     def finding(self) -> str:
         """How far the loop is from its linear model."""
-        farthest = max(each.deviation for each in self.swept)
+        farthest = max(item.deviation for item in self.swept)
         return f"{self.title}: at most {percent(farthest)} from the linear model."
 
     @property
     def rows(self) -> list[Row]:
         """Peaks at each amplitude, and that of the model."""
-        found = []
-        for each in self.swept:
-            found += put([
-                Row("amplitude", "amplitude", each.amplitude, "m", detail=True),
-                Row("peak", "peak of |S|", each.peak, "|S|"),
-                Row("zone", "zone", zone_of(each.peak)),
-                Row("deviation", "from the model, at most", each.deviation, "%"),
-                Row("limited", "at a limit", each.limited),
-            ], section=SWEPT, of=engineering(each.amplitude, "m", 4))  # fmt: skip
-        return [*found, *put([
+        results = []
+        for item in self.swept:
+            results += put([
+                Row("amplitude", "amplitude", item.amplitude, "m", detail=True),
+                Row("peak", "peak of |S|", item.peak, "|S|"),
+                Row("zone", "zone", zone_of(item.peak)),
+                Row("deviation", "from the model, at most", item.deviation, "%"),
+                Row("limited", "at a limit", item.limited),
+            ], section=SWEPT, of=engineering(item.amplitude, "m", 4))  # fmt: skip
+        return [*results, *put([
             Row("peak", "peak of |S|", self.model.peak, "|S|"),
             Row("zone", "zone", self.model.zone),
         ], section=SWEPT, of="linear model")]  # fmt: skip
@@ -146,12 +146,12 @@ class Sweep(Result):
             "kind": self.kind,
             "fed_by": self.loop.name,
             "amplitudes": {
-                engineering(each.amplitude, "m", 4): {
-                    "frequency": each.frequency.tolist(),
-                    "sensitivity": np.abs(each.sensitivity).tolist(),
-                    "model": np.abs(each.model).tolist(),
+                engineering(item.amplitude, "m", 4): {
+                    "frequency": item.frequency.tolist(),
+                    "sensitivity": np.abs(item.sensitivity).tolist(),
+                    "model": np.abs(item.model).tolist(),
                 }
-                for each in self.swept
+                for item in self.swept
             },
         }
 
@@ -167,7 +167,7 @@ class Sweep(Result):
             self.title,
             self.loop.loop,
             self.axis,
-            [(each.amplitude, each.frequency, each.sensitivity, each.model) for each in self.swept],
+            [(item.amplitude, item.frequency, item.sensitivity, item.model) for item in self.swept],
             zones=ZONES,
             top=self.top,
         )
@@ -190,8 +190,8 @@ def sweep(
     of_type(Machine, bearing=bearing)
     if kind not in get_args(Kind):
         raise AmbkitError(f"kind must be one of {', '.join(get_args(Kind))}, is {kind!r}")
-    found = assess(bearing, filter, controller, x=x, load=load, orbit=orbit)
-    name, loop = list(found.loops.items())[-1]
+    result = assess(bearing, filter, controller, x=x, load=load, orbit=orbit)
+    name, loop = list(result.loops.items())[-1]
     if loop.worst is None:
         raise AmbkitError(f"{bearing.name}, controller fed by {name}: the loop is not stable")
     axes = list(loop.axes)
@@ -199,27 +199,27 @@ def sweep(
     if chosen not in axes:
         raise AmbkitError(f"{bearing.name} has no axis {chosen}; there are {', '.join(axes)}")
     at = axes.index(chosen)
-    given = [part * found.of.alone[at].magnet.air_gap for part in AMPLITUDES]
+    levels = [part * result.of.isolated[at].magnet.air_gap for part in AMPLITUDES]
     if amplitudes is not None:
-        given = [in_si("amplitude", each, "m") for each in amplitudes]
-    for each in given:
-        if not (math.isfinite(each) and each > 0):
-            raise AmbkitError(f"an amplitude must be greater than 0 m, is {each:g} m")
+        levels = [in_si("amplitude", amplitude, "m") for amplitude in amplitudes]
+    for level in levels:
+        if not (math.isfinite(level) and level > 0):
+            raise AmbkitError(f"an amplitude must be greater than 0 m, is {level:g} m")
     held = given_load(bearing, load)
-    if not found.machine.single:
-        rig: _Rig = _MachineRig(found, filter, loop, at, held)
+    if not result.machine.single:
+        rig: _Rig = _MachineRig(result, filter, loop, at, held)
     else:
-        rig = _BearingRig(found, filter, loop, in_si("x", x, "m"), sum(held.values()))
+        rig = _BearingRig(result, filter, loop, in_si("x", x, "m"), sum(held.values()))
     run = {"multisine": rig.multisine, "stepped-sine": rig.stepped}[kind]
-    return Sweep(found.bearing, at, kind, loop, tuple(run(each) for each in given), found.top)
+    return Sweep(result.bearing, at, kind, loop, tuple(run(item) for item in levels), result.top)
 
 
 class _Rig:
     """The simulated loop, without noise."""
 
-    def __init__(self, found: Assessment, filter: Any, loop: AssessedLoop, axis: int) -> None:
-        self.found, self.filter, self.loop, self.axis = found, filter, loop, axis
-        self.T = found.bearing.sampling_time
+    def __init__(self, result: Assessment, filter: Any, loop: AssessedLoop, axis: int) -> None:
+        self.found, self.filter, self.loop, self.axis = result, filter, loop, axis
+        self.T = result.bearing.sampling_time
         poles = loop.loop.closed.poles()
         rate = -math.log(float(np.abs(poles).max())) / self.T
         self.settling = math.ceil(min(LONGEST, -math.log(SETTLED) / rate) / self.T)
@@ -241,14 +241,14 @@ class _Rig:
 
     def look(self, period: Array, line: NDArray[np.int_]) -> tuple[Complex, bool]:
         """Add whole periods to the measurement, and return S at lines of their spectrum."""
-        whole = len(period)
-        last = slice(-whole, None)
-        added = np.tile(period, 1 + math.ceil(self.settling / whole))
+        period_length = len(period)
+        last = slice(-period_length, None)
+        added = np.tile(period, 1 + math.ceil(self.settling / period_length))
         y, limited = self.answer(added, last)
         if self.turns:
             y = y - self.answer(np.zeros_like(added), last)[0]
-        given = np.fft.rfft(period)[line] * 2 / whole
-        return np.asarray(self._at_lines(y[last], line) / given), limited
+        excitation = np.fft.rfft(period)[line] * 2 / period_length
+        return np.asarray(self._at_lines(y[last], line) / excitation), limited
 
     def _at_lines(self, y: Array, line: NDArray[np.int_]) -> Complex:
         """Return the amplitudes of lines of a spectrum, beside what has not decayed yet."""
@@ -258,12 +258,12 @@ class _Rig:
         waves = np.exp(2j * np.pi * np.outer(n, line) / len(y))
         slow = np.power.outer(self.slow, n).T
         fitted = [waves.real, -waves.imag, slow.real, slow.imag]
-        found = np.linalg.lstsq(np.hstack(fitted), y, rcond=None)[0]
-        return np.asarray(found[: len(line)] + 1j * found[len(line) : 2 * len(line)], complex)
+        result = np.linalg.lstsq(np.hstack(fitted), y, rcond=None)[0]
+        return np.asarray(result[: len(line)] + 1j * result[len(line) : 2 * len(line)], complex)
 
     def swept(self, amplitude: float, frequency: Array, parts: list[tuple[Complex, bool]]) -> Swept:
         """Return what simulated pieces say."""
-        S = np.concatenate([each for each, _ in parts])
+        S = np.concatenate([item for item, _ in parts])
         model = self.loop.loop.of_axis(self.axis, frequency)
         return Swept(amplitude, frequency, S, model, any(limited for _, limited in parts))
 
@@ -276,15 +276,15 @@ class _Rig:
         signal = sparse_multisine(size, self.T, band, per_decade=PER_DECADE["multisine"])
         line = np.round(signal.frequencies * size * self.T).astype(int)
         S, limited = self.look(amplitude * signal.values, line)
-        alone = _alone(line, round(size * turn))
-        return self.swept(amplitude, signal.frequencies[alone], [(S[alone], limited)])
+        separate = _alone(line, round(size * turn))
+        return self.swept(amplitude, signal.frequencies[separate], [(S[separate], limited)])
 
     def stepped(self, amplitude: float) -> Swept:
         """One frequency after the other, each from rest."""
         low, high = SLOWEST / (SIZE * self.T), 0.45 / self.T
         count = round(PER_DECADE["stepped-sine"] * math.log10(high / low)) + 1
-        each = [self.sine(amplitude, float(f)) for f in np.geomspace(low, high, count)]
-        return self.swept(amplitude, np.array([f for f, _ in each]), [part for _, part in each])
+        parts = [self.sine(amplitude, float(f)) for f in np.geomspace(low, high, count)]
+        return self.swept(amplitude, np.array([f for f, _ in parts]), [part for _, part in parts])
 
     def sine(self, amplitude: float, f: float) -> tuple[float, tuple[Complex, bool]]:
         """Return what one sine of about a frequency [Hz] says, and of which exactly."""
@@ -293,20 +293,22 @@ class _Rig:
         turn = abs(self.found.bearing.speed or 0.0) / (2 * math.pi) if self.turns else 0.0
         beat = 1 / max(abs(f - turn) * self.T, 1 / SIZE) if turn else 0.0
         periods = max(1, round(max(STEP, APART * beat) * f * self.T))
-        whole = round(periods / (f * self.T))
-        sine = amplitude * np.sin(2 * np.pi * periods * np.arange(whole) / whole)
-        return periods / (whole * self.T), self.look(sine, np.array([periods]))
+        sample_count = round(periods / (f * self.T))
+        sine = amplitude * np.sin(2 * np.pi * periods * np.arange(sample_count) / sample_count)
+        return periods / (sample_count * self.T), self.look(sine, np.array([periods]))
 
 
 class _BearingRig(_Rig):
     """Of one axis."""
 
     def __init__(
-        self, found: Assessment, filter: Any, loop: AssessedLoop, x: float, load: float
+        self, result: Assessment, filter: Any, loop: AssessedLoop, x: float, load: float
     ) -> None:
-        super().__init__(found, filter, loop, 0)
+        super().__init__(result, filter, loop, 0)
         self.scenario = Scenario(
-            controller=found.of.control_for(filter).fed_by("estimate" if filter else "measurement"),
+            controller=result.of.control_for(filter).fed_by(
+                "estimate" if filter else "measurement"
+            ),
             noise=False,
             reference=Constant(value=x),
             disturbance=Constant(value=load) if loop.of.point.orbit is None
@@ -346,13 +348,15 @@ class _MachineRig(_Rig):
     """Of one axis of a machine, all others closed."""
 
     def __init__(
-        self, found: Assessment, filter: Any, loop: AssessedLoop, axis: int,
+        self, result: Assessment, filter: Any, loop: AssessedLoop, axis: int,
         load: Mapping[str, float],
     ) -> None:  # fmt: skip
-        super().__init__(found, filter, loop, axis)
+        super().__init__(result, filter, loop, axis)
         self.scenario = Scenario(
             noise=False,
-            controller=found.of.control_for(filter).fed_by("estimate" if filter else "measurement"),
+            controller=result.of.control_for(filter).fed_by(
+                "estimate" if filter else "measurement"
+            ),
             disturbance=tuple(
                 Load(axis=name, force=Constant(value=force)) for name, force in load.items()
             ),
@@ -365,7 +369,7 @@ class _MachineRig(_Rig):
 
     def answer(self, added: Array, last: slice) -> tuple[Array, bool]:
         """Simulate the machine."""
-        of, shown = self.loop.of, self.loop.of.shown
+        of, transform = self.loop.of, self.loop.of.shown
         t = self.T * np.arange(len(added))
         waveform = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
         there = Injection.model_construct(axis=of.axes[self.axis], position=waveform)
@@ -377,21 +381,21 @@ class _MachineRig(_Rig):
         )
         y = np.column_stack([run.record[signal("y", r.name)] for r in of.machine.readings])
         limited = run.samples_at_the_stop > 0 or _refused(run.estimate, last)
-        for name, b in zip(of.axes, of.alone, strict=True):
+        for name, b in zip(of.axes, of.isolated, strict=True):
             u = b.amplifier.gain * run.record[signal("u", name)][last]
             limited = limited or bool(((u >= b.current_max) | (u <= b.current_min)).any())
-        return y @ shown[self.axis], limited
+        return y @ transform[self.axis], limited
 
 
 def _alone(line: NDArray[np.int_], turns: int) -> NDArray[np.bool_]:
     """Return which lines of a spectrum no other comes to by the rotation."""
     # Along an orbit the magnets' stiffness swings with the rotation and its double, and passes what
     # is at one frequency on to others, so far away.
-    kept = np.ones(len(line), bool)
+    isolated_mask = np.ones(len(line), bool)
     for away in (turns, 2 * turns) if turns else ():
         beside = np.concatenate([line + away, np.abs(line - away)])
-        kept &= np.abs(line[:, None] - beside).min(axis=1) > 1
-    return kept
+        isolated_mask &= np.abs(line[:, None] - beside).min(axis=1) > 1
+    return isolated_mask
 
 
 def _refused(estimate: Estimate | None, last: slice) -> bool:

@@ -61,24 +61,24 @@ class TradeOff(Result):
     @property
     def finding(self) -> str:
         """What the margin costs."""
-        each = ", ".join(
+        parts = ", ".join(
             f"{engineering(one.errors['f_d'], 'N', 3)} below {one.ceiling:g}"
             if one.tuned is not None else f"none below {one.ceiling:g}"
             for one in self.points
         )  # fmt: skip
-        return f"{self.kind} for {self.bearing.name}, error of f_d by the peak of |S|: {each}."
+        return f"{self.kind} for {self.bearing.name}, error of f_d by the peak of |S|: {parts}."
 
     @property
     def rows(self) -> list[Row]:
         """Peak and errors under each ceiling."""
-        found = []
+        results = []
         for one in self.points:
             reached = one.tuned is not None
             errors = [
                 Row(f"error_{name}", f"error of {name}", one.errors.get(name), unit, 3)
                 for name, unit in SIGNALS.items()
             ]
-            found += put([
+            results += put([
                 Row("ceiling", "to stay below", one.ceiling, digits=3, detail=True),
                 Row("reached", "reached", reached),
                 Row("peak", "peak of |S|", one.peak if reached else None, "|S|"),
@@ -86,7 +86,7 @@ class TradeOff(Result):
                 *errors,
                 Row("tuned_kept", "tuned", one.tuned is not None and one.tuned.kept, detail=True),
             ], section=POINTS, of=f"below {one.ceiling:g}")  # fmt: skip
-        return found
+        return results
 
     SECTIONS = {POINTS: Section("{0.title}", across=True)}
 
@@ -107,17 +107,17 @@ class TradeOff(Result):
         """Return errors over the peak of abs(S) as a picture."""
         from ambkit.show.plots.tuning import trade_off_figure
 
-        reached = [each for each in self.points if each.tuned is not None]
+        reached = [point for point in self.points if point.tuned is not None]
         return trade_off_figure(
             f"{markdown(self.bearing.name)}, {self.kind} filter: what margin costs",
-            [each.peak for each in reached],
-            {name: [each.errors[name] for each in reached] for name in SIGNALS},
+            [item.peak for item in reached],
+            {name: [item.errors[name] for item in reached] for name in SIGNALS},
         )
 
 
 def trade_off(
     bearing: Machine,
-    ceilings: Sequence[float],
+    peak_limits: Sequence[float],
     records: Record | Sequence[Record] = (),
     kind: str = "extended",
     *,
@@ -130,23 +130,23 @@ def trade_off(
 ) -> TradeOff:
     """Tune a filter under one ceiling on the peak of abs(S) after another."""
     of_type(Machine, bearing=bearing)
-    if not ceilings:
+    if not peak_limits:
         raise AmbkitError("ceilings must be one value or more")
     judge = ByTruth(bearing, runs, seed)
     points, refused = list[Traded](), None
-    for ceiling in sorted(ceilings):
+    for peak_limit in sorted(peak_limits):
         try:
-            found = tune(
-                bearing, records, kind, max_sensitivity=ceiling, controller=controller,
+            result = tune(
+                bearing, records, kind, max_sensitivity=peak_limit, controller=controller,
                 magnet=magnet, runs=runs, budget=budget, seed=seed, done=done,
             )  # fmt: skip
         except OutOfReachError as error:
             refused = error
-            points.append(Traded(ceiling, None, float("nan"), {}))
+            points.append(Traded(peak_limit, None, float("nan"), {}))
             continue
-        figures = judge.figures(lambda of=found: of.estimator)  # type: ignore[misc]
+        figures = judge.figures(lambda of=result: of.estimator)  # type: ignore[misc]
         errors = {name: figures[f"error of {name}"] for name in SIGNALS}
-        points.append(Traded(ceiling, found, found.peak, errors))
-    if refused is not None and all(each.tuned is None for each in points):
+        points.append(Traded(peak_limit, result, result.peak, errors))
+    if refused is not None and all(point.tuned is None for point in points):
         raise refused
     return TradeOff(bearing, kind, tuple(points))

@@ -62,11 +62,11 @@ def how_to_train(
 
 
 def stiffness_of_law(
-    bearing: Bearing, shape: Shape = RULES, reach: float | None = None
+    bearing: Bearing, shape: Shape = RULES, max_displacement: float | None = None
 ) -> StiffnessMap:
     """Return the stiffnesses of a bearing's law, over all currents."""
-    travel = bearing.rotor.travel_limit
-    far = travel / 2 if reach is None else reach
+    travel = bearing.rotor.clearance
+    far = travel / 2 if max_displacement is None else max_displacement
     if not 0 < far <= travel:
         limit = engineering(travel, "m")
         raise ValueError(
@@ -140,15 +140,15 @@ def wrong_signs(expert: Expert, bearing: Bearing) -> dict[str, WrongSign]:
     # Towards the ends of a one-sided magnet's box the law's own k_i and k_s, which share the force
     # between them, go through zero; there a sign tells nothing.
     box = _box(expert)
-    found = {}
+    results = {}
     known = evaluate_stiffness(magnet_of(bearing), *box)
     for name, values, law in zip(("k_i", "k_s"), expert.stiffness(*box), known, strict=True):
         wrong = (values <= 0) & (law > CLEAR * law.max())
         if wrong.any():
             worst = np.unravel_index(np.argmin(np.where(wrong, values, np.inf)), values.shape)
-            at = [float(each[worst]) for each in (*box, values, law)]
-            found[name] = WrongSign(float(wrong.mean()), *at)
-    return found
+            at = [float(item[worst]) for item in (*box, values, law)]
+            results[name] = WrongSign(float(wrong.mean()), *at)
+    return results
 
 
 def _box(expert: Expert) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -226,12 +226,12 @@ class TrainedExpert:
         if self.measured is None:
             return []
         iu, x = (
-            each.ravel()
-            for each in np.meshgrid(self.stiffness.current, self.stiffness.displacement)
+            item.ravel()
+            for item in np.meshgrid(self.stiffness.current, self.stiffness.displacement)
         )
-        doubt = self.measured.surface.standard_error(iu, x)
-        poor = doubt > POOR * self.stiffness.force_rms()
-        return list(zip(*(each[poor].tolist() for each in (iu, x, doubt)), strict=True))
+        standard_error = self.measured.surface.standard_error(iu, x)
+        poor = standard_error > POOR * self.stiffness.force_rms()
+        return list(zip(*(item[poor].tolist() for item in (iu, x, standard_error)), strict=True))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
@@ -268,17 +268,20 @@ class TrainedExpert:
             for name, force in (("law", magnet_of(self.bearing).force), ("trained", expert.force))
         }
         noise = surface.noise(inside)
-        doubt = surface.standard_error(*_box(expert))
+        standard_error = surface.standard_error(*_box(expert))
         return {
             "points": len(points),
             "points_in_box": len(inside),
             "law_error": surface.law_error,
             "law_error_reach": surface.reach,
             "scatter": surface.scatter,
-            "force_standard_error": {"rms": rms(doubt), "largest": float(doubt.max())},
-            "error_at_points": {name: rms(each) for name, each in off.items()},
+            "force_standard_error": {
+                "rms": rms(standard_error),
+                "largest": float(standard_error.max()),
+            },
+            "error_at_points": {name: rms(item) for name, item in off.items()},
             "error_at_points_in_standard_errors": {
-                name: rms(each / noise) for name, each in off.items()
+                name: rms(item / noise) for name, item in off.items()
             },
             "hardly_measured": [(iu, x) for iu, x, _ in self.hardly_measured],
         }
@@ -297,12 +300,12 @@ def train_expert(
 ) -> TrainedExpert:
     """Train an expert on a bearing's law, or on a measured force, and say how good it is."""
     how = how_to_train(**options)
-    asked = None if take == "best" else take
+    model_name = None if take == "best" else take
     if measured is None:
         stiffness = stiffness_of_law(bearing, shape, reach)
-        return TrainedExpert(bearing, train(stiffness, **how), stiffness, asked=asked)
+        return TrainedExpert(bearing, train(stiffness, **how), stiffness, asked=model_name)
     stiffness = measured.stiffness
     expert = train(stiffness, **how)
     shape = (stiffness.current.size, stiffness.displacement.size)
     models = choose_model(bearing, measured.surface, shape, note, **how)
-    return TrainedExpert(bearing, expert, stiffness, measured, models, asked)
+    return TrainedExpert(bearing, expert, stiffness, measured, models, model_name)

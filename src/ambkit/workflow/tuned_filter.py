@@ -20,7 +20,7 @@ from ambkit.estimate.filter_saving import made_by, origin_of
 from ambkit.estimate.registry import FILTER_SUFFIX, kind_called, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
-from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
+from ambkit.judge.comparison.candidates import Candidate, Range, candidate_of_kind
 from ambkit.judge.comparison.criteria import EVALUATED
 from ambkit.judge.comparison.tuning import Tried, search
 from ambkit.judge.loop.loop_of import LoopOf, OutOfReachError, zone_of
@@ -65,7 +65,7 @@ VALUES, UNSEEN = ("values",), ("unseen",)
 class Tuned(Result):
     """A filter, what it was tuned by, and what that gained."""
 
-    #: The filter to take: tuned, or as it was where that fits the unseen data better.
+    #: The filter to take: tuned, or as it was where that fits the validation data better.
     estimator: Estimator
     kind: str  #: Of the filter.
     #: What was made large or small: the likelihood of records, or the errors against simulated
@@ -123,22 +123,22 @@ class Tuned(Result):
         """Of all that was tried the peak of abs(S) in the loop [1]."""
         # Infinite where it is unstable, NaN of a kind that settles to no gain. Without
         # `max_sensitivity` they are computed when they are first looked at.
-        return self.known_peaks or tuple(self._peak_with(each.values) for each in self.trace)
+        return self.known_peaks or tuple(self._peak_with(item.values) for item in self.trace)
 
     def _peak_with(self, values: Mapping[str, float]) -> float:
         """Return the peak with other values of what was free."""
         machine = self.estimator.machine
-        built = contender_of_kind(self.kind, machine, self.magnet, whole=True).build(**values)
+        built = candidate_of_kind(self.kind, machine, self.magnet, whole=True).build(**values)
         return self._loop.peak(built) if tells(built) else math.nan
 
     @cached_property
     def adequacy(self) -> list[Finding]:
         """Whether `estimator` may fly, with NIS on what it was not tuned on."""
-        happening = (
+        scenario = (
             None if self.controller is None else Scenario(controller=as_control(self.controller))
         )
         nis = self.unseen.get("nis", (math.nan, math.nan))[self.kept]
-        return judge_adequacy(self.estimator, None, happening, nis)
+        return judge_adequacy(self.estimator, None, scenario, nis)
 
     @property
     def outcome(self) -> str:
@@ -171,19 +171,19 @@ class Tuned(Result):
     @property
     def rows(self) -> list[Row]:
         """What was tuned, and the figures on data that it was not tuned on."""
-        found = [
-            Row(each.name, each.name, value, each.unit, of=of, section=VALUES)
+        results = [
+            Row(item.name, item.name, value, item.unit, of=of, section=VALUES)
             for of, values in (("untuned", {}), ("tuned", self.values))
-            for each in self.free
-            for value in [float(values.get(each.name, each.default))]
+            for item in self.free
+            for value in [float(values.get(item.name, item.default))]
         ]  # fmt: skip
         for name, pair in self.unseen.items():
             what, _, unit = name.removesuffix("]").partition(" [")
             unit = unit or UNITS.get(name.removeprefix("error of "), "1")
             for of, figure in zip(("untuned", "tuned"), pair, strict=True):
-                found.append(Row(name, what, figure, unit, of=of, section=UNSEEN))
+                results.append(Row(name, what, figure, unit, of=of, section=UNSEEN))
         peaks = (("untuned", self.untuned_peak), ("taken", self.peak))
-        return found + [
+        return results + [
             Row("peak", "peak of |S|", None if math.isnan(peak) else peak, "|S|", of=of,
                 section=("loop",), below=self.max_sensitivity if of == "taken" else None,
                 detail=True)
@@ -216,11 +216,11 @@ class Tuned(Result):
             "kept": self.kept,
             "bounds": {r.name: {"low": r.low, "high": r.high, "default": r.default,
                                 "unit": r.unit} for r in self.free},
-            "trace": [{"cost": each.cost} | ({"peak": known[0]} if known else {})
-                      | dict(each.values)
-                      for each, *known in zip(self.trace, *peaks, strict=True)],
+            "trace": [{"cost": item.cost} | ({"peak": known[0]} if known else {})
+                      | dict(item.values)
+                      for item, *known in zip(self.trace, *peaks, strict=True)],
             "max_sensitivity": self.max_sensitivity,
-            "adequacy": [each.to_dict() for each in self.adequacy],
+            "adequacy": [item.to_dict() for item in self.adequacy],
         }  # fmt: skip
 
     def figures(self) -> list[Figure]:
@@ -249,21 +249,21 @@ def tune(
     """Tune a filter: by the likelihood of records, or without any by simulated truth."""
     of_type(Machine, bearing=bearing)
     kind_called(kind)
-    given = all_of_type(Record, records=records)
+    logs = all_of_type(Record, records=records)
     validate = all_of_type(Record, validate=validate)
     magnet = learned_magnet(kind, bearing) if magnet is None else magnet
-    contender = contender_of_kind(kind, bearing, magnet, whole=True)
-    task = ByLikelihood(bearing, given, validate) if given else ByTruth(bearing, runs, seed)
+    candidate = candidate_of_kind(kind, bearing, magnet, whole=True)
+    task = ByLikelihood(bearing, logs, validate) if logs else ByTruth(bearing, runs, seed)
 
     def build(values: Mapping[str, float]) -> Estimator:
-        made: Estimator = contender.build(**values)
+        made: Estimator = candidate.build(**values)
         return made
 
     task.check(build({}), kind)
-    chosen = _chosen(contender, task.usual(contender) if free is None else tuple(free))
+    chosen = _chosen(candidate, task.usual(candidate) if free is None else tuple(free))
 
     loop = LoopOf(bearing, controller)
-    told = tells(build({}))
+    gives_estimate = tells(build({}))
     if max_sensitivity is not None:
         loop.check(build({}), max_sensitivity)
     peaks, costs = list[float](), list[float]()
@@ -277,78 +277,78 @@ def tune(
         over = min(peaks[-1] / max_sensitivity, FARTHEST)
         return costs[-1] + (BEYOND * math.log(over) if over > 1 else 0.0)
 
-    found = search(chosen, cost, budget, seed, done)
-    tried = [Tried(each.values, real) for each, real in zip(found.tried, costs, strict=True)]
+    result = search(chosen, cost, budget, seed, done)
+    trials = [Tried(item.values, real) for item, real in zip(result.tried, costs, strict=True)]
     of_tried = tuple(peaks)
     if max_sensitivity is not None and not min(of_tried) < max_sensitivity:
         raise OutOfReachError(
-            f"of {len(tried)} {kind} filters that were tried none keeps the peak of |S| below "
+            f"of {len(trials)} {kind} filters that were tried none keeps the peak of |S| below "
             f"{max_sensitivity:g}, the least is {min(of_tried):.4g}: allow more, or take another "
             "controller"
         )
-    untuned = of_tried[0] if of_tried else loop.peak(build({})) if told else math.nan
+    untuned = of_tried[0] if of_tried else loop.peak(build({})) if gives_estimate else math.nan
     # Where the untuned filter holds the loop no other has to be looked at.
     stands = not math.isinf(untuned) or any(
-        math.isfinite(peak) for peak in of_tried or (loop.peak(build(t.values)) for t in tried)
+        math.isfinite(peak) for peak in of_tried or (loop.peak(build(t.values)) for t in trials)
     )
-    if told and not stands:
+    if gives_estimate and not stands:
         raise AmbkitError(
-            f"{bearing.name}: the loop is unstable with each of the {len(tried)} {kind} filters "
+            f"{bearing.name}: the loop is unstable with each of the {len(trials)} {kind} filters "
             f"that were tried; {loop.choice(True) or 'give another controller'}"
         )
     beyond = [
         max_sensitivity is not None and peak >= max_sensitivity
-        for peak in of_tried or (0.0,) * len(tried)
+        for peak in of_tried or (0.0,) * len(trials)
     ]
-    within = [each for each, far in zip(found.tried, beyond, strict=True) if not far]
-    best = task.cautious(min(within, key=lambda each: each.cost), chosen, cost, build)
+    within = [item for item, far in zip(result.tried, beyond, strict=True) if not far]
+    best = task.cautious(min(within, key=lambda entry: entry.cost), chosen, cost, build)
     before = task.figures(lambda: build({}))
     after = task.figures(lambda: build(best.values))
-    kept = (
-        bool(best.values) and best is not found.tried[0]
+    use_tuned = (
+        bool(best.values) and best is not result.tried[0]
         and (after[task.judge] < before[task.judge] or beyond[0])
     )  # fmt: skip
-    estimator = build(best.values if kept else {})
+    estimator = build(best.values if use_tuned else {})
     if inputs is not None:
         estimator.inputs = inputs
-    if kept:
+    if use_tuned:
         estimator.origin = origin_of(best.values, made_by("tune", task.said(source)))
-    warnings = [*_at_an_end(chosen, best.values), *task.warnings(estimator, kept, after)]
-    if kept and told:
+    warnings = [*_at_an_end(chosen, best.values), *task.warnings(estimator, use_tuned, after)]
+    if use_tuned and gives_estimate:
         warnings += _in_the_loop(loop.peak(estimator), untuned, max_sensitivity)
-    unseen = {name: (before[name], after[name]) for name in before}
+    validation = {name: (before[name], after[name]) for name in before}
     return Tuned(
         estimator,
         kind,
         task.by,
         chosen,
-        tuple(tried),
+        tuple(trials),
         best.values,
-        unseen,
-        kept,
+        validation,
+        use_tuned,
         of_tried,
         magnet,
         max_sensitivity,
-        loop.control.completed(loop.alone[0]).fed_by("measurement")
+        loop.control.completed(loop.isolated[0]).fed_by("measurement")
         if loop.machine.single and controller is None
         else controller,
         tuple(warnings),
     )
 
 
-def _chosen(contender: Contender, names: tuple[str, ...]) -> tuple[Range, ...]:
-    known = {each.name: each for each in contender.tunable}
+def _chosen(candidate: Candidate, names: tuple[str, ...]) -> tuple[Range, ...]:
+    known = {item.name: item for item in candidate.tunable}
     for name in names:
         if name not in known:
             raise AmbkitError(
-                f'the {contender.name} filter has no tunable "{name}"; it has: {", ".join(known)}'
+                f'the {candidate.name} filter has no tunable "{name}"; it has: {", ".join(known)}'
             )
     return tuple(known[name] for name in names)
 
 
-def _in_the_loop(peak: float, untuned: float, ceiling: float | None) -> Iterator[str]:
+def _in_the_loop(peak: float, untuned: float, peak_limit: float | None) -> Iterator[str]:
     """Tell where a filter that the data likes best costs the loop its margin."""
-    if ceiling is None and (peak > MUCH_WORSE * untuned or zone_of(peak) > zone_of(untuned)):
+    if peak_limit is None and (peak > MUCH_WORSE * untuned or zone_of(peak) > zone_of(untuned)):
         yield (
             f"in the loop the peak of |S| is {peak:.2f}, zone {zone_of(peak)}, with the untuned "
             f"filter {untuned:.2f}, zone {zone_of(untuned)}: what it was tuned by knows nothing of "
@@ -358,10 +358,10 @@ def _in_the_loop(peak: float, untuned: float, ceiling: float | None) -> Iterator
 
 def _at_an_end(free: Sequence[Range], values: Mapping[str, float]) -> Iterable[str]:
     """Tell which values have run into a bound."""
-    for each in free:
-        if each.name not in values:
+    for item in free:
+        if item.name not in values:
             continue
-        share = math.log(values[each.name] / each.low) / math.log(each.high / each.low)
+        share = math.log(values[item.name] / item.low) / math.log(item.high / item.low)
         if not AT_THE_END < share < 1 - AT_THE_END:
-            bound = each.low if share < 0.5 else each.high
-            yield f"{each.name} ran into the end of its range, {bound:.3g} {each.unit}"
+            bound = item.low if share < 0.5 else item.high
+            yield f"{item.name} ran into the end of its range, {bound:.3g} {item.unit}"

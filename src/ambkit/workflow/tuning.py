@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ambkit.data.reading.spike_free import spike_free
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate, Status
-from ambkit.machine.bank import alone_of
+from ambkit.machine.bank import isolated_axes
 from ambkit.machine.bearing import GRAVITY
 
 if TYPE_CHECKING:
@@ -37,18 +37,18 @@ TOO_LARGE = 2.0
 
 def default_disturbance(machine: Machine) -> Any:
     """Growth of the disturbance force's variance of an untuned filter, of each axis [N^2/s]."""
-    return _grown([(2 * b.rotor.mass * GRAVITY) ** 2 for b in alone_of(machine)], 1.0)
+    return _grown([(2 * b.rotor.mass * GRAVITY) ** 2 for b in isolated_axes(machine)], 1.0)
 
 
 def _grown(own: Any, factor: float) -> Any:
-    each = tuple(factor * float(one) for one in np.atleast_1d(own))
-    return each if len(each) > 1 else each[0]
+    parts = tuple(factor * float(one) for one in np.atleast_1d(own))
+    return parts if len(parts) > 1 else parts[0]
 
 
-def growth_text(growth: Any) -> str:
+def growth_text(intensity: Any) -> str:
     """Return a growth of the disturbance force's variance, of each axis, as text."""
-    each = dict.fromkeys(f"{one:.3g}" for one in np.atleast_1d(growth))
-    return f"{' and '.join(each)} N^2/s"
+    parts = dict.fromkeys(f"{one:.3g}" for one in np.atleast_1d(intensity))
+    return f"{' and '.join(parts)} N^2/s"
 
 
 def log_likelihood(estimate: Estimate, first: int = 1) -> float:
@@ -57,12 +57,12 @@ def log_likelihood(estimate: Estimate, first: int = 1) -> float:
     # expected; the first sample, which the filter starts from, does not count, nor what is before
     # sample `first`. An outlier does: a filter that leaves out what it did not expect is not the
     # more likely for it. What a filter has no idea of, as a low-pass, does not count.
-    taken = _taken(estimate)
-    taken[: max(1, first)] = False
+    used_mask = _taken(estimate)
+    used_mask[: max(1, first)] = False
     # Of several readings one after another, each given those before.
-    e, S = estimate.innovation[taken], estimate.innovation_variance[taken]
-    told = S > 0
-    return float(-0.5 * np.sum(np.log(S[told]) + e[told] ** 2 / S[told]))
+    e, S = estimate.innovation[used_mask], estimate.innovation_variance[used_mask]
+    valid = S > 0
+    return float(-0.5 * np.sum(np.log(S[valid]) + e[valid] ** 2 / S[valid]))
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,8 @@ def tune_disturbance(
     if cost(best) == max(map(cost, grid)):  # it assumes no load noise, as a low-pass
         return TunedDisturbance(own)
     around = (max(low, best - 1), min(high, best + 1))
-    found = minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 0.02})
-    at = min(best, float(found.x), key=cost)
+    result = minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 0.02})
+    at = min(best, float(result.x), key=cost)
 
     def ruled_out(decade: float) -> float:
         return cost(decade) - cost(at) - MUCH_LESS_LIKELY

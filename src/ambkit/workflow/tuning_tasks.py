@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.estimate import Estimate
-    from ambkit.judge.comparison.contenders import Contender, Range
+    from ambkit.judge.comparison.candidates import Candidate, Range
     from ambkit.machine.machine import Machine
 
 By = Literal["likelihood", "truth"]
@@ -54,7 +54,7 @@ RAW = "error of the raw sensors"
 """Figure of simulated runs that stands beside the error of x [m]."""
 
 AHEAD = {1: "error 1 step ahead [m]", 10: "error 10 steps ahead [m]"}
-"""Figures of how well a record is foretold, by the number of samples."""
+"""Figures of how well a record is predicted, by the number of samples."""
 
 
 class ByLikelihood:
@@ -71,7 +71,7 @@ class ByLikelihood:
         self.settling = SETTLING * slowest_time(bearing)
         records, self.spikes = without_spikes(records)
         validate, _ = without_spikes(validate)
-        spans = [float(each.t[-1] - each.t[0]) for each in records]
+        spans = [float(record.t[-1] - record.t[0]) for record in records]
         shortest = 4 * self.settling
         if min(spans) < shortest:
             raise AmbkitError(
@@ -81,13 +81,15 @@ class ByLikelihood:
             )
         self.seen, self.unseen = list(records), list(validate)
         if not validate:
-            ends = [each.t[0] + UNSEEN * span for each, span in zip(records, spans, strict=True)]
+            ends = [
+                record.t[0] + UNSEEN * span for record, span in zip(records, spans, strict=True)
+            ]
             self.seen = [r.between(None, end) for r, end in zip(records, ends, strict=True)]
             self.unseen = [r.between(end, None) for r, end in zip(records, ends, strict=True)]
 
-    def usual(self, contender: Contender) -> tuple[str, ...]:
+    def usual(self, candidate: Candidate) -> tuple[str, ...]:
         """Return which tunables are free where nobody says it."""
-        own = [each.name for each in contender.tunable if not each.name.startswith("noise.")]
+        own = [item.name for item in candidate.tunable if not item.name.startswith("noise.")]
         return (*NOISE, *own)
 
     def cautious(
@@ -97,30 +99,30 @@ class ByLikelihood:
         """Take the fastest load that the records do not rule out (Edwards 1972)."""
         # With a constant load the likelihood cannot bound Q from below, and a filter with a small Q
         # follows no later load: Q is raised to what the stated load needs.
-        growth = next((each for each in free if each.name == "noise.disturbance"), None)
-        if growth is None:
+        noise_range = next((item for item in free if item.name == "noise.disturbance"), None)
+        if noise_range is None:
             return best
-        samples = sum(len(each) for each in self.seen)
+        samples = sum(len(item) for item in self.seen)
         allowed = best.cost + MUCH_LESS_LIKELY / samples
-        low, high = math.log(best.values[growth.name]), math.log(growth.high)
-        taken = best
+        low, high = math.log(best.values[noise_range.name]), math.log(noise_range.high)
+        accepted_trial = best
         for _ in range(HALVINGS):
             middle = (low + high) / 2
-            values = {**best.values, growth.name: math.exp(middle)}
+            values = {**best.values, noise_range.name: math.exp(middle)}
             at = cost(values)
             if at < allowed:
-                low, taken = middle, Tried(values, at)
+                low, accepted_trial = middle, Tried(values, at)
             else:
                 high = middle
-        if cost({**best.values, growth.name: growth.low}) < allowed:  # the load rests
-            found = taken.values[growth.name]
+        if cost({**best.values, noise_range.name: noise_range.low}) < allowed:  # the load rests
+            result = accepted_trial.values[noise_range.name]
             raised = least_process_noise(
-                lambda q: build({**best.values, growth.name: q}), found
+                lambda q: build({**best.values, noise_range.name: q}), result
             )  # fmt: skip
-            if raised > found:
-                values = {**best.values, growth.name: raised}
-                taken = Tried(values, cost(values))
-        return taken
+            if raised > result:
+                values = {**best.values, noise_range.name: raised}
+                accepted_trial = Tried(values, cost(values))
+        return accepted_trial
 
     def check(self, estimator: Estimator, kind: str) -> None:
         """Refuse a kind that cannot be tuned so."""
@@ -146,21 +148,21 @@ class ByLikelihood:
 
     def figures(self, build: Callable[[], Estimator]) -> dict[str, float]:
         """Return how such filters do on what they were not tuned on."""
-        each = [evaluate(build(), r, settling=self.settling) for r in self.unseen]
+        parts = [evaluate(build(), r, settling=self.settling) for r in self.unseen]
 
         def pooled(values: Iterable[Any]) -> float:
             return float(np.sqrt(np.mean([np.square(list(each_of(v))) for v in values])))
 
-        found = {
-            self.judge: self._unlikely(e.estimate for e in each),
-            "nis": float(np.mean([e.nis for e in each])),
-            AHEAD[1]: pooled(e.prediction[1] for e in each),
-            AHEAD[10]: pooled(e.prediction[10] for e in each),
+        results = {
+            self.judge: self._unlikely(e.estimate for e in parts),
+            "nis": float(np.mean([e.nis for e in parts])),
+            AHEAD[1]: pooled(e.prediction[1] for e in parts),
+            AHEAD[10]: pooled(e.prediction[10] for e in parts),
         }
-        for name in each[0].rmse:
-            if all(name in e.rmse for e in each):
-                found[f"error of {name}"] = pooled(e.rmse[name] for e in each)
-        return found
+        for name in parts[0].rmse:
+            if all(name in e.rmse for e in parts):
+                results[f"error of {name}"] = pooled(e.rmse[name] for e in parts)
+        return results
 
     def said(self, source: str) -> str:
         """Return what the filter was tuned on."""
@@ -210,14 +212,16 @@ class ByTruth:
         made = (
             trials(case, self.bearing, runs, seed) if single else loaded(self.bearing, runs, seed)
         )
-        return [each for each in made if not each.lost]
+        return [item for item in made if not item.lost]
 
-    def usual(self, contender: Contender) -> tuple[str, ...]:
+    def usual(self, candidate: Candidate) -> tuple[str, ...]:
         """Return which tunables are free where nobody says it."""
-        names = [each.name for each in contender.tunable]
+        names = [item.name for item in candidate.tunable]
         # Gains depend on the ratios of the variances alone: one of them is left as it is.
-        given = {"noise.control", "noise.disturbance"} <= set(names)
-        return tuple(name for name in names if not (given and name == "noise.measurement"))
+        has_process_noise = {"noise.control", "noise.disturbance"} <= set(names)
+        return tuple(
+            name for name in names if not (has_process_noise and name == "noise.measurement")
+        )
 
     def cautious(self, best: Tried, _free: Any, _cost: Any, _build: Any) -> Tried:
         """Return the best of the search as it is."""
@@ -230,17 +234,17 @@ class ByTruth:
         """Return what the search makes small, for the filters that `build` makes."""
         return self._share(self.errors(build, self.seen))
 
-    def _share(self, found: Any) -> float:
-        shares = found.mean(axis=0) / self.reference
+    def _share(self, result: Any) -> float:
+        shares = result.mean(axis=0) / self.reference
         known = shares[~np.isnan(shares)]
         return float(known.mean()) if known.size else math.inf
 
     def figures(self, build: Callable[[], Estimator]) -> dict[str, float]:
         """Return how such filters do on what they were not tuned on."""
-        found = self.errors(build, self.unseen)
-        by_signal = dict(zip(SIGNALS, found.mean(axis=0).tolist(), strict=True))
+        result = self.errors(build, self.unseen)
+        by_signal = dict(zip(SIGNALS, result.mean(axis=0).tolist(), strict=True))
         errors = {f"error of {name}": value for name, value in by_signal.items()}
-        return {self.judge: self._share(found)} | errors | {RAW: self.raw}
+        return {self.judge: self._share(result)} | errors | {RAW: self.raw}
 
     @cached_property
     def raw(self) -> float:

@@ -73,13 +73,15 @@ def unbalance_response(
         raise AmbkitError(f"{machine.name}: it has no [[unbalance]], and so no response to it")
     fastest = greatest_speed(machine, fastest)
     plant = Plant(machine)
-    at_rest, spin = held(machine)
+    standstill, spin = held(machine)
     ahead, across = plant.unbalance()
     q = len(machine.positions)
-    push = np.zeros(len(at_rest), complex)
-    push[q : 2 * q] = ahead - 1j * across  # velocities stand after the positions
+    unbalance_input = np.zeros(len(standstill), complex)
+    unbalance_input[q : 2 * q] = ahead - 1j * across  # velocities stand after the positions
     speed = np.linspace(fastest / count, fastest, count)
-    one = np.eye(len(at_rest))
-    found = [np.linalg.solve(1j * w * one - at_rest - w * spin, w**2 * push) for w in speed]
-    motion = np.array(found)[:, : plant.H.shape[1]] @ plant.H.T
+    one = np.eye(len(standstill))
+    results = [
+        np.linalg.solve(1j * w * one - standstill - w * spin, w**2 * unbalance_input) for w in speed
+    ]
+    motion = np.array(results)[:, : plant.H.shape[1]] @ plant.H.T
     return UnbalanceResponse(machine, speed, np.abs(motion))

@@ -66,15 +66,17 @@ def waterfall(
     n = round(window / T)
     if not 8 <= n <= len(t):
         raise ValueError(f"window must be {8 * T:g} s to {len(t) * T:g} s, got {window!r}")
-    fastest = float(np.abs(speed).max()) / (2 * math.pi)
-    highest = max(4 * fastest, 100.0) if highest is None else highest
+    rotation_frequency = float(np.abs(speed).max()) / (2 * math.pi)
+    highest = max(4 * rotation_frequency, 100.0) if highest is None else highest
     hann = np.hanning(n + 1)[:-1]
     starts = np.arange(0, len(t) - n + 1, max(1, n // 4))
     parts = np.lib.stride_tricks.sliding_window_view(values, n)[starts]
     parts = parts - parts.mean(axis=1, keepdims=True)
     frequency = np.asarray(np.fft.rfftfreq(n, T), np.float64)
-    shown = frequency <= highest
+    in_range = frequency <= highest
     spectra = 2 / hann.sum() * np.abs(np.fft.rfft(parts * hann, axis=1))
     middle = starts + n // 2
     unit = record.units.get(signal, "1")
-    return Waterfall(signal, unit, t[middle], speed[middle], frequency[shown], spectra[:, shown])
+    return Waterfall(
+        signal, unit, t[middle], speed[middle], frequency[in_range], spectra[:, in_range]
+    )

@@ -6,11 +6,11 @@ limits and an example; checks, messages, the written TOML and the JSON schema co
 
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, dataclass_transform, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Self, dataclass_transform, get_args
 
 from pydantic import (
     BaseModel,
@@ -61,13 +61,18 @@ class Part(BaseModel, metaclass=_OwnNames):
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
+    renamed: ClassVar[Mapping[str, str]] = {}
+    """Keys of earlier versions, which are read for one release, and their names of today."""
+
     def __init__(self, /, **data: Any) -> None:
         try:
             super().__init__(**data)
         except ValidationError as error:
-            found = [(without_tags(p.path, data), p.text) for p in Problem.unpack(error)]
+            results = [(without_tags(p.path, data), p.text) for p in Problem.unpack(error)]
             name = self._title()
-            raise ConfigError([f"{name}.{dotted(path)}: {text}" for path, text in found]) from None
+            raise ConfigError(
+                [f"{name}.{dotted(path)}: {text}" for path, text in results]
+            ) from None
 
     # Pydantic then builds nested models without this method, and so collects all their errors.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
@@ -105,10 +110,10 @@ class Part(BaseModel, metaclass=_OwnNames):
                 yield from (f"{name}.{text}" for text in inner.contradictions(old))
             elif isinstance(inner, tuple):
                 before = old if isinstance(old, tuple) else ()
-                for at, each in enumerate(inner):
+                for at, item in enumerate(inner):
                     same = before[at] if at < len(before) else None
-                    if isinstance(each, Part) and each is not same:
-                        yield from (f"{name}[{at}].{text}" for text in each.contradictions(same))
+                    if isinstance(item, Part) and item is not same:
+                        yield from (f"{name}[{at}].{text}" for text in item.contradictions(same))
 
     @classmethod
     def __get_pydantic_json_schema__(
@@ -130,6 +135,8 @@ class Part(BaseModel, metaclass=_OwnNames):
         cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
     ) -> Self:
         problems: list[Problem] = []
+        if isinstance(data, Mapping) and not cls.renamed.keys().isdisjoint(data):
+            data = {cls.renamed.get(key, key): value for key, value in data.items()}
         try:
             model = handler(data)
             read = reader(model)
@@ -184,16 +191,16 @@ class Document(Part):
             With all that is wrong in it.
         """
         toml = toml_text.parse(text)
-        found = list(toml.problems)
+        results = list(toml.problems)
         if toml.data is not None:
             try:
                 model = cls.model_validate(toml.data, context={"folder": folder})
             except ValidationError as error:
                 for problem in Problem.unpack(error):
                     path = without_tags(problem.path, toml.data)
-                    found.append((toml.line(path), f"{dotted(path)}: {problem.text}"))
-        if found:
-            problems = [f"{name}:{line}: {text}" for line, text in sorted(found)]
+                    results.append((toml.line(path), f"{dotted(path)}: {problem.text}"))
+        if results:
+            problems = [f"{name}:{line}: {text}" for line, text in sorted(results)]
             raise ConfigError(shortened(problems, TOLD), name)
         return model
 

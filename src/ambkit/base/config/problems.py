@@ -95,7 +95,7 @@ def _of_tables(model: type[BaseModel], path: Path) -> bool:
     """Say whether a key of `model` is a list of tables."""
     field = model.model_fields.get(str(path[-1]))
     inner = get_args(field.annotation)[:1] if field else ()
-    return any(isinstance(each, type) and issubclass(each, BaseModel) for each in inner)
+    return any(isinstance(item, type) and issubclass(item, BaseModel) for item in inner)
 
 
 def _nearest(name: str, keys: list[str]) -> str | None:
@@ -123,7 +123,7 @@ def _find_home(model: type[BaseModel], problem: Problem) -> Problem:
 
 def _tables(model: type[BaseModel]) -> Iterator[tuple[str, list[str]]]:
     for name, field in model.model_fields.items():
-        kinds = [(get_args(each) or (each,))[0] for each in get_args(field.annotation)]
+        kinds = [(get_args(item) or (item,))[0] for item in get_args(field.annotation)]
         for kind in (field.annotation, *kinds):
             if isinstance(kind, type) and issubclass(kind, BaseModel):
                 yield name, list(kind.model_fields)
@@ -133,8 +133,8 @@ def _table(model: type[BaseModel]) -> str:
     """Say what keys a table has, those that must be there first."""
     fields = model.model_fields.items()
     required, optional = (
-        ", ".join(name for name, field in fields if field.is_required() == wanted)
-        for wanted in (True, False)
+        ", ".join(name for name, field in fields if field.is_required() == requirement)
+        for requirement in (True, False)
     )
     return "a table with " + "; optional ".join(filter(None, (required, optional)))
 
@@ -158,9 +158,9 @@ def _find_quantity(annotations: Iterable[Any]) -> Quantity | None:
     for annotation in annotations:
         if isinstance(annotation, Quantity):
             return annotation
-        found = _find_quantity((*getattr(annotation, "__metadata__", ()), *get_args(annotation)))
-        if found:
-            return found
+        result = _find_quantity((*getattr(annotation, "__metadata__", ()), *get_args(annotation)))
+        if result:
+            return result
     return None
 
 
@@ -173,8 +173,8 @@ def _choice(value: Any, allowed: str) -> str:
 
 
 def _one_of(words: list[str]) -> str:
-    shown = [_shown(word) for word in words]
-    return " or ".join(shown) if len(shown) < 3 else f"one of {', '.join(shown)}"
+    labels = [_shown(word) for word in words]
+    return " or ".join(labels) if len(labels) < 3 else f"one of {', '.join(labels)}"
 
 
 def _kinds(annotation: Any) -> list[str]:
@@ -186,13 +186,13 @@ def _kinds(annotation: Any) -> list[str]:
 
 
 def _shown(value: Any) -> str:
-    shown = json_text(value, default=repr)
-    return shown if len(shown) <= 60 else f"{shown[:57]}..."
+    text = json_text(value, default=repr)
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def without_tags(path: Path, data: Any) -> Path:
     """Return the path as it stands in `data`: pydantic's also names the type of each signal."""
-    found: list[str | int] = []
+    results: list[str | int] = []
     for place, step in enumerate(path):
         inside = isinstance(data, dict) and step in data
         inside = inside or (isinstance(data, list | tuple) and isinstance(step, int))
@@ -200,8 +200,8 @@ def without_tags(path: Path, data: Any) -> Path:
             data = data[step]
         elif place < len(path) - 1:
             continue
-        found.append(step)
-    return tuple(found)
+        results.append(step)
+    return tuple(results)
 
 
 def dotted(path: Path) -> str:

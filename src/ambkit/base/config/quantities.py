@@ -31,9 +31,9 @@ class Said(float):
     @classmethod
     def of(cls, text: str, unit: str) -> "Said":
         """Read a text like ``"50 µm"``."""
-        said = cls(units.parse(text, units.base_unit(text)))
-        said.text, said.unit = text, unit
-        return said
+        quantity = cls(units.parse(text, units.base_unit(text)))
+        quantity.text, quantity.unit = text, unit
+        return quantity
 
 
 class InOther(float):
@@ -79,15 +79,15 @@ class Quantity:
             number = self._number(value, in_file=info.context is not None)
         except ValueError as error:
             raise self._wrong(f"{error}, write it like {self.shown_example()}") from None
-        shown = value if isinstance(value, str) else self._shown(number)
+        value_text = value if isinstance(value, str) else self._shown(number)
         if not math.isfinite(number):
-            raise self._wrong(f"must be finite, is {shown}")
+            raise self._wrong(f"must be finite, is {value_text}")
         if self.above is not None and not number > self.above:
-            raise self._wrong(f"must be greater than {self._shown(self.above)}, is {shown}")
+            raise self._wrong(f"must be greater than {self._shown(self.above)}, is {value_text}")
         if self.at_least is not None and not number >= self.at_least:
-            raise self._wrong(f"must be at least {self._shown(self.at_least)}, is {shown}")
+            raise self._wrong(f"must be at least {self._shown(self.at_least)}, is {value_text}")
         if self.at_most is not None and not number <= self.at_most:
-            raise self._wrong(f"must be at most {self._shown(self.at_most)}, is {shown}")
+            raise self._wrong(f"must be at most {self._shown(self.at_most)}, is {value_text}")
         return number
 
     def _number(self, value: Any, in_file: bool) -> float:
@@ -175,8 +175,8 @@ class WordOrQuantity(Quantity):
             return value
         if isinstance(value, str) and not any(map(str.isdigit, value)):
             known = ", ".join(f'"{word}"' for word in self.words)
-            shown = json.dumps(value, ensure_ascii=False)
-            raise self._wrong(f"must be {known} or like {self.shown_example()}, is {shown}")
+            value_text = json.dumps(value, ensure_ascii=False)
+            raise self._wrong(f"must be {known} or like {self.shown_example()}, is {value_text}")
         return super().read(value, info)
 
     def write(self, value: Any) -> Any:
@@ -202,12 +202,12 @@ class OneOrEach(Quantity):
             return super().read(value, info)
         if not value:
             raise self._wrong(f"must not be empty, write it like {self.shown_example()}")
-        return tuple(super(OneOrEach, self).read(each, info) for each in value)
+        return tuple(super(OneOrEach, self).read(item, info) for item in value)
 
     def write(self, value: Any) -> Any:
         """Give what a file has, which reads back as exactly `value`."""
         if isinstance(value, tuple):
-            return [super(OneOrEach, self).write(each) for each in value]
+            return [super(OneOrEach, self).write(item) for item in value]
         return super().write(value)
 
     def __get_pydantic_json_schema__(
@@ -239,9 +239,9 @@ class SignalIn:
     def _inside(self, value: Any, inner: Callable[[Any], Any]) -> Any:
         token = _place.set(self)
         try:
-            found = inner(value)
-            self._check(found)
-            return found
+            result = inner(value)
+            self._check(result)
+            return result
         finally:
             _place.reset(token)
 
@@ -254,8 +254,8 @@ class SignalIn:
                 except ValueError as error:
                     raise PydanticCustomError("problem", "{text}", {"text": str(error)}) from None
             case tuple():
-                for each in signal:
-                    self._check(each)
+                for item in signal:
+                    self._check(item)
             case BaseModel():
-                for each in vars(signal).values():
-                    self._check(each)
+                for item in vars(signal).values():
+                    self._check(item)

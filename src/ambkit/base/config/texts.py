@@ -29,9 +29,9 @@ def _readable(text: str) -> str:
 
 
 def _wrong(limit: str, text: str) -> PydanticCustomError:
-    shown = one_line(text)
-    shown = shown if len(shown) <= 60 else f"{shown[:57]}..."
-    return PydanticCustomError("problem", "{text}", {"text": f'{limit}, is "{shown}"'})
+    excerpt = one_line(text)
+    excerpt = excerpt if len(excerpt) <= 60 else f"{excerpt[:57]}..."
+    return PydanticCustomError("problem", "{text}", {"text": f'{limit}, is "{excerpt}"'})
 
 
 Line = Annotated[str, Field(max_length=LONGEST_LINE), AfterValidator(_printable)]

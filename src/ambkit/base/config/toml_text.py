@@ -160,8 +160,8 @@ def _mend(line: str, message: str) -> tuple[str | None, str]:
         return None, f"[{table[1]}] is written twice, or is also a key"
     if message == "Cannot overwrite a value":
         return ("" if _is_whole(line) else None), f"{key}: is written twice in this table"
-    shown = line.strip() if len(line.strip()) <= _SHOWN else f"{line.strip():.{_SHOWN}}..."
-    return None, f"not valid TOML: {message[:1].lower()}{message[1:]}: {shown}"
+    excerpt = line.strip() if len(line.strip()) <= _SHOWN else f"{line.strip():.{_SHOWN}}..."
+    return None, f"not valid TOML: {message[:1].lower()}{message[1:]}: {excerpt}"
 
 
 def _is_whole(line: str) -> bool:

@@ -81,8 +81,8 @@ class Dialect(NamedTuple):
 
     def cells(self, line: str) -> list[str]:
         """Split a line."""
-        found = split(line, self.separator)
-        return found[:-1] if self.closed and len(found) > self.width else found
+        result = split(line, self.separator)
+        return result[:-1] if self.closed and len(result) > self.width else result
 
     def in_words(self) -> str:
         """Say what is unusual, for the report; empty for a plain CSV."""
@@ -124,15 +124,17 @@ COMMENTS = ("#", "%")
 
 def find(lines: Sequence[str]) -> Dialect | None:
     """Find out how a CSV is written."""
-    said = _SEP_LINE.fullmatch(lines[0].strip(" ")) if lines else None
+    separator_line = _SEP_LINE.fullmatch(lines[0].strip(" ")) if lines else None
     numbered = [
         (n, line)
         for n, line in enumerate(lines)
-        if line.strip() and line[0] not in COMMENTS and not (said and n == 0)
+        if line.strip() and line[0] not in COMMENTS and not (separator_line and n == 0)
     ]
     if not numbered:
         return None
-    known = [said[1]] if said and said[1] in SEPARATORS else SEPARATORS
+    known = (
+        [separator_line[1]] if separator_line and separator_line[1] in SEPARATORS else SEPARATORS
+    )
     pairs = [(sep, sign) for sep in known for sign in ".," if sep != sign]
     judged = _few([line for _, line in numbered])
     separator, decimal = max(pairs, key=lambda pair: _score(judged, *pair))
@@ -144,8 +146,8 @@ def find(lines: Sequence[str]) -> Dialect | None:
         names, units = zip(*map(_label, header), strict=True)
         line = numbered[0][0]
         return Dialect(separator, ".", names, units, line, line + 1, tuple(range(len(names))))
-    found = _header(rows, separator, decimal)
-    return found if found.names else _named_by_a_comment(found, lines)
+    result = _header(rows, separator, decimal)
+    return result if result.names else _named_by_a_comment(result, lines)
 
 
 def _few(rows: Sequence[Any]) -> Sequence[Any]:
@@ -154,18 +156,18 @@ def _few(rows: Sequence[Any]) -> Sequence[Any]:
     return rows[: max(8, _JUDGED // longest)]
 
 
-def _named_by_a_comment(found: Dialect, lines: Sequence[str]) -> Dialect:
+def _named_by_a_comment(result: Dialect, lines: Sequence[str]) -> Dialect:
     """Take the names from the comment above the numbers, where they stand there (NumPy's way)."""
-    above = next((n for n in range(found.body - 1, -1, -1) if lines[n][:1] in COMMENTS), None)
+    above = next((n for n in range(result.body - 1, -1, -1) if lines[n][:1] in COMMENTS), None)
     if above is None:
-        return found
-    cells = split(lines[above].lstrip("#% "), found.separator)
-    if len(cells) != found.width or found.width < 2 or ":" in lines[above]:
-        return found
-    if not all(cells) or any(_is_number(cell, found.decimal) for cell in cells):
-        return found
+        return result
+    cells = split(lines[above].lstrip("#% "), result.separator)
+    if len(cells) != result.width or result.width < 2 or ":" in lines[above]:
+        return result
+    if not all(cells) or any(_is_number(cell, result.decimal) for cell in cells):
+        return result
     names, units = zip(*map(_label, cells), strict=True)
-    return found._replace(names=names, units=units, header=above)
+    return result._replace(names=names, units=units, header=above)
 
 
 def _score(lines: Sequence[str], separator: str, decimal: str) -> tuple[float, int, int]:
@@ -192,12 +194,12 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
         width -= 1
         rows = [(n, row[:-1] if len(row) > width else row) for n, row in rows]
         with_numbers = [row for _, row in rows if any(_is_number(c, decimal) for c in row)]
-    whole = _few([row for row in with_numbers if len(row) == width])
+    full_rows = _few([row for row in with_numbers if len(row) == width])
     numeric = [
         k
         for k in range(width)
-        if sum(number_of(row[k], decimal) is not None for row in whole) > 0.5 * len(whole)
-        and any(_is_number(row[k], decimal) for row in whole)
+        if sum(number_of(row[k], decimal) is not None for row in full_rows) > 0.5 * len(full_rows)
+        and any(_is_number(row[k], decimal) for row in full_rows)
     ]
 
     known = set(numeric)
@@ -205,7 +207,8 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
         k
         for k in range(width)
         if k not in known
-        and sum(bool(layouts(row[k])) for row in whole) > 0.5 * sum(bool(row[k]) for row in whole)
+        and sum(bool(layouts(row[k])) for row in full_rows)
+        > 0.5 * sum(bool(row[k]) for row in full_rows)
     )
     places = tuple(numeric)
 

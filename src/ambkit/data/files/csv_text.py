@@ -69,7 +69,7 @@ def _cell(value: float) -> str:
 
 def read(
     path: str | os.PathLike[str],
-    wanted: Collection[str | int] | None = None,
+    selection: Collection[str | int] | None = None,
     progress: Callable[[str], object] = lambda _: None,
     lenient: bool = False,
     texts: Collection[str | int] = (),
@@ -81,7 +81,7 @@ def read(
         raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from error
     text, encoding = _decode(content, os.fspath(path))
     remarks = [encoding] if encoding else []
-    return parse(text, os.fspath(path), wanted, remarks, lenient=lenient, texts=texts)
+    return parse(text, os.fspath(path), selection, remarks, lenient=lenient, texts=texts)
 
 
 def _decode(content: bytes, name: str) -> tuple[str, str]:
@@ -103,7 +103,7 @@ def _decode(content: bytes, name: str) -> tuple[str, str]:
 def parse(
     text: str,
     name: str,
-    wanted: Collection[str | int] | None = None,
+    selection: Collection[str | int] | None = None,
     remarks: Collection[str] = (),
     *,
     lenient: bool = False,
@@ -121,34 +121,36 @@ def parse(
         raise RecordError(f"{name}: has no header and no samples; is the file cut short?")
     meta = known | dict(_notes(head[: dialect.body]))
     names = _names(dialect)
-    chosen = column_names(names, wanted, f"{name}:{(dialect.header or 0) + 1}")
+    chosen = column_names(names, selection, f"{name}:{(dialect.header or 0) + 1}")
     header = f"{name}:{(dialect.header or 0) + 1}"
     stamps = {*(names[k] for k in dialect.stamps), *column_names(names, texts, header)}
     numeric = set(dialect.numeric)
     left = [
-        each
-        for place, each in enumerate(names)
-        if lenient and place not in numeric and each not in stamps
+        item
+        for place, item in enumerate(names)
+        if lenient and place not in numeric and item not in stamps
     ]
     if left:
         row = next((dialect.cells(line) for line in head[dialect.body :] if line.strip()), [])
         cells = dict(zip(names, row, strict=False))
-        shown = [f"{each} ({cells.get(each, '')!r}{_hint(cells.get(each, ''))})" for each in left]
-        remarks = [*remarks, f"columns without numbers are not read: {', '.join(shown)}"]
+        descriptions = [
+            f"{item} ({cells.get(item, '')!r}{_hint(cells.get(item, ''))})" for item in left
+        ]
+        remarks = [*remarks, f"columns without numbers are not read: {', '.join(descriptions)}"]
         dropped = set(left)
-        chosen = [each for each in chosen if each not in dropped]
+        chosen = [item for item in chosen if item not in dropped]
     start = _end_of_line(text, dialect.body) + 1 if dialect.body else 0
     body = text[start:]
-    found = _read_fast(body, names, chosen, dialect, stamps)
+    result = _read_fast(body, names, chosen, dialect, stamps)
     problems: dict[int, list[str]] = {}
     early: list[str] = []
-    if found is not None:
-        columns, early = found
+    if result is not None:
+        columns, early = result
     else:
         place = name, dialect.body + 1
         columns, problems = _read_slow(body, names, chosen, dialect, stamps, place)
     rows = len(columns[chosen[0]]) if chosen else 0
-    stamped = {each: columns.pop(each) for each in chosen if each in stamps}
+    stamped = {item: columns.pop(item) for item in chosen if item in stamps}
     unusual = dialect.in_words()
     if rows and not text.endswith("\n"):
         early.append("the last line has no end: its last number may be cut short")
@@ -163,15 +165,15 @@ def parse(
         header=0 if dialect.header is None else dialect.header + 1,
         texts=stamped,
     )
-    said = meta.pop("rows", None)
+    row_count = meta.pop("rows", None)
     if problems:
-        listed = [text for found in problems.values() for text in found]
+        listed = [text for problem in problems.values() for text in problem]
         raise DamagedLog(shortened(listed), log, tuple(problems))
     end = f"{name}:{text.count(chr(10)) + (not text.endswith(chr(10)))}: the file is cut short"
-    if said is not None and said != rows:
-        short = f"{end}: it has {rows} rows, and says that it has {said}"
+    if row_count is not None and row_count != rows:
+        short = f"{end}: it has {rows} rows, and says that it has {row_count}"
         raise DamagedLog([short], log, (rows - 1,))
-    if said is not None and not text.endswith("\n"):
+    if row_count is not None and not text.endswith("\n"):
         raise DamagedLog([f"{end}: its last line has no end"], log, (rows - 1,))
     return log
 
@@ -275,16 +277,16 @@ def _read_fast(
 
     kinds = {read[name]: pa.string() if name in stamps else pa.float64() for name in chosen}
     try:
-        found = table(kinds)
+        result = table(kinds)
     except pa.ArrowInvalid:
         return None
     columns: dict[str, Any] = {}
     remarks: list[str] = []
     for name, place in read.items():
         if name in stamps:
-            columns[name] = found.column(place)
+            columns[name] = result.column(place)
             continue
-        columns[name] = np.asarray(found.column(place).to_numpy(), dtype=np.float64)
+        columns[name] = np.asarray(result.column(place).to_numpy(), dtype=np.float64)
         if too_coarse(columns[name]):
             with suppress(pa.ArrowInvalid):  # more digits than that, or an exponent
                 exact = table({place: pa.decimal128(37, 9)}).column(place)

@@ -28,7 +28,7 @@ ENDINGS = tuple(_READERS)
 
 def read_log(
     path: str | os.PathLike[str],
-    wanted: Collection[str | int] | None = None,
+    selection: Collection[str | int] | None = None,
     progress: Callable[[str], object] = lambda _: None,
     *,
     lenient: bool = False,
@@ -41,5 +41,5 @@ def read_log(
         raise RecordError(f"{path}: cannot read {ending or 'a file without ending'}, use {known}")
     reader = import_module(f"ambkit.data.files.{_READERS[ending]}")
     progress(f"reading {Path(path).name}")
-    log: Log = reader.read(path, wanted, progress, lenient, texts)
+    log: Log = reader.read(path, selection, progress, lenient, texts)
     return log

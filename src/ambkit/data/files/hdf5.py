@@ -21,7 +21,7 @@ _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
 
 def read(
     path: str | os.PathLike[str],
-    wanted: Collection[str | int] | None = None,
+    selection: Collection[str | int] | None = None,
     progress: Callable[[str], object] = lambda _: None,
     lenient: bool = False,
     texts: Collection[str | int] = (),
@@ -42,10 +42,10 @@ def read(
     try:
         with h5py.File(path, "r") as file:
             check_within(path, file)
-            found = _data_sets(file, h5py)
-            known = wanted is not None and set(wanted) <= set(found)
-            chosen = {k: v for k, v in found.items() if not known or k in (wanted or ())}
-            budget.check(path, sum(memory_of(*each) for each in chosen.values()), _LESS)
+            result = _data_sets(file, h5py)
+            known = selection is not None and set(selection) <= set(result)
+            chosen = {k: v for k, v in result.items() if not known or k in (selection or ())}
+            budget.check(path, sum(memory_of(*item) for item in chosen.values()), _LESS)
             for name, (data, part) in chosen.items():
                 progress(f"reading {name}")
                 values = data[()] if part is None else data[part]
@@ -70,7 +70,7 @@ def read(
 
 def _data_sets(file: Any, h5py: Any) -> dict[str, tuple[Any, str | None]]:
     """Return vectors and matrices of numbers, and vectors of text; of a compound type by field."""
-    found: dict[str, tuple[Any, str | None]] = {}
+    results: dict[str, tuple[Any, str | None]] = {}
 
     def visit(name: str, item: Any) -> None:
         if not isinstance(item, h5py.Dataset) or item.ndim not in (1, 2):
@@ -78,12 +78,12 @@ def _data_sets(file: Any, h5py: Any) -> dict[str, tuple[Any, str | None]]:
         if item.dtype.names:
             for field in item.dtype.names:
                 if item.dtype[field].kind in "fiub":
-                    found[one_line(f"{name}.{field}")] = item, field
+                    results[one_line(f"{name}.{field}")] = item, field
         elif item.dtype.kind in "fiub" or (item.dtype.kind in "SO" and item.ndim == 1):
-            found[one_line(name)] = item, None
+            results[one_line(name)] = item, None
 
     file.visititems(visit)
-    return found
+    return results
 
 
 def check_within(path: str | os.PathLike[str], file: Any) -> None:

@@ -52,13 +52,13 @@ class Log:
     @cached_property
     def contents(self) -> str:
         """What the file holds, in a line."""
-        shown = [
+        entries = [
             name if array.ndim == 1 and self.order else f"{name} {array.shape}"
             for name, array in self.arrays.items()
         ]
-        shown += [f"{name} (times as text)" for name in self.texts]
-        more = f" and {len(shown) - 30} more" if len(shown) > 30 else ""
-        return ", ".join(shown[:30]) + more or "nothing"
+        entries += [f"{name} (times as text)" for name in self.texts]
+        more = f" and {len(entries) - 30} more" if len(entries) > 30 else ""
+        return ", ".join(entries[:30]) + more or "nothing"
 
 
 class DamagedLog(RecordError):
@@ -120,20 +120,20 @@ def check_readable(path: str | os.PathLike[str]) -> None:
 
 
 def column_names(
-    order: Sequence[str], wanted: Collection[str | int] | None, place: str
+    order: Sequence[str], selection: Collection[str | int] | None, place: str
 ) -> list[str]:
     """Return the names of the wanted columns of a table; all of them if none are named."""
-    if wanted is None:
+    if selection is None:
         return list(order)
-    found: list[str] = []
-    for each in wanted:
-        if isinstance(each, int) and each >= len(order):
-            raise RecordError(f"{place}: has no column {each}, it has {len(order)} (from 0)")
-        name = order[each] if isinstance(each, int) else each
+    results: list[str] = []
+    for item in selection:
+        if isinstance(item, int) and item >= len(order):
+            raise RecordError(f"{place}: has no column {item}, it has {len(order)} (from 0)")
+        name = order[item] if isinstance(item, int) else item
         if name not in order:
             twins = [other for other in order if other.startswith(f"{name}#")]
             if twins:
                 raise RecordError(f"{place}: has several columns {name}: use {' or '.join(twins)}")
             raise RecordError(f"{place}: has no column {name}; it has {', '.join(order)}")
-        found.append(name)
-    return list(dict.fromkeys(found))
+        results.append(name)
+    return list(dict.fromkeys(results))

@@ -35,7 +35,7 @@ _PART = 1 << 20
 
 def read(
     path: str | os.PathLike[str],
-    wanted: Collection[str | int] | None = None,
+    selection: Collection[str | int] | None = None,
     progress: Callable[[str], object] = lambda _: None,
     lenient: bool = False,
     texts: Collection[str | int] = (),
@@ -49,7 +49,7 @@ def read(
         for key, value in inside.items()
         for name, values in _flat(key, value)
     }
-    closed = [said for key, value in inside.items() for said in _objects(key, value)]
+    closed = [message for key, value in inside.items() for message in _objects(key, value)]
     if closed and not arrays:
         raise RecordError(f"{os.fspath(path)}: {'; '.join(closed)}")
     cells = {k: pa.array(v.ravel().tolist()) for k, v in arrays.items() if v.dtype.kind == "U"}
@@ -62,12 +62,12 @@ def read(
             arrays[name], remark = whole_numbers(name, values.ravel())
             remarks += remark
     numbers = {name: np.asarray(values, dtype=np.float64) for name, values in arrays.items()}
-    chosen = numbers if wanted is None else {k: v for k, v in numbers.items() if k in wanted}
-    found = chosen if wanted is None else _lacking(numbers, chosen, {*wanted} - {*stamped})
-    units = {name: unit for name, (_, unit) in titles.items() if unit and name in found}
+    chosen = numbers if selection is None else {k: v for k, v in numbers.items() if k in selection}
+    result = chosen if selection is None else _lacking(numbers, chosen, {*selection} - {*stamped})
+    units = {name: unit for name, (_, unit) in titles.items() if unit and name in result}
     return Log(
-        os.fspath(path), found, units, remarks=tuple(remarks), texts=stamped,
-        titles={name: title for name, (title, _) in titles.items() if name in found},
+        os.fspath(path), result, units, remarks=tuple(remarks), texts=stamped,
+        titles={name: title for name, (title, _) in titles.items() if name in result},
     )  # fmt: skip
 
 
@@ -82,21 +82,21 @@ _TITLE = re.compile(r"(.*?)\s*(?:\[(.*)\])?\s*")
 
 def _titles(arrays: dict[str, NDArray[Any]]) -> dict[str, tuple[str, str]]:
     """Return what the labels of Simulink call values, and the unit in brackets behind it."""
-    found = {}
+    results = {}
     for name, label in arrays.items():
         place, _, field = name.rpartition(".")
         text = str(label.ravel()[0]).strip() if label.dtype.kind == "U" and label.size == 1 else ""
-        told = _TITLE.fullmatch(text)
-        if field == "label" and text and told:
-            found[f"{place}.values"] = one_line(told[1]), one_line(told[2] or "")
-    return found
+        title_match = _TITLE.fullmatch(text)
+        if field == "label" and text and title_match:
+            results[f"{place}.values"] = one_line(title_match[1]), one_line(title_match[2] or "")
+    return results
 
 
 def _lacking(
-    arrays: dict[str, Array], chosen: dict[str, Array], wanted: Collection[str | int]
+    arrays: dict[str, Array], chosen: dict[str, Array], selection: Collection[str | int]
 ) -> dict[str, Array]:
     """Give all arrays where one that is wanted is not there, for the message to list them."""
-    return chosen if set(wanted) <= set(chosen) else arrays
+    return chosen if set(selection) <= set(chosen) else arrays
 
 
 def _is_7_3(path: str | os.PathLike[str]) -> bool:
@@ -218,16 +218,16 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
         return
     elif isinstance(value, np.ndarray) and value.dtype.names:
         for place, element in enumerate(value.ravel()):
-            whole = name if value.size == 1 else f"{name}[{place}]"
+            full_name = name if value.size == 1 else f"{name}[{place}]"
             for key in value.dtype.names:
-                yield from _flat(f"{whole}.{key}", element[key])
+                yield from _flat(f"{full_name}.{key}", element[key])
     elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
         elements = value if isinstance(value, list) else value.ravel().tolist()
-        if elements and all(isinstance(each, int | float) for each in elements):
+        if elements and all(isinstance(item, int | float) for item in elements):
             yield name, np.array(elements, dtype=np.float64)
             return
-        texts = [each.item() if _is_text(each) and each.size == 1 else each for each in elements]
-        if len(texts) > 1 and all(isinstance(each, str) for each in texts):
+        texts = [item.item() if _is_text(item) and item.size == 1 else item for item in elements]
+        if len(texts) > 1 and all(isinstance(text, str) for text in texts):
             yield name, np.array(texts)
             return
         for place, inner in enumerate(elements):

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 def read(
     path: str | os.PathLike[str],
-    wanted: Collection[str | int] | None = None,
+    selection: Collection[str | int] | None = None,
     progress: Callable[[str], object] = lambda _: None,
     lenient: bool = False,
     texts: Collection[str | int] = (),
@@ -37,7 +37,7 @@ def read(
         raise ExtraMissing(f"{path}: an MDF file", "asammdf", "mdf") from None
     try:
         with Path(path).open("rb") as stream, MDF(stream) as file:
-            return _read(file, os.fspath(path), wanted, progress)
+            return _read(file, os.fspath(path), selection, progress)
     except AmbkitError:
         raise
     except Exception as error:  # asammdf passes on whatever a damaged file makes it stumble over
@@ -57,7 +57,7 @@ def _let_go(error: Exception) -> None:
 
 
 def _read(
-    file: Any, name: str, wanted: Collection[str | int] | None, progress: Callable[[str], object]
+    file: Any, name: str, selection: Collection[str | int] | None, progress: Callable[[str], object]
 ) -> Log:
     masters = dict(file.masters_db)
     groups = [g for g, group in enumerate(file.groups) if group.channel_group.cycles_nr]
@@ -72,14 +72,14 @@ def _read(
     units: dict[str, str] = {}
     clocks: dict[str, str] = {}
     remarks: list[str] = []
-    asked = set(wanted or ())
+    requests = set(selection or ())
     labels = {(g, c): (label if count[label] == 1 else f"{g}/{label}") for g, c, label in channels}
     times = {g: "time" if len(groups) == 1 else f"{g}/time" for g in groups}
-    all_known = asked <= {*labels.values(), *times.values()}
+    all_known = requests <= {*labels.values(), *times.values()}
     chosen = {
         place: label
         for place, label in labels.items()
-        if wanted is None or not all_known or label in asked or times[place[0]] in asked
+        if selection is None or not all_known or label in requests or times[place[0]] in requests
     }
     budget.check(name, _memory_of(file, chosen), " a channel map that names fewer takes less;")
     for (g, c), label in chosen.items():
@@ -107,5 +107,7 @@ def _memory_of(file: Any, chosen: Collection[tuple[int, int]]) -> int:
     """Memory that channels take: the largest group as it is unpacked, and all as float64 [byte]."""
     of = {g: file.groups[g].channel_group for g, _ in chosen}
     width = {g: group.samples_byte_nr for g, group in of.items()}
-    whole = max((int(group.cycles_nr) * int(width[g]) for g, group in of.items()), default=0)
-    return whole + sum(16 * int(of[g].cycles_nr) for g, _ in chosen)
+    largest_group = max(
+        (int(group.cycles_nr) * int(width[g]) for g, group in of.items()), default=0
+    )
+    return largest_group + sum(16 * int(of[g].cycles_nr) for g, _ in chosen)

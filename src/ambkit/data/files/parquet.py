@@ -43,7 +43,7 @@ def write(
 
 def read(
     path: str | os.PathLike[str],
-    wanted: Collection[str | int] | None = None,
+    selection: Collection[str | int] | None = None,
     progress: Callable[[str], object] = lambda _: None,
     lenient: bool = False,
     texts: Collection[str | int] = (),
@@ -61,19 +61,19 @@ def read(
             schema = file.schema_arrow
             places = _places(schema.names)
             twins = sorted({*places} - {*map(one_line, schema.names)})
-            if twins and wanted is None and not lenient:
+            if twins and selection is None and not lenient:
                 raise RecordError(
                     f"{path}: columns share a name, so that a channel map must say which is meant: "
                     f"{', '.join(twins)}"
                 )
-            asked = column_names(tuple(places), texts, os.fspath(path))
-            chosen = column_names(tuple(places), wanted, os.fspath(path))
+            text_columns = column_names(tuple(places), texts, os.fspath(path))
+            chosen = column_names(tuple(places), selection, os.fspath(path))
             read = {schema.names[places[name].column] for name in chosen}
             budget.check(path, _memory_of(file.metadata, read), _LESS)
             for name in chosen:
                 progress(f"reading column {name}")
                 column = _column(file, path, places[name])
-                if _is_text(column.type) and (name in asked or layouts_of(column)):
+                if _is_text(column.type) and (name in text_columns or layouts_of(column)):
                     stamped[name] = column
                     continue
                 try:
@@ -114,14 +114,14 @@ def _places(names: list[str]) -> dict[str, _Place]:
     before: Counter[str] = Counter()
     places: dict[str, _Place] = {}
     for column, name in enumerate(names):
-        shown = one_line(name)
-        known = shown if count[shown] == 1 else f"{shown}#{column}"
+        label = one_line(name)
+        known = label if count[label] == 1 else f"{label}#{column}"
         places[known] = _Place(column, before[name])
         before[name] += 1
     return places
 
 
-def _memory_of(about: "FileMetaData", wanted: Collection[str]) -> int:
+def _memory_of(about: "FileMetaData", selection: Collection[str]) -> int:
     """Memory that columns take as they are and as float64 [byte], by what the file declares."""
     parts = (
         about.row_group(group).column(place)
@@ -131,7 +131,7 @@ def _memory_of(about: "FileMetaData", wanted: Collection[str]) -> int:
     return sum(
         part.total_uncompressed_size + 16 * part.num_values
         for part in parts
-        if any(f"{part.path_in_schema}.".startswith(f"{name}.") for name in wanted)
+        if any(f"{part.path_in_schema}.".startswith(f"{name}.") for name in selection)
     )
 
 
@@ -201,10 +201,10 @@ def _about(
     schema: "Schema", fields: Mapping[str, "Field"]
 ) -> tuple[dict[str, str], dict[str, Any]]:
     """Return the units of the columns, and ambkit's own notes."""
-    given = {name: (field.metadata or {}).get(b"unit") for name, field in fields.items()}
+    raw_units = {name: (field.metadata or {}).get(b"unit") for name, field in fields.items()}
     units = {
         name: one_line(unit.decode(errors="replace"))
-        for name, unit in given.items()
+        for name, unit in raw_units.items()
         if unit is not None
     }
     notes = {key.decode(errors="replace"): text for key, text in (schema.metadata or {}).items()}

@@ -64,7 +64,7 @@ def layouts(cell: str) -> tuple[str, ...]:
 @cache
 def pattern(layout: str) -> str:
     """Return the regular expression of a layout."""
-    found, seen = [], set()
+    result, seen = [], set()
     for part in re.findall(r"[.,]%f|%z$| ?%p|%.?|.", layout, re.DOTALL):
         name = part[-1] if "%" in part else ""
         if name and part != "%%":
@@ -78,13 +78,13 @@ def pattern(layout: str) -> str:
                 field = f"(?:[.,]{field})?"
             elif part == "%z":
                 field = f"(?: *{field})?"
-            found.append(f" *{field}" if part.startswith(" ") else field)
+            result.append(f" *{field}" if part.startswith(" ") else field)
         elif part == " ":
-            found.append("(?: +|T)")
+            result.append("(?: +|T)")
         else:
-            found.append(re.escape(part[-1]))
+            result.append(re.escape(part[-1]))
     if not seen & {"H", "I", "M", "S"}:
         raise ValueError("it has no time of the day: %H:%M:%S")
     if seen & {"Y", "y"} and not (seen & {"m", "b"} and "d" in seen) and "j" not in seen:
         raise ValueError("a date needs a month and a day: %Y-%m-%d")
-    return "".join(found)
+    return "".join(result)

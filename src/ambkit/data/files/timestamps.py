@@ -52,21 +52,23 @@ def read(
     if not possible:
         what = f'"{first}" is no time that is known' if first else "is empty"
         raise RecordError(f'{name} {what}; give its format in the map, as "%d.%m.%Y %H:%M:%S.%f"')
-    parsed = {each: _parse(texts, each) for each in possible}
-    sound = [each for each, found in parsed.items() if not found.wrong.any()]
+    parsed = {item: _parse(texts, item) for item in possible}
+    sound = [item for item, result in parsed.items() if not result.wrong.any()]
     if not sound:
-        chosen = min(parsed, key=lambda each: int(parsed[each].wrong.sum()))
+        chosen = min(parsed, key=lambda entry: int(parsed[entry].wrong.sum()))
         problems = [
             f"{place(at)}: {name}: {texts[at].as_py()!r} is no time of the format {chosen}"
             for at in np.flatnonzero(parsed[chosen].wrong).tolist()
         ]
         raise RecordError(shortened(problems))
-    results = {each: _carried_on(name, parsed[each], texts, place, each) for each in sound}
-    chosen = min(sound, key=lambda each: (_longest_step(results[each][0]), _unlikely(each)))
+    results = {item: _carried_on(name, parsed[item], texts, place, item) for item in sound}
+    chosen = min(
+        sound, key=lambda element: (_longest_step(results[element][0]), _unlikely(element))
+    )
     ticks, remarks = results[chosen]
-    same = all(np.array_equal(ticks, found) for found, _ in results.values())
+    same = all(np.array_equal(ticks, result) for result, _ in results.values())
     if not same and not lenient:
-        other = next(each for each in sound if each != chosen)
+        other = next(item for item in sound if item != chosen)
         raise RecordError(
             f"{name}: which is the day in {first}, and which the month? Give the format in the "
             f'map: format = "{chosen}" or "{other}"'
@@ -173,9 +175,9 @@ def _zone(texts: Any) -> tuple[Ticks, NDArray[np.bool_]]:
     different, place = np.unique(np.asarray(texts.to_numpy(zero_copy_only=False)).astype(str),
                                  return_inverse=True)  # fmt: skip
     minutes = []
-    for each in different.tolist():
-        digits = each[1:].replace(":", "") or "0"
-        sign = -1 if each[:1] == "-" else 1
+    for item in different.tolist():
+        digits = item[1:].replace(":", "") or "0"
+        sign = -1 if item[:1] == "-" else 1
         minutes.append(sign * (int(digits[:2]) * 60 + int(digits[2:] or 0)))
     return np.array(minutes, dtype=np.int64)[place], different[place] != ""
 
@@ -204,9 +206,9 @@ def _carried_on(
             what = "back by an hour, as summer time ends" if ends else "on, as summer time begins"
             remarks.append(f"{place(int(there[at]))}: {name} is put {what}: taken out")
         went = went + shift
-    found = parsed.ticks.copy()
-    found[there] = went - went[0]
-    return found, remarks
+    result = parsed.ticks.copy()
+    result[there] = went - went[0]
+    return result, remarks
 
 
 def _summer_time(ticks: Ticks) -> tuple[Ticks, list[int]]:
@@ -217,9 +219,9 @@ def _summer_time(ticks: Ticks) -> tuple[Ticks, list[int]]:
     forward = steps[steps > 0]
     if forward.size < 2 or (usual := int(np.median(forward))) > 60 * SECOND:
         return none, []
-    found = np.flatnonzero(np.abs(np.abs(steps - usual) - HOUR) <= usual // 2) + 1
+    result = np.flatnonzero(np.abs(np.abs(steps - usual) - HOUR) <= usual // 2) + 1
     turns = []
-    for at in found.tolist():
+    for at in result.tolist():
         after = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=int(ticks[at]) // 1000)
         before_hour = (-int(ticks[at - 1])) % HOUR
         if after.weekday() == 6 and after.hour < 4 and before_hour <= 1.5 * usual:

@@ -38,19 +38,19 @@ def candidates(log: Log) -> list[list[Candidate]]:
     """Return the channels of a log, those of one length together, the longest first."""
     # A log that says which clock each of its channels has is one group.
     key = "column" if log.order or log.clocks else "array"
-    found: list[Candidate] = []
+    results: list[Candidate] = []
     for name, array in log.arrays.items():
         if array.ndim == 2 and min(array.shape) > 1:
-            found += _of_matrix(name, array, log)
+            results += _of_matrix(name, array, log)
         elif array.size > 1:
             label = log.titles.get(name) or (f"column {name}" if name.isdigit() else name)
             unit, clock = log.units.get(name, ""), log.clocks.get(name, "")
-            found.append(Candidate(label, {key: name}, array.ravel(), unit, clock))
-    found += _stamps(log, key)
+            results.append(Candidate(label, {key: name}, array.ravel(), unit, clock))
+    results += _stamps(log, key)
     if log.clocks:
-        return [found] if found else []
+        return [results] if results else []
     groups: dict[int, list[Candidate]] = {}
-    for candidate in found:
+    for candidate in results:
         groups.setdefault(candidate.values.size, []).append(candidate)
     return [groups[size] for size in sorted(groups, reverse=True)]
 
@@ -58,9 +58,9 @@ def candidates(log: Log) -> list[list[Candidate]]:
 def _of_matrix(name: str, matrix: Array, log: Log) -> Iterator[Candidate]:
     """Yield the rows of a matrix, or its columns if there are fewer."""
     key = "row" if matrix.shape[1] >= matrix.shape[0] else "column"
-    alone = sum(array.size > 1 for array in log.arrays.values()) == 1
+    single = sum(array.size > 1 for array in log.arrays.values()) == 1
     for n, row in enumerate(matrix if key == "row" else matrix.T):
-        label = f"{key} {n}" if alone else f"{name}, {key} {n}"
+        label = f"{key} {n}" if single else f"{name}, {key} {n}"
         yield Candidate(label, {"array": name, key: n}, row)
 
 

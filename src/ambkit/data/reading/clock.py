@@ -131,8 +131,8 @@ def _doubt(times: Array, ratio: Array, counts: Index, jump: NDArray[np.bool_], s
     at = np.flatnonzero(vague) + 1  # samples behind the gaps
     at = at[(at >= AROUND) & (at <= times.size - AROUND)]
     passed = np.concatenate([[0], np.cumsum(odd)])
-    alone = passed[at + AROUND - 1] - passed[at - AROUND] == 1
-    at = at[alone]
+    isolated = passed[at + AROUND - 1] - passed[at - AROUND] == 1
+    at = at[isolated]
     near = np.arange(AROUND)
     before = np.median(times[at[:, None] - 1 - near] + step * near, axis=1)
     after = np.median(times[at[:, None] + near] - step * near, axis=1)
@@ -162,7 +162,7 @@ def _rounded_counts(times: Array, steps: Array, jump: NDArray[np.bool_]) -> Inde
     rows = [np.arange(piece.size) - 0.5 * (piece.size - 1) for piece in pieces]
     products = sum(float(row @ piece) for row, piece in zip(rows, pieces, strict=True))
     step = products / sum(float(row @ row) for row in rows)  # of straight lines, least squares
-    off = max(float(np.ptp(each - step * row)) for row, each in zip(rows, pieces, strict=True))
+    off = max(float(np.ptp(item - step * row)) for row, item in zip(rows, pieces, strict=True))
     if off > 1.1 * digit:
         return None
     counts: Index = np.where(usual | jump, 1, np.maximum(1, np.rint(steps / step))).astype(np.intp)

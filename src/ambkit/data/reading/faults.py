@@ -58,20 +58,20 @@ def account(faults: Iterable[Fault], step: float) -> list[str]:
     for fault in faults:
         groups.setdefault((fault.signal, fault.kind, fault.action), []).append(fault)
     lines = []
-    for (signal, kind, action), found in groups.items():
-        first = found[0]
+    for (signal, kind, action), group in groups.items():
+        first = group[0]
         start = instant(first.start, step)
         count = f"{first.samples} sample{'s' if first.samples != 1 else ''}"
         if kind in ("constant", "quantised", "jitter"):
             lines.append(f"{signal}: {first.text}; {action}")
-        elif len(found) == 1:
+        elif len(group) == 1:
             stop = f" to {instant(first.stop, step)}" if first.stop > first.start else ""
             span = f"{count} {'from' if stop else 'at'} {start}{stop}"
             lines.append(f"{signal}: {span}: {first.text}; {action}")
         else:
-            samples = sum(fault.samples for fault in found)
+            samples = sum(fault.samples for fault in group)
             lines.append(
-                f"{signal}: {kind} in {len(found)} stretches, {samples} samples, the first at "
+                f"{signal}: {kind} in {len(group)} stretches, {samples} samples, the first at "
                 f"{start}; {action}"
             )
     return lines
@@ -192,22 +192,22 @@ def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:
     if there.size == 0 or name == "r":  # a reference has no sensor
         return
     if name != "u":
-        found = spikes(there, noise(there), resolution(there))
-        for start, length in zip(*(each.tolist() for each in found), strict=True):
+        result = spikes(there, noise(there), resolution(there))
+        for start, length in zip(*(item.tolist() for item in result), strict=True):
             yield _spike(name, there, times[place], unit, start, length)
-        there = without(there, *found)
+        there = without(there, *result)
         values = values.copy()
         values[place] = there
-    least, greatest = float(there.min()), float(there.max())
-    if least == greatest:
+    least, max_value = float(there.min()), float(there.max())
+    if least == max_value:
         text = f"the same in all {there.size} samples: {engineering(least, unit)}"
         yield Fault("constant", name, float(times[0]), float(times[-1]), there.size, text)
         return
     coarse = list(_coarse(name, there, times, unit))
     yield from coarse
-    for fault in _still(name, values, times, unit, (least, greatest)):
+    for fault in _still(name, values, times, unit, (least, max_value)):
         # A coarse sensor near the middle of a step stands still for long, without being frozen.
-        inside = any(each.start <= fault.start <= each.stop for each in coarse)
+        inside = any(item.start <= fault.start <= item.stop for item in coarse)
         if not inside or fault.samples > BLOCK:
             yield fault
 
@@ -256,8 +256,8 @@ def _coarse(name: str, there: Array, times: Array, unit: str) -> Iterator[Fault]
 
 
 def _in_steps(step: float, unit: str) -> str:
-    shown = engineering(step, unit, digits=3)
-    return f"in steps of {shown}, more than its noise: what is smaller is lost"
+    step_text = engineering(step, unit, digits=3)
+    return f"in steps of {step_text}, more than its noise: what is smaller is lost"
 
 
 def _coarse_stretches(name: str, there: Array, times: Array, unit: str) -> Iterator[Fault]:
@@ -326,8 +326,8 @@ def _repeats_around(lengths: Index, run: int) -> float:
     around = np.concatenate([lengths[max(0, run - 50) : run], lengths[run + 1 : run + 51]])
     if around.size < 10:
         return 0.0
-    kept = np.sort(around)[: -(-around.size * 9 // 10)]
-    return min(0.8, 1.0 - 1.0 / float(kept.mean()))
+    trimmed = np.sort(around)[: -(-around.size * 9 // 10)]
+    return min(0.8, 1.0 - 1.0 / float(trimmed.mean()))
 
 
 def _usual_repeats(values: Array) -> float:

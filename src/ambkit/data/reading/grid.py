@@ -60,17 +60,17 @@ def resample(values: Array, clock: Clock, times: Array, *, held: bool) -> Array:
     part[np.abs(part - 1) < 1e-6] = 1.0
     before, after = values[left], values[left + 1]
     if held:
-        found = np.where(part >= 1.0, after, before)
+        result = np.where(part >= 1.0, after, before)
         outside = (part < 0) | (part >= 2)
     else:
-        found = (1 - part) * before + part * after
-        found = np.where(part == 0.0, before, np.where(part == 1.0, after, found))
+        result = (1 - part) * before + part * after
+        result = np.where(part == 0.0, before, np.where(part == 1.0, after, result))
         outside = (part < 0) | (part > 1)
     gap = np.zeros(own.size, dtype=bool)
     gap[clock.gaps] = True
     within_gap = gap[left + 1] & (part > 0) & (part < 1)
-    found[outside | within_gap] = np.nan
-    return found
+    result[outside | within_gap] = np.nan
+    return result
 
 
 def fraction_weights(fraction: float, *, held: bool) -> dict[int, float]:
@@ -93,20 +93,20 @@ def fraction_weights(fraction: float, *, held: bool) -> dict[int, float]:
 def shifted(values: Array, samples: float, *, held: bool) -> Array:
     """Take a delay out of a signal: what stands at k + `samples` comes to k."""
     # values (n,); returns (n,)
-    whole, fraction = split(samples)
-    found: Array = np.zeros(values.size)
+    integer_part, fraction = split(samples)
+    result: Array = np.zeros(values.size)
     for neighbour, weight in fraction_weights(fraction, held=held).items():
-        found += weight * _moved(values, whole + neighbour)
-    return found
+        result += weight * _moved(values, integer_part + neighbour)
+    return result
 
 
 def split(samples: float) -> tuple[int, float]:
     """Split a delay into whole samples and what is left, from 0 to 1."""
-    whole = round(samples)
-    if abs(samples - whole) < 1e-6:
-        return whole, 0.0
-    whole = math.floor(samples)
-    return whole, samples - whole
+    integer_part = round(samples)
+    if abs(samples - integer_part) < 1e-6:
+        return integer_part, 0.0
+    integer_part = math.floor(samples)
+    return integer_part, samples - integer_part
 
 
 def _moved(values: Array, count: int) -> Array:
@@ -121,9 +121,9 @@ def _moved(values: Array, count: int) -> Array:
 
 def shift_in_words(name: str, delay: float, step: float) -> str:
     """Say how a delay was taken out of a signal."""
-    whole, fraction = split(delay / step)
+    sample_count, fraction = split(delay / step)
     held = name in HELD
-    samples = "1 sample" if whole == 1 else f"{whole} samples"
+    samples = "1 sample" if sample_count == 1 else f"{sample_count} samples"
     text = f"{name} was logged {engineering(delay, 's')} late: shifted by {samples}"
     if fraction:
         power = sum(weight**2 for weight in fraction_weights(fraction, held=held).values())

@@ -36,9 +36,11 @@ def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lamb
             else "no channels:"
         )
         raise RecordError(f"{path}: holds {what} {log.contents}")
-    told = [Told(group, find_roles(group)) for group in groups]
-    best = max(told, key=Told.worth)
-    damage = next((c.damage for each in told for c in each.found if c.damage), None)
+    assignments = [Told(group, find_roles(group)) for group in groups]
+    best = max(assignments, key=Told.worth)
+    damage = next(
+        (c.damage for assignment in assignments for c in assignment.found if c.damage), None
+    )
     if damage and not any(c.role == "t" for c in best.found):
         raise damage
     if not any(c.role in ("y", "u", "i") and not c.estimated for c in best.found):
@@ -50,7 +52,7 @@ def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lamb
             f"{rises.unit or 'of its units'} in {rises.values.size} samples, one after the other: "
             "it holds no log of a rotor, but perhaps the calibration of a sensor, or a force map"
         )
-    others = [each for each in told if each is not best]
+    others = [assignment for assignment in assignments if assignment is not best]
     return "\n".join(map(one_line, toml_lines(Path(path).name, log, best, others))) + "\n"
 
 
@@ -65,18 +67,18 @@ def _only_rises(best: Told) -> Candidate | None:
     return None
 
 
-def _refusal(path: str, found: list[Candidate]) -> str:
+def _refusal(path: str, results: list[Candidate]) -> str:
     """Say why nothing is guessed, and what helps."""
-    lying = {c.label: rests for c in found if not c.role and (rests := resting(seen(c.values)))}
-    moving = [c for c in found if not c.role]
+    lying = {c.label: rests for c in results if not c.role and (rests := resting(seen(c.values)))}
+    moving = [c for c in results if not c.role]
     rates = {label for label in lying for c in moving if _is_rate_of(label, c, moving)}
-    told = [
+    descriptions = [
         f"{label} is {lying[label].in_words()}" for label in lying if label in rates or not rates
     ]
-    lies = f" ({'; '.join(told[:2])}: does the rotor lie there?)" if told else ""
+    lies = f" ({'; '.join(descriptions[:2])}: does the rotor lie there?)" if descriptions else ""
     return (
-        f"{path}: refused: nothing in it floats{lies}. Of its {len(found)} channels of "
-        f"{found[0].values.size} samples no two move as a rotor and its current do, and no name "
+        f"{path}: refused: nothing in it floats{lies}. Of its {len(results)} channels of "
+        f"{results[0].values.size} samples no two move as a rotor and its current do, and no name "
         "says what is what: write y and u into a channel map by hand, or cut out a part in which "
         "the rotor floats"
     )

@@ -61,8 +61,8 @@ def hanging(moves: Rotor, position: Array, current: Array, step: float) -> Hangi
     """Tell the gap and the scale of a hanging rotor; None where the current is below zero too."""
     # position (n,); current (n,)
     usual = float(np.median(current))
-    told = moves.fit.sure and moves.fit.explained > EXPLAINED and step > 0
-    if not told or not usual > 0 or np.mean(current > -0.05 * usual) < ABOVE:
+    identifiable = moves.fit.sure and moves.fit.explained > EXPLAINED and step > 0
+    if not identifiable or not usual > 0 or np.mean(current > -0.05 * usual) < ABOVE:
         return None
     a = (moves.fit.pole / step) ** 2
     b = abs(moves.gain) / step**2

@@ -38,8 +38,8 @@ def instrumented(channels: Array, rows: Sequence[int]) -> list[Levitated]:
         sums = _sums(values, box, thin)
         for i, j in permutations(range(len(rows)), 2):
             fits.setdefault((rows[i], rows[j]), []).append((box * thin, *_fit(*sums, i, j)))
-    found = [best for pair, bands in fits.items() if (best := _agreed(*pair, bands))]
-    return sorted(found, key=lambda each: -each.evidence)
+    results = [best for pair, bands in fits.items() if (best := _agreed(*pair, bands))]
+    return sorted(results, key=lambda item: -item.evidence)
 
 
 def _sums(values: Array, box: int, thin: int) -> tuple[Array, Array, Array, Array, int]:
@@ -50,8 +50,8 @@ def _sums(values: Array, box: int, thin: int) -> tuple[Array, Array, Array, Arra
     ago, step = AGO * box, max(1, box // 2)
     rate = np.gradient(smooth, thin, axis=1)
     z = np.concatenate([smooth, rate])[:, :-ago:step]
-    s, v, a = (each[:, ago::step] for each in (smooth, rate, bent))
-    z, s, v, a = (each - each.mean(axis=1, keepdims=True) for each in (z, s, v, a))
+    s, v, a = (item[:, ago::step] for item in (smooth, rate, bent))
+    z, s, v, a = (item - item.mean(axis=1, keepdims=True) for item in (z, s, v, a))
     both = np.concatenate([s, a, v])
     return z @ z.T, z @ both.T, s @ both.T, np.einsum("ik,ik->i", a, a), s.shape[1]
 
@@ -63,11 +63,11 @@ def _fit(
     m = len(aa)
     z, x = [i, j, m + i, m + j], [i, j]
     try:
-        told, spread = _two_stages(zz, zb, z, x, m + i)
+        estimate, spread = _two_stages(zz, zb, z, x, m + i)
         free, _ = _two_stages(zz, zb, z, [i, j, 2 * m + i], m + i)
     except np.linalg.LinAlgError:
         return -1.0, 0.0, 0.0, 0.0
-    a, b = told
+    a, b = estimate
     if not free[0] > 0.5 * a:  # friction explains it as well
         return -1.0, 0.0, 0.0, 0.0
     left = aa[i] - 2 * (a * sb[i, m + i] + b * sb[j, m + i])
@@ -95,18 +95,26 @@ def _agreed(
     """Return what three neighbouring bands tell, if they tell the same."""
     best = None
     for near in zip(bands, bands[1:], bands[2:], strict=False):
-        box, a, b, of_a, of_b = (np.array(each) for each in zip(*near, strict=True))
+        box, a, b, of_a, of_b = (np.array(item) for item in zip(*near, strict=True))
         if not (a.min() > 0 and abs(np.sign(b).sum()) == 3):
             continue
         pole, gain = np.sqrt(a), abs(b)
-        told = pole.mean() * box[1]
-        tells = np.minimum(of_a, of_b)
+        mean_pole = pole.mean() * box[1]
+        evidence = np.minimum(of_a, of_b)
         if (
             pole.max() <= ALIKE * pole.min() and gain.max() <= ALIKE * gain.min()
-            and POLE[0] < told < POLE[1] and tells.min() > TELLS[0] and tells.sum() > TELLS[1]
-            and (best is None or tells.sum() > best.evidence)
+            and POLE[0] < mean_pole < POLE[1] and evidence.min() > TELLS[0]
+            and evidence.sum() > TELLS[1]
+            and (best is None or evidence.sum() > best.evidence)
         ):  # fmt: skip
             best = Levitated(
-                i, j, float(pole.mean()), float(b[1]), 0.0, int(box[1]), float(tells.sum()), False
+                i,
+                j,
+                float(pole.mean()),
+                float(b[1]),
+                0.0,
+                int(box[1]),
+                float(evidence.sum()),
+                False,
             )
     return best

@@ -1,10 +1,11 @@
 """Which channels move as a levitated rotor and its current do: by physics, not by prediction.
 
-Near its work point a rotor in a magnetic bearing moves by ``x'' = a x + b i + c``, with a > 0: the
-plant is unstable, with a pole at sqrt(a). No other pair of channels does that. A reference swings
-(a < 0); position and reference make a stable loop (a < 0); a current, in the position's place,
-obeys its controller; a velocity does with the difference of the current only. So each pair of
-channels is fitted, in bands of frequency, and holds where neighbouring bands tell the same pole.
+Near its operating point a rotor in a magnetic bearing moves by ``x'' = a x + b i + c``, with a > 0:
+the plant is unstable, with a pole at sqrt(a). No other pair of channels does that. A reference
+swings (a < 0); position and reference make a stable loop (a < 0); a current instead of
+the position obeys its controller; a velocity does with the difference of the current only. So
+each pair of channels is fitted, in bands of frequency, and holds
+where neighbouring bands tell the same pole.
 
 The fit never differentiates a sample: channels and their second derivatives pass the same smooth
 kernel, a B-spline of six boxes, whose derivatives are differences of its boxes (Shinbrot 1957,
@@ -92,14 +93,14 @@ def bands(channels: Array) -> Iterator[Band]:
         bent = (four[:, 2 * box :] - 2 * four[:, box:-box] + four[:, : -2 * box]) / box**2
         smooth = boxed(four, box, 2)[:, 1 : 1 + bent.shape[1]]
         inside, a = (
-            each[:, ::step][:, : blocks * ROWS].reshape(-1, blocks, ROWS).transpose(1, 0, 2)
-            for each in (smooth, bent / thin**2)
+            item[:, ::step][:, : blocks * ROWS].reshape(-1, blocks, ROWS).transpose(1, 0, 2)
+            for item in (smooth, bent / thin**2)
         )
         v = np.gradient(inside, step * thin, axis=2)
-        s, v, a = (each - each.mean(axis=2, keepdims=True) for each in (inside, np.asarray(v), a))
-        turned = s.transpose(0, 2, 1)
+        s, v, a = (item - item.mean(axis=2, keepdims=True) for item in (inside, np.asarray(v), a))
+        transposed = s.transpose(0, 2, 1)
         own = ((a * a).sum(2), (a * v).sum(2), (v * v).sum(2))
-        yield Band(box * thin, s @ turned, a @ turned, v @ turned, *own)
+        yield Band(box * thin, s @ transposed, a @ transposed, v @ transposed, *own)
 
 
 def thinned(channels: Array) -> Iterator[tuple[int, int, Array]]:
@@ -134,7 +135,7 @@ def fitted(band: Band) -> tuple[Array, Array, Array]:
     weight = np.broadcast_to(usual, pc.shape)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for _ in range(8):  # reweighted: blocks where the rotor lies, starts or is hit count less
-            pp_, pc_, cc_, ap_, ac_ = ((weight * each).sum(0) for each in (pp, pc, cc, ap, ac))
+            pp_, pc_, cc_, ap_, ac_ = ((weight * item).sum(0) for item in (pp, pc, cc, ap, ac))
             a, b = _two(pp_, pc_, cc_, ap_, ac_)
             left = aa - 2 * a * ap - 2 * b * ac + a * a * pp + 2 * a * b * pc + b * b * cc
             left = np.maximum(left, 0)
@@ -144,7 +145,7 @@ def fitted(band: Band) -> tuple[Array, Array, Array]:
         # The same with the velocity, which is taken out of all others first.
         pv, cv = np.einsum("bii->bi", band.vs)[:, :, None], band.vs
         pv_, cv_, av_, vv_ = (
-            (weight * each).sum(0) for each in (pv, cv, band.av[:, :, None], band.vv[:, :, None])
+            (weight * item).sum(0) for item in (pv, cv, band.av[:, :, None], band.vv[:, :, None])
         )
         free, _ = _two(
             pp_ - pv_ * pv_ / vv_, pc_ - pv_ * cv_ / vv_, cc_ - cv_ * cv_ / vv_,
@@ -164,7 +165,7 @@ def levitated(listed: Sequence[Band]) -> list[Levitated]:
     """Find the pairs of channels that move as a levitated rotor and its current."""
     if len(listed) < 3:
         return []
-    a, b, share = (np.array(each) for each in zip(*map(fitted, listed), strict=True))
+    a, b, share = (np.array(entry) for entry in zip(*map(fitted, listed), strict=True))
     pole = np.sqrt(np.maximum(a, 0))
     copies = np.array([turning(band) for band in listed])
     against = -np.sign(b) * np.array([_correlation(band) for band in listed])
@@ -174,10 +175,10 @@ def levitated(listed: Sequence[Band]) -> list[Levitated]:
         for k in range(1, len(listed) - 1):
             near = slice(k - 1, k - 1 + count)
             p, g, r = pole[near], b[near], share[near]
-            told = p.mean(0) * listed[k].box
+            mean_pole = p.mean(0) * listed[k].box
             good = (p.min(0) > 0) & (p.max(0) <= ratio * p.min(0)) & (r.min(0) > least)
             good &= (abs(g).max(0) <= ratio * abs(g).min(0)) & (abs(np.sign(g).sum(0)) == count)
-            good &= (POLE[0] < told) & (told < POLE[1]) & (copies[k] < TURNS)
+            good &= (POLE[0] < mean_pole) & (mean_pole < POLE[1]) & (copies[k] < TURNS)
             good &= against[near].min(0) > OPPOSED
             for i, j in np.argwhere(good & apart).tolist():
                 known = best.get((i, j))
@@ -190,7 +191,7 @@ def levitated(listed: Sequence[Band]) -> list[Levitated]:
                         listed[k].box, 0.0, sure,
                     )  # fmt: skip
                 best[i, j] = replace(known, evidence=before + share_here)
-    return sorted(best.values(), key=lambda each: (each.sure, each.evidence), reverse=True)
+    return sorted(best.values(), key=lambda item: (item.sure, item.evidence), reverse=True)
 
 
 def _correlation(band: Band) -> Array:

@@ -61,5 +61,5 @@ def _any(pattern: str, words: list[str]) -> bool:
 def _own_part(label: str) -> str:
     """Return the last part of a full name that says something: ``pos`` of ``pos.values``."""
     parts = [re.sub(r"\[\d+\]$", "", part) for part in re.split(r"[/.]", label)]
-    told = [part for part in parts if not _HOLDERS.fullmatch(part.lower())]
-    return (told or parts)[-1]
+    own_parts = [part for part in parts if not _HOLDERS.fullmatch(part.lower())]
+    return (own_parts or parts)[-1]

@@ -50,27 +50,27 @@ class Told:
         return physics, named, time, by_name, self.found[0].values.size
 
 
-def toml_lines(name: str, log: Log, told: Told, others: Sequence[Told]) -> Iterator[str]:
+def toml_lines(name: str, log: Log, assignment: Told, others: Sequence[Told]) -> Iterator[str]:
     """Write the map."""
-    found, moves = told.found, told.moves
+    result, moves = assignment.found, assignment.moves
     yield f"# Proposed by 'ambkit read --guess' for {name}. Look at each line before you trust it."
     yield "# Of each number in the log: value = sign * scale * number * unit + offset."
     for remark in log.remarks:
         yield f"# {remark[:1].upper()}{remark[1:]}."
-    chosen = _chosen(found, moves) | _from_others(found, others)
-    everything = [*found, *(c for group in others for c in group.found)]
+    chosen = _chosen(result, moves) | _from_others(result, others)
+    everything = [*result, *(c for group in others for c in group.found)]
     array = _common_array(chosen.values())
     if array:
         yield f"array = {toml_string(array)}"
     y, u = chosen.get("y"), chosen.get("u")
-    signs = _Signs.of(found, y, u, moves)
+    signs = _Signs.of(result, y, u, moves)
     clock = _clock_name(log, chosen)
     if clock is None:
         yield ""
         yield "# No channel rises like a time: fill in how far apart the samples are."
         yield '# sampling_time = "... ms"'
     yield from _time(log, clock, chosen.get("t"), array)
-    hangs = _hanging(log, chosen, signs, moves, found)
+    hangs = _hanging(log, chosen, signs, moves, result)
     clocks = {clock: "t"}
     for role, candidate in chosen.items():
         if role == "t":
@@ -106,8 +106,8 @@ def toml_lines(name: str, log: Log, told: Told, others: Sequence[Told]) -> Itera
         yield "# Nothing looks like a position; a filter needs y."
     if u is None:
         yield "# Nothing looks like a control signal; a filter needs u."
-    taken = [id(candidate) for candidate in chosen.values()]
-    rest = [c for c in everything if id(c) not in taken and c.label not in clocks]
+    chosen_ids = [id(candidate) for candidate in chosen.values()]
+    rest = [c for c in everything if id(c) not in chosen_ids and c.label not in clocks]
     if rest:
         yield ""
         yield "# Not used:"
@@ -125,13 +125,13 @@ def toml_lines(name: str, log: Log, told: Told, others: Sequence[Told]) -> Itera
         yield f"# {candidate.label}: {low:.4g} to {high:.4g}{unit}{why}"
 
 
-def _chosen(found: list[Candidate], moves: Rotor | None) -> dict[str, Candidate]:
+def _chosen(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidate]:
     """Give each signal of a record its channel; the estimates of the rig are logged signals."""
     chosen: dict[str, Candidate] = {}
-    if moves is not None and not found[moves.position].estimated:
-        chosen["y"] = found[moves.position]
+    if moves is not None and not results[moves.position].estimated:
+        chosen["y"] = results[moves.position]
     for role in ("t", "y", "u", "i", "r", "v"):
-        for candidate in found:
+        for candidate in results:
             if candidate.role == role and not candidate.estimated:
                 chosen.setdefault(role, candidate)
     if "u" not in chosen and "i" in chosen:
@@ -139,21 +139,21 @@ def _chosen(found: list[Candidate], moves: Rotor | None) -> dict[str, Candidate]
     elif "i" in chosen and chosen["i"].estimated:
         del chosen["i"]
     for role in ("y", "v"):
-        logged = [c for c in found if c.role == role and c.estimated]
+        logged = [c for c in results if c.role == role and c.estimated]
         if logged:
             chosen[f"{'x' if role == 'y' else role}_logged"] = logged[0]
     order = ("t", "y", "u", "r", "i", "v", "x_logged", "v_logged")
     return {_NAMES.get(role, role): chosen[role] for role in order if role in chosen}
 
 
-def _from_others(found: list[Candidate], others: Sequence[Told]) -> dict[str, Candidate]:
+def _from_others(results: list[Candidate], others: Sequence[Told]) -> dict[str, Candidate]:
     """Return y or u of another length, with a time there, where these channels have none."""
     lacking = {
-        "y": not any(c.role == "y" and not c.estimated for c in found),
-        "u": not any(c.role in ("u", "i") and not c.estimated for c in found),
+        "y": not any(c.role == "y" and not c.estimated for c in results),
+        "u": not any(c.role in ("u", "i") and not c.estimated for c in results),
     }
-    timed = [each.found for each in others if any(c.role == "t" for c in each.found)]
-    if not any(c.role == "t" for c in found) or all(lacking.values()):
+    timed = [other.found for other in others if any(c.role == "t" for c in other.found)]
+    if not any(c.role == "t" for c in results) or all(lacking.values()):
         return {}
     there = {}
     for signal, roles in (("y", ("y",)), ("u", ("u", "i"))):
@@ -183,8 +183,8 @@ def _own_time(
 
 def _structure(candidate: Candidate) -> str:
     """Return the name of the structure that a channel is in; empty where it is in none."""
-    whole, dot, _ = str(candidate.where.get("array", "")).partition(".")
-    return whole if dot else ""
+    struct_name, dot, _ = str(candidate.where.get("array", "")).partition(".")
+    return struct_name if dot else ""
 
 
 def _clock_name(log: Log, chosen: dict[str, Candidate]) -> str | None:
@@ -220,8 +220,8 @@ def _time(log: Log, clock: str | None, candidate: Candidate | None, array: str) 
 def _unit_of_time(log: Log, candidate: Candidate) -> str:
     """Guess in what a time counts: since 1970, by its size; otherwise by its steps."""
     times = seen(candidate.values)
-    told = filter(None, (FIRST.match(remark) for remark in log.remarks))
-    first = next((float(m[2]) for m in told if m[1] == candidate.label), float(times[0]))
+    matches = filter(None, (FIRST.match(remark) for remark in log.remarks))
+    first = next((float(m[2]) for m in matches if m[1] == candidate.label), float(times[0]))
     for unit, scale in (("s", 1.0), ("ms", 1e3), ("µs", 1e6), ("ns", 1e9)):
         if 5e8 < first / scale < 4.2e9:  # from 1985 to 2103
             return unit
@@ -267,31 +267,31 @@ class _Signs:
 
     @classmethod
     def of(
-        cls, found: list[Candidate], y: Candidate | None, u: Candidate | None, moves: Rotor | None
+        cls, results: list[Candidate], y: Candidate | None, u: Candidate | None, moves: Rotor | None
     ) -> _Signs:
         """Turn y and u such that the force of u goes towards positive y."""
         if y is None or u is None or y.values.shape != u.values.shape:
             return cls(False, False, "")
         falls = not u.unit and bool(np.mean(seen(u.values) < 0) > 0.99)  # a coil's is not below 0
-        if moves is not None and found[moves.position] is y and found[moves.control] is u:
-            turned, why = moves.turned, "a greater u moves it towards smaller values"
+        if moves is not None and results[moves.position] is y and results[moves.control] is u:
+            is_inverted, why = moves.turned, "a greater u moves it towards smaller values"
         else:
-            turned = correlation(slow(u.values), slow(y.values)) > 0.3
+            is_inverted = correlation(slow(u.values), slow(y.values)) > 0.3
             why = "u grows with it; of an unstable plant it must fall (or turn u)"
-        return cls(turned != falls, falls, why)
+        return cls(is_inverted != falls, falls, why)
 
 
 def _hanging(
     log: Log, chosen: dict[str, Candidate], signs: _Signs, moves: Rotor | None,
-    found: list[Candidate],
+    results: list[Candidate],
 ) -> Hanging | None:  # fmt: skip
     """Say where the magnet is, of a rotor that hangs below one whose current is never below 0."""
     y, u, t = chosen.get("y"), chosen.get("u"), chosen.get("t")
     if (
         moves is None
         or t is None
-        or y is not found[moves.position]
-        or u is not found[moves.control]
+        or y is not results[moves.position]
+        or u is not results[moves.control]
     ):
         return None
     current = (-1 if signs.u else 1) * seen(u.values)
@@ -323,33 +323,33 @@ def _meaning(
     role: str, candidate: Candidate, signs: _Signs, y: Candidate | None, hangs: Hanging | None
 ) -> Iterator[str]:
     """Write unit, scale, sign and, as a hint, the offset of a channel."""
-    unit, said = candidate.unit, ""
+    unit, comment = candidate.unit, ""
     if not unit:
-        unit, said = _likely_unit(candidate), "  # guessed from its size"
+        unit, comment = _likely_unit(candidate), "  # guessed from its size"
         if role == "y" and hangs is not None:
-            unit, said = hangs.unit, "  # told by gravity"
-    yield f"unit = {toml_string(unit)}{said}"
+            unit, comment = hangs.unit, "  # told by gravity"
+    yield f"unit = {toml_string(unit)}{comment}"
     of_current = role == "u" and si_unit(unit) == "A"
     if of_current:
         yield 'scale = "1 V/A"  # the current stands for the control signal: amplifier gain 1 A/V'
         yield "# measured = true  # if a sensor showed it: it is then not held between samples"
     elif role == "u" and si_unit(unit) == "1":
         yield 'scale = "1 V"  # volts at full duty'
-    turned = signs.u if role in ("u", "current") else signs.y
+    is_inverted = signs.u if role in ("u", "current") else signs.y
     falls = role in _OF_Y and y is not None and _likeness(role, candidate, y) < -0.3
-    if role in ("y", *_OF_Y) and y is not None and turned != falls:
+    if role in ("y", *_OF_Y) and y is not None and is_inverted != falls:
         yield f"sign = -1  # {_why_turned(role, y, signs.why, falls=falls)}"
     elif falls and y is not None:
         yield f"# sign = 1, for it falls where {y.label} grows, which is turned"
-    elif role in ("u", "current") and turned:
+    elif role in ("u", "current") and is_inverted:
         yield "sign = -1  # it is below 0 all the time, as no coil's current is"
     middle = float(np.median(seen(candidate.values)))
     if role in ("y", "r", "x_logged") and y is not None:
         middle = middle if falls else float(np.median(seen(y.values)))
-        away = middle if turned != falls else -middle
+        away = middle if is_inverted != falls else -middle
         yield f'# offset = "{away:.4g} {unit}"  # if x = 0 is at its median'
     elif of_current:
-        away = middle if turned else -middle
+        away = middle if is_inverted else -middle
         yield f'# offset = "{away:.4g} V"  # if its median is the bias current'
     if role == "y" and hangs is not None:
         yield from (f"# {line}" for line in hangs.in_words(y.label if y else role, candidate.unit))

@@ -74,7 +74,7 @@ class Reading(Result):
     @property
     def rows(self) -> list[Row]:
         """What each channel looks like."""
-        return [row for each in self.channels for row in put(each.rows(), of=each.name)]
+        return [row for channel in self.channels for row in put(channel.rows(), of=channel.name)]
 
     @property
     def notes(self) -> list[str]:
@@ -100,7 +100,7 @@ class Reading(Result):
                 }
                 for name, clock in self.clocks.items()
             },
-            "channels": {each.name: asdict(each) for each in self.channels},
+            "channels": {channel.name: asdict(channel) for channel in self.channels},
             "faults": [asdict(fault) for fault in self.faults],
         }
 
@@ -214,14 +214,14 @@ def _placed(
             faults.append(replace(fault, start=fault.start - delay, stop=fault.stop - delay))
     progress("placing the samples")
     if resample:
-        times, on_grid, said = _resampled(log, signals, mapped.clock_of, clocks, sampling_time)
+        times, on_grid, notes = _resampled(log, signals, mapped.clock_of, clocks, sampling_time)
         faults = [_action_of_grid(fault, "resampled") for fault in faults]
     elif sampling_time is not None:
         raise RecordError("sampling_time (--sampling-time) is the step to resample to: ask for it")
     else:
-        times, on_grid, said = _filled(signals, clocks)
+        times, on_grid, notes = _filled(signals, clocks)
         faults = [_action_of_grid(fault, "filled with missing samples") for fault in faults]
-    remarks += said
+    remarks += notes
     step = float(times[-1] - times[0]) / (times.size - 1)
     for name, delay in mapped.delays.items():
         on_grid[name] = grid.shifted(on_grid[name], delay / step, held=name in grid.HELD)
@@ -244,7 +244,7 @@ def _placed(
 def load_filled(
     path: str | os.PathLike[str],
     channel_map: ChannelMap | str | os.PathLike[str] | None = None,
-    told: Callable[[str], object] = lambda _: None,
+    note: Callable[[str], object] = lambda _: None,
 ) -> Record:
     """Read a record as `load` does; where a log has gaps, as `read` fills them."""
     try:
@@ -252,10 +252,10 @@ def load_filled(
     except RecordError:
         if channel_map is None:
             raise
-    found = read(path, channel_map)
-    for sentence in found.account():
-        told(f"{os.fspath(path)}: {sentence}")
-    return found.record
+    result = read(path, channel_map)
+    for sentence in result.account():
+        note(f"{os.fspath(path)}: {sentence}")
+    return result.record
 
 
 def load(
@@ -344,37 +344,37 @@ def _logged(
     path: str | os.PathLike[str], channel_map: ChannelMap | None, progress: Callable[[str], object]
 ) -> tuple[Log, RecordError | None, tuple[int, ...]]:
     """Read a log; of a damaged one what can be read, what is wrong, and where."""
-    wanted, texts = (channel_map.wanted, channel_map.texts) if channel_map else (None, ())
+    selection, texts = (channel_map.wanted, channel_map.texts) if channel_map else (None, ())
     try:
-        return read_log(path, wanted, progress, texts=texts), None, ()
+        return read_log(path, selection, progress, texts=texts), None, ()
     except DamagedLog as error:
         return error.log, error, error.samples
 
 
 def _clock_faults(clock: Clock) -> list[Fault]:
     """Turn what is wrong with a clock into faults; what is done about it is not known yet."""
-    t, found = clock.times, []
+    t, result = clock.times, []
     for at, count in zip(clock.gaps.tolist(), clock.missing.tolist(), strict=True):
         text = f"{count} sample{'s' if count > 1 else ''} missing"
-        found.append(Fault("gap", clock.name, float(t[at - 1]), float(t[at]), count, text))
+        result.append(Fault("gap", clock.name, float(t[at - 1]), float(t[at]), count, text))
     for at in clock.jumps.tolist():
         text = f"from {instant(t[at - 1], clock.step)} to {instant(t[at], clock.step)}"
-        found.append(Fault("jump", clock.name, float(t[at - 1]), float(t[at]), 1, text))
+        result.append(Fault("jump", clock.name, float(t[at - 1]), float(t[at]), 1, text))
     if clock.uneven.size:
         text = (
             f"{clock.uneven.size} steps are off by more than 1 %, "
             f"{engineering(clock.jitter, 's', digits=2)} rms"
         )
         ends = float(t[0]), float(t[-1])
-        found.append(Fault("jitter", clock.name, *ends, clock.uneven.size, text))
-    return found
+        result.append(Fault("jitter", clock.name, *ends, clock.uneven.size, text))
+    return result
 
 
 def _masked(values: Array, times: Array, fault: Fault) -> Array:
     first = np.searchsorted(times, fault.start)
-    kept = values.copy()
-    kept[first : first + fault.samples] = np.nan
-    return kept
+    masked_values = values.copy()
+    masked_values[first : first + fault.samples] = np.nan
+    return masked_values
 
 
 def _within(fault: Fault, times: Array) -> Fault:
@@ -424,15 +424,15 @@ def _resampled(
         raise RecordError(
             f"{log.name}: a sampling time of {engineering(step, 's')} leaves no two samples"
         )
-    found = {
+    results = {
         name: grid.resample(v, clocks[clock_of[name]], times, held=name in grid.HELD)
         for name, v in signals.items()
     }
     how = Counter("held" if name in grid.HELD else "straight" for name in signals)
-    said = [f"resampled to {engineering(1 / step, 'Hz', digits=5)}, without a low-pass before"]
+    notes = [f"resampled to {engineering(1 / step, 'Hz', digits=5)}, without a low-pass before"]
     if how["straight"]:
         names = ", ".join(name for name in signals if name not in grid.HELD)
-        said.append(f"{names}: on straight lines between the samples")
+        notes.append(f"{names}: on straight lines between the samples")
     if how["held"]:
-        said.append("u: as it was at the last sample, since a controller holds it")
-    return times, found, said
+        notes.append("u: as it was at the last sample, since a controller holds it")
+    return times, results, notes

@@ -50,14 +50,14 @@ STEADY = 2.0
 def same_numbers(channels: Array) -> dict[int, int]:
     """Find channels that hold another one's numbers, shifted and scaled perhaps."""
     # channels (m, n)
-    found: dict[int, int] = {}
+    results: dict[int, int] = {}
     unit = standardised(channels)
     for k, values in enumerate(unit):
         for first in range(k):
-            if first not in found and _same(unit[first], values):
-                found[k] = first
+            if first not in results and _same(unit[first], values):
+                results[k] = first
                 break
-    return found
+    return results
 
 
 def _same(a: Array, b: Array) -> bool:
@@ -132,16 +132,16 @@ def _is_filter(made: Array, of: Array) -> bool:
     # from the control, does not; nor does a sum, by which it follows from its difference.
     ago = np.column_stack([made[1:-1], made[:-2]])
     both = np.column_stack([ago, of[2:], of[1:-1], of[:-2], np.ones(of.size - 2)])
-    alone, _ = _left(ago, made[2:])
+    own_residual, _ = _left(ago, made[2:])
     left, (last, before, *passed, _) = _left(both, made[2:])
     slow = abs(sum(passed)) > 1e-3 * sum(map(abs, passed)) and abs(1 - last - before) > 1e-4
-    return bool(slow and left < EXACT * np.diff(made).std() and left < 0.01 * alone)
+    return bool(slow and left < EXACT * np.diff(made).std() and left < 0.01 * own_residual)
 
 
 def _left(regressors: Array, values: Array) -> tuple[float, list[float]]:
     """Return the standard deviation of what regressors (n, k) leave, and their coefficients."""
-    found = np.linalg.lstsq(regressors, values, rcond=None)[0]
-    return float((values - regressors @ found).std()), found.tolist()
+    result = np.linalg.lstsq(regressors, values, rcond=None)[0]
+    return float((values - regressors @ result).std()), result.tolist()
 
 
 def twins(unit: Array, listed: Sequence[Band], estimate: int, others: Sequence[int]) -> list[int]:
@@ -150,7 +150,7 @@ def twins(unit: Array, listed: Sequence[Band], estimate: int, others: Sequence[i
     # more of it.
     # unit (m, n)
     own = [float(band.ss[:, estimate, estimate].sum()) for band in listed]
-    hiss, found = noise(unit[estimate]), []
+    hiss, result = noise(unit[estimate]), []
     for k in others:
         slope = [
             float(band.ss[:, k, estimate].sum()) / max(size, TINY)
@@ -159,5 +159,5 @@ def twins(unit: Array, listed: Sequence[Band], estimate: int, others: Sequence[i
         least, most = min(slope, key=abs), max(slope, key=abs)
         steady = most * min(slope) > 0 < most * max(slope) and abs(most) < STEADY * abs(least)
         if steady and noise(unit[k]) > abs(most) * hiss:
-            found.append(k)
-    return found
+            result.append(k)
+    return result

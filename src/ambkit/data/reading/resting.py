@@ -42,15 +42,15 @@ def resting(values: Array) -> Resting | None:
     # values (n,)
     if values.size < 50:
         return None
-    least, greatest = np.quantile(values, [0.002, 0.998])
+    least, max_value = np.quantile(values, [0.002, 0.998])
     rough = noise(values)
-    reach = greatest - least
-    if not reach > MOVES * rough or not reach > 0:
+    value_range = max_value - least
+    if not value_range > MOVES * rough or not value_range > 0:
         return None
-    near = max(NEAR * reach, 4 * rough)
-    found = [
-        Resting(float(end), float(np.mean(abs(values - end) < near)), end == greatest)
-        for end in (least, greatest)
+    near = max(NEAR * value_range, 4 * rough)
+    results = [
+        Resting(float(end), float(np.mean(abs(values - end) < near)), end == max_value)
+        for end in (least, max_value)
     ]
-    most = max(found, key=lambda each: each.share)
+    most = max(results, key=lambda item: item.share)
     return most if most.share > OFTEN else None

@@ -32,20 +32,20 @@ EVEN = 0.2
 """Part of the usual step by which the steps of a time without a name differ at most."""
 
 
-def find_roles(found: list[Candidate]) -> Rotor | None:
+def find_roles(results: list[Candidate]) -> Rotor | None:
     """Give each candidate the role that its name, its unit or its motion speak for."""
-    for candidate in found:
+    for candidate in results:
         candidate.values = np.where(np.isfinite(candidate.values), candidate.values, np.nan)
         by_name(candidate)
-    _find_time(found)
-    for candidate in found:
+    _find_time(results)
+    for candidate in results:
         if not candidate.role and np.ptp(seen(candidate.values)) == 0:
             candidate.why.append(f"is {candidate.values[0]:g} all the time")
             candidate.role = "-"
-    moves = _find_rotor(found)
-    y = next((c for c in found if c.role == "y" and not c.estimated), None)
+    moves = _find_rotor(results)
+    y = next((c for c in results if c.role == "y" and not c.estimated), None)
     if y is not None:
-        beside = [c for c in found if not c.role and c.values.shape == y.values.shape]
+        beside = [c for c in results if not c.role and c.values.shape == y.values.shape]
         size = _size(y)
         for candidate in beside:
             _beside(candidate, y, size)
@@ -53,18 +53,18 @@ def find_roles(found: list[Candidate]) -> Rotor | None:
     return moves
 
 
-def _find_time(found: list[Candidate]) -> None:
+def _find_time(results: list[Candidate]) -> None:
     """Keep as time what rises; without a name, the first that rises evenly."""
-    for candidate in found:
+    for candidate in results:
         rising = _rises(candidate.values)
         if candidate.role == "t" and not rising:
             text = candidate.why[0] == TEXT
             candidate.role = "-" if text else ""  # no position either
             candidate.why.append(f"{'' if text else 'named like a time, but '}does not rise")
-    if any(candidate.role == "t" for candidate in found):
+    if any(candidate.role == "t" for candidate in results):
         return
-    even = [c for c in found if not c.role and _rises(c.values, evenly=True)]
-    even = even or [c for c in found if not c.role and _rises(-c.values, evenly=True)]
+    even = [c for c in results if not c.role and _rises(c.values, evenly=True)]
+    even = even or [c for c in results if not c.role and _rises(-c.values, evenly=True)]
     for candidate in even[:1]:
         candidate.role = "t"
         rises = _rises(candidate.values)
@@ -83,13 +83,14 @@ def _rises(values: Array, *, evenly: bool = False) -> bool:
     return not evenly or bool(np.mean(np.abs(steps - usual) < EVEN * usual) > 0.9)
 
 
-def _find_rotor(found: list[Candidate]) -> Rotor | None:
+def _find_rotor(results: list[Candidate]) -> Rotor | None:
     """Find position and control by how they move; names, where there are any, come first."""
     named = {
-        role: next((c for c in found if c.role == role and not c.estimated), None) for role in "yui"
+        role: next((c for c in results if c.role == role and not c.estimated), None)
+        for role in "yui"
     }
     y, control = named["y"], named["u"] or named["i"]
-    open_ = [c for c in found if not c.role and not c.estimated]
+    open_ = [c for c in results if not c.role and not c.estimated]
     if y is not None:
         open_ = [c for c in open_ if c.values.shape == y.values.shape and c.clock == y.clock]
     elif open_:
@@ -104,17 +105,19 @@ def _find_rotor(found: list[Candidate]) -> Rotor | None:
         if not compared[k].role:
             compared[k].role = "-"
             compared[k].why.append(f"holds the same numbers as {compared[same].label}")
-    kept = [k for k in range(len(compared)) if k not in copies and np.ptp(rows[k]) > 0]
-    places = {id(compared[k]): n for n, k in enumerate(kept)}
+    kept_indices = [k for k in range(len(compared)) if k not in copies and np.ptp(rows[k]) > 0]
+    places = {id(compared[k]): n for n, k in enumerate(kept_indices)}
     moves = rotor(
-        rows[kept], places.get(id(y)) if y else None, places.get(id(control)) if control else None
+        rows[kept_indices],
+        places.get(id(y)) if y else None,
+        places.get(id(control)) if control else None,
     )
     misnamed = None
     if moves is None and y is None and control is not None:  # a "command" may be the reference's
-        moves, misnamed = rotor(rows[kept]), control
+        moves, misnamed = rotor(rows[kept_indices]), control
     if moves is None:
         return None
-    of = [compared[k] for k in kept]
+    of = [compared[k] for k in kept_indices]
     position, mover = of[moves.position], of[moves.control]
     if misnamed is not None and misnamed is not mover and misnamed is not position:
         misnamed.role = ""
@@ -140,7 +143,7 @@ def _find_rotor(found: list[Candidate]) -> Rotor | None:
     for a, b in moves.others:
         for one, two in ((of[a], of[b]), (of[b], of[a])):
             one.why.append(f"moves as a floating rotor does with {two.label}: another axis?")
-    index = {id(c): n for n, c in enumerate(found)}
+    index = {id(c): n for n, c in enumerate(results)}
     return moves.renumbered([index[id(c)] for c in of])
 
 
@@ -183,7 +186,7 @@ def _find_velocity(open_: Sequence[Candidate], y: Candidate) -> None:
         )
         if likeness > 0.7:
             rated.append((in_steps(seen(candidate.values)), likeness, candidate))
-    rated.sort(key=lambda each: each[:2], reverse=True)
+    rated.sort(key=lambda item: item[:2], reverse=True)
     for n, (_, likeness, candidate) in enumerate(rated):
         candidate.role, candidate.estimated = "v", n > 0
         candidate.why.append(f"difference of {y.label} (correlation {likeness:.2f})")

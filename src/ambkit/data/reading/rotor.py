@@ -125,20 +125,22 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
             and position in (None, f.position) and control in (None, f.control)
         ]  # fmt: skip
 
-    plain = found = fitting(levitated(listed))
-    usable = [f for f in found if f.sure or raw[f.position] or raw[f.control]]
+    plain = result = fitting(levitated(listed))
+    usable = [f for f in result if f.sure or raw[f.position] or raw[f.control]]
     swift = _swift(listed)
-    level, slow = RELATED, _without(swift, found)
+    level, slow = RELATED, _without(swift, result)
     if any(f in usable for f in slow):
-        found, usable = slow, [f for f in usable if f in slow]
+        result, usable = slow, [f for f in usable if f in slow]
     if not usable:
-        tried = sorted((k for k in range(len(unit)) if k not in rates), key=lambda k: not raw[k])
-        plain += (found := fitting(instrumented(unit, sorted(tried[:TRIED]))))
-        found = usable = _without(swift, found) or found
+        candidates = sorted(
+            (k for k in range(len(unit)) if k not in rates), key=lambda k: not raw[k]
+        )
+        plain += (result := fitting(instrumented(unit, sorted(candidates[:TRIED]))))
+        result = usable = _without(swift, result) or result
         level = CLOSE
     if not usable:
         return None
-    near = {box: _families(listed, box) for box in {f.box for f in found}}
+    near = {box: _families(listed, box) for box in {f.box for f in result}}
     close = np.array([turning(band) for band in listed[-3:]]).max(0) > level
 
     def same(f: Levitated, g: Levitated) -> bool:
@@ -150,12 +152,12 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
         )  # fmt: skip
 
     def worth(f: Levitated) -> float:
-        return sum(g.evidence for g in found if same(f, g))
+        return sum(g.evidence for g in result if same(f, g))
 
     both = [f for f in usable if raw[f.position] and raw[f.control]]
     best = max(both or usable, key=lambda f: (f.sure, worth(f)))
     family = near[best.box]
-    motion = [best, *(f for f in found if same(best, f))]
+    motion = [best, *(f for f in result if same(best, f))]
     controls = list(dict.fromkeys(f.control for f in motion if f.control != best.position))
     positions = [f.position for f in motion if f.position not in controls]
     positions = list(dict.fromkeys(positions))
@@ -166,36 +168,36 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
         positions += twins(unit, listed, best.position, unlike)
     controls += sorted(k for k in free if family[best.control, k] and k not in positions)
     if not both and (
-        worth(best) < LEAST or any(_doubtful(fits, positions, controls) for fits in (found, plain))
+        worth(best) < LEAST or any(_doubtful(fits, positions, controls) for fits in (result, plain))
     ):
         return None
 
-    def rawest(members: list[int], chosen: int, telling: set[int]) -> list[int]:
+    def rawest(members: list[int], chosen: int, fitted_channels: set[int]) -> list[int]:
         gain = gains(listed, chosen)
 
         def rank(k: int) -> tuple[bool, bool, bool, float]:
-            tells = k in telling or raw[k]
-            return k in (position, control), tells, raw[k], hiss[k] / abs(gain[k])
+            is_informative = k in fitted_channels or raw[k]
+            return k in (position, control), is_informative, raw[k], hiss[k] / abs(gain[k])
 
         return sorted(members, key=rank, reverse=True)
 
-    told = [*found, *plain]
-    positions = rawest(positions, best.position, {f.position for f in told})
-    controls = rawest(controls, best.control, {f.control for f in told})
+    all_fits = [*result, *plain]
+    positions = rawest(positions, best.position, {f.position for f in all_fits})
+    controls = rawest(controls, best.control, {f.control for f in all_fits})
     pair = positions[0], controls[0]
     left = {*range(len(unit))} - {*positions, *controls, *rates}
     estimated = not raw[pair[1]] and twins(unit, listed, pair[1], [pair[0]])
     if control is None and estimated and any(raw[k] for k in left):
         return None  # an estimate is no current, where a converter's channel is left
     if {position, control} == {None} and not (raw[pair[0]] and raw[pair[1]]):
-        telling = any((f.position, f.control) == pair for f in told)
-        if not telling or not (raw[pair[0]] or _clearest(positions, unit, listed)):
+        is_fitted = any((f.position, f.control) == pair for f in all_fits)
+        if not is_fitted or not (raw[pair[0]] or _clearest(positions, unit, listed)):
             return None
-    taken = {*positions, *controls}
+    used_channels = {*positions, *controls}
     others: dict[int, int] = {}
-    for each in found:
-        if each.sure and not taken & {each.position, each.control}:
-            others.setdefault(each.position, each.control)
+    for item in result:
+        if item.sure and not used_channels & {item.position, item.control}:
+            others.setdefault(item.position, item.control)
     gain = best.gain * gains(listed, best.position)[positions[0]]
     gain /= gains(listed, best.control)[controls[0]]
     gain *= channels[positions[0]].std() / channels[controls[0]].std()
@@ -213,8 +215,8 @@ def _swift(listed: Sequence[Band]) -> NDArray[np.bool_]:
     for band in listed:
         own = np.einsum("bii->bi", band.ss)
         weight = [
-            np.divide(1.0, each, out=np.zeros_like(each), where=each > TINY)
-            for each in (own + np.median(own, axis=0), band.vv + np.median(band.vv, axis=0))
+            np.divide(1.0, item, out=np.zeros_like(item), where=item > TINY)
+            for item in (own + np.median(own, axis=0), band.vv + np.median(band.vv, axis=0))
         ]
         both = np.sqrt(weight[0])[:, :, None] * np.sqrt(weight[1])[:, None, :]
         size = (both * own[:, :, None]).sum(0) * (both * band.vv[:, None, :]).sum(0)
@@ -223,11 +225,11 @@ def _swift(listed: Sequence[Band]) -> NDArray[np.bool_]:
     return np.asarray(most > SWIFT)
 
 
-def _without(swift: NDArray[np.bool_], found: Sequence[Levitated]) -> list[Levitated]:
-    """Leave out fits of a velocity in the place of the current, or of the position."""
-    places = {f.position for f in found}
+def _without(swift: NDArray[np.bool_], results: Sequence[Levitated]) -> list[Levitated]:
+    """Leave out fits of a velocity instead of the current, or of the position."""
+    places = {f.position for f in results}
     return [
-        f for f in found
+        f for f in results
         if not swift[f.control, f.position] and not swift[f.position, sorted(places)].any()
     ]  # fmt: skip
 
@@ -238,19 +240,21 @@ def _clearest(members: Sequence[int], unit: Array, listed: Sequence[Band]) -> bo
     # one.
     gain = gains(listed, members[0])
     hiss = [noise(unit[k]) / abs(gain[k]) for k in members]
-    others = [each for each in hiss[1:] if each > NO_NOISE]
+    others = [item for item in hiss[1:] if item > NO_NOISE]
     return not others or (hiss[0] > CLEARLY * max(others) and is_white(unit[members[0]]))
 
 
 def _doubtful(
-    found: Sequence[Levitated], positions: Sequence[int], controls: Sequence[int]
+    results: Sequence[Levitated], positions: Sequence[int], controls: Sequence[int]
 ) -> bool:
     """Whether other fits speak against what is taken for the position and the control."""
     # One channel is not both; and what moves a position is one current, or copies of it.
-    both = sum(f.evidence for f in found if f.position in positions and f.control in controls)
-    turned = sum(f.evidence for f in found if f.position in controls or f.control in positions)
-    rivals = [f.evidence for f in found if (f.position in positions) != (f.control in controls)]
-    return max([turned, *rivals]) > max(DOUBT * both, LEAST)
+    both = sum(f.evidence for f in results if f.position in positions and f.control in controls)
+    swapped_evidence = sum(
+        f.evidence for f in results if f.position in controls or f.control in positions
+    )
+    rivals = [f.evidence for f in results if (f.position in positions) != (f.control in controls)]
+    return max([swapped_evidence, *rivals]) > max(DOUBT * both, LEAST)
 
 
 def gains(listed: Sequence[Band], of: int) -> Array:

@@ -35,9 +35,9 @@ def spike_free(record: Record) -> tuple[Record, int]:
 def without_spikes(records: Sequence[Record]) -> tuple[list[Record], str]:
     """Return records without the spikes of their positions, and what to say of it, if anything."""
     pairs = [spike_free(record) for record in records]
-    total, said = sum(count for _, count in pairs), ""
+    total, remark = sum(count for _, count in pairs), ""
     if total == 1:
-        said = "1 sample of the position, a spike amid others that agree, is left out"
+        remark = "1 sample of the position, a spike amid others that agree, is left out"
     elif total > 1:
-        said = f"{total} samples of the position, spikes amid others that agree, are left out"
-    return [cleaned for cleaned, _ in pairs], said
+        remark = f"{total} samples of the position, spikes amid others that agree, are left out"
+    return [cleaned for cleaned, _ in pairs], remark

@@ -38,8 +38,8 @@ def spikes(values: Array, rough: float, step: float) -> tuple[Index, Index]:
     if starts.size == 0 or starts.size > RARE * values.size:
         return _none()
     height = _height(padded, starts, lengths, least)
-    kept = height > 0
-    starts, lengths, height = starts[kept], lengths[kept], height[kept]
+    spike_mask = height > 0
+    starts, lengths, height = starts[spike_mask], lengths[spike_mask], height[spike_mask]
     if starts.size == 0:
         return _none()
     # Leaps that belong to no spike, and are half as high as the lowest one.
@@ -49,8 +49,8 @@ def spikes(values: Array, rough: float, step: float) -> tuple[Index, Index]:
     others = np.abs(change[AROUND - 1 : change.size - AROUND + 1])
     others = np.sort(others[~own[AROUND - 1 : change.size - AROUND + 1]])
     alike = others.size - np.searchsorted(others, 0.5 * height)
-    kept = alike <= 2
-    return starts[kept] - AROUND, lengths[kept]
+    spike_mask = alike <= 2
+    return starts[spike_mask] - AROUND, lengths[spike_mask]
 
 
 def without(values: Array, starts: Index, lengths: Index) -> Array:
@@ -80,10 +80,10 @@ def _there_and_back(change: Array, leaps: Index) -> tuple[Index, Index]:
     lengths = second - first
     back = change[first] * change[second] < 0
     alike = np.abs(change[first] + change[second]) < 0.5 * np.abs(change[first])
-    found = back & alike & (lengths <= LONGEST)
+    result = back & alike & (lengths <= LONGEST)
     # Of two that share a leap the first one is it.
-    found[1:] &= ~(found[:-1] & (first[1:] == second[:-1]))
-    return first[found] + 1, lengths[found]
+    result[1:] &= ~(result[:-1] & (first[1:] == second[:-1]))
+    return first[result] + 1, lengths[result]
 
 
 def _within(starts: Index, lengths: Index, size: int) -> tuple[Index, Index]:
@@ -103,11 +103,11 @@ def _height(padded: Array, starts: Index, lengths: Index, least: float) -> Array
     near = padded[np.clip(np.concatenate([before, after], axis=1), 0, padded.size - 1)]
     middle = np.median(near, axis=1)
     farness = np.sort(np.abs(near - middle[:, None]), axis=1)
-    reach = farness[:, -1 - LONGEST]
+    max_deviation = farness[:, -1 - LONGEST]
     inside = np.arange(LONGEST) < lengths[:, None]
     spike = padded[np.minimum(starts[:, None] + np.arange(LONGEST), padded.size - 1)]
     off = np.where(inside, spike - middle[:, None], np.nan)
     lowest, highest = np.nanmin(off, axis=1), np.nanmax(off, axis=1)
     one_side = np.maximum(lowest, -highest)  # negative where it lies on both sides
-    far = one_side - reach > np.maximum(least, 4 * reach)
+    far = one_side - max_deviation > np.maximum(least, 4 * max_deviation)
     return np.where(far, one_side, 0.0)

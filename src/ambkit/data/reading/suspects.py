@@ -82,11 +82,11 @@ def _lies(t: Array, y: Array, u: Array, unit: str) -> Iterator[str]:
     if np.count_nonzero(there) < LIES:
         return
     rough, seen = noise(y), y[there]
-    least, greatest = float(seen.min()), float(seen.max())
-    if not greatest - least > MOVES * rough:
+    least, max_value = float(seen.min()), float(seen.max())
+    if not max_value - least > MOVES * rough:
         return
     still = np.r_[False, u[1:] == u[:-1]] & there
-    for end, near in ((least, y - least), (greatest, greatest - y)):
+    for end, near in ((least, y - least), (max_value, max_value - y)):
         start, length = longest_run(still & (near < RESTS * rough))
         if length >= LIES:
             first, last = (

@@ -65,10 +65,10 @@ def exported(controller: Controller) -> dict[str, float]:
     """Return the values that are exported, by the names in `PARAMETERS`."""
     estimator, bearing = controller.estimator, controller.bearing
     set_ = estimator.core.parameters["set"]
-    found = {name: float(set_[name][0]) for name in ("var_y", "var_u", "var_d")}
-    found |= {"gate": float(set_["gate"]), "mass": bearing.rotor.mass, "strong": 1.0}
+    results = {name: float(set_[name][0]) for name in ("var_y", "var_u", "var_d")}
+    results |= {"gate": float(set_["gate"]), "mass": bearing.rotor.mass, "strong": 1.0}
     gains = ("kp", "ki", "kd", "T_f", "T_t", "weight")
-    return found | dict(zip(gains, controller.law.pids[0], strict=False))
+    return results | dict(zip(gains, controller.law.pids[0], strict=False))
 
 
 @lru_cache(maxsize=4)
@@ -85,8 +85,8 @@ def _fields(controller: Controller, name: str) -> dict[str, Any]:
     return {
         "control": Name(f"&{name}_control"),
         "exported": np.array(list(exported(controller).values())),
-        "low": np.array([within.low[each.name] for each in PARAMETERS]),
-        "high": np.array([within.high[each.name] for each in PARAMETERS]),
+        "low": np.array([within.low[item.name] for item in PARAMETERS]),
+        "high": np.array([within.high[item.name] for item in PARAMETERS]),
         "carried": known - bias,
         "bias": bias,
         "as_printed": estimator.engine.as_printed,
@@ -107,13 +107,13 @@ def described(controller: Controller, name: str, precision: CPrecision) -> str:
     """Return what the A2L file is made of, as JSON."""
     values, within = exported(controller), limits_of(controller)
     parameters = [
-        each._asdict()
-        | {"exported": values[each.name], "low": within.low[each.name],
-           "high": within.high[each.name]}
-        for each in PARAMETERS
+        item._asdict()
+        | {"exported": values[item.name], "low": within.low[item.name],
+           "high": within.high[item.name]}
+        for item in PARAMETERS
     ]  # fmt: skip
-    told = {
+    description = {
         "prefix": name, "precision": precision, "peak_of_sensitivity": within.peak,
         "parameters": parameters,
     }  # fmt: skip
-    return json.dumps(told, indent=2) + "\n"
+    return json.dumps(description, indent=2) + "\n"

@@ -27,7 +27,7 @@ TEMPLATES = {
     "{}.h": "control.h", "{}.c": "control.c", "selftest/{}_selftest.h": "control_selftest.h",
     "selftest/{}_selftest.c": "control_selftest.c", "selftest/{}_vectors.c": "control_vectors.c",
 }  # fmt: skip
-"""What stands in the place of an axis's filter's files, and beside those of several axes."""
+"""What stands instead of an axis's filter's files, and beside those of several axes."""
 
 _PID = ("kp", "ki", "kd", "T_f", "T_t", "weight", "iu_min", "iu_max")
 _LAW = ("reference", "position", "velocity", "spread", "iu_min", "iu_max")
@@ -57,9 +57,9 @@ def controller_of(estimator: Estimator, scenario: Scenario) -> Controller:
     settled = settled_scenario(machine, scenario)
     feeding = estimator if settled.feedback == "estimate" else None
     plant, speeds = Plant(machine), control_scenes.speeds_of(machine, settled)
-    fastest = machine.speed if speeds is None else max(map(abs, speeds))
-    found = controllers_of(plant, settled.controller, feeding, fastest=fastest)
-    return Controller(plant, estimator, found, settled.sequence, feeding is not None)
+    max_speed = machine.speed if speeds is None else max(map(abs, speeds))
+    result = controllers_of(plant, settled.controller, feeding, fastest=max_speed)
+    return Controller(plant, estimator, result, settled.sequence, feeding is not None)
 
 
 def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Structs:
@@ -68,17 +68,17 @@ def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Str
     several = len(machine.axes) > 1 and of_filter
     elsewhere = {key: Name(f"{name}_{key}") for key in ("start", "start_by") if several}
     keys = (*_LAW, *_GAINS, *(key for key in _CONTROL if key not in elsewhere))
-    told = {key: fields[key] for key in keys if fields[key] is not None}
+    array_fields = {key: fields[key] for key in keys if fields[key] is not None}
     let_turn: dict[str, Any] = {}
     if fields["let_turn_motion"] is not None:
-        told |= {key: fields[f"let_turn_{key}"] for key in _TURN}
+        array_fields |= {key: fields[f"let_turn_{key}"] for key in _TURN}
         numbers = ("nodes", "from", "width", "moved", "first", "step")
         let_turn = {key: fields[f"let_turn_{key}"] for key in numbers}
         let_turn |= {key: Name(f"of_{key}") for key in _TURN}
-    arrays = {f"of_{key}": np.array(values, float) for key, values in told.items()}
+    arrays = {f"of_{key}": np.array(values, float) for key, values in array_fields.items()}
 
     def at(key: str) -> Name:
-        return elsewhere.get(key, Name(f"of_{key}" if key in told else "NULL"))
+        return elsewhere.get(key, Name(f"of_{key}" if key in array_fields else "NULL"))
 
     pids = [
         {"T": machine.sampling_time} | dict(zip(_PID, gains, strict=False))
@@ -87,7 +87,7 @@ def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Str
     arrays |= _behind(pids, fields["pid"])
     states = len(fields["position"]) // len(pids)
     law = {"axes": len(machine.axes), "states": states, "pids": len(pids), "pid": Name("of_pid")}
-    law |= {key: at(key) for key in _LAW if key in told or key != "reference"}
+    law |= {key: at(key) for key in _LAW if key in array_fields or key != "reference"}
     law["gain"] = Name("{" + ", ".join(at(key) for key in _GAINS) + "}")
     law |= {"let_turn": Name("&let_turn")} if let_turn else {}
     control = {
@@ -104,8 +104,8 @@ def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Str
 def _behind(pids: list[dict[str, Any]], gains: Sequence[list[float]]) -> dict[str, Any]:
     """Point PIDs to the sections behind them, which are returned; {} where there are none."""
     all_: list[float] = []
-    for pid, each in zip(pids, gains, strict=True):
-        if sections := each[len(_PID) :]:
+    for pid, gain in zip(pids, gains, strict=True):
+        if sections := gain[len(_PID) :]:
             pid["sections"] = len(sections) // 5
             pid["section"] = Name(f"&of_section[{len(all_)}]")
             all_ += sections
@@ -123,7 +123,7 @@ def _in_c(of: Structs, precision: CPrecision) -> dict[str, Any]:
 
 
 def context(
-    controller: Controller, flight: Scenario, name: str, precision: CPrecision
+    controller: Controller, scenario: Scenario, name: str, precision: CPrecision
 ) -> dict[str, Any]:
     """Return what the templates say of a controller."""
     estimator, of = controller.estimator, structs(controller, name)
@@ -132,30 +132,30 @@ def context(
     two_sided = [axis.bearing.magnet.type == "two-sided" for axis in machine.axes]
     several = len(machine.axes) > 1
     return {
-        "law_said": f"{flight.controller.type}, fed by the {flight.feedback}" if several
+        "law_said": f"{scenario.controller.type}, fed by the {scenario.feedback}" if several
         else _said(controller),
         "controller": _in_c(of, precision) | {
             "bias": data.array(bias, precision) if several else data.number(bias[0], precision),
-            "two_sided": ", ".join(str(each).lower() for each in two_sided),
+            "two_sided": ", ".join(str(item).lower() for item in two_sided),
             "let_turn": data.struct(of.let_turn, precision, {}) if of.let_turn else "",
         },
         "coils": controller.coils,
         "own_time": f"{1e3 * own_time(controller.bearing):.3g} ms",
         "speed": data.number(machine.speed, precision),
         "times": controller.sequence,
-        "in_flight": _in_flight(controller, flight, precision),
+        "in_flight": _in_flight(controller, scenario, precision),
     }  # fmt: skip
 
 
-def _in_flight(controller: Controller, flight: Scenario, precision: CPrecision) -> dict[str, Any]:
+def _in_flight(controller: Controller, scenario: Scenario, precision: CPrecision) -> dict[str, Any]:
     """Return what the files of the self-test say."""
-    tested = control_scenes.vectors(controller, flight)
+    tested = control_scenes.vectors(controller, scenario)
     quick, estimator = control_scenes.quick(controller), controller.estimator
     most = float(np.finfo(estimator.precision).max)
 
     def listed(values: NDArray[np.float64]) -> str:
-        found = control_scenes.also_infinite(values)
-        stood_in = np.nan_to_num(found, nan=most, posinf=most / 2, neginf=-most / 2)
+        result = control_scenes.also_infinite(values)
+        stood_in = np.nan_to_num(result, nan=most, posinf=most / 2, neginf=-most / 2)
         return data.array(stood_in.ravel(), precision)
 
     between, beyond = selftest.stops(estimator)
@@ -187,7 +187,7 @@ def _said(controller: Controller) -> str:
     if pid.type == "lqg":
         return "linear-quadratic regulator of the estimated states"
     ahead = f", {pid.feed_forward:g} of the estimated load taken back" if pid.feed_forward else ""
-    behind = f", with {', '.join(each.type for each in pid.block)} behind it" if pid.block else ""
+    behind = f", with {', '.join(item.type for item in pid.block)} behind it" if pid.block else ""
     return f"PID, fed by the {pid.feedback}{ahead}{behind}"
 
 

@@ -13,7 +13,7 @@ from ambkit.estimate.engine import NODE
 from ambkit.estimate.estimate import Status
 from ambkit.export.c.vectors import without_digits
 from ambkit.simulation.control import settling_of
-from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 from ambkit.simulation.sequence import Mode
@@ -32,7 +32,7 @@ QUICK: dict[str, Any] = {
 LIFTED, UP = 300, 130
 """Samples of a flight in the self-test, and from which on the rotor is up."""
 SLOW = 20
-"""Samples of a plant's own time, for each of which a flight takes as many more."""
+"""Samples of a plant's time constant, for each of which a flight takes as many more."""
 TAKEN = 40
 """Samples of a flight that is taken over."""
 PUSH, PULL = 0.2, 3.0
@@ -62,12 +62,12 @@ class Vectors(NamedTuple):
     saturated: int  # samples in which a current was at its limit
 
 
-def speeds_of(machine: Machine, flight: Scenario) -> tuple[float, float] | None:
+def speeds_of(machine: Machine, scenario: Scenario) -> tuple[float, float] | None:
     """The slowest and the fastest rotation of a flight [rad/s]; None at the machine's own."""
-    if flight.speed is None:
+    if scenario.speed is None:
         return None
-    n = max(2, round(flight.duration / machine.sampling_time) + 1)
-    speed = flight.speed.sample(machine.sampling_time * np.arange(n + 1, dtype=float))
+    n = max(2, round(scenario.duration / machine.sampling_time) + 1)
+    speed = scenario.speed.sample(machine.sampling_time * np.arange(n + 1, dtype=float))
     if bool((speed == machine.speed).all()):
         return None
     return float(speed.min()), float(speed.max())
@@ -86,7 +86,7 @@ def slowness(controller: Controller) -> int:
     return max(1, settling_of(controller.estimator) // SLOW)
 
 
-def vectors(controller: Controller, flight: Scenario) -> Vectors:
+def vectors(controller: Controller, scenario: Scenario) -> Vectors:
     """Fly what the self-test flies, with the plant of the simulation."""
     # A step of the reference with a load, and loads beyond what the magnets hold with readings lost
     # and far away, and references that are none; on all axes in turn, and where the flight's speed
@@ -94,7 +94,7 @@ def vectors(controller: Controller, flight: Scenario) -> Vectors:
     # a rotor in flight is taken over.
     estimator, machine = controller.estimator, controller.plant.machine
     parts = []
-    for scene in _scenes(controller, flight):
+    for scene in _scenes(controller, scenario):
         run = _flown(controller, scene, scene.readings)
         record, names = run.record, [axis.name for axis in machine.axes]
         y = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
@@ -112,23 +112,23 @@ def vectors(controller: Controller, flight: Scenario) -> Vectors:
         fly, speed = scene.fly > 0, record["speed"]
         part = (y, r, u, speed, mode, fly, run.status, run.usable, run.estimate.mean, amplified)
         parts.append(_as_read(controller, part))
-    flown = len(parts)
+    flight_count = len(parts)
     taken_with = np.zeros(len(machine.axes))
     # Of a model that turns the core's controller alone follows no speed.
-    if speeds_of(machine, flight) is None:
-        over, taken_with = _taken_over(controller, parts[0])
+    if speeds_of(machine, scenario) is None:
+        over, taken_with = _transferred(controller, parts[0])
         parts += over
-    starts = np.cumsum([0, *(len(each[0]) for each in parts[:-1])]).tolist()
+    starts = np.cumsum([0, *(len(item[0]) for item in parts[:-1])]).tolist()
     estimator.turning(None, 1)  # what is written of the filter is of the machine's own speed
-    joined = [np.concatenate(each) for each in zip(*parts, strict=True)]
+    joined = [np.concatenate(item) for item in zip(*parts, strict=True)]
     gain = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
     low, high = (
-        np.array([getattr(alone, f"current_{end}") for alone in controller.plant.alone])
+        np.array([getattr(isolated, f"current_{end}") for isolated in controller.plant.isolated])
         for end in ("min", "max")
     )
     iu = joined[2] * gain
     full = ((iu >= high * (1 - 1e-6)) | (iu <= low * (1 - 1e-6))).any(axis=1)
-    at = starts[:flown], starts[flown:]
+    at = starts[:flight_count], starts[flight_count:]
     return Vectors._make([*joined, *at, taken_with, int(full.sum())])
 
 
@@ -151,20 +151,20 @@ def _along(
     estimator = controller.estimator
     number = np.dtype(estimator.precision).type
     si, _ = estimator.in_si(y, np.zeros(0))
-    given = (np.ascontiguousarray(each, number) for each in (si, r, fly))
-    told = controller.in_core(**quick(controller)).run(*given, float(speed[0]), taken_with)
-    status, usable = told["status"], told["usable"] > 0
-    return r, told["u"], speed, told["mode"], fly, status, usable, told["mean"]
+    signals = (np.ascontiguousarray(item, number) for item in (si, r, fly))
+    output = controller.in_core(**quick(controller)).run(*signals, float(speed[0]), taken_with)
+    status, usable = output["status"], output["usable"] > 0
+    return r, output["u"], speed, output["mode"], fly, status, usable, output["mean"]
 
 
 def _flown(controller: Controller, scene: Scene, readings: Array) -> Run:
     """Return one flight, with this added to its readings (n, m) [m]."""
-    imposed = Imposed(
+    external_inputs = ExternalInputs(
         readings=readings, references=scene.references, fly=scene.fly, exported=quick(controller)
     )
     return simulate_run(
         controller.plant.machine, scene.flight, estimator=controller.estimator,
-        controllers=controller.law, imposed=imposed,
+        controllers=controller.law, external_inputs=external_inputs,
     )  # fmt: skip
 
 
@@ -173,41 +173,41 @@ def _spread(controller: Controller, scene: Scene, run: Run) -> NDArray[np.bool_]
     # A compiler that contracts rounds otherwise. A rotor that is thrown between its stops makes of
     # that another flight, and a reading at the gate another decision.
     machine = controller.plant.machine
-    least = ROUNDED * min(each.travel_limit for each in machine.bearings)
+    least = ROUNDED * min(bearing.clearance for bearing in machine.bearings)
     least *= float(np.finfo(controller.estimator.precision).eps)
     axes = [(signal("u", axis.name), axis.bearing.amplifier) for axis in machine.axes]
-    random, found = np.random.default_rng(0), np.zeros(len(scene.readings), bool)
+    random, result = np.random.default_rng(0), np.zeros(len(scene.readings), bool)
     for _ in range(DRAWN):
         off = least * random.choice([-1.0, 1.0], scene.readings.shape)
         other = _flown(controller, scene, scene.readings + off)
         for key, amplifier in axes:
             away = np.abs(other.record[key] - run.record[key]) * amplifier.gain
-            found |= away > PART * amplifier.current_limit
-        found |= (other.status != run.status) | (other.usable != run.usable)
-        found |= other.record["mode"] != run.record["mode"]
-    return found
+            result |= away > PART * amplifier.current_limit
+        result |= (other.status != run.status) | (other.usable != run.usable)
+        result |= other.record["mode"] != run.record["mode"]
+    return result
 
 
-def _taken_over(
-    controller: Controller, flown: tuple[Any, ...]
+def _transferred(
+    controller: Controller, signals: tuple[Any, ...]
 ) -> tuple[list[tuple[Any, ...]], Array]:
     """Flights that are taken over, as `vectors` has them, and the currents that acted then."""
     # The readings are those of a flight at that time, and go on whatever is demanded now: it lands,
     # it is overloaded from the first sample on, and its sensors freeze and are lost.
     machine = controller.plant.machine
-    y, r, u, speed, mode, *_, amplified = flown
+    y, r, u, speed, mode, *_, amplified = signals
     flying = np.flatnonzero(mode == Mode.FLYING)  # none, where it is overloaded on its way up
     at = int(flying[10]) if len(flying) > 10 else UP
     y, r, speed = y[at : at + TAKEN], r[at : at + TAKEN], np.full(TAKEN, speed[at])
     gain = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
     taken_with = (gain * u[at - 1]).astype(np.dtype(controller.estimator.precision).type)
     landing, staying = np.arange(TAKEN) < TAKEN // 2, np.ones(TAKEN, bool)
-    far = 60 * max(each.travel_limit for each in machine.bearings)
+    far = 60 * max(bearing.clearance for bearing in machine.bearings)
     spread, several, spoilt = np.full(TAKEN, amplified[0]), y.shape[1] > 1, y.copy()
     spoilt[8:30], spoilt[34:37] = y[8], np.nan
     over = [
-        (shown, *_along(controller, shown, wanted, speed, fly, taken_with), spread | bad)
-        for shown, wanted, fly, bad in (
+        (readings, *_along(controller, readings, reference, speed, fly, taken_with), spread | bad)
+        for readings, reference, fly, bad in (
             (y, r, landing, False), (y, r + far, staying, False), (spoilt, r, staying, several)
         )
     ]  # fmt: skip
@@ -223,7 +223,7 @@ class Scene(NamedTuple):
     fly: Array  # (n,): whether it is told to fly, 1 or 0
 
 
-def _scenes(controller: Controller, flight: Scenario) -> Iterator[Scene]:
+def _scenes(controller: Controller, scenario: Scenario) -> Iterator[Scene]:
     machine, slow = controller.plant.machine, slowness(controller)
     n = LIFTED * slow
 
@@ -237,10 +237,10 @@ def _scenes(controller: Controller, flight: Scenario) -> Iterator[Scene]:
     # On the way up it is called back, and lands.
     lands, unwanted = told((0, 8), (100, 106), (230, LIFTED)), none.copy()
     unwanted[190 * slow, 0] = unwanted[193 * slow, -1] = unwanted[196 * slow, :] = np.nan
-    happening = _happening(machine, flight, 1.0, PUSH, slow)
-    yield Scene(happening, _spoilt(machine, well, slow), unwanted, lands)
+    landing_scenario = _happening(machine, scenario, 1.0, PUSH, slow)
+    yield Scene(landing_scenario, _spoilt(machine, well, slow), unwanted, lands)
     # It has tripped when it is told not to fly, and lifts again.
-    pulled = _happening(machine, flight, -1.0, PULL, slow)
+    pulled = _happening(machine, scenario, -1.0, PULL, slow)
     yield Scene(pulled, _lost(machine, well, slow), none, told((200, 210)))
     unwanted = none.copy()
     unwanted[180 * slow :: 3] = np.nan
@@ -248,7 +248,7 @@ def _scenes(controller: Controller, flight: Scenario) -> Iterator[Scene]:
 
 
 def _happening(
-    machine: Machine, flight: Scenario, sign: float, share: float, slow: int
+    machine: Machine, scenario: Scenario, sign: float, share: float, slow: int
 ) -> Scenario:
     """Return a flight on all axes in turn: references of a twentieth of the travel, and loads."""
     # It begins where the rotor lies, as the exported controller does at power-on.
@@ -259,32 +259,32 @@ def _happening(
         law = axis.bearing.magnet
         most = 4 * law.magnet_constant * law.bias_current * axis.bearing.amplifier.current_limit
         force, late = way * share * most / law.air_gap**2, UP + 8 * k
-        push = Step(amplitude=force, time=(50 + late) * T)
-        wanted = Step(amplitude=0.05 * way * axis.bearing.travel_limit, time=(12 + late) * T)
-        references.append(Reference(axis=axis.name, position=wanted))
-        loads.append(Disturbance(axis=axis.name, force=push))
+        force_step = Step(amplitude=force, time=(50 + late) * T)
+        position_step = Step(amplitude=0.05 * way * axis.bearing.clearance, time=(12 + late) * T)
+        references.append(Reference(axis=axis.name, position=position_step))
+        loads.append(Disturbance(axis=axis.name, force=force_step))
     return Scenario(
         duration=LIFTED * T - machine.sampling_time, start="rest",
-        controller=flight.controller, reference=tuple(references), disturbance=tuple(loads),
-        seed=flight.seed, speed=_speed(machine, flight, sign), sequence=flight.sequence,
+        controller=scenario.controller, reference=tuple(references), disturbance=tuple(loads),
+        seed=scenario.seed, speed=_speed(machine, scenario, sign), sequence=scenario.sequence,
     )  # fmt: skip
 
 
-def _speed(machine: Machine, flight: Scenario, sign: float) -> Sum | None:
+def _speed(machine: Machine, scenario: Scenario, sign: float) -> Sum | None:
     """Return a speed that grows over two nodes of the model, or falls, within those of a flight."""
-    speeds = speeds_of(machine, flight)
+    speeds = speeds_of(machine, scenario)
     if speeds is None:
         return None
     low, high = speeds
     by = min(2 * NODE / machine.sampling_time, high - low)
     first = low + 0.3 * (high - low - by) if sign > 0 else high - 0.1 * (high - low - by)
-    turned = Ramp(slope=sign * by / (LIFTED * machine.sampling_time))
-    return Sum(parts=(Constant(value=first), turned))
+    ramp = Ramp(slope=sign * by / (LIFTED * machine.sampling_time))
+    return Sum(parts=(Constant(value=first), ramp))
 
 
 def _spoilt(machine: Machine, well: Array, slow: int) -> Array:
     """Return what is added to the readings: losses, and readings far away."""
-    added, travel = well.copy(), min(each.travel_limit for each in machine.bearings)
+    added, travel = well.copy(), min(bearing.clearance for bearing in machine.bearings)
     added[170 * slow : 170 * slow + 4, 0], added[178 * slow, :] = np.nan, np.nan
     added[184 * slow, -1], added[188 * slow, 0] = 3 * travel, -3 * travel
     return added
@@ -292,7 +292,7 @@ def _spoilt(machine: Machine, well: Array, slow: int) -> Array:
 
 def _lost(machine: Machine, well: Array, slow: int) -> Array:
     """Return readings that begin far away, and of which all are lost until it trips."""
-    added, travel = well.copy(), max(each.travel_limit for each in machine.bearings)
+    added, travel = well.copy(), max(bearing.clearance for bearing in machine.bearings)
     added[0], added[1] = 30 * travel, 3 * travel
     added[145 * slow : 180 * slow] = np.nan
     return added
@@ -306,19 +306,19 @@ def in_turn(mean: Array) -> Array:
 
 def also_infinite(values: Array) -> Array:
     """Return the numbers, of which those that are none are infinite in turn: it is all the same."""
-    found = values.copy()
+    result = values.copy()
     none = np.flatnonzero(np.isnan(values))
-    found.flat[none[1::3]], found.flat[none[2::3]] = np.inf, -np.inf
-    return found
+    result.flat[none[1::3]], result.flat[none[2::3]] = np.inf, -np.inf
+    return result
 
 
 def marks_of(tested: Vectors) -> NDArray[np.uint8]:
     """Return the mode of each sample and the marks that the template of the self-test has (N,)."""
-    found = tested.mode + 8 * tested.fly.astype(np.uint8) + 32 * tested.usable.astype(np.uint8)
-    found[tested.starts] += 16
-    found[tested.taken] += 64
-    found[tested.amplified] += 128
-    return found.astype(np.uint8)
+    result = tested.mode + 8 * tested.fly.astype(np.uint8) + 32 * tested.usable.astype(np.uint8)
+    result[tested.starts] += 16
+    result[tested.taken] += 64
+    result[tested.amplified] += 128
+    return result.astype(np.uint8)
 
 
 def coverage(controller: Controller, tested: Vectors) -> list[tuple[str, str]]:

@@ -111,9 +111,9 @@ def made_of(estimator: Estimator) -> str:
         parts.append(f"{own['n']} models")
     inner: Estimator | None = getattr(estimator, "inner", None)
     if inner is not None:
-        found = [name for name in ("measurement", "disturbance") if own[name]]
+        results = [name for name in ("measurement", "disturbance") if own[name]]
         often = "every sample" if own["window"] == 1 else "by windows"
-        parts += [" and ".join(found), often, type(inner.core).__name__]
+        parts += [" and ".join(results), often, type(inner.core).__name__]
     return ", ".join([*parts, type(_held(estimator)).__name__])
 
 

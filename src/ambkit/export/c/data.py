@@ -114,10 +114,10 @@ def struct(
 
 def called(estimator: Estimator) -> InCore:
     """Return how the core calls an estimator."""
-    found = in_core_of(estimator)
-    if found is None:
+    result = in_core_of(estimator)
+    if result is None:
         raise AmbkitError(f"the {estimator.name} cannot be exported yet")
-    return found
+    return result
 
 
 def own(estimator: Estimator, precision: CPrecision) -> str:
@@ -155,10 +155,10 @@ def declared(arrays: Mapping[str, NDArray[Any]], precision: CPrecision) -> list[
 
 def arrays_of(fields: Mapping[str, Any], path: str = "") -> dict[str, NDArray[Any]]:
     """Return all arrays in a struct and in the structs in it, by the paths of their fields."""
-    found: dict[str, NDArray[Any]] = {}
+    results: dict[str, NDArray[Any]] = {}
     for name, value in fields.items():
         if isinstance(value, Mapping):
-            found |= arrays_of(value, f"{path}{name}.")
+            results |= arrays_of(value, f"{path}{name}.")
         elif isinstance(value, np.ndarray):
-            found[f"{path}{name}"] = value
-    return found
+            results[f"{path}{name}"] = value
+    return results

@@ -35,9 +35,9 @@ def data_context(
     named = of_model.arrays | {names[path]: values for path, values in arrays.items()}
     if estimator.whole is not None:
         named = dict(of_model.arrays)
-        for k, each in enumerate(magnets_of(estimator)):
-            own = data.arrays_of(each.parameters)
-            named |= {_names(each, k)[path]: values for path, values in own.items()}
+        for k, item in enumerate(magnets_of(estimator)):
+            own = data.arrays_of(item.parameters)
+            named |= {_names(item, k)[path]: values for path, values in own.items()}
     kalman = estimator.core.parameters | {"model": of_model.numbers}
     if editable:
         kalman = kalman["set"]
@@ -54,13 +54,13 @@ def data_context(
 def several(
     estimator: Estimator, magnets: list[Magnet], kinds: list[Kind], precision: CPrecision
 ) -> dict[str, Any]:
-    """Return what only the export of a whole machine has."""
-    whole = estimator.whole
-    assert whole is not None
-    constant, by_reading = whole.start_form(estimator.states, estimator.hover)
+    """Return what only the export of a machine has."""
+    machine_view = estimator.whole
+    assert machine_view is not None
+    constant, by_reading = machine_view.start_form(estimator.states, estimator.levitation_current)
     return {
-        "axes": [axis.name for axis in whole.machine.axes],
-        "readings": [r.name for r in whole.machine.readings],
+        "axes": [axis.name for axis in machine_view.machine.axes],
+        "readings": [r.name for r in machine_view.machine.readings],
         "headers": sorted({f"{kind.source}.h" for kind in kinds}),
         "start": data.array(constant, precision),
         "start_by": data.array(by_reading.ravel(), precision),
@@ -68,9 +68,9 @@ def several(
             {
                 "type": kind.type,
                 "methods": kind.methods,
-                "text": data.struct(each.parameters, precision, _names(each, k)),
+                "text": data.struct(magnet.parameters, precision, _names(magnet, k)),
             }
-            for k, (each, kind) in enumerate(zip(magnets, kinds, strict=True))
+            for k, (magnet, kind) in enumerate(zip(magnets, kinds, strict=True))
         ],
     }
 
@@ -90,9 +90,9 @@ def raw(name: str, reading: Scaling, precision: CPrecision) -> dict[str, str] | 
     }
 
 
-def hover(estimator: Estimator, precision: CPrecision) -> str:
-    """Return the current that holds the rotor at x, as `Estimator.at_rest` has it."""
-    middle, per_metre = (data.number(value, precision) for value in estimator.hover)
+def levitation_current(estimator: Estimator, precision: CPrecision) -> str:
+    """Return the current that holds the rotor at x, as `Estimator.equilibrium_state` has it."""
+    middle, per_metre = (data.number(value, precision) for value in estimator.levitation_current)
     return f"{middle} + {per_metre} * x"
 
 
@@ -120,12 +120,12 @@ def crc(
 ) -> Crc:
     """Return the CRC of the data file, with its names."""
     constants = Constants(precision)
-    whole = estimator.whole is not None
+    of_machine = estimator.whole is not None
     for path, values in of_model.arrays.items():
         constants.array(path, values)
     magnets = magnets_of(estimator)
     for k, magnet in enumerate(magnets):
-        names = _names(magnet, k if whole else None)
+        names = _names(magnet, k if of_machine else None)
         for path, values in data.arrays_of(magnet.parameters).items():
             constants.array(names[path], values)
     kalman = estimator.core.parameters | {"model": of_model.numbers}
@@ -138,7 +138,9 @@ def crc(
         constants.fields(f"{name}_turning", of_model.turning, arrays=False)
     constants.array(f"{name}_std", np.asarray(estimator.default_std()))
     if estimator.whole is not None:
-        start, by_reading = estimator.whole.start_form(estimator.states, estimator.hover)
+        start, by_reading = estimator.whole.start_form(
+            estimator.states, estimator.levitation_current
+        )
         constants.array(f"{name}_start", start)
         constants.array(f"{name}_start_by", by_reading.ravel())
         for k, magnet in enumerate(magnets):
@@ -146,8 +148,8 @@ def crc(
     else:
         (magnet,) = magnets
         paper = data.called(estimator) is PAPER and flown is None
-        given = paper and type(magnet).__name__ == "Constant"
-        place = f"{name}_stiffness" if given else "magnet"
+        constant_stiffness = paper and type(magnet).__name__ == "Constant"
+        place = f"{name}_stiffness" if constant_stiffness else "magnet"
         constants.fields(place, magnet.parameters, arrays=False)
     constants.fields("own", estimator.core.own, arrays=True)
     if flown is not None:

@@ -63,7 +63,7 @@ class Export:
     @cached_property
     def kinds(self) -> list[Kind]:
         """What each of them is in C."""
-        return [MAGNETS[type(each).__name__] for each in self.magnets]
+        return [MAGNETS[type(magnet).__name__] for magnet in self.magnets]
 
     @cached_property
     def in_core(self) -> InCore | None:
@@ -98,9 +98,9 @@ class Export:
     @cached_property
     def core_files(self) -> dict[str, str]:
         """The core's own files."""
-        needed = ["src/kalman.c", "src/envelope.c", "src/at_rest.c"]
+        needed = ["src/kalman.c", "src/envelope.c", "src/equilibrium.c"]
         needed += ["include/ambkit/crc.h", "include/ambkit/root.h"]
-        needed += [] if self.given else [f"src/{each.source}.c" for each in self.kinds]
+        needed += [] if self.given else [f"src/{kind.source}.c" for kind in self.kinds]
         if self.in_core is not None:
             stems = ("estimator", self.in_core.source, *self.in_core.calls)
             needed += [f"src/{stem}.c" for stem in stems]
@@ -110,8 +110,8 @@ class Export:
         needed += control.SOURCES if self.controller is not None else ()
         needed += calibration.SOURCES if self.calibrated else ()
         needed += ["src/telemetry.c"] if self.framed else []
-        found = core.closure(needed, instead=self.of_model.instead)
-        return {f"core/{file}": text for file, text in found.items()}
+        result = core.closure(needed, instead=self.of_model.instead)
+        return {f"core/{file}": text for file, text in result.items()}
 
     @property
     def sources(self) -> tuple[str, ...]:

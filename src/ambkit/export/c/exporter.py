@@ -67,18 +67,18 @@ class CExport(Result):
     @property
     def rows(self) -> list[Row]:
         """How far the table is from the rules, and what a step costs."""
-        found: list[Row] = []
+        results: list[Row] = []
         if self.table is not None:
             rows, columns = self.table.k_i.shape
-            found = put([
+            results = put([
                 Row("rows", "rows", rows),
                 Row("columns", "columns", columns),
                 Row("force_bound", "from the rules, at most", self.table.bound, "N"),
                 Row("force_error", "  greatest found", self.table.error, "N"),
             ], section=("table",))  # fmt: skip
         if self.cost is not None and self.clock is not None:
-            found += self.cost.rows(self.clock)
-        return found
+            results += self.cost.rows(self.clock)
+        return results
 
     SECTIONS = {("table",): Section("Table of the expert"),
             ("cost",): Section("Cost on a Cortex-M4F, measured in qemu")}  # fmt: skip
@@ -86,8 +86,8 @@ class CExport(Result):
     @property
     def series(self) -> dict[str, Any]:
         """Its files, and what it was made from."""
-        shown = ("name", "precision", "configuration", "sources", "files")
-        return {"folder": str(self.folder)} | {name: getattr(self, name) for name in shown}
+        fields = ("name", "precision", "configuration", "sources", "files")
+        return {"folder": str(self.folder)} | {name: getattr(self, name) for name in fields}
 
 
 def export_c(
@@ -126,7 +126,7 @@ def export_c(
                 "only an expert can be tabulated, that of a single axis; give one, or export the "
                 "exact form"
             )
-        axis = bearing.alone("")
+        axis = bearing.isolated_axis("")
         table = tabulate(magnet, axis, bound=force_bound, precision=options["precision"])
         magnet = table
     elif force_bound is not None:
@@ -155,8 +155,8 @@ def export_c(
         )
     )  # fmt: skip
     if wrong and calibrated:  # which an A2L file is made from later
-        told = json.loads(content.files["calibration.json"]) | {"must_not_fly": wrong}
-        content.files["calibration.json"] = json.dumps(told, indent=2) + "\n"
+        calibration_data = json.loads(content.files["calibration.json"]) | {"must_not_fly": wrong}
+        content.files["calibration.json"] = json.dumps(calibration_data, indent=2) + "\n"
     written = folder.write(Path(out), content.files)
     return CExport(
         written,

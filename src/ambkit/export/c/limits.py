@@ -15,7 +15,7 @@ from ambkit.estimate.noise import FilterNoise
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.control import compensator, controllers, fed
-from ambkit.simulation.linear.pieces import POSITION, VELOCITY, WorkPoint, plant
+from ambkit.simulation.linear.pieces import POSITION, VELOCITY, OperatingPoint, plant
 from ambkit.simulation.linear.settled import estimator_at
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def limits(controller: Controller, exported: dict[str, float]) -> Limits:
         if not wider <= most:
             break
         low, high, peak = *ends, wider
-    found = [
+    results = [
         {name: _rounded(by[name] * exported[name], up) if by[name] != 1.0 else exported[name]
          for name in WIDEST}
         for by, up in ((low, True), (high, False))
@@ -88,7 +88,7 @@ def limits(controller: Controller, exported: dict[str, float]) -> Limits:
         "weight": (0.0, max(1.0, exported["weight"])),
     }  # fmt: skip
     lowest, highest = (
-        {name: beside[name][k] if name in beside else found[k][name] for name in exported}
+        {name: beside[name][k] if name in beside else results[k][name] for name in exported}
         for k in (0, 1)
     )
     return Limits(lowest, highest, peak)
@@ -99,8 +99,8 @@ def _rounded(value: float, up: bool) -> float:
     if value == 0:
         return 0.0
     unit = 10.0 ** (math.floor(math.log10(abs(value))) - DIGITS + 1)
-    whole = math.ceil(value / unit) if up else math.floor(value / unit)
-    return float(f"{whole * unit:.{DIGITS}g}")
+    unit_count = math.ceil(value / unit) if up else math.floor(value / unit)
+    return float(f"{unit_count * unit:.{DIGITS}g}")
 
 
 class _Loops:
@@ -110,16 +110,16 @@ class _Loops:
         self.controller, self.exported = controller, exported
         bearing = controller.bearing
         try:
-            self.point = WorkPoint.hovering(bearing)
+            self.point = OperatingPoint.equilibrium(bearing)
         except AmbkitError:  # it is not held at the centre, but perhaps elsewhere
-            self.point = WorkPoint(0.0, 0.0)
+            self.point = OperatingPoint(0.0, 0.0)
         P = plant(bearing, self.point)
         self.plant = P.select(["y", "x"], P.inputs[0][:1])
-        slowest, highest = 1 / (40 * math.pi * own_time(bearing)), 0.5 / bearing.sampling_time
-        self.f = np.geomspace(min(slowest, highest / 2), highest, POINTS)
+        min_frequency, highest = 1 / (40 * math.pi * own_time(bearing)), 0.5 / bearing.sampling_time
+        self.f = np.geomspace(min(min_frequency, highest / 2), highest, POINTS)
         self.y, self.x = self.plant.response(self.f)[:, :, 0].T
         room = min(bearing.current_max - self.point.iu, self.point.iu - bearing.current_min)
-        self.room = np.array([bearing.rotor.travel_limit, room]) / SIGMAS
+        self.room = np.array([bearing.rotor.clearance, room]) / SIGMAS
         one = dict.fromkeys(WIDEST, 1.0)
         self.share = max(1.0, 1.05 * self._corners(one, one)[1])
 
@@ -144,8 +144,8 @@ class _Loops:
         for E in filters:
             for gains in itertools.product(*_ends(names, low, high)):
                 law = self._law(dict(zip(names, gains, strict=True)))
-                shown = np.array([[1 / self.controller.bearing.sensor.gain]])
-                K = compensator(law, E, shown)
+                transform = np.array([[1 / self.controller.bearing.sensor.gain]])
+                K = compensator(law, E, transform)
                 loop = Loop(self.plant, K)
                 if not loop.is_stable:
                     return math.inf, math.inf
@@ -153,29 +153,29 @@ class _Loops:
                 S = 1 / (1 - self.y * C)
                 worst = max(worst, float(np.abs(S).max()))
                 moved = np.abs(np.array([self.x * C * S, bearing.amplifier.gain * C * S])) ** 2
-                growth = 2 * bearing.sampling_time * bearing.sensor.noise_variance
-                noise = np.sqrt(growth * np.trapezoid(moved, self.f))
+                noise_density = 2 * bearing.sampling_time * bearing.sensor.noise_variance
+                noise = np.sqrt(noise_density * np.trapezoid(moved, self.f))
                 share = max(share, float((noise / self.room).max()))
         return worst, share
 
     def _law(self, by: dict[str, float]) -> Any:
         """Return the controllers with gains of these parts of the exported ones."""
-        found = self.controller.law
-        (pid,) = found.pids
+        result = self.controller.law
+        (pid,) = result.pids
         names = ("kp", "ki", "kd", "T_f")
         other = [gain * by.get(name, 1.0) for name, gain in zip(names, pid, strict=False)]
-        law = type(found)([[*other, *pid[4:]]], *list(vars(found).values())[1:])
+        law = type(result)([[*other, *pid[4:]]], *list(vars(result).values())[1:])
         measured = self.controller.pid.feedback == "measurement"
         return controllers(law, self.controller.bearing, measured=measured)
 
     def _filter(self, m: float, s: float, noise: dict[str, dict[str, float]]) -> Any:
         """Return the filter of a rotor and a magnet of these parts, and with such noise."""
-        controller, told = self.controller, self.exported
+        controller, nominal = self.controller, self.exported
         bearing = controller.bearing
-        rotor = bearing.rotor.model_copy(update={"mass": m * told["mass"]})
+        rotor = bearing.rotor.model_copy(update={"mass": m * nominal["mass"]})
         other = bearing.model_copy(update={"rotor": rotor})
         k = ConstantStiffness.of(bearing)
-        variances = {name: by[name] * told[name] for name, by in noise.items()}
+        variances = {name: by[name] * nominal[name] for name, by in noise.items()}
         assumed = FilterNoise(
             measurement=variances["var_y"], control=variances["var_u"],
             disturbance=variances["var_d"] / bearing.sampling_time,

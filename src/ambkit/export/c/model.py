@@ -53,7 +53,7 @@ def in_c(
     if loops if loops is not None else len(model.states) > MOST_UNROLLED:
         return by_loops(model)
     names = emit.Names(model)
-    what = "One axis" if estimator.whole is None else "A whole machine"
+    what = "One axis" if estimator.whole is None else "A machine"
     about = f"{what}: {', '.join(state.name for state in model.states)}"
     header = emit.header(names, about, by=f"ambkit {version('ambkit')}")
     return InC({LOOPS: None, BUILT_IN: header}, (), emit.constants(names, model), {}, {})
@@ -83,27 +83,27 @@ def turning(of: InC, nodes: Nodes) -> InC:
     numbers, arrays, at = dict(of.numbers), dict(of.arrays), 0
     for name in NUMBERS:
         plain = name in ("e", "r")
-        kept = f"model_{name}" if plain else f"model_{name}_value"
+        array_name = f"model_{name}" if plain else f"model_{name}_value"
         there = f"&model_still[{at}]"
         if not plain:
             there = f"{{model_{name}_start, model_{name}_column, {there}}}"
         numbers[name] = Name(there)
         empty = not plain and not int(arrays[f"model_{name}_start"][-1])
-        at += 0 if empty else len(arrays[kept])
-        del arrays[kept]
+        at += 0 if empty else len(arrays[array_name])
+        del arrays[array_name]
     arrays |= {
         "model_still": nodes.still, "model_which": nodes.which.astype(np.uint16),
         "model_at": nodes.at.ravel(), "model_grown": _array(nodes.grown.tolist(), "grown"),
         "model_by_growth": _array(nodes.by_growth.ravel().tolist(), "by_growth"),
     }  # fmt: skip
-    turned = {
+    node_fields = {
         "nodes": len(nodes.at), "numbers": len(nodes.still), "changing": len(nodes.which),
         "growing": len(nodes.grown), "lowest": nodes.lowest, "step": nodes.step,
         "still": Name("model_still"), "which": Name("model_which"), "at": Name("model_at"),
         "grown": Name("model_grown"), "by_growth": Name("model_by_growth"),
     }  # fmt: skip
     return of._replace(
-        sources=(*of.sources, "src/turning.c"), numbers=numbers, arrays=arrays, turning=turned
+        sources=(*of.sources, "src/turning.c"), numbers=numbers, arrays=arrays, turning=node_fields
     )
 
 
@@ -118,7 +118,7 @@ class State(NamedTuple):
 
     field: str
     about: str
-    at_rest: str
+    equilibrium: str
 
 
 OF_PAPER = {
@@ -133,12 +133,12 @@ OTHERS = ("k_i", "k_s", "innovation", "variance", "feed_back")
 
 def states(described: Sequence[Descriptor], current: str = "AMB_C(0.0)") -> list[State]:
     """Return the states as the estimates' struct has them."""
-    at_rest = {"position": "x", "sensor": "x_m", "current": current, "past control": current}
+    equilibrium = {"position": "x", "sensor": "x_m", "current": current, "past control": current}
     return [
         State(
             state.name + "_" * (state.name in emit.KEYWORDS or state.name in OTHERS),
             OF_PAPER.get(state.name, f"{state.role} [{state.unit}]"),
-            at_rest.get(state.role, "AMB_C(0.0)"),
+            equilibrium.get(state.role, "AMB_C(0.0)"),
         )
         for state in described
     ]

@@ -72,8 +72,8 @@ def recorded(
         return None
     stored = _stored()
     of = stored["filters" if control is None else "controllers"]
-    found = of.get(stored_as(estimator, precision, control))
-    return None if found is None else Proof(**found, tool=stored["tool"])
+    result = of.get(stored_as(estimator, precision, control))
+    return None if result is None else Proof(**result, tool=stored["tool"])
 
 
 def outputs(states: list[str], export: Export) -> list[str]:
@@ -85,12 +85,12 @@ def outputs(states: list[str], export: Export) -> list[str]:
     if not export.several:
         return [*states, "k_i", "k_s", "innovation", "variance"]
     axes, readings = range(len(machine.axes)), range(len(machine.readings))
-    told = [*states, *(f"{what}[{k}]" for what in ("k_i", "k_s") for k in axes)]
-    told += [f"{what}[{k}]" for what in ("innovation", "variance") for k in readings]
+    names = [*states, *(f"{what}[{k}]" for what in ("k_i", "k_s") for k in axes)]
+    names += [f"{what}[{k}]" for what in ("innovation", "variance") for k in readings]
     if not export.beside:
-        return told
+        return names
     of_axes = ("iu[{}]", "u[{}]", "coil[{}][0]", "coil[{}][1]")
-    return [*(f"estimates.{each}" for each in told), *(w.format(k) for w in of_axes for k in axes)]
+    return [*(f"estimates.{name}" for name in names), *(w.format(k) for w in of_axes for k in axes)]
 
 
 @cache
@@ -102,9 +102,9 @@ def _stored() -> dict[str, Any]:
 def context(export: Export, context: dict[str, Any]) -> dict[str, Any]:
     """Return what the files of the proof say."""
     estimator, one = export.estimator, export.one
-    asked = [text for name, text in export.core_files.items() if name.endswith(".c")]
+    sources = [text for name, text in export.core_files.items() if name.endswith(".c")]
     uses = {
-        called: any(f"{called}(" in text for text in asked)
+        called: any(f"{called}(" in text for text in sources)
         for called in ("amb_exp_negative", "amb_root")
     }
     contracts = [called for called, used in uses.items() if used]

@@ -61,8 +61,8 @@ def render(export: Export) -> Content:
     context = _context(export)
     described = {}
     if export.calibrated and export.one is not None:
-        told = calibration.described(export.one, export.name, export.precision)
-        described["calibration.json"] = told
+        calibration_json = calibration.described(export.one, export.name, export.precision)
+        described["calibration.json"] = calibration_json
     if export.framed:
         T = export.estimator.bearing.sampling_time
         of_frame = (export.name, context["configuration"], T, context["frame"])
@@ -142,7 +142,7 @@ def _names(export: Export) -> dict[str, Any]:
     assumed, sampled, magnets = _assumed(estimator), _sampled(estimator), _about(export.kinds)
     proved = _PROVED
     if export.controller is not None:
-        proved = _PROVED.replace("NAME_reset", "NAME_take_over")
+        proved = _PROVED.replace("NAME_reset", "NAME_transfer")
         proved = proved.replace("the estimates", "the output")
     if export.beside:
         proved = proved.replace("NAME_", "NAME_control_")
@@ -187,12 +187,12 @@ def _tested(export: Export) -> dict[str, Any]:
     settling, bound = settling_of(estimator), bound_of(estimator)
     if export.one is None:
         tested = vectors.make(estimator, export.magnets, settling=settling, bound=bound)
-        told = selftest.context(tested, estimator, precision)
+        test_data = selftest.context(tested, estimator, precision)
     else:
-        told = {key: export.flown["in_flight"][key] for key in ("runs", "coverage")}
+        test_data = {key: export.flown["in_flight"][key] for key in ("runs", "coverage")}
     return {
         "bound": (_BOUNDS_OF_MACHINES if export.several else _BOUNDS)[precision],
-        **told,
+        **test_data,
         "diagonal": vectors.diagonal(len(estimator.states)),
         "shown": selftest.first(estimator, "sensor"),
         "load": selftest.first(estimator, "disturbance force"),
@@ -208,10 +208,10 @@ def _numbers(export: Export) -> dict[str, Any]:
     estimator, precision, several = export.estimator, export.precision, export.several
     bearing, unit = estimator.bearing, estimator.machine.control_unit
     inputs = {
-        each: data_file.raw(each, getattr(estimator.inputs, each), precision) for each in "yu"
+        item: data_file.raw(item, getattr(estimator.inputs, item), precision) for item in "yu"
     }
-    units = {"y": "m", "u": unit} | {each: of["unit"] for each, of in inputs.items() if of}
-    hover = "" if several else data_file.hover(estimator, precision)
+    units = {"y": "m", "u": unit} | {item: of["unit"] for item, of in inputs.items() if of}
+    current_text = "" if several else data_file.levitation_current(estimator, precision)
     return {
         "precision": precision,
         "sampling_time": engineering(bearing.sampling_time, "s"),
@@ -221,9 +221,9 @@ def _numbers(export: Export) -> dict[str, Any]:
         "inputs": inputs,
         "inputs_text": repr(inputs),
         "control_unit": unit,
-        **{f"{each}_unit": of for each, of in units.items()},
+        **{f"{item}_unit": of for item, of in units.items()},
         "room": export.of_model.room,
-        "states": model.states(estimator.states, hover),
+        "states": model.states(estimator.states, current_text),
         **data_file.data_context(
             estimator, export.magnets[0], export.kinds[0], precision, export.of_model,
             editable=export.editable,
@@ -242,12 +242,12 @@ def _turning(
     fields = of_model.turning
     if fields is None or speeds is None:
         return None
-    slowest, fastest = (f"{each:.6g}" for each in speeds)
+    min_speed, max_speed = (f"{speed:.6g}" for speed in speeds)
     return {
         "numbers": fields["numbers"],
         "text": data.struct(fields, precision, {}),
-        "slowest": slowest,
-        "fastest": fastest,
+        "slowest": min_speed,
+        "fastest": max_speed,
     }
 
 
@@ -260,19 +260,19 @@ def _sampled(estimator: Estimator) -> str:
 
 def _assumed(estimator: Estimator) -> dict[str, str]:
     """Say what it assumes of the noise, and where each number came from."""
-    shown = {
+    labels = {
         "measurement": ("noise of the measurement, R", "m^2"),
         "control": ("noise of the control signal", f"{estimator.machine.control_unit}^2"),
         "disturbance": ("growth of the disturbance force's variance, Q", "N^2/s"),
     }
-    said = {}
+    assumptions = {}
     for name, value in estimator.variances._asdict().items():
-        what, unit = shown[name]
+        what, unit = labels[name]
         origin = estimator.origin.get(f"noise.{name}")
         values = value if isinstance(value, tuple) else (value,)
-        shown_values = ", ".join(dict.fromkeys(f"{each:.6g}" for each in values))
-        said[what] = f"{shown_values} {unit}" + (f" ({origin})" if origin else "")
-    return said
+        shown_values = ", ".join(dict.fromkeys(f"{item:.6g}" for item in values))
+        assumptions[what] = f"{shown_values} {unit}" + (f" ({origin})" if origin else "")
+    return assumptions
 
 
 def _about(kinds: list[Kind]) -> str:
@@ -321,7 +321,7 @@ def _described(bearing: Machine) -> str:
     """Return the description of a bearing or a machine without the folders of its files."""
     text = bearing.to_toml()
     of = bearing.bearings
-    for path in filter(None, (getattr(each.magnet, key) for each in of for key in FILES)):
+    for path in filter(None, (getattr(item.magnet, key) for item in of for key in FILES)):
         text = text.replace(path, Path(path).name)
     return text
 

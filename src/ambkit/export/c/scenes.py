@@ -28,7 +28,7 @@ LONGEST_OUTAGE = 400
 NOISY = 80
 """Samples until an innovation in four of the last 128 was too large, and some."""
 MOST_SETTLING = 200
-"""Samples of a plant's own time that are lived through twice."""
+"""Samples of a plant's time constant that are lived through twice."""
 MOST_PLACES = 24
 """Rows, and columns, of the box that are visited."""
 
@@ -57,7 +57,7 @@ def _of_axis(estimator: Estimator, settling: int) -> Iterator[Scene]:
     yield _spoilt(estimator, _flight(estimator, 1.0))
     yield _jumping(estimator, _flight(estimator, -1.0))
     yield _outage(estimator)
-    yield _surprised(estimator)
+    yield _inconsistent(estimator)
     if settling <= MOST_SETTLING:
         yield _settled(estimator, settling)
 
@@ -70,7 +70,7 @@ def _flight(estimator: Estimator, sign: float) -> Scene:
 
     bearing = estimator.bearing
     T = bearing.sampling_time
-    reference = Step(amplitude=sign * bearing.rotor.travel_limit / 4, time=20 * T)
+    reference = Step(amplitude=sign * bearing.rotor.clearance / 4, time=20 * T)
     controller = Control.for_bearing(bearing)
     scenario = Scenario(duration=(FLIGHT - 1) * T, reference=reference, controller=controller)
     record = simulate(bearing, scenario)
@@ -81,7 +81,7 @@ def _flight(estimator: Estimator, sign: float) -> Scene:
 def _spoilt(estimator: Estimator, scene: Scene) -> Scene:
     """Measurements far away and lost, a frozen sensor, demands beyond the limits and no numbers."""
     bearing, (_, y, u, _) = estimator.bearing, scene
-    far = 1e3 * bearing.sensor.gain * bearing.rotor.travel_limit
+    far = 1e3 * bearing.sensor.gain * bearing.rotor.clearance
     just = 1e-2 * far * np.array([0.98, -0.98, 1.02, -1.02])  # ten travels and more: no rotor
     y[30:38:2] = just
     y[40:46] = far, -far, np.nan, np.inf, -np.inf, np.nan
@@ -103,24 +103,24 @@ def _jumping(estimator: Estimator, scene: Scene) -> Scene:
         return scene
     gate, var_y = settings["gate"], float(settings["var_y"][0])
     var_y += float(estimator.core.parameters["rounding"][0])
-    pushed = 100.0 * settings["K_sen"][0] * settings["T"] ** 2
+    acceleration_step = 100.0 * settings["K_sen"][0] * settings["T"] ** 2
     turns = [(40 + 6 * n, part) for n, part in enumerate((1.001, 0.999, -1.001, -0.999))]
     # The more are left out, the farther may the next one be.
     turns += [(66, 1.5), (67, 1.001), (74, -1.5), (75, -0.999), (82, 1.5), (83, 1.5), (84, 1.001)]
     turns += [(30, -1.5), (31, -1.5), (32, -0.999)]
     for k, part in sorted(turns):
-        told = run(estimator, y[: k + 1], u[: k + 1])
-        e, S = told["innovation"].ravel(), told["variance"].ravel()
+        output = run(estimator, y[: k + 1], u[: k + 1])
+        e, S = output["innovation"].ravel(), output["variance"].ravel()
         if not S[k] > 0:
             return scene
-        out = int(k - 1 - np.flatnonzero(told["status"][:k].ravel() & Status.OUTLIER == 0)[-1])
+        out = int(k - 1 - np.flatnonzero(output["status"][:k].ravel() & Status.OUTLIER == 0)[-1])
         last = k - 1 - out  # that was taken in, and left
         left = e[last] * var_y / S[last]
-        goes_on = np.sqrt(2 * gate**2 * var_y + (pushed * (out + 1) ** 2) ** 2)
+        goes_on = np.sqrt(2 * gate**2 * var_y + (acceleration_step * (out + 1) ** 2) ** 2)
         least = max(gate * np.sqrt(S[k]), goes_on + np.sign(part) * left)
         y[k] += part * least - e[k]
     # Where no rotor is, but a sensor that has slipped shows it: the estimate is held at the stop.
-    there = 1.2 * np.copysign(estimator.bearing.rotor.travel_limit, -y[90])
+    there = 1.2 * np.copysign(estimator.bearing.rotor.clearance, -y[90])
     y[90:] += settings["K_sen"][0] * there - y[90]
     u[0] = np.nan  # before any was good
     return scene._replace(name=f"{name}, with jumps about the gate, and one that stays")
@@ -129,13 +129,13 @@ def _jumping(estimator: Estimator, scene: Scene) -> Scene:
 def _outage(estimator: Estimator) -> Scene:
     """On a stop, then nothing, until the filter says so; then the rotor on the other side."""
     bearing = estimator.bearing
-    shown = bearing.sensor.gain * bearing.rotor.travel_limit
+    sensor_range = bearing.sensor.gain * bearing.rotor.clearance
     y, u = np.full(LONGEST_OUTAGE + 30, np.nan), np.zeros(LONGEST_OUTAGE + 30)
-    y[0] = -0.9 * shown
+    y[0] = -0.9 * sensor_range
     u[:] = 0.3 * bearing.current_max / bearing.amplifier.gain
     held = np.flatnonzero(run(estimator, y, u)["status"] & Status.HELD)
     n = int(held[0]) + 5 if held.size and held[0] < LONGEST_OUTAGE else 60
-    there = 0.6 * shown * (1 + 1e-3 * np.resize([1.0, -1.0], 30))
+    there = 0.6 * sensor_range * (1 + 1e-3 * np.resize([1.0, -1.0], 30))
     return Scene("an outage", np.concatenate([y[:n], there]), u[: n + 30])
 
 
@@ -143,27 +143,27 @@ def _settled(estimator: Estimator, settling: int) -> Scene:
     """At rest until it may be fed back, then nothing until it may not."""
     bearing = estimator.bearing
     n = settling + 6
-    here = 1e-2 * bearing.sensor.gain * bearing.rotor.travel_limit * np.resize([1.0, -1.0, 0.5], n)
+    here = 1e-2 * bearing.sensor.gain * bearing.rotor.clearance * np.resize([1.0, -1.0, 0.5], n)
     y = np.concatenate([here, np.full(n, np.nan)])
-    hovering = bearing.current_min / 4 / bearing.amplifier.gain
-    return Scene("settled, and then nothing", y, np.full(2 * n, hovering))
+    holding = bearing.current_min / 4 / bearing.amplifier.gain
+    return Scene("settled, and then nothing", y, np.full(2 * n, holding))
 
 
-def _surprised(estimator: Estimator) -> Scene:
+def _inconsistent(estimator: Estimator) -> Scene:
     """A noise six times as large as was said."""
     bearing = estimator.bearing
     std = float(np.sqrt(estimator.core.parameters["set"]["var_y"][0]))
     off = 6.0 * std * np.random.default_rng(0).choice([-1.0, 1.0], NOISY)
-    here = -0.2 * bearing.sensor.gain * bearing.rotor.travel_limit
-    hovering = bearing.current_min / 4 / bearing.amplifier.gain
-    return Scene("too much noise", here + off, np.full(NOISY, hovering))
+    here = -0.2 * bearing.sensor.gain * bearing.rotor.clearance
+    holding = bearing.current_min / 4 / bearing.amplifier.gain
+    return Scene("too much noise", here + off, np.full(NOISY, holding))
 
 
 def _box(estimator: Estimator, magnet: Magnet) -> Iterator[Scene]:
     """From each displacement, all currents, one after the other, before the rotor has moved far."""
     # Of a table every other cell is met in its middle, and so each of its nodes is asked.
     bearing = estimator.bearing
-    x_max, gain = bearing.rotor.travel_limit, bearing.sensor.gain
+    x_max, gain = bearing.rotor.clearance, bearing.sensor.gain
     of = magnet.parameters
     xs = _places(-x_max, x_max, of, "x_min", "per_metre", "rows")
     currents = _places(
@@ -174,7 +174,7 @@ def _box(estimator: Estimator, magnet: Magnet) -> Iterator[Scene]:
         turns = np.stack([currents, currents[::-1]])[:, : -(-len(currents) // 2)].T.ravel()
         ordered = turns[: len(currents)][:: 1 if row % 2 else -1]
         u = np.append(ordered / bearing.amplifier.gain, 0.0)
-        step = 1e-4 * bearing.rotor.travel_limit * np.resize([1.0, -1.0], len(u))
+        step = 1e-4 * bearing.rotor.clearance * np.resize([1.0, -1.0], len(u))
         inwards = np.where(np.arange(len(u)) > 0, step, 0.0) * (-1.0 if x > 0 else 1.0)
         yield Scene(f"all currents at {1e3 * x:.3g} mm", gain * (x + inwards), u)
 
@@ -191,28 +191,28 @@ def _places(
     return np.array([low, *inside[few], high])
 
 
-# ---- A whole machine ----
+# ---- A machine ----
 
 
 def _of_machine(estimator: Estimator) -> Iterator[Scene]:
-    whole: Any = estimator.whole
-    yield _spoilt_machine(estimator, *_hover(estimator, 1.0))
-    y, u = _hover(estimator, -1.0)
-    y[60:] += 0.3 * whole.gains * whole.travel_seen  # all of them, and it stays
+    machine_view: Any = estimator.whole
+    yield _spoilt_machine(estimator, *_levitated(estimator, 1.0))
+    y, u = _levitated(estimator, -1.0)
+    y[60:] += 0.3 * machine_view.gains * machine_view.travel_seen  # all of them, and it stays
     y[90:, 0] = np.nan
     u[0, 0] = np.nan  # before any was good
     name = "a load the other way, a jump that stays, and a sensor that is lost"
     yield Scene(name, y, u, amplifies=60)
-    every = np.ones(len(whole.gains), bool)
+    every = np.ones(len(machine_view.gains), bool)
     yield _outage_of_machine(estimator, every, "an outage")
-    half = np.arange(len(whole.gains)) % 2 == 0
+    half = np.arange(len(machine_view.gains)) % 2 == 0
     yield _outage_of_machine(estimator, half, "an outage of every other sensor")
 
 
 def _settled_machine(estimator: Estimator, settling: int) -> Scene:
     """At rest until it may be fed back, with readings that are of no use; then nothing."""
-    whole: Any = estimator.whole
-    seen = whole.gains * whole.travel_seen
+    machine_view: Any = estimator.whole
+    seen = machine_view.gains * machine_view.travel_seen
     frozen = int(estimator.core.parameters["set"]["frozen_limit"])
     n = settling + frozen + 30
     y = 1e-2 * seen * np.resize([1.0, -1.0, 0.5], (2 * n, 1))
@@ -220,15 +220,15 @@ def _settled_machine(estimator: Estimator, settling: int) -> Scene:
     y[12 : 15 + frozen] = y[12]
     y[18 + frozen] = 5 * seen
     y[n:] = np.nan
-    return Scene("settled, and then nothing", y, np.zeros((2 * n, len(whole.alone))))
+    return Scene("settled, and then nothing", y, np.zeros((2 * n, len(machine_view.isolated))))
 
 
 def _outage_of_machine(estimator: Estimator, lost: NDArray[np.bool_], name: str) -> Scene:
     """Off the middle, then nothing of some, until the filter says so; the first is back first."""
     # What is left of a large covariance by a sharp sensor is what rounding leaves of it.
-    whole: Any = estimator.whole
-    seen = whole.gains * whole.travel_seen
-    limits = np.array([b.current_max / b.amplifier.gain for b in whole.alone])
+    machine_view: Any = estimator.whole
+    seen = machine_view.gains * machine_view.travel_seen
+    limits = np.array([b.current_max / b.amplifier.gain for b in machine_view.isolated])
     n = LONGEST_OUTAGE
     y = -0.5 * seen * (1 + 1e-3 * np.resize([1.0, -1.0, 0.5], (n, 1)))
     u = np.tile(0.3 * limits, (n, 1))
@@ -241,33 +241,33 @@ def _outage_of_machine(estimator: Estimator, lost: NDArray[np.bool_], name: str)
     return Scene(name, np.concatenate([y[:until], back]), u[: until + 20], amplifies)
 
 
-def _hover(estimator: Estimator, sign: float) -> tuple[Array, Array]:
+def _levitated(estimator: Estimator, sign: float) -> tuple[Array, Array]:
     """Let a machine hover under a load."""
     from ambkit.simulation.run import simulate
     from ambkit.simulation.scenario import Disturbance, Scenario
     from ambkit.simulation.waveforms import Step
 
-    machine, whole = estimator.bearing, estimator.whole
-    assert whole is not None
+    machine, machine_view = estimator.bearing, estimator.whole
+    assert machine_view is not None
     T = machine.sampling_time
     tenth = Step(amplitude=sign * 0.1 * machine.rotor.mass * GRAVITY, time=20 * T)
     force = Disturbance(axis=machine.axes[0].name, force=tenth)
-    flight = Scenario(duration=(FLIGHT - 1) * T, disturbance=(force,))
-    y, u = whole.signals(simulate(machine, flight))
+    scenario = Scenario(duration=(FLIGHT - 1) * T, disturbance=(force,))
+    y, u = machine_view.signals(simulate(machine, scenario))
     return y.copy(), u.copy()
 
 
 def _spoilt_machine(estimator: Estimator, y: Array, u: Array) -> Scene:
     """Measurements far away, frozen sensors, and demands beyond the limits."""
-    whole = estimator.whole
-    assert whole is not None
-    far = 1e3 * whole.gains * whole.travel_seen
+    machine_view = estimator.whole
+    assert machine_view is not None
+    far = 1e3 * machine_view.gains * machine_view.travel_seen
     y[40:43] = far, -far, far  # all of them
     y[46, 0] = far[0]  # one of them
     y[48, -1] = np.nan
     y[60:76] = y[60]
     y[80:96, -1] = y[80, -1]
-    limits = [2 * b.amplifier.current_limit / b.amplifier.gain for b in whole.alone]
+    limits = [2 * b.amplifier.current_limit / b.amplifier.gain for b in machine_view.isolated]
     u[100], u[106] = limits, np.negative(limits)
     u[112, 0], u[113, -1] = np.nan, np.inf
     most = float(np.finfo(estimator.precision).max)
@@ -279,6 +279,6 @@ def run(estimator: Estimator, y: Array, u: Array) -> dict[str, Any]:
     """Run from a fresh start at the first measurement; inputs may be no numbers."""
     number = np.dtype(estimator.precision).type
     y, u = (np.asarray(values, number) for values in (y, u))
-    estimator.reset(estimator.at_first(y))
-    told: dict[str, Any] = estimator.core.run(y, u, covariance=True)
-    return told
+    estimator.reset(estimator.initial_state(y))
+    output: dict[str, Any] = estimator.core.run(y, u, covariance=True)
+    return output

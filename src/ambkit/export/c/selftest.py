@@ -35,15 +35,15 @@ def context(tested: vectors.Vectors, estimator: Estimator, precision: CPrecision
 
 
 def _with_stand_ins(values: NDArray[np.float64], precision: CPrecision) -> NDArray[np.float64]:
-    """Return numbers, and what the vectors have in the place of what C has no literal for."""
+    """Return numbers, and what the vectors have instead of what C has no literal for."""
     most = float(np.finfo(np.float32 if precision == "float" else np.float64).max)
     return np.nan_to_num(values, nan=most, posinf=most / 2, neginf=-most / 2)
 
 
 def is_plain(estimator: Estimator) -> bool:
     """Whether it is the linear filter, of one axis or of a rotor that does not bend."""
-    whole = estimator.whole
-    bends = whole is not None and whole.H.shape[1] > whole.rigid
+    machine_view = estimator.whole
+    bends = machine_view is not None and machine_view.H.shape[1] > machine_view.rigid
     return estimator.name.startswith("linear") and not data.called(estimator).base and not bends
 
 
@@ -51,9 +51,9 @@ def of_roles(estimator: Estimator) -> dict[str, Any]:
     """Return which states the self-test of a machine asks for."""
     # `plain`: its state is the Kalman filter's own, whose covariance the self-test can spoil, and
     # the rotor is rigid: a mode may go beyond its bound, or back, within a sample.
-    roles, whole = [state.role for state in estimator.states], estimator.whole
+    roles, machine_view = [state.role for state in estimator.states], estimator.whole
     return {
-        "plain": whole is not None and is_plain(estimator),
+        "plain": machine_view is not None and is_plain(estimator),
         "positions": [i for i, role in enumerate(roles) if role == "position"],
         "moving": [
             str(role in ("position", "velocity", "disturbance force")).lower() for role in roles
@@ -72,14 +72,19 @@ def stops(estimator: Estimator) -> tuple[NDArray[np.float64], NDArray[np.float64
     """Return readings (2, m) that may be a rotor on its stops, and ones that may not."""
     known = estimator.core.parameters
     gain, travel, var_y = (np.asarray(known["set"][k], float) for k in ("K_sen", "travel", "var_y"))
-    shown, noise = np.abs(gain) * travel, np.sqrt(var_y + np.asarray(known["rounding"], float))
-    between, beyond = (np.array([-at, at]) for at in (shown + 3.8 * noise, shown + 4.2 * noise))
+    stop_reading, noise = (
+        np.abs(gain) * travel,
+        np.sqrt(var_y + np.asarray(known["rounding"], float)),
+    )
+    between, beyond = (
+        np.array([-at, at]) for at in (stop_reading + 3.8 * noise, stop_reading + 4.2 * noise)
+    )
     return estimator.inputs.y.numbers(between), estimator.inputs.y.numbers(beyond)
 
 
 def stops_in_c(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
     """Return the same as C."""
-    found = dict(zip(("between", "beyond"), stops(estimator), strict=True))
+    results = dict(zip(("between", "beyond"), stops(estimator), strict=True))
     if estimator.whole is None:
-        return {name: data.array(at.ravel(), precision, "") for name, at in found.items()}
-    return {name: data.rows(at, precision) for name, at in found.items()}
+        return {name: data.array(at.ravel(), precision, "") for name, at in results.items()}
+    return {name: data.rows(at, precision) for name, at in results.items()}

@@ -26,7 +26,7 @@ class Number(NamedTuple):
 def frame(export: Export, fields: Sequence[State]) -> list[Number]:
     """Return the numbers of a frame."""
     machine, inside = export.estimator.machine, "estimates." if export.beside else ""
-    found = [
+    results = [
         Number(state.name, state.unit, inside + field.field)
         for state, field in zip(export.estimator.states, fields, strict=True)
     ]
@@ -34,30 +34,30 @@ def frame(export: Export, fields: Sequence[State]) -> list[Number]:
     def at(what: str, k: int) -> str:
         return f"{what}[{k}]" if export.several else what
 
-    found += [
+    results += [
         Number(signal(what, reading.name), unit, inside + at(what, r))
         for what, unit in (("innovation", "m"), ("variance", "m^2"))
         for r, reading in enumerate(machine.readings)
     ]
     for f, axis in enumerate(machine.axes if export.controller is not None else ()):
         coils = 2 if axis.bearing.magnet.type == "two-sided" else 1
-        found += [
+        results += [
             Number(signal(f"coil_{k}", axis.name), "A", f"{at('coil', f)}[{k}]")
             for k in range(coils)
         ]
-        found += [Number(signal("iu", axis.name), "A", at("iu", f)),
+        results += [Number(signal("iu", axis.name), "A", at("iu", f)),
                   Number(signal("u", axis.name), machine.control_unit, at("u", f))]  # fmt: skip
-    return found
+    return results
 
 
 def described(
     name: str, configuration: str, sampling_time: float, numbers: Sequence[Number]
 ) -> str:
     """Return what frames are read by, as JSON."""
-    told = {
+    description = {
         "prefix": name,
         "layout": int(configuration[:8], 16),
         "sampling_time": sampling_time,
-        "numbers": [{"name": each.name, "unit": each.unit} for each in numbers],
+        "numbers": [{"name": number.name, "unit": number.unit} for number in numbers],
     }
-    return json.dumps(told, indent=2) + "\n"
+    return json.dumps(description, indent=2) + "\n"

@@ -39,19 +39,19 @@ def make(estimator: Estimator, magnets: list[Magnet], *, settling: int, bound: f
     parts, amplified = [], []
     for scene in scenes.of(estimator, magnets, settling):
         y, u, si = _as_read(estimator, scene)
-        told = scenes.run(estimator, *si)
-        n = within(estimator, told["mean"], bound)
-        told = {name: values[:n].reshape(n, -1) for name, values in told.items()}
-        parts.append((scene.name, y[:n], u[:n], told))
+        output = scenes.run(estimator, *si)
+        n = within(estimator, output["mean"], bound)
+        output = {name: values[:n].reshape(n, -1) for name, values in output.items()}
+        parts.append((scene.name, y[:n], u[:n], output))
         after = np.arange(n) >= (n if scene.amplifies is None else scene.amplifies)
         amplified.append(after | without_digits(estimator, *si)[:n])
-    columns = [_columns(estimator, told) for *_, told in parts]
-    health = [told.get("health", told["status"]) for *_, told in parts]
-    status = [told["status"].ravel() for *_, told in parts]
+    columns = [_columns(estimator, output) for *_, output in parts]
+    health = [output.get("health", output["status"]) for *_, output in parts]
+    status = [output["status"].ravel() for *_, output in parts]
     settled = [
-        _feed_back(flags, each, settling) for flags, each in zip(status, health, strict=True)
+        _feed_back(flags, item, settling) for flags, item in zip(status, health, strict=True)
     ]
-    lengths = [len(each) for each in status]
+    lengths = [len(item) for item in status]
     return Vectors(
         y=np.concatenate([y for _, y, _, _ in parts]),
         u=np.concatenate([u for _, _, u, _ in parts]),
@@ -73,9 +73,9 @@ def without_digits(estimator: Estimator, y: Array, u: Array) -> NDArray[np.bool_
     if estimator.whole is None or "precision" not in options or estimator.precision == "float64":
         return np.zeros(len(y), bool)
     sharp = type(estimator)(*args, **(options | {"precision": "float64"}))
-    one, other = (scenes.run(each, y, u) for each in (estimator, sharp))
+    one, other = (scenes.run(item, y, u) for item in (estimator, sharp))
     entries = diagonal(len(estimator.states))
-    variance, true = (each["covariance"][:, entries].astype(float) for each in (one, other))
+    variance, true = (item["covariance"][:, entries].astype(float) for item in (one, other))
     std = np.sqrt(np.maximum(true, np.finfo(np.float32).tiny))
     off = np.abs(one["mean"] - other["mean"]) > std
     off |= np.abs(variance - true) > 10 * np.abs(true)
@@ -106,27 +106,27 @@ def within(estimator: Estimator, mean: Array, bound: float) -> int:
     return int(beyond[0]) if beyond.size else len(mean)
 
 
-def _columns(estimator: Estimator, told: dict[str, Any]) -> Array:
+def _columns(estimator: Estimator, output: dict[str, Any]) -> Array:
     """Return all numbers that an export puts out, sample by sample."""
     names = ("k_i", "k_s", "innovation", "variance")
-    variances = told["covariance"][:, diagonal(len(estimator.states))]
-    return np.hstack([told["mean"], variances, *(told[name] for name in names)]).astype(float)
+    variances = output["covariance"][:, diagonal(len(estimator.states))]
+    return np.hstack([output["mean"], variances, *(output[name] for name in names)]).astype(float)
 
 
 def _feed_back(
     status: NDArray[np.uint16], health: NDArray[np.uint16], settling: int
 ) -> NDArray[np.bool_]:
     """Return what the supervisor says: settled, and not too long without a measurement."""
-    doubted, missed, said = settling, 0, []
-    for flags, each in zip(status, health, strict=True):
-        used = bool(((each & _UNUSED) == 0).any())
+    doubted, missed, decisions = settling, 0, []
+    for flags, item in zip(status, health, strict=True):
+        used = bool(((item & _UNUSED) == 0).any())
         missed = 0 if used else min(missed + 1, settling)
         if flags & _UNSURE:
             doubted = settling
         elif used:
             doubted = max(doubted - 1, 0)
-        said.append(doubted == 0 and missed < settling)
-    return np.array(said)
+        decisions.append(doubted == 0 and missed < settling)
+    return np.array(decisions)
 
 
 def coverage(tested: Vectors, estimator: Estimator) -> list[tuple[str, str]]:
@@ -142,9 +142,9 @@ def coverage(tested: Vectors, estimator: Estimator) -> list[tuple[str, str]]:
         rows.append((f"`{name}`", f"{of.min():.4g} to {of.max():.4g} {unit}"))
     never = []
     for flag in Status:
-        found = int(((tested.status & flag) != 0).sum())
-        never += [] if found else [f"`AMB_{flag.name}`"]
-        rows += [(f"`AMB_{flag.name}`", f"{found} samples")] if found else []
+        result = int(((tested.status & flag) != 0).sum())
+        never += [] if result else [f"`AMB_{flag.name}`"]
+        rows += [(f"`AMB_{flag.name}`", f"{result} samples")] if result else []
     rows.append(("to be fed back", f"{int(tested.feed_back.sum())} samples"))
     if tested.amplified.any():
         amplified = (

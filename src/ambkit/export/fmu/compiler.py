@@ -96,11 +96,13 @@ def compiled(
 
 def _compiler() -> list[str]:
     """Return the command in the variable CC, or else the first compiler that is there."""
-    given = os.environ.get("CC", "")
+    command = os.environ.get("CC", "")
     try:
-        chosen = shlex.split(given)
+        chosen = shlex.split(command)
     except ValueError as error:
-        raise AmbkitError(f"the environment variable CC, {given}, is no command: {error}") from None
+        raise AmbkitError(
+            f"the environment variable CC, {command}, is no command: {error}"
+        ) from None
     names = [chosen[0]] if chosen else list(_NAMES)
     for name in names:
         if shutil.which(name):

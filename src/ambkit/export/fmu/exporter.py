@@ -66,7 +66,7 @@ def export_fmu(
     # importer integrates it, and its outputs follow at any time.
     of_type(Machine, bearing=bearing)
     short = bearing.short
-    machine: Any = short.alone("") if short.single else short
+    machine: Any = short.isolated_axis("") if short.single else short
     if kind not in (known := get_args(Kind)):
         raise AmbkitError(f"there is no FMU of kind {kind!r}; known: {', '.join(known)}")
     if precision == "float" and kind not in ("estimator", "whole-controller"):
@@ -134,12 +134,12 @@ def _estimator(estimator: Estimator) -> _Parts:
 
 
 def _plant(bearing: Bearing, place: float) -> _Parts:
-    told = variables.of_plant(bearing, place)
-    sizes = sources.nominals(bearing, [v.rate_of for v in told if v.rate_of])
+    plant_variables = variables.of_plant(bearing, place)
+    sizes = sources.nominals(bearing, [v.rate_of for v in plant_variables if v.rate_of])
     return _Parts(
         f"Bearing {bearing.name}: amplifier, magnet, rotor and sensor",
         model := "plant" if sizes else "late-plant",
-        told,
+        plant_variables,
         sources.data_files(model, rig=sources.rig_data(bearing), nominals=sizes),
         None,
     )
@@ -172,7 +172,7 @@ def _regulator(estimator: Estimator, scenario: Scenario) -> _Parts:
             "whole-controller or closed-loop"
         )
     controller = Controller.of_axis(bearing, estimator, scenario.controller, scenario.sequence)
-    current = flown.hovers_at(bearing)
+    current = flown.levitation_current_at(bearing)
     return _Parts(
         f"The {_called(scenario.controller)} of bearing {bearing.name}, fed by an estimator",
         "regulator",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.export.c import control, data
 from ambkit.export.c.data import CPrecision, Name
-from ambkit.machine.hovering import hover_current
+from ambkit.machine.levitation import levitation_current
 from ambkit.machine.magnets import magnet_of
 from ambkit.simulation.control import Controller, lies_at
 
@@ -24,14 +24,14 @@ class Flown(NamedTuple):
     """A controller, and how it starts."""
 
     controller: Controller
-    hovering: bool  # in flight, else at power-on
+    levitated: bool  # in flight, else at power-on
     place: NDArray[np.float64]  # where the rotor is at the start along the axes (p,) [m]
     current: NDArray[np.float64]  # that is demanded until then (p,) [A]
 
     @property
     def coils(self) -> list[int]:
         """How many coils the magnet of each axis has."""
-        return [1 + (each.magnet.type == "two-sided") for each in self.controller.plant.alone]
+        return [1 + (item.magnet.type == "two-sided") for item in self.controller.plant.isolated]
 
 
 def is_whole(scenario: Scenario) -> bool:
@@ -43,19 +43,23 @@ def is_whole(scenario: Scenario) -> bool:
 def flown(estimator: Estimator, scenario: Scenario) -> Flown:
     """Return what :func:`ambkit.simulate` flies, started as there."""
     controller = control.controller_of(estimator, scenario)
-    alone, nothing = controller.plant.alone, np.zeros(len(controller.plant.alone))
-    hovering = scenario.start == "hover" or scenario.sequence is None
+    isolated, nothing = controller.plant.isolated, np.zeros(len(controller.plant.isolated))
+    levitated = scenario.start == "hover" or scenario.sequence is None
     current = nothing
     if scenario.start == "hover":
-        single = len(alone) == 1 and estimator.machine.single
-        held = [hovers_at(alone[0])] if single else controller.plant.hovering(nothing, nothing)[1]
+        single = len(isolated) == 1 and estimator.machine.single
+        held = (
+            [levitation_current_at(isolated[0])]
+            if single
+            else controller.plant.equilibrium(nothing, nothing)[1]
+        )
         current = np.array(held)
     low, high = (
-        np.array([getattr(each, f"current_{end}") for each in alone]) for end in ("min", "max")
+        np.array([getattr(item, f"current_{end}") for item in isolated]) for end in ("min", "max")
     )
     lies = scenario.start == "rest" and scenario.sequence is not None
     place = controller.down if lies else nothing
-    return Flown(controller, hovering, place, np.clip(current, low, high))
+    return Flown(controller, levitated, place, np.clip(current, low, high))
 
 
 def starts_at(bearing: Bearing, scenario: Scenario) -> float:
@@ -64,34 +68,34 @@ def starts_at(bearing: Bearing, scenario: Scenario) -> float:
     return lies_at(bearing) if lies else 0.0
 
 
-def hovers_at(bearing: Bearing) -> float:
+def levitation_current_at(bearing: Bearing) -> float:
     """Return the current that holds the rotor in the middle [A]."""
     law = magnet_of(bearing)
-    return hover_current(bearing, law, 0.0, bearing.weight + law.bias_force)
+    return levitation_current(bearing, law, 0.0, bearing.weight + law.bias_force)
 
 
 def flown_data(of: Flown, precision: CPrecision) -> dict[str, Any]:
     """Return what the data files say of a whole controller."""
     controller, current = of.controller, of.current
-    told = control.structs(controller, "amb_data", of_filter=False)
-    nothing, each = np.zeros(len(current)), np.eye(len(current))
+    structs = control.structs(controller, "amb_data", of_filter=False)
+    nothing, parts = np.zeros(len(current)), np.eye(len(current))
     integral = controller.integrals(current, nothing)
-    by_current = [controller.integrals(current + at, nothing) - integral for at in each]
-    by_place = [controller.integrals(current, at) - integral for at in each]
-    fields = told.control | {"estimator": Name("NULL")}
+    by_current = [controller.integrals(current + at, nothing) - integral for at in parts]
+    by_place = [controller.integrals(current, at) - integral for at in parts]
+    fields = structs.control | {"estimator": Name("NULL")}
     arrays = {
         "integral": integral,
         "integral_by_current": np.column_stack(by_current).ravel(),
         "integral_by_place": np.column_stack(by_place).ravel(),
         "current": current,
-        "bias": np.array([each.magnet.bias_current for each in controller.plant.alone]),
+        "bias": np.array([item.magnet.bias_current for item in controller.plant.isolated]),
     }
     return {
-        "law": _law(told, precision),
+        "law": _law(structs, precision),
         "flown": {
-            "sequence": data.struct(told.sequence, precision, {}) if told.sequence else None,
+            "sequence": data.struct(structs.sequence, precision, {}) if structs.sequence else None,
             "control": data.struct(fields, precision, {}),
-            "hovering": of.hovering,
+            "levitated": of.levitated,
             "coils": of.coils,
             "turning": not controller.plant.machine.single,
             **{name: data.array(values, precision) for name, values in arrays.items()},
@@ -106,19 +110,19 @@ def law_data(controller: Controller) -> dict[str, Any]:
             "a controller alone neither lifts off nor lands: take kind whole-controller, or leave "
             "[sequence] out of the scenario"
         )
-    told = control.structs(controller, "amb_data")
+    structs = control.structs(controller, "amb_data")
     gain = data.number(controller.bearing.amplifier.gain, "double")
-    return {"law": _law(told, "double", alone=True), "k_ui": gain}
+    return {"law": _law(structs, "double", alone=True), "k_ui": gain}
 
 
-def _law(told: control.Structs, precision: CPrecision, *, alone: bool = False) -> dict[str, Any]:
-    text = data.struct(told.law, precision, {})
-    pids = [data.struct(pid, precision, {}) for pid in told.pids]
+def _law(structs: control.Structs, precision: CPrecision, *, alone: bool = False) -> dict[str, Any]:
+    text = data.struct(structs.law, precision, {})
+    pids = [data.struct(pid, precision, {}) for pid in structs.pids]
     named = "".join([text, *pids])
-    arrays = {name: each for name, each in told.arrays.items() if not alone or name in named}
+    arrays = {name: array for name, array in structs.arrays.items() if not alone or name in named}
     return {
         "arrays": data.declared(arrays, precision),
         "pids": pids,
-        "let_turn": data.struct(told.let_turn, precision, {}) if told.let_turn else "",
+        "let_turn": data.struct(structs.let_turn, precision, {}) if structs.let_turn else "",
         "text": text,
     }

@@ -62,8 +62,8 @@ def library_files(texts: dict[str, str], estimator: Estimator | None) -> dict[st
     room = {} if of_model is None else of_model.room
     if room or precision_of(estimator) == "float":
         known = {"version": version("ambkit"), "room": room}
-        told = known | {"float": precision_of(estimator) == "float"}
-        instead = instead | {_PRECISION: rendered("precision.h.j2", told)}
+        values = known | {"float": precision_of(estimator) == "float"}
+        instead = instead | {_PRECISION: rendered("precision.h.j2", values)}
     simulation, sim = core.folder().parent / "sim", {}
     stems = _included("sim", texts)
     while more := _beside(simulation, stems) - stems:
@@ -72,11 +72,11 @@ def library_files(texts: dict[str, str], estimator: Estimator | None) -> dict[st
         for name in (f"{stem}.h", f"{stem}.c"):
             if (simulation / name).is_file():
                 sim[f"sim/{name}"] = (simulation / name).read_text(encoding="utf-8")
-    wanted = {f"include/ambkit/{stem}.h" for stem in _included("ambkit", texts | sim)}
-    found = core.closure(wanted, instead=instead)
-    while more := _sources_of(found) - found.keys():
-        found = core.closure(wanted := wanted | more, instead=instead)
-    laid = {name.removeprefix("include/").replace("src/", "core/"): t for name, t in found.items()}
+    headers = {f"include/ambkit/{stem}.h" for stem in _included("ambkit", texts | sim)}
+    result = core.closure(headers, instead=instead)
+    while more := _sources_of(result) - result.keys():
+        result = core.closure(headers := headers | more, instead=instead)
+    laid = {name.removeprefix("include/").replace("src/", "core/"): t for name, t in result.items()}
     return laid | sim
 
 
@@ -127,15 +127,17 @@ _DATA = ("filter", "rig", "nominals", "pid", "law", "flown", "k_ui", "K_sen")
 
 def data_files(model: str, **context: Any) -> dict[str, str]:
     """Return the files that define what the headers of this model declare as data."""
-    given: dict[str, Any] = dict.fromkeys(_DATA) | context
+    values: dict[str, Any] = dict.fromkeys(_DATA) | context
     headers = [f"{stem}.h" for stem in _MODELS[model] if (_HERE / "c" / f"{stem}.h").is_file()]
-    magnets = [*(given["filter"] or {}).get("magnets", ()), *filter(None, [given["rig"]])]
-    headers += dict.fromkeys(each["magnet_header"] for each in magnets)
+    magnets = [*(values["filter"] or {}).get("magnets", ()), *filter(None, [values["rig"]])]
+    headers += dict.fromkeys(magnet["magnet_header"] for magnet in magnets)
     known = {"version": version("ambkit"), "headers": headers}
-    files = {"data.c": rendered("data.c.j2", known | given)}
-    if given["filter"]:
-        told = {"in_core": given["filter"]["in_core"]} | {k: given[k] for k in ("flown", "law")}
-        files["data.h"] = rendered("data.h.j2", known | told)
+    files = {"data.c": rendered("data.c.j2", known | values)}
+    if values["filter"]:
+        header_values = {"in_core": values["filter"]["in_core"]} | {
+            k: values[k] for k in ("flown", "law")
+        }
+        files["data.h"] = rendered("data.h.j2", known | header_values)
     return files
 
 
@@ -171,31 +173,38 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
         "in_core": in_core,
         "own": data.own(estimator, precision),
         "std": data.array(np.asarray(estimator.default_std()), precision),
-        **{name: data.array(each, precision) for name, each in _starts(estimator).items()},
+        **{name: data.array(start, precision) for name, start in _starts(estimator).items()},
     }
 
 
 def _starts(estimator: Estimator) -> dict[str, NDArray[np.float64]]:
     """Return at which states an estimator starts, by places, by currents and by readings."""
     view, states = estimator.view, estimator.states
-    nothing, each = np.zeros(len(view.alone)), np.eye(len(view.alone))
+    nothing, values = np.zeros(len(view.isolated)), np.eye(len(view.isolated))
 
     def at(q: NDArray[np.float64], currents: NDArray[np.float64]) -> NDArray[np.float64]:
-        return view.at_rest(states, estimator.hover, q, None, currents).ravel()
+        return view.equilibrium_state(
+            states, estimator.levitation_current, q, None, currents
+        ).ravel()
 
-    middle, shown = np.zeros(view.H.shape[1]), np.linalg.pinv(view.H[:, : view.rigid])
+    middle, pseudo_inverse = np.zeros(view.H.shape[1]), np.linalg.pinv(view.H[:, : view.rigid])
     moved = np.zeros((len(middle), len(nothing)))
-    moved[: view.rigid] = shown
-    hovers = middle if view.single else Plant(estimator.machine).hovering(nothing, nothing)[0]
-    found = {
-        "rest": at(hovers, nothing),
+    moved[: view.rigid] = pseudo_inverse
+    levitation = (
+        middle if view.single else Plant(estimator.machine).equilibrium(nothing, nothing)[0]
+    )
+    results = {
+        "rest": at(levitation, nothing),
         "by_place": np.column_stack([at(q, nothing) for q in moved.T]).ravel(),
-        "by_current": np.column_stack([at(middle, each_) for each_ in each]).ravel(),
+        "by_current": np.column_stack([at(middle, each_) for each_ in values]).ravel(),
     }
     if view.single:
-        return found | {"start_by": np.zeros(0), "hover": np.asarray(estimator.hover)}
-    start, start_by = view.start_form(states, estimator.hover)
-    return found | {"start": start, "start_by": start_by.ravel(), "hover": np.zeros(2)}
+        return results | {
+            "start_by": np.zeros(0),
+            "hover": np.asarray(estimator.levitation_current),
+        }
+    start, start_by = view.start_form(states, estimator.levitation_current)
+    return results | {"start": start, "start_by": start_by.ravel(), "hover": np.zeros(2)}
 
 
 def magnet_data(held: Any, name: str, precision: CPrecision = "double") -> dict[str, Any]:
@@ -209,7 +218,7 @@ def magnet_data(held: Any, name: str, precision: CPrecision = "double") -> dict[
         "magnet_type": kind.type,
         "magnet_methods": kind.methods,
         "magnet_header": f"ambkit/{kind.source}.h",
-        "arrays": data.declared({names[path]: each for path, each in arrays.items()}, precision),
+        "arrays": data.declared({names[path]: array for path, array in arrays.items()}, precision),
     }
 
 
@@ -226,7 +235,7 @@ def rig_data(bearing: Bearing) -> dict[str, Any]:
         "bias_force": law.bias_force,
         "K_sen": bearing.sensor.gain,
         "T_sen": bearing.sensor_lag,
-        "travel": bearing.rotor.travel_limit,
+        "travel": bearing.rotor.clearance,
         "substeps": parts.substeps(bearing, Scenario().substeps),
         "k_ui": bearing.amplifier.gain,
         "iu_min": bearing.current_min,
@@ -242,7 +251,7 @@ def rig_data(bearing: Bearing) -> dict[str, Any]:
 
 def nominals(bearing: Bearing, states: Sequence[str]) -> list[float]:
     """Return the typical size of each state of a plant in continuous time, in its unit."""
-    travel = bearing.rotor.travel_limit
+    travel = bearing.rotor.clearance
     sizes = {"x": travel, "x_m": abs(bearing.sensor.gain) * travel, "v": travel / own_time(bearing)}
     sizes |= dict.fromkeys(parts.between_magnet_and_rotor(bearing), Typical.of(bearing).force)
     return [sizes.get(name, bearing.amplifier.current_limit) for name in states]

@@ -40,9 +40,9 @@ def export_ssp(
     # of :func:`export_fmu` does not have. What lifts off and lands is one FMU with its estimator,
     # the whole controller, and switches the plant's currents.
     what = scenario or Scenario()
-    whole = what.sequence is not None
+    has_sequence = what.sequence is not None
     kinds: dict[str, Kind] = {"plant": "plant", "controller": "controller"}
-    kinds |= {"controller": "whole-controller"} if whole else {"estimator": "estimator"}
+    kinds |= {"controller": "whole-controller"} if has_sequence else {"estimator": "estimator"}
     with tempfile.TemporaryDirectory() as place:
         made = {
             element: export_fmu(
@@ -58,7 +58,7 @@ def export_ssp(
         }
         content = {f"resources/{one.path.name}": one.path.read_bytes() for one in made.values()}
     estimate = what.feedback != "measurement"
-    wires = _two() if whole else _three(made["controller"], estimate=estimate)
+    wires = _two() if has_sequence else _three(made["controller"], estimate=estimate)
     content["SystemStructure.ssd"] = description(bearing.name, wires).encode()
     archive.write(Path(out), content)
     return tuple(made.values())
@@ -121,8 +121,8 @@ def description(name: str, wires: list[Wire]) -> str:
         )  # fmt: skip
         _connectors(component, ends)
     connections = _under(system, "Connections")
-    for start, output, end, given in wires:
-        words = {"startConnector": output, "endConnector": given}
+    for start, output, end, input_name in wires:
+        words = {"startConnector": output, "endConnector": input_name}
         words |= {"startElement": start} if start else {}
         words |= {"endElement": end} if end else {}
         _under(connections, "Connection", **words)

@@ -89,7 +89,9 @@ TIME = Variable("time", "time", "s", "time")
 def in_unit(variables: Sequence[Variable], control: str) -> tuple[Variable, ...]:
     """Return variables with control signals in their unit."""
     units = {"V": control, "V2": f"{control}2"}
-    return tuple(replace(each, unit=units.get(each.unit, each.unit)) for each in variables)
+    return tuple(
+        replace(variable, unit=units.get(variable.unit, variable.unit)) for variable in variables
+    )
 
 
 def of_estimator(estimator: Estimator) -> tuple[Variable, ...]:
@@ -113,12 +115,12 @@ def _each(
     starts: Iterable[float] | float = 0.0, **more: Any,
 ) -> list[Variable]:  # fmt: skip
     """Return a variable for each name of an axis or a reading."""
-    given = several(starts) * (1 if isinstance(starts, tuple | list) else len(names))
+    start_values = several(starts) * (1 if isinstance(starts, tuple | list) else len(names))
     block = what.rsplit(".", 1)[-1]
     return [
         Variable(signal(what, name), role, unit, about + (f", {name}" if name else ""),
                  float(start), first="" if k else block, **more)
-        for k, (name, start) in enumerate(zip(names, given, strict=True))
+        for k, (name, start) in enumerate(zip(names, start_values, strict=True))
     ]  # fmt: skip
 
 
@@ -133,34 +135,36 @@ def _references(machine: Machine, **more: Any) -> list[Variable]:
 
 def _estimates(prefix: str, estimator: Estimator) -> list[Variable]:
     known = {"x": "displacement", "x_m": "position as the sensor shows it"}
-    axes, shown = _axes(estimator.machine), [r.name for r in estimator.machine.readings]
-    found = []
+    axes, readings = _axes(estimator.machine), [r.name for r in estimator.machine.readings]
+    results = []
     for block, before, about in (
         ("mean", "", "estimated {known}"), ("std", "std_", "standard deviation of {field}"),
     ):  # fmt: skip
         both = zip(states(estimator.states), estimator.states, strict=True)
         for k, (state, described) in enumerate(both):
-            said = about.format(known=known.get(state.field, described.role), field=state.field)
+            description = about.format(
+                known=known.get(state.field, described.role), field=state.field
+            )
             unit = described.unit.replace(" ", ".")
             name = f"{prefix}{before}{state.field}"
             first = "" if k else block
-            found.append(Variable(name, "output", unit, said, held=True, first=first))
+            results.append(Variable(name, "output", unit, description, held=True, first=first))
     for name, unit, about, of in (
         ("k_i", "N/A", "current stiffness that the prediction used", axes),
         ("k_s", "N/m", "position stiffness that the prediction used", axes),
-        ("innovation", "m", "measurement less its prediction, 0 where it was not used", shown),
-        ("variance", "m2", "variance of the innovation, as the filter expects it", shown),
+        ("innovation", "m", "measurement less its prediction, 0 where it was not used", readings),
+        ("variance", "m2", "variance of the innovation, as the filter expects it", readings),
         ("status", "", "sum of flags, 0 where all is well (sources/ambkit/status.h)", [""]),
     ):
-        found += _each(prefix + name, "output", unit, about, of, held=True)
-    return found
+        results += _each(prefix + name, "output", unit, about, of, held=True)
+    return results
 
 
 def _variances(estimator: Estimator) -> list[Variable]:
     assumed, axes = estimator.variances, _axes(estimator.machine)
-    shown = [reading.name for reading in estimator.machine.readings]
-    told: Any = (
-        ("measurement_variance", "m2", "variance of the measurement", shown, assumed.measurement,
+    readings = [reading.name for reading in estimator.machine.readings]
+    rows: Any = (
+        ("measurement_variance", "m2", "variance of the measurement", readings, assumed.measurement,
          "positive"),
         ("control_variance", "V2", "variance of the control signal", axes, assumed.control,
          "not negative"),
@@ -169,7 +173,7 @@ def _variances(estimator: Estimator) -> list[Variable]:
     )  # fmt: skip
     return [
         variable
-        for name, unit, about, of, starts, limit in told
+        for name, unit, about, of, starts, limit in rows
         for variable in _each(
             name, "tunable", unit, f"{about} that the filter assumes", of, several(starts),
             limit=limit,
@@ -179,7 +183,7 @@ def _variances(estimator: Estimator) -> list[Variable]:
 
 def of_plant(bearing: Bearing, place: float = 0.0) -> tuple[Variable, ...]:
     """Return the variables of a plant that starts at this place [m]."""
-    shown = ("noise_y", "fault_y_gain", "fault_y_offset", "fault_frozen")
+    sensor_inputs = ("noise_y", "fault_y_gain", "fault_y_offset", "fault_frozen")
     known = (
         TIME,
         Variable("u", "input", "V", "control signal, acts from when it is set"),
@@ -189,13 +193,13 @@ def of_plant(bearing: Bearing, place: float = 0.0) -> tuple[Variable, ...]:
         *_faults(),
         *_truth(),
         Variable("y", "output", "m", "measured position: x_m and noise_y, with the sensor's faults",
-                 follows=shown),
+                 follows=sensor_inputs),
         *_forced(),
     )  # fmt: skip
     if not in_continuous_time(bearing):
         return (*known, *_rig(bearing, place))
     more = tuple(_continuous(bearing))
-    flowing = (each.name for each in more if each.name.startswith("i_"))
+    flowing = (item.name for item in more if item.name.startswith("i_"))
     current = ("u", "on", "noise_u", "fault_u_gain", "fault_current", *flowing)
     states = {"x": ("x",), "v": ("v",), "x_m": ("x_m",), "y": ("x_m",), "iu": current,
               "f_mag": ("x", *current, *between_magnet_and_rotor(bearing))}  # fmt: skip
@@ -228,13 +232,13 @@ def _continuous(bearing: Bearing) -> Iterator[Variable]:
 
 
 def of_loop(
-    estimator: Estimator, controller: PID, flown: Flown | None = None
+    estimator: Estimator, controller: PID, loop_controller: Flown | None = None
 ) -> tuple[Variable, ...]:
     """Return the variables of a closed loop; `flown`: the whole controller in it, if it has one."""
     return (
         TIME,
         Variable("r", "input", "m", "position that is demanded"),
-        *_wanted(flown),
+        *_wanted(loop_controller),
         Variable("f_d", "input", "N", "disturbance force"),
         *_noises(estimator.bearing),
         *_truth(),
@@ -242,18 +246,20 @@ def of_loop(
         Variable("u", "output", "V", "control signal", held=True),
         *_forced(),
         *_estimates("estimate.", estimator),
-        *_mode(flown),
-        *_rig(estimator.bearing, 0.0 if flown is None else float(flown.place[0])),
+        *_mode(loop_controller),
+        *_rig(
+            estimator.bearing, 0.0 if loop_controller is None else float(loop_controller.place[0])
+        ),
         *_variances(estimator),
         *(
             _gains(controller, estimator.bearing)
-            if flown is None
-            else [_current(float(flown.current[0]))]
+            if loop_controller is None
+            else [_current(float(loop_controller.current[0]))]
         ),
     )
 
 
-def of_whole(estimator: Estimator, flown: Flown) -> tuple[Variable, ...]:
+def of_whole(estimator: Estimator, loop_controller: Flown) -> tuple[Variable, ...]:
     """Return the variables of a whole controller."""
     machine = estimator.machine
     axes, demanded = _axes(machine), "control current that is demanded"
@@ -261,13 +267,13 @@ def of_whole(estimator: Estimator, flown: Flown) -> tuple[Variable, ...]:
         Variable(signal(f"coil_{k}", axis.name), "output", "A",
                  f"current of {'the coil' if many < 2 else AT[k]}"
                  + (f", {axis.name}" if axis.name else ""), held=True)
-        for axis, many in zip(machine.axes, flown.coils, strict=True) for k in range(many)
+        for axis, many in zip(machine.axes, loop_controller.coils, strict=True) for k in range(many)
     ]  # fmt: skip
     return (
         TIME,
         *_readings(machine),
         *_references(machine, limit="losable"),
-        *_wanted(flown),
+        *_wanted(loop_controller),
         *([] if machine.single else [
             Variable("speed", "input", "rad/s", "speed of rotation", machine.speed)
         ]),
@@ -276,13 +282,13 @@ def of_whole(estimator: Estimator, flown: Flown) -> tuple[Variable, ...]:
         *_each("iu", "output", "A", demanded, axes, held=True),
         Variable("on", "output", "1", "1 where there are currents, else 0", held=True),
         Variable("status", "output", "", "sum of flags, of estimator and controller", held=True),
-        *_mode(flown),
+        *_mode(loop_controller),
         *_estimates("estimate.", estimator),
         *_variances(estimator),
         *_each("start_position", "fixed", "m", "displacement at the start", axes,
-               flown.place.tolist()),
+               loop_controller.place.tolist()),
         *_each("start_current", "fixed", "A", "demanded until the start", axes,
-               flown.current.tolist()),
+               loop_controller.current.tolist()),
     )  # fmt: skip
 
 
@@ -290,14 +296,14 @@ AT = ("the coil towards +x", "the other coil")
 """The two coils of a pair."""
 
 
-def _wanted(flown: Flown | None) -> list[Variable]:
-    if flown is None or flown.controller.sequence is None:
+def _wanted(loop_controller: Flown | None) -> list[Variable]:
+    if loop_controller is None or loop_controller.controller.sequence is None:
         return []
     return [Variable("fly", "input", "1", "whether it is to fly: from 0.5 on", 1.0)]
 
 
-def _mode(flown: Flown | None) -> list[Variable]:
-    if flown is None or flown.controller.sequence is None:
+def _mode(loop_controller: Flown | None) -> list[Variable]:
+    if loop_controller is None or loop_controller.controller.sequence is None:
         return []
     about = "0 off, 1 waiting, 2 lifting, 3 flying, 4 landing, 5 tripped"
     return [Variable("mode", "output", "", about, held=True)]
@@ -305,17 +311,17 @@ def _mode(flown: Flown | None) -> list[Variable]:
 
 def of_regulator(estimator: Estimator, current: float, integral: float) -> tuple[Variable, ...]:
     """Return the variables of a controller of all states, that starts with these [A]."""
-    at_rest = estimator.at_rest(0.0, current=current)
-    described = zip(states(estimator.states), estimator.states, at_rest, strict=True)
+    equilibrium = estimator.equilibrium_state(0.0, current=current)
+    described = zip(states(estimator.states), estimator.states, equilibrium, strict=True)
     return (
         TIME,
         Variable("r", "input", "m", "position that is demanded"),
         *(
             Variable(
-                state.field, "input", each.unit, f"estimated {each.role}", float(start),
+                state.field, "input", item.unit, f"estimated {item.role}", float(start),
                 limit="losable",
             )
-            for state, each, start in described
+            for state, item, start in described
         ),
         Variable("u", "output", "V", "control signal", held=True),
         _current(current),
@@ -412,11 +418,11 @@ def _rig(bearing: Bearing, place: float = 0.0) -> list[Variable]:
 
 
 def _gains(controller: PID, bearing: Bearing) -> list[Variable]:
-    from ambkit.machine.hovering import hover_current
+    from ambkit.machine.levitation import levitation_current
     from ambkit.machine.magnets import magnet_of
 
     law = magnet_of(bearing)
-    current = hover_current(bearing, law, 0.0, bearing.weight + law.bias_force)
+    current = levitation_current(bearing, law, 0.0, bearing.weight + law.bias_force)
     return [
         Variable("start_current", "fixed", "A", "of the controller's integral", current),
         Variable("controller.kp", "tunable", "A/m", "proportional gain", controller.kp),

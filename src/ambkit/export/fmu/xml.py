@@ -211,8 +211,8 @@ def _structure_3(root: ElementTree.Element, variables: Sequence[Variable]) -> No
     for name, those in unknowns.items():
         for variable in those:
             follows = {"dependencies": _follows(variable, at)} if name == "Output" else {}
-            told = {"valueReference": at[variable.name]} | follows
-            ElementTree.SubElement(structure, name, told)
+            attributes = {"valueReference": at[variable.name]} | follows
+            ElementTree.SubElement(structure, name, attributes)
 
 
 def _follows(output: Variable, at: Mapping[str, str]) -> str:

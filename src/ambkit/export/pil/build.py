@@ -17,7 +17,7 @@ FLAGS = (
 )  # fmt: skip
 PREFIX = "rig"
 """Of what the loop calls."""
-_CALLS = ("init", "step", "take_over")
+_CALLS = ("init", "step", "transfer_from")
 
 
 class Built(NamedTuple):
@@ -46,8 +46,8 @@ def size(export: Path, board: Board, into: Path, several: bool) -> Built:
         if section in totals:
             totals[section] += int(count)
     moved = _call(ARM + "objdump", "-r", str(partial))
-    taken = set(re.findall(r"R_ARM_ABS32\s+(?:\.text\.)?(\w+)", moved))
-    deepest = stack(sorted(into.glob("*.ci")), f"{name}_step", taken)
+    address_taken = set(re.findall(r"R_ARM_ABS32\s+(?:\.text\.)?(\w+)", moved))
+    deepest = stack(sorted(into.glob("*.ci")), f"{name}_step", address_taken)
     return Built(
         totals[".text"], totals[".rodata"], totals[".data"] + totals[".bss"], deepest,
         " ".join([board.compiler, _call(board.compiler, "-dumpfullversion").strip(),
@@ -86,8 +86,12 @@ def firmware(export: Path, means: list[str], board: Board, into: Path, several: 
     """Link an export with the loop, for qemu; returns the image."""
     into.mkdir(parents=True, exist_ok=True)
     objects = compiled(export, board, into)
-    shown = ", ".join(f"(out)->{field}" for field in means)
-    defines = [f"-DSEVERAL={several:d}", f"-DSTATES={len(means)}", f"-DMEANS(out)={{{shown}}}"]
+    mean_fields = ", ".join(f"(out)->{field}" for field in means)
+    defines = [
+        f"-DSEVERAL={several:d}",
+        f"-DSTATES={len(means)}",
+        f"-DMEANS(out)={{{mean_fields}}}",
+    ]
     includes = [f"-I{export / at}" for at in (".", "core/include", "core", "selftest")]
     tests = [str(path) for path in sorted((export / "selftest").glob(f"{PREFIX}_*.c"))]
     own = [str(HERE / file) for file in ("startup.c", "semihosting.c", "loop.c")]
@@ -106,7 +110,7 @@ _OUTSIDE = 24  # of the C library, which no graph has: memcpy and memset save up
 _BYTES = re.compile(r"(\d+) bytes \((\w+)\)")
 
 
-def stack(graphs: list[Path], root: str, taken: set[str]) -> int | None:
+def stack(graphs: list[Path], root: str, address_taken: set[str]) -> int | None:
     """Return how deep a call goes at most [bytes], by gcc's call graph and stack usage."""
     # A call by a pointer is taken to reach every function whose address is taken, and that is not
     # running already: no function here calls itself by a pointer.
@@ -116,14 +120,14 @@ def stack(graphs: list[Path], root: str, taken: set[str]) -> int | None:
     for path in graphs:
         text = path.read_text(encoding="utf-8")
         for title, label in _NODE.findall(text):
-            if (found := _BYTES.search(label)) is not None:
-                if found[2] not in ("static", "bounded"):
+            if (result := _BYTES.search(label)) is not None:
+                if result[2] not in ("static", "bounded"):
                     return None
-                own[title] = own.get(title, 0) + int(found[1])
+                own[title] = own.get(title, 0) + int(result[1])
                 nodes[title] = nodes.get(title, 0) + 1
         for source, target in _EDGE.findall(text):
             calls.setdefault(source, set()).add(target)
-    pointed = {title for title in own if title.rpartition(":")[2] in taken}
+    pointed = {title for title in own if title.rpartition(":")[2] in address_taken}
 
     def depth(title: str, above: frozenset[str]) -> int | None:
         if title in above:
@@ -131,8 +135,8 @@ def stack(graphs: list[Path], root: str, taken: set[str]) -> int | None:
         most = 0
         parts = {title} if nodes.get(title, 0) > 1 else set()
         for target in calls.get(title, set()) - parts:
-            for each in pointed - above - {title} if target == "__indirect_call" else {target}:
-                below = depth(each, above | {title})
+            for item in pointed - above - {title} if target == "__indirect_call" else {target}:
+                below = depth(item, above | {title})
                 if below is None:
                     return None
                 most = max(most, below)

@@ -54,24 +54,24 @@ def pil(
     boards.check(boards.QEMU_BOARD)
     plant = bearing.short
     several = not plant.single
-    given = scenario or Scenario(duration=1.0)
-    of_type(Scenario, scenario=given)
-    sequence = given.sequence or LiftOff()
-    flown = given.model_copy(update={"start": "rest", "sequence": sequence})
+    base_scenario = scenario or Scenario(duration=1.0)
+    of_type(Scenario, scenario=base_scenario)
+    sequence = base_scenario.sequence or LiftOff()
+    lift_scenario = base_scenario.model_copy(update={"start": "rest", "sequence": sequence})
     estimator = made(kind, plant, magnet, filter_file, {"precision": "float32"})
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         export = export_c(
             plant, magnet, folder / "export", kind=kind, filter_file=filter_file,
-            prefix=build.PREFIX, telemetry=True, force=force, scenario=flown,
+            prefix=build.PREFIX, telemetry=True, force=force, scenario=lift_scenario,
         ).folder  # fmt: skip
         fields = [state.field for state in states(estimator.states)]
         image = build.firmware(export, fields, boards.QEMU_BOARD, folder / "qemu", several)
         built = build.size(export, for_board, folder / "board", several)
-        run = simulate_run(plant, flown, estimator=estimator)
+        run = simulate_run(plant, lift_scenario, estimator=estimator)
         machine, record = run.machine, run.record
-        shown = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
-        y = estimator.inputs.y.numbers(shown)
+        measurement = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
+        y = estimator.inputs.y.numbers(measurement)
         r = np.column_stack([record[signal("r", name)] for name in run.axes])
         flies, speed = sequence.fly(record.t), record.signals.get("speed", np.zeros(len(y)))
         (folder / "pipes").mkdir()
@@ -79,29 +79,29 @@ def pil(
         with Processor(image, folder / "pipes", *sizes) as processor:
             for k in range(len(y)):
                 processor.step(y[k], r[k], fly=flies[k] > 0, speed=speed[k])
-            greeting, told = processor.greeting, processor.answers
+            greeting, answers = processor.greeting, processor.answers
         frames = read_telemetry(folder / "pipes" / "frames", export / "telemetry.json")
-    others = _others(told, _expected(run, estimator, flown, y, r, flies), run)
+    others = _others(answers, _expected(run, estimator, lift_scenario, y, r, flies), run)
     s = np.column_stack([record[run.displacement(name)] for name in run.axes])
-    travel = np.array([axis.bearing.travel_limit for axis in machine.axes])
+    travel = np.array([axis.bearing.clearance for axis in machine.axes])
     names = [state.name for state in estimator.states]
     return judged(
-        told, greeting, off=s - r, moved=s, travel=travel, record=record, run=run,
+        answers, greeting, off=s - r, moved=s, travel=travel, record=record, run=run,
         unequal=int(others.sum()), frames=frames,
-        unequal_frames=others_sent(told, frames, names, coils=not several),
+        unequal_frames=others_sent(answers, frames, names, coils=not several),
         board=for_board.about, built=built,
     )  # fmt: skip
 
 
 def _expected(
-    run: Run, estimator: Estimator, flown: Scenario, y: NDArray[np.float64],
+    run: Run, estimator: Estimator, scenario: Scenario, y: NDArray[np.float64],
     r: NDArray[np.float64], flies: NDArray[np.float64],
 ) -> Expected:  # fmt: skip
     """Return what the processor is to answer: as simulated, or along a rig's rounded numbers."""
     record = run.record
     if run.machine.single and (estimator.inputs.y.gain != 1 or estimator.inputs.y.zero):
-        pid = flown.of_one_axis(estimator.bearing).controller
-        controller = Controller.of_axis(estimator.bearing, estimator, pid, flown.sequence)
+        pid = scenario.of_one_axis(estimator.bearing).controller
+        controller = Controller.of_axis(estimator.bearing, estimator, pid, scenario.sequence)
         rounded = y[:, 0].astype("f4").astype(float)
         return controller.run(rounded, r[:, 0], flies)
     assert run.estimate is not None
@@ -111,21 +111,21 @@ def _expected(
             "mean": run.estimate.mean}  # fmt: skip
 
 
-def _others(told: NDArray[np.void], expected: Expected, run: Run) -> NDArray[np.intp]:
+def _others(answers: NDArray[np.void], expected: Expected, run: Run) -> NDArray[np.intp]:
     """Return how many numbers of each sample are others than expected (n,)."""
     axes, single = run.machine.axes, np.float32
-    n = len(told)
+    n = len(answers)
     gain = np.array([axis.bearing.amplifier.gain for axis in axes], single)
     magnets = [axis.bearing.magnet for axis in axes]
     on = np.isin(expected["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING))
     bias = np.where(on[:, None], np.array([m.bias_current for m in magnets], single), 0)
     pairs = [m.type == "two-sided" for m in magnets]
-    coil = np.stack([bias + told["iu"], np.where(pairs, bias - told["iu"], 0)], axis=2)
-    others = (told["on"] != on).astype(int)
+    coil = np.stack([bias + answers["iu"], np.where(pairs, bias - answers["iu"], 0)], axis=2)
+    others = (answers["on"] != on).astype(int)
     for name in ("mode", "status", "usable"):
-        others += told[name] != expected[name]
-    others += (told["u"] != expected["u"].reshape(n, -1)).sum(1)
-    others += (told["u"] != told["iu"] / gain).sum(1)
-    others += (told["coil"] != coil.astype(single)).sum((1, 2))
-    others += (told["mean"] != expected["mean"]).sum(1)
+        others += answers[name] != expected[name]
+    others += (answers["u"] != expected["u"].reshape(n, -1)).sum(1)
+    others += (answers["u"] != answers["iu"] / gain).sum(1)
+    others += (answers["coil"] != coil.astype(single)).sum((1, 2))
+    others += (answers["mean"] != expected["mean"]).sum(1)
     return np.asarray(others)

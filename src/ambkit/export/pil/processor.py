@@ -110,10 +110,10 @@ class Processor:
         self.close()
 
     def _send(self, y: ArrayLike, r: ArrayLike, speed: float, fly: bool, counted: int) -> None:
-        given = np.zeros((), self.sample)
+        frame = np.zeros((), self.sample)
         for name, value in zip(self.sample.names or (), (y, r, speed, fly, counted), strict=True):
-            given[name] = value
-        os.write(self._pipes[0], given.tobytes())
+            frame[name] = value
+        os.write(self._pipes[0], frame.tobytes())
 
     def _take(self, what: np.dtype[np.void]) -> np.void:
         got, until = b"", time.monotonic() + PATIENCE
@@ -122,9 +122,9 @@ class Processor:
                 got += os.read(self._pipes[1], what.itemsize - len(got))
                 until = time.monotonic() + PATIENCE
             elif self._process.poll() is not None or time.monotonic() > until:
-                said = ""
+                message = ""
                 if self._process.poll() is not None and self._process.stdout is not None:
-                    said = ": " + self._process.stdout.read().decode(errors="replace").strip()
-                raise AmbkitError(f"the firmware in {QEMU} does not answer{said}")
+                    message = ": " + self._process.stdout.read().decode(errors="replace").strip()
+                raise AmbkitError(f"the firmware in {QEMU} does not answer{message}")
         answer: np.void = np.frombuffer(got, what)[0]
         return answer

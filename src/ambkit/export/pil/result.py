@@ -63,11 +63,11 @@ class Pil(Result):
     @property
     def finding(self) -> str:
         """Whether all bits are the same."""
-        said = "every number is Python's to the last bit"
+        verdict = "every number is Python's to the last bit"
         if not self.passed:
             wrong = self.unequal + self.unequal_frames + self.selftest
-            said = f"{wrong} numbers are not Python's"
-        return f"{self.title}, {self.samples:,} samples: {said}."
+            verdict = f"{wrong} numbers are not Python's"
+        return f"{self.title}, {self.samples:,} samples: {verdict}."
 
     @property
     def rows(self) -> list[Row]:
@@ -114,47 +114,47 @@ class Pil(Result):
                 late_binding.call("instructions_figure", self.record.t, counted)]  # fmt: skip
 
 
-def others_sent(told: NDArray[np.void], frames: Record, names: list[str], coils: bool) -> int:
+def others_sent(answers: NDArray[np.void], frames: Record, names: list[str], coils: bool) -> int:
     """Return how many numbers the telemetry has otherwise than the answers."""
     # told (n,)
-    if frames.t.size != len(told):
-        return len(told)
-    pairs = [(told["mean"][:, k], frames[name]) for k, name in enumerate(names)]
-    pairs.append((told["status"], frames["status"]))
+    if frames.t.size != len(answers):
+        return len(answers)
+    pairs = [(answers["mean"][:, k], frames[name]) for k, name in enumerate(names)]
+    pairs.append((answers["status"], frames["status"]))
     if coils:
-        pairs += [(told[name].ravel(), frames[name]) for name in ("iu", "u", "mode", "usable")]
+        pairs += [(answers[name].ravel(), frames[name]) for name in ("iu", "u", "mode", "usable")]
         sent = sum(name.startswith("coil_") for name in frames.signals)
-        pairs += [(told["coil"][:, 0, k], frames[f"coil_{k}"]) for k in range(sent)]
+        pairs += [(answers["coil"][:, 0, k], frames[f"coil_{k}"]) for k in range(sent)]
     return sum(int((there != sent).sum()) for there, sent in pairs)
 
 
 def judged(
-    told: NDArray[np.void],
+    answers: NDArray[np.void],
     greeting: np.void,
     *,
     off: Array,
     moved: Array,
     travel: Array,
-    **given: Any,
+    **details: Any,
 ) -> Pil:
     """Return what the answers say of flight and cost, with what else there is."""
     # told (n,); off (n, axes) [m]; moved (n, axes) [m]; travel (axes,) [m]
-    mode = told["mode"].astype(int)
+    mode = answers["mode"].astype(int)
     begins = np.flatnonzero(np.diff(mode, prepend=-1))
     flying = np.flatnonzero(mode == Mode.FLYING)
     settled = off[flying[len(flying) // 10 :]]
-    counted = told["instructions"][told["instructions"] > 0]
+    counted = answers["instructions"][answers["instructions"] > 0]
     return Pil(
-        answers=told,
-        samples=len(told),
+        answers=answers,
+        samples=len(answers),
         selftest=int(greeting["unequal"] + greeting["wrong_status"] + greeting["wrong"]),
-        modes=tuple((float(given["record"].t[k]), Mode(mode[k]).name) for k in begins),
+        modes=tuple((float(details["record"].t[k]), Mode(mode[k]).name) for k in begins),
         worst=float(np.abs(settled).max()) if settled.size else float("nan"),
         rms=float(np.sqrt((settled**2).mean())) if settled.size else float("nan"),
         touched=int((np.abs(moved[flying]) >= travel).any(axis=1).sum()),
         instructions=int(np.median(counted)),
         most=int(counted.max()),
-        stack_seen=int(told["stack"].max()),
+        stack_seen=int(answers["stack"].max()),
         state=int(greeting["state"]),
-        **given,
+        **details,
     )

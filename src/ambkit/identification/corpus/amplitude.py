@@ -56,36 +56,36 @@ class Weakened:
     @property
     def text(self) -> str:
         """What was found, as a sentence."""
-        said = (
+        sentence = (
             f"with the gap as described, flights tell a magnet constant that is the described one "
             f"over {self.factor:.3g} ± {self.factor * self.factor_error:.2g}"
         )
         if math.isnan(self.slope):
-            return said
+            return sentence
         if abs(self.slope) < 2 * self.slope_error:
-            return f"{said}, whatever the amplitude of the current, as far as they tell"
+            return f"{sentence}, whatever the amplitude of the current, as far as they tell"
         ends = [
             end(self.flights.values(), key=lambda one: one.amplitude) for end in (min, max)
         ]  # fmt: skip
         way = "less" if self.slope < 0 else "more"
         seen = ", ".join(f"{one.factor:.3g} at {1e3 * one.amplitude:.2g} mA" for one in ends)
-        return f"{said}; {way} the larger the amplitude: {seen}"
+        return f"{sentence}; {way} the larger the amplitude: {seen}"
 
 
 def _in_flight(
-    records: Sequence[Record], found: MaximumLikelihood, start: LoopModel
+    records: Sequence[Record], result: MaximumLikelihood, start: LoopModel
 ) -> InFlight | None:
     """Search a log with the gap as described; None where it does not tell the magnet."""
     # A current that flows is the one that was found, with the coil that it was found with.
     described = start.bearing.magnet
-    free = [p.name for p in found.parameters if p.name != "air_gap"]
+    free = [p.name for p in result.parameters if p.name != "air_gap"]
     known = {
         at: (value, std * (LOOSE if at == "current_offset" else 1.0))
         for at, (value, std) in start.known.items()
     }
-    begin, several = found.model.replace(magnet__air_gap=described.air_gap, known=known), records
-    if found.current is not None:
-        begin, several = found.current.driving(begin), found.current.records
+    begin, several = result.model.replace(magnet__air_gap=described.air_gap, known=known), records
+    if result.current is not None:
+        begin, several = result.current.driving(begin), result.current.records
     try:
         held = maximum_likelihood(
             list(several), begin, free, improve_start=False, profile=False, use_control=False
@@ -93,36 +93,36 @@ def _in_flight(
         k, error = held["magnet_constant"], held.standard_error("magnet_constant")
     except AmbkitError:
         return None
-    return InFlight(_amplitude(records, found.model), described.magnet_constant / k, error / k)
+    return InFlight(_amplitude(records, result.model), described.magnet_constant / k, error / k)
 
 
 def weakened(
-    flown: Mapping[str, Sequence[Record]],
-    found: Mapping[str, MaximumLikelihood],
+    records: Mapping[str, Sequence[Record]],
+    results: Mapping[str, MaximumLikelihood],
     start: LoopModel,
     threads: int = 1,
 ) -> Weakened | None:
     """Say how much weaker a one-sided magnet is in flight than it is described."""
     if start.bearing.magnet.type != "one-sided":
         return None
-    told = [
-        name for name, one in found.items()
+    names = [
+        name for name, one in results.items()
         if any(p.name == "magnet_constant" for p in one.parameters)
     ]  # fmt: skip
     with ThreadPoolExecutor(threads) as workers:
-        each = workers.map(lambda name: _in_flight(flown[name], found[name], start), told)
-        flights = {name: one for name, one in zip(told, each, strict=True) if one is not None}
-    if not flights:
+        parts = workers.map(lambda name: _in_flight(records[name], results[name], start), names)
+        log_results = {name: one for name, one in zip(names, parts, strict=True) if one is not None}
+    if not log_results:
         return None
     a, y, e = np.array([
-        (math.log(one.amplitude), math.log(one.factor), one.error) for one in flights.values()
+        (math.log(one.amplitude), math.log(one.factor), one.error) for one in log_results.values()
     ]).T  # fmt: skip
     mean, mean_error = _line(np.ones((y.size, 1)), y, e)
     slope, slope_error = math.nan, math.nan
     if y.size >= FEWEST and np.ptp(a) > 0:
         line, errors = _line(np.column_stack([np.ones_like(a), a - a.mean()]), y, e)
         slope, slope_error = float(line[1]), float(errors[1])
-    return Weakened(flights, math.exp(float(mean[0])), float(mean_error[0]), slope, slope_error)
+    return Weakened(log_results, math.exp(float(mean[0])), float(mean_error[0]), slope, slope_error)
 
 
 def _line(A: np.ndarray, y: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -134,7 +134,7 @@ def _line(A: np.ndarray, y: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _amplitude(records: Sequence[Record], model: LoopModel) -> float:
-    """Rms of the control current between the plant's own time and twenty of it [A]."""
+    """Rms of the control current between the plant's time constant and twenty of it [A]."""
     from scipy.signal import savgol_filter
 
     own = settling_time(model.bearing) / model.bearing.sampling_time

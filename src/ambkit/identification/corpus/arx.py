@@ -32,9 +32,9 @@ class ARX:
     def predict(self, record: Record) -> Array:
         """Return predictions of ``y[k + ahead]`` from sample k on [m], NaN for the first ones."""
         rows, last = regressors(record, self.ahead)
-        found = np.full(len(record) - self.ahead, np.nan)
-        found[ORDER - 1 :] = last + rows @ self.weights
-        return found
+        result = np.full(len(record) - self.ahead, np.nan)
+        result[ORDER - 1 :] = last + rows @ self.weights
+        return result
 
 
 def normal_of(records: Sequence[Record], ahead: int) -> Array:
@@ -50,9 +50,9 @@ def products(rows: Array, targets: Array) -> Array:
     """Return what a record adds to normal equations, of the samples that miss nothing."""
     # rows (n, p); targets (n,), (n, q); returns (p, p + q)
     both = np.column_stack([rows, targets])
-    whole = np.isfinite(both).all(axis=1)
-    if not whole.all():
-        both = both[whole]
+    finite_rows = np.isfinite(both).all(axis=1)
+    if not finite_rows.all():
+        both = both[finite_rows]
     return np.asarray(both[:, : rows.shape[1]].T @ both)
 
 

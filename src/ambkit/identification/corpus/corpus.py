@@ -1,4 +1,4 @@
-"""All logs of a rig: each identified alone, pooled, and each foretold by what the others say."""
+"""All logs of a rig: each identified alone, pooled, and each predicted by what the others say."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 AHEAD = (1, 10)
-"""Samples ahead that are foretold."""
+"""Samples ahead that are predicted."""
 
 SPARE = 2
 """Controls more than these that are expected: one between whose two a line goes, one of a delay
@@ -64,8 +64,8 @@ FEWEST = 2
 
 
 @dataclass(frozen=True)
-class Foretold:
-    """How a log is foretold by a model of the others."""
+class Prediction:
+    """How a log is predicted by a model of the others."""
 
     name: str  #: Of the log.
     samples: int  #: Measurements that count.
@@ -82,13 +82,13 @@ class Foretold:
     nis: float  #: Mean normalised innovation squared; 1 where the noise is right.
     #: Share of 50 lags at which the residuals correlate no more than white ones would.
     white: float
-    left: float  #: Share of the residuals' variance that their own past and the control's foretell.
+    left: float  #: Share of the residuals' variance that their own past and the control's predict.
 
     @property
     def good(self) -> bool:
         """Whether nothing knows more of this log than the model."""
-        # No baseline foretells it better, its noise is what the model expects, and hardly anything
-        # of what is left could be foretold. The ARX model knows no later control, so it is held
+        # No baseline predicts it better, its noise is what the model expects, and hardly anything
+        # of what is left could be predicted. The ARX model knows no later control, so it is held
         # against the model without these.
         known = ((self.error, self.held), (self.error, self.unmodelled), (self.alone, self.arx))
         beaten = all(own[k] <= AS_GOOD * other[k] for k in AHEAD for own, other in known)
@@ -116,7 +116,7 @@ KINDS = {
     "without_a_magnet": ("unmodelled", "velocity"),
     "held": ("held", "held"),
 }
-"""Errors of a log that is foretold: their attribute, and their name."""
+"""Errors of a log that is predictions: their attribute, and their name."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -127,7 +127,7 @@ class Corpus(Result):
     model: LoopModel  #: With what the logs say together.
     pooled: Pooled  #: Their figures, errors, and scatter between logs.
     found: Mapping[str, MaximumLikelihood]  #: What each log says alone.
-    foretold: Sequence[Foretold]  #: Each log by a model of the others.
+    predictions: Sequence[Prediction]  #: Each log by a model of the others.
     stretches: Mapping[str, Sequence[Stretch]]  #: How each log was cut.
     left_out: Mapping[str, str]  #: Logs that nothing is identified from, and why.
     spikes: Mapping[str, str]  #: Logs whose positions have spikes, and how many were left out.
@@ -137,7 +137,7 @@ class Corpus(Result):
     @property
     def bearing(self) -> Bearing:
         """The bearing found: its delay, its current's lag, the smallest steps of its logs."""
-        steps = [each.position_step for each in self.found.values()]
+        steps = [item.position_step for item in self.found.values()]
         known = [step for step in steps if step is not None]
         step = min(known) if known and len(known) == len(steps) else None
         noise_found = any(p.name == "measurement_noise" for p in self.pooled.parameters)
@@ -150,7 +150,7 @@ class Corpus(Result):
 
     TITLE = "Identification of {0.model.bearing.name} from many logs"
     SECTIONS = {
-        ("foretold",): Section("Each log, foretold by a model of the others", across=True),
+        ("predictions",): Section("Each log, predicted by a model of the others", across=True),
         ("parameters",): Section("What the logs say together", across=True),
         ("alone",): Section("What each log says alone", across=True),
         ("in_flight", "flights"): Section(
@@ -161,33 +161,33 @@ class Corpus(Result):
 
     @property
     def finding(self) -> str:
-        """How many logs are foretold well."""
-        good = sum(each.good for each in self.foretold)
+        """How many logs are predicted well."""
+        good = sum(prediction.good for prediction in self.predictions)
         return (
-            f"{good} of {len(self.foretold)} logs of {self.model.bearing.name} are foretold well "
-            "by a model of the others."
+            f"{good} of {len(self.predictions)} logs of {self.model.bearing.name} are predicted "
+            "well by a model of the others."
         )
 
     @property
     def rows(self) -> list[Row]:
-        """How each log is foretold, what all say together, and each alone."""
-        p, found = self.pooled, []
-        for each in self.foretold:
-            found += put(each.rows(), section=("foretold",), of=each.name)
+        """How each log is predicted, what all say together, and each alone."""
+        p, result = self.pooled, []
+        for prediction in self.predictions:
+            result += put(prediction.rows(), section=("predictions",), of=prediction.name)
         for k, one in enumerate(p.parameters):
             name, value = one.name.replace("_", " "), float(p.values[k])
             error, scatter = (float(of[k]) for of in (p.errors, p.scatter))
-            found += put([
+            result += put([
                 Row("value", "found", value, one.unit, error=error * _scale(one, value)),
                 Row("scatter_between_logs", "scatter between logs", scatter,
                     "%" if one.positive else one.unit),
             ], section=("parameters",), of=name)  # fmt: skip
             for log, value, error in zip(self.found, p.each[:, k], p.each_error[:, k], strict=True):
                 error = float(error) * _scale(one, float(value))
-                found.append(Row(one.name, name, float(value), one.unit, of=log, error=error,
+                result.append(Row(one.name, name, float(value), one.unit, of=log, error=error,
                                  section=("alone",)))  # fmt: skip
         for log, flight in ({} if self.weakened is None else self.weakened.flights).items():
-            found += put([
+            result += put([
                 Row("amplitude", "amplitude of the current", flight.amplitude, "A", 2),
                 Row("factor", "described over found", flight.factor,
                     error=flight.factor * flight.error),
@@ -195,8 +195,8 @@ class Corpus(Result):
         for log, parts in self.stretches.items():
             said = [f"{s.kind} {s.begin:.3g} to {s.end:.3g} s" for s in parts]
             cuts = "; ".join(said[:8] + ["..."] * (len(said) > 8))
-            found.append(Row("parts", "stretches", cuts, of=log, section=("cut",)))
-        return found
+            result.append(Row("parts", "stretches", cuts, of=log, section=("cut",)))
+        return result
 
     @property
     def notes(self) -> list[str]:
@@ -206,7 +206,7 @@ class Corpus(Result):
             "Errors are rms, so many samples ahead, with the controls since. Alone is the model "
             "with the controls that the past lets expect; ARX knows no other, velocity is a Kalman "
             "filter without a magnet. All three are fitted to the other logs. Left is what of the "
-            "residuals their past foretells. Good: no baseline that knows as much is better, NIS "
+            "residuals their past predicts. Good: no baseline that knows as much is better, NIS "
             "is near 1, and little is left.",
             *(f"{said[0].upper()}{said[1:]}." for said in weaker),
             *(f"A line at {figure(h.frequency, 'Hz')} in the position, of "
@@ -230,7 +230,7 @@ class Corpus(Result):
         }  # fmt: skip
 
     def figures(self) -> list[Figure]:
-        """Return how each log is foretold by the others."""
+        """Return how each log is predicted by the others."""
         return [late_binding.call("corpus_figure", self)]
 
 
@@ -252,57 +252,60 @@ def identify_corpus(
     cleaned: dict[str, Record] = {}
     spikes: dict[str, str] = {}
     for name, record in records.items():
-        [cleaned[name]], said = without_spikes([record])
-        if said:
-            spikes[name] = said
+        [cleaned[name]], remark = without_spikes([record])
+        if remark:
+            spikes[name] = remark
     stretches = {name: cut(record, start.bearing) for name, record in cleaned.items()}
-    flown, left_out = _flown(cleaned, stretches, start)
-    if len(flown) < FEWEST:
+    flight_records, left_out = _flown(cleaned, stretches, start)
+    if len(flight_records) < FEWEST:
         why = "; ".join(f"{name}: {text}" for name, text in left_out.items())
-        raise AmbkitError(f"a corpus needs {FEWEST} logs of a flight, {len(flown)} are left: {why}")
+        raise AmbkitError(
+            f"a corpus needs {FEWEST} logs of a flight, {len(flight_records)} are left: {why}"
+        )
     free = usual(start) if free is None else free
-    if all(goes_on_a_line(r) for parts in flown.values() for r in parts):
+    if all(goes_on_a_line(r) for parts in flight_records.values() for r in parts):
         start = start.replace(line=True)
     # The sampled model is exact, but for the part of a sample in a delay: nanometres.
     start = start.replace(substeps=1)
     start = start.replace(known={n: v for n, v in beforehand(start).items() if n in free})
-    names = list(flown)
-    found = _each(flown, start, free, threads, note)
-    for name in [name for name in names if isinstance(found[name], str)]:
-        left_out[name] = str(found.pop(name))
+    names = list(flight_records)
+    result = _each(flight_records, start, free, threads, note)
+    for name in [name for name in names if isinstance(result[name], str)]:
+        left_out[name] = str(result.pop(name))
         names.remove(name)
-    likelihoods = {name: one for name, one in found.items() if isinstance(one, MaximumLikelihood)}
+    likelihoods = {name: one for name, one in result.items() if isinstance(one, MaximumLikelihood)}
     if len(names) < FEWEST:
         raise AmbkitError(f"a corpus needs {FEWEST} logs that tell something: {left_out}")
-    baselines = {name: Baselines.of(flown[name]) for name in names}
+    baselines = {name: Baselines.of(flight_records[name]) for name in names}
 
-    def by_the_others(name: str) -> Foretold:
-        note(f"foretelling {names.index(name) + 1} of {len(names)}: {name}")
+    def by_the_others(name: str) -> Prediction:
+        note(f"predicting {names.index(name) + 1} of {len(names)}: {name}")
         rest = [other for other in names if other != name]
         _, model = _together([likelihoods[other] for other in rest], start)
-        return foretell(
-            name, flown[name], model, Baselines.together([baselines[other] for other in rest])
+        return predict(
+            name,
+            flight_records[name],
+            model,
+            Baselines.together([baselines[other] for other in rest]),
         )
 
     with ThreadPoolExecutor(threads) as workers:
-        foretold = list(workers.map(by_the_others, names))
-    together, model = _together(list(likelihoods.values()), start)
+        predicted = list(workers.map(by_the_others, names))
+    joint, model = _together(list(likelihoods.values()), start)
     note("the magnet in flight and as described")
-    weaker = weakened(flown, likelihoods, start, threads)
-    return Corpus(
-        start, model, together, likelihoods, foretold, stretches, left_out, spikes, weaker
-    )
+    weaker = weakened(flight_records, likelihoods, start, threads)
+    return Corpus(start, model, joint, likelihoods, predicted, stretches, left_out, spikes, weaker)
 
 
-def _together(found: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[Pooled, LoopModel]:
+def _together(results: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[Pooled, LoopModel]:
     """Pool what logs say, and give the model the lines that more than half of them have."""
-    pooled = pool(found)
-    lines = [line for one in found for line in one.lines]
+    pooled = pool(results)
+    lines = [line for one in results for line in one.lines]
     shared: list[Hum] = []
     while lines:
         near = [h for h in lines if abs(h.frequency / lines[0].frequency - 1) < SAME_LINE]
         lines = [h for h in lines if h not in near]
-        if 2 * len(near) > len(found):
+        if 2 * len(near) > len(results):
             frequencies = [h.frequency for h in near]
             shared.append(
                 Hum(
@@ -325,11 +328,11 @@ def _flown(
     bearing = start.bearing
     cuts = {name: flights(record, stretches[name], bearing) for name, record in records.items()}
     noise = {
-        name: float(np.median([noise_of(each) for each in parts]))
+        name: float(np.median([noise_of(part) for part in parts]))
         for name, parts in cuts.items() if parts
     }  # fmt: skip
     usual_noise = float(np.median([*noise.values(), math.sqrt(bearing.sensor.noise_variance)]))
-    flown, left_out = {}, {}
+    flight_records, left_out = {}, {}
     for name, parts in cuts.items():
         if not parts:
             kinds = sorted({s.kind for s in stretches[name]})
@@ -341,19 +344,19 @@ def _flown(
                 f"{engineering(usual_noise, 'm', 2, like=noise[name])}"
             )
         else:
-            flown[name] = parts
-    return flown, left_out
+            flight_records[name] = parts
+    return flight_records, left_out
 
 
 def _each(
-    flown: Mapping[str, list[Record]],
+    flight_records: Mapping[str, list[Record]],
     start: LoopModel,
     free: Sequence[str],
     threads: int,
     note: Callable[[str], object],
 ) -> dict[str, MaximumLikelihood | str]:
     """Identify from each log alone; the first one finds where the others begin."""
-    names = list(flown)
+    names = list(flight_records)
     done = 0
 
     def searched(
@@ -362,7 +365,7 @@ def _each(
         nonlocal done
         try:
             return maximum_likelihood(
-                flown[name], begin, free, improve_start=improve, profile=False, lines=True
+                flight_records[name], begin, free, improve_start=improve, profile=False, lines=True
             )
         except (AmbkitError, RecordError) as error:
             return str(error)
@@ -372,22 +375,22 @@ def _each(
 
     note(f"identifying from {names[0]}")
     first = searched(names[0], start, free, improve=True)
-    begin, told = start, list(free)
+    begin, parameters = start, list(free)
     if isinstance(first, MaximumLikelihood):
         # What one log does not tell none does, as of a lag; but noises are each log's own.
-        told = [name for name in free if name not in first.held or name in NOISES]
+        parameters = [name for name in free if name not in first.held or name in NOISES]
         begin = first.model.replace(
             known=start.known, current_offset=start.current_offset,
             position_offset=start.position_offset, sensor__hum=start.bearing.sensor.hum,
         )  # fmt: skip
     with ThreadPoolExecutor(threads) as workers:
-        rest = workers.map(lambda name: searched(name, begin, told, improve=False), names[1:])
+        rest = workers.map(lambda name: searched(name, begin, parameters, improve=False), names[1:])
         return {names[0]: first, **dict(zip(names[1:], rest, strict=True))}
 
 
 @dataclass(frozen=True, eq=False)
 class Baselines:
-    """What foretells without knowing a magnet, fitted to some logs."""
+    """What predicts without knowing a magnet, fitted to some logs."""
 
     naive: ConstantVelocityFilter  #: Tuned by the likelihood.
     normal: Mapping[int, Array]  #: Samples ahead, and the normal equations of an ARX model.
@@ -413,7 +416,9 @@ class Baselines:
         return cls(ConstantVelocityFilter(several[0].naive.T, q, R), normal, controls)
 
 
-def foretell(name: str, records: Sequence[Record], model: LoopModel, others: Baselines) -> Foretold:
+def predict(
+    name: str, records: Sequence[Record], model: LoopModel, others: Baselines
+) -> Prediction:
     """Foretell a log by a model that has not seen it, beside what knows no magnet."""
     naive = others.naive
     first = max(round(settling_time(model.bearing) / records[0].sampling_time) * 4, ORDER)
@@ -430,15 +435,15 @@ def foretell(name: str, records: Sequence[Record], model: LoopModel, others: Bas
         residuals.append((e / np.sqrt(S))[used])
         controls.append(record["u"][used])
         squares.append((e**2 / S)[used])
-        share = 1 + model.bearing.sensor.noise_rise * (y - model.position_offset)
+        share = 1 + model.bearing.sensor.position_noise * (y - model.position_offset)
         variances.append(model.bearing.sensor.noise_variance * np.clip(share, 1 / 8, 8)[used] ** 2)
         windows = expected.windows(record)
         for k in AHEAD:
             target = y[k:]
-            alone = np.full(target.size, np.nan)
-            alone[ORDER - 1 :] = model.predict_with(record, k, windows, ORDER)[: -k or None]
+            uncontrolled = np.full(target.size, np.nan)
+            uncontrolled[ORDER - 1 :] = model.predict_with(record, k, windows, ORDER)[: -k or None]
             for kind, guess in (
-                ("model", model.predict(record, k)), ("alone", alone), ("held", y[:-k]),
+                ("model", model.predict(record, k)), ("alone", uncontrolled), ("held", y[:-k]),
                 ("naive", naive.predict(y, k)), ("arx", linear[k].predict(record)),
             ):  # fmt: skip
                 misses[kind][k].append((target - guess)[first:])
@@ -447,7 +452,7 @@ def foretell(name: str, records: Sequence[Record], model: LoopModel, others: Bas
         for kind, by in misses.items()
     }
     residual = np.concatenate(residuals)
-    return Foretold(
+    return Prediction(
         name, residual.size, rms["model"], rms["alone"], rms["held"], rms["naive"], rms["arx"],
         _rms(np.sqrt(np.concatenate(variances))), float(np.mean(np.concatenate(squares))),
         whiteness(residual, LAGS).share_within,

@@ -27,10 +27,10 @@ UNEXPLAINED = 0.5
 on it does not fly."""
 
 AFTER = 40
-"""The plant's own times that are left out after something else than flight, as it is fetched."""
+"""Time constants of the plant that are left out after something other than levitation."""
 
 SHORTEST = 40
-"""The plant's own times that a flight must have to be told anything from."""
+"""The plant's time constants that a flight must have to be told anything from."""
 
 SMOOTHED = 0.25
 """Of the noise that other logs or the bearing have: a position with less was smoothed before."""
@@ -66,16 +66,16 @@ def cut(record: Record, bearing: Bearing) -> list[Stretch]:
     current = np.clip(bearing.amplifier.gain * u, bearing.current_min, bearing.current_max)
     force = np.asarray(magnet_of(bearing).force(current, x)) + bearing.weight
     acceleration = savgol_filter(x, width, 3, deriv=2, delta=T)
-    push = savgol_filter(force / bearing.rotor.mass, width, 2)
+    model_acceleration = savgol_filter(force / bearing.rotor.mass, width, 2)
     hold = abs(bearing.weight) or _typical_force(bearing)
-    astray = np.abs(acceleration - push) > UNEXPLAINED * hold / bearing.rotor.mass
+    astray = np.abs(acceleration - model_acceleration) > UNEXPLAINED * hold / bearing.rotor.mass
 
-    saturated = _at_its_end(y, bearing.sensor.gain * bearing.rotor.travel_limit)
+    saturated = _at_its_end(y, bearing.sensor.gain * bearing.rotor.clearance)
     i = bearing.amplifier.gain * u
     saturated |= (i >= 0.999 * bearing.current_max) | (i <= 0.97 * bearing.current_min)
     saturated = maximum_filter1d(saturated, width)
-    reach = maximum_filter1d(y, width) - minimum_filter1d(y, width)
-    still = reach < 10 * max(noise_of(record), 1e-12)
+    local_range = maximum_filter1d(y, width) - minimum_filter1d(y, width)
+    still = local_range < 10 * max(noise_of(record), 1e-12)
     ends = (y <= y.min() + 0.02 * np.ptp(y)) | (y >= y.max() - 0.02 * np.ptp(y))
     kind = np.zeros(y.size, int)
     kind[astray] = KINDS.index("fetched")

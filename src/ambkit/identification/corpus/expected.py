@@ -2,7 +2,7 @@
 
 A prediction that is given the controls since lets each of them act as if it came from outside. But
 in a loop they answer to the very motion that is to be predicted, and what they say of it is lost:
-a filter that knows the truth foretells 20.7 µm so, where the controls that were to be expected give
+a filter that knows the truth predicts 20.7 µm so, where the controls that were to be expected give
 18.7 and an ARX model, which never sees later ones, 19.4 (a simulated rig, 10 ms ahead). So beside a
 model that knows no later control stands one that does not know them either.
 """

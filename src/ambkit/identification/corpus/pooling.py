@@ -27,7 +27,7 @@ LEAST_SCATTER = 1e-4
 FEWEST = 3
 """Logs from which on a scatter between them can be told."""
 
-COORDINATE = {"delay": 1e-3, "noise_rise": 100.0}
+COORDINATE = {"delay": 1e-3, "position_noise": 100.0}
 """What a parameter that is no logarithm is counted in [SI]: all coordinates are of the size 1."""
 
 
@@ -55,32 +55,32 @@ class Pooled:
         return float(self.values[[p.name for p in self.parameters].index(name)])
 
 
-def pool(found: Sequence[MaximumLikelihood]) -> Pooled:
+def pool(results: Sequence[MaximumLikelihood]) -> Pooled:
     """Pool what was found of several logs."""
     # Offsets are of a log: each has its own, as far from what is known beforehand as that may be,
     # and with the error that this leaves in all others.
-    seen = {p.name for one in found for p in one.parameters} - set(OFFSETS)
+    seen = {p.name for one in results for p in one.parameters} - set(OFFSETS)
     names = [name for name in PARAMETERS if name in seen]
     parameters = [PARAMETERS[name] for name in names]
     size = np.array([1.0 if p.positive else COORDINATE.get(p.name, 1.0) for p in parameters])
-    each, each_error = (np.full((len(found), len(names)), np.nan) for _ in range(2))
-    alone = []
-    for row, one in enumerate(found):
+    parts, each_error = (np.full((len(results), len(names)), np.nan) for _ in range(2))
+    fits = []
+    for row, one in enumerate(results):
         own = [k for k, p in enumerate(one.parameters) if p.name in seen]
         at = [names.index(one.parameters[k].name) for k in own]
-        each[row, at], each_error[row, at] = one.values[own], one.errors[own]
+        parts[row, at], each_error[row, at] = one.values[own], one.errors[own]
         theta = np.zeros(len(names))
         theta[at] = [_coordinate(one.parameters[k], one.values[k]) for k in own]
-        whole = np.zeros((len(names), len(names)))
+        information = np.zeros((len(names), len(names)))
         covariance = one.covariance[np.ix_(own, own)] / np.outer(size[at], size[at])
-        whole[np.ix_(at, at)] = np.linalg.inv(covariance)
-        alone.append((whole, theta))
-    scatter = _between(alone)
-    mean, covariance = _mean(alone, scatter)
+        information[np.ix_(at, at)] = np.linalg.inv(covariance)
+        fits.append((information, theta))
+    scatter = _between(fits)
+    mean, covariance = _mean(fits, scatter)
     values = np.array([_value(p, m) for p, m in zip(parameters, mean, strict=True)])
     return Pooled(
         parameters, values, size * np.sqrt(np.diag(covariance)),
-        np.where(scatter > 2 * LEAST_SCATTER, size * scatter, 0.0), each, each_error,
+        np.where(scatter > 2 * LEAST_SCATTER, size * scatter, 0.0), parts, each_error,
     )  # fmt: skip
 
 
@@ -97,34 +97,34 @@ def _weight(J: Array, scatter: Array) -> Array:
     return np.asarray(np.linalg.solve(np.eye(J.shape[0]) + J * scatter**2, J), float)
 
 
-def _mean(alone: Sequence[tuple[Array, Array]], scatter: Array) -> tuple[Array, Array]:
-    weights = [_weight(J, scatter) for J, _ in alone]
+def _mean(fits: Sequence[tuple[Array, Array]], scatter: Array) -> tuple[Array, Array]:
+    weights = [_weight(J, scatter) for J, _ in fits]
     covariance = np.asarray(np.linalg.inv(sum(weights)), float)
-    total = sum(W @ theta for W, (_, theta) in zip(weights, alone, strict=True))
+    total = sum(W @ theta for W, (_, theta) in zip(weights, fits, strict=True))
     return covariance @ total, covariance
 
 
-def _between(alone: Sequence[tuple[Array, Array]]) -> Array:
+def _between(fits: Sequence[tuple[Array, Array]]) -> Array:
     """Scatter between logs that the restricted likelihood prefers, in the coordinates (p,)."""
     from scipy.optimize import minimize
 
-    size = alone[0][1].size
-    if len(alone) < FEWEST:
+    size = fits[0][1].size
+    if len(fits) < FEWEST:
         return np.full(size, LEAST_SCATTER)
 
     def cost(logs: Array) -> float:
         scatter = np.exp(logs)
-        mean, covariance = _mean(alone, scatter)
+        mean, covariance = _mean(fits, scatter)
         total = -np.linalg.slogdet(covariance)[1]
-        for J, theta in alone:
+        for J, theta in fits:
             off = theta - mean
             total += np.linalg.slogdet(np.eye(size) + J * scatter**2)[1]
             total += off @ _weight(J, scatter) @ off
         return float(total)
 
     limits = [(np.log(LEAST_SCATTER), np.log(10.0))] * size
-    found = [
+    results = [
         minimize(cost, np.full(size, np.log(begin)), method="L-BFGS-B", bounds=limits)
         for begin in (0.05, 0.3)
     ]
-    return np.exp(min(found, key=lambda one: one.fun).x)
+    return np.exp(min(results, key=lambda one: one.fun).x)

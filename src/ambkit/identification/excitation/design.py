@@ -80,7 +80,7 @@ class Limits:
     ) -> Limits:
         """Return limits, by default 80 % of what the current may be and half of the travel."""
         most = min(bearing.current_max, -bearing.current_min)
-        travel = bearing.rotor.travel_limit
+        travel = bearing.rotor.clearance
         for what, value, end, unit in (
             ("current", current, most, "A"),
             ("displacement", displacement, travel, "m"),
@@ -145,7 +145,7 @@ class Design(Result):
         """Signal and limits, and what is expected of each parameter."""
         record, limits, expected = self.record, self.limits, self.expectation
         current, far = (float(np.max(np.abs(record[name]))) for name in ("iu", "x"))
-        found = [
+        results = [
             Row("duration", "duration", float(record.t[-1]), "s"),
             Row("samples", "  samples", len(record)),
             Row("band", "band", self.band, "Hz", 3),
@@ -159,12 +159,12 @@ class Design(Result):
         ]  # fmt: skip
         for p, error in zip(expected.parameters, expected.errors, strict=True):
             at = p.of(expected.model)
-            found += put([
+            results += put([
                 Row("value", "value", at, p.unit),
                 Row("standard_error", "standard error", float(error), p.unit, 3),
                 Row("share", "of the value", float(error / at) if p.positive else None, "%"),
             ], section=EXPECTED, of=p.name)  # fmt: skip
-        return found
+        return results
 
     SECTIONS = {(): Section("{0.title}"), EXPECTED: Section("Expected", across=True)}
 
@@ -172,13 +172,13 @@ class Design(Result):
     def notes(self) -> list[str]:
         """What cannot be told, or only together."""
         expected, names = self.expectation, [p.name for p in self.expectation.parameters]
-        said = [f"{name} will not be found: {why}" for name, why in expected.held.items()]
-        said += [
+        sentences = [f"{name} will not be found: {why}" for name, why in expected.held.items()]
+        sentences += [
             f"{names[j]} and {name} hang together: correlation {expected.correlation[i, j]:+.3f}"
             for i, name in enumerate(names) for j in range(i)
             if abs(expected.correlation[i, j]) > CERTAIN
         ]  # fmt: skip
-        return [each.replace("_", " ") for each in said]
+        return [sentence.replace("_", " ") for sentence in sentences]
 
     @property
     def series(self) -> dict[str, Any]:
@@ -188,7 +188,7 @@ class Design(Result):
             "kind": self.excitation.kind,
             "limit_current": self.limits.current,
             "limit_displacement": self.limits.displacement,
-            "load_growth": self.expectation.model.load_growth,
+            "disturbance_noise": self.expectation.model.disturbance_noise,
             "expected": self.expectation.to_dict(),
             "bands": [
                 {"band": list(band), "certainty": certainty} for band, certainty in self.tried
@@ -226,16 +226,16 @@ def design(
         )
     loop = _Loop(bearing, scenario, limits, load)
     bands = _bands(bearing, loop.duration) if band is None else [_checked(bearing, loop, band)]
-    model = LoopModel(bearing, load_growth=load**2)
+    model = LoopModel(bearing, disturbance_noise=load**2)
     free = usual(model) if free is None else free
     best: tuple[Band, Excitation, Array] | None = None
-    tried: list[tuple[Band, float]] = []
+    trials: list[tuple[Band, float]] = []
     for one in bands:
         excitation = KINDS[kind](loop.n, loop.T, one)
         reference = loop.at_the_limit(excitation)
         certainty = expect(loop.run(reference), model, free).certainty
-        tried.append((one, certainty))
-        if certainty >= max(certainty for _, certainty in tried):
+        trials.append((one, certainty))
+        if certainty >= max(certainty for _, certainty in trials):
             best = one, excitation, reference
         done(f"{one[0]:.3g} to {one[1]:.3g} Hz")
     assert best is not None
@@ -243,16 +243,16 @@ def design(
     reference = loop.within_limits(reference)
     record = loop.run(reference)
     return Design(
-        excitation, reference, one, record, limits, expect(record, model, free), tried, axis
+        excitation, reference, one, record, limits, expect(record, model, free), trials, axis
     )
 
 
 def _bands(bearing: Bearing, duration: float) -> list[Band]:
     """Return bands to try about the plant's own frequency, as far as record and sampling go."""
     own = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass) / (2 * math.pi)
-    slowest, fastest = LEAST_PERIODS / duration, 0.2 / bearing.sampling_time
-    lows = sorted({max(part * own, slowest) for part in LOWEST})
-    highs = sorted({min(part * own, fastest) for part in HIGHEST})
+    min_frequency, max_frequency = LEAST_PERIODS / duration, 0.2 / bearing.sampling_time
+    lows = sorted({max(part * own, min_frequency) for part in LOWEST})
+    highs = sorted({min(part * own, max_frequency) for part in HIGHEST})
     bands = [(low, high) for low in lows for high in highs if high >= 2 * low]
     if not bands:
         raise AmbkitError(
@@ -264,11 +264,12 @@ def _bands(bearing: Bearing, duration: float) -> list[Band]:
 
 def _checked(bearing: Bearing, loop: _Loop, band: Band) -> Band:
     low, high = band
-    slowest, fastest = 1 / loop.duration, 0.4 / bearing.sampling_time
-    if not slowest * (1 - 1e-9) <= low < high <= fastest * (1 + 1e-9):
+    min_frequency, max_frequency = 1 / loop.duration, 0.4 / bearing.sampling_time
+    if not min_frequency * (1 - 1e-9) <= low < high <= max_frequency * (1 + 1e-9):
         raise AmbkitError(
-            f"the band must rise, from {engineering(slowest, 'Hz')}, one period in the record, to "
-            f"{engineering(fastest, 'Hz')}, two fifths of the sampling rate, at most; "
+            "the band must rise, "
+            f"from {engineering(min_frequency, 'Hz')}, one period in the record, "
+            f"to {engineering(max_frequency, 'Hz')}, two fifths of the sampling rate; "
             f"is {engineering(low, 'Hz')} to {engineering(high, 'Hz')}"
         )
     return band

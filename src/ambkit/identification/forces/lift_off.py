@@ -86,9 +86,9 @@ def _unusable(run: int, problem: str) -> LiftOff:
     return LiftOff(run, math.nan, math.nan, math.nan, math.nan, math.nan, problem)
 
 
-def _noise(at_rest: Record) -> float:
+def _noise(standstill: Record) -> float:
     try:
-        return measurement_noise(at_rest, "z").variance
+        return measurement_noise(standstill, "z").variance
     except RecordError:
         return math.nan
 

@@ -47,7 +47,7 @@ class LiftOffFit:
         force = self.mass * (GRAVITY - np.asarray(acceleration))
         return np.sqrt(force / self.magnet_constant) * (np.asarray(gap) + self.gap_offset)
 
-    def working_point(self, gap: float) -> tuple[float, float]:
+    def operating_point(self, gap: float) -> tuple[float, float]:
         """Return effective air gap s0 [m] and bias current i0 [A] of a bearing at z = `gap` [m]."""
         return gap + self.gap_offset, float(self.current(gap))
 

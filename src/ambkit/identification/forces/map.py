@@ -1,4 +1,4 @@
-"""The magnet's force on a grid of work points, with its uncertainty, from records of the loop.
+"""The magnet's force on a grid of operating points, with its uncertainty, from records of the loop.
 
 The law that was identified is corrected at the nodes of a grid, bilinearly between them, such that
 the Kalman filter's innovations are least surprising (as in `maximum_likelihood`: so it is unbiased
@@ -100,12 +100,12 @@ def force_map(
     settling: float = 0.0,
     note: Callable[[str], None] = lambda text: None,
 ) -> ForceMap:
-    """Identify the force on a grid of work points."""
+    """Identify the force on a grid of operating points."""
     several = [records] if not isinstance(records, Sequence) else list(records)
     b = model.bearing
     iu = np.concatenate([b.amplifier.gain * model.corrected(r)["u"] for r in several])
     x = np.concatenate([model.corrected(r)["y"] / b.sensor.gain for r in several])
-    limit = b.rotor.travel_limit
+    limit = b.rotor.clearance
     visited = np.clip(iu, b.current_min, b.current_max), np.clip(x, -limit, limit)
     across, along = nodes_for(*visited) if nodes is None else nodes
     current = _nodes("currents", currents, visited[0], across, "A")
@@ -240,14 +240,14 @@ def _ends(visited: Array) -> Array:
     return np.asarray(np.nanpercentile(visited, [0.5, 99.5]))
 
 
-def _nodes(name: str, given: ArrayLike | None, visited: Array, count: int, unit: str) -> Array:
-    if given is None:
+def _nodes(name: str, values: ArrayLike | None, visited: Array, count: int, unit: str) -> Array:
+    if values is None:
         low, high = _ends(visited)
         if not high > low:
             raise AmbkitError(f"the records cover no range of {name}: let the rotor move")
         if count < 4:
             raise AmbkitError(f"nodes of {name} must be 4 or more, are {count}")
         return np.linspace(low, high, count)
-    nodes = np.array(given, dtype=float)
+    nodes = np.array(values, dtype=float)
     check_nodes(name, nodes, unit, least=4)
     return nodes

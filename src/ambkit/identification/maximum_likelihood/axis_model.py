@@ -54,7 +54,7 @@ class AxisModel(LoopModel):
         machine = with_axis(self.machine, self.axis, finer)
         return ExtendedKalmanFilter(
             machine,
-            noise=FilterNoise(disturbance=self.load_growth),
+            noise=FilterNoise(disturbance=self.disturbance_noise),
             outlier_limit=0,
             synchronous=("unbalance",) if machine.turns else (),
         )
@@ -71,7 +71,7 @@ class AxisModel(LoopModel):
         std = dict(zip((s.name for s in kalman.states), kalman.default_std(), strict=True))
         if np.isfinite(self.load_std):
             std |= {name: self.load_std for name in std if name.startswith("f_d")}
-        kalman.reset(kalman.at_first(y[:: self.substeps]), list(std.values()))
+        kalman.reset(kalman.initial_state(y[:: self.substeps]), list(std.values()))
         out = kalman.core.run(y, u)
         one = {name: out[name][:, own] for name in ("innovation", "variance")}
         return out | one | {"status": out["health"][:, own]}, u, kalman
@@ -81,7 +81,10 @@ class AxisModel(LoopModel):
         if axis == self.axis:
             return self._acting(record["u"])
         other = LoopModel(
-            self.machine.alone(axis), delay=self.delay, substeps=self.substeps, line=self.line
+            self.machine.isolated_axis(axis),
+            delay=self.delay,
+            substeps=self.substeps,
+            line=self.line,
         )
         return other._acting(record[signal("u", axis)])
 

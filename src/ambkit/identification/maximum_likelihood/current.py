@@ -60,7 +60,7 @@ TOO_QUIET = (
 )
 
 QUIET = 0.1
-"""Of what a current changes by within the plant's own time: what its noise may be, rms."""
+"""Of what a current changes by within the plant's time constant: what its noise may be, rms."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +96,9 @@ class FlowingCurrent:
 
     def measuring(self, model: LoopModel) -> LoopModel:
         """Return a model for the current as it is measured, with all of its noise."""
-        found, T = model.bearing.amplifier.noise_variance, model.bearing.sampling_time
+        result, T = model.bearing.amplifier.noise_variance, model.bearing.sampling_time
         sensor = (self.noise / self.amplifier_gain) ** 2
-        noise = max(sensor + found - self._strays(T), 0.1 * sensor)
+        noise = max(sensor + result - self._strays(T), 0.1 * sensor)
         return model.replace(memory=0.0, amplifier__noise_variance=noise)
 
     def _strays(self, T: float) -> float:
@@ -114,7 +114,7 @@ class FlowingCurrent:
 
 
 def too_quiet(records: Sequence[Record], own_time: float) -> bool:
-    """Whether noise is a good part of what measured currents do within a plant's own time [s]."""
+    """Whether noise is a good part of a current's change in the plant's time constant [s]."""
     changes, noise = [], []
     for record in records:
         u = record["u"][np.isfinite(record["u"])]
@@ -130,11 +130,11 @@ def too_quiet(records: Sequence[Record], own_time: float) -> bool:
 
 def flowing(records: Sequence[Record], amplifier_gain: float = 1.0) -> FlowingCurrent | None:
     """Find the current that flows from a measured current and what drives it."""
-    whole = all(
+    is_complete = all(
         CONTROL in record and np.isfinite(record[CONTROL]).all() and np.isfinite(record["u"]).all()
         for record in records
     )
-    if not whole or sum(len(record) for record in records) < LEAST_SAMPLES:
+    if not is_complete or sum(len(record) for record in records) < LEAST_SAMPLES:
         return None
     pairs = [(record["u"], record[CONTROL]) for record in records]
     if not all(np.ptp(i) > 0 and np.ptp(u) > 0 for i, u in pairs):
@@ -157,7 +157,7 @@ def through(coil: Coil, records: Sequence[Record], amplifier_gain: float) -> Flo
         {name: r[name] for name in r} | {"u": coil.smoothed(r["u"], r[CONTROL])} for r in records
     ]
     return FlowingCurrent(
-        [Record(r.t, each, r.units, r.meta) for r, each in zip(records, flows, strict=True)],
+        [Record(r.t, flow, r.units, r.meta) for r, flow in zip(records, flows, strict=True)],
         coil.gain * amplifier_gain, coil.zero * amplifier_gain, coil.lag * T, coil.delay * T,
         scale * math.sqrt(sensor), scale * math.sqrt(sensor * max(unknown, 0.0)),
         -T / math.log(max(back, 1e-300)), amplifier_gain, coil,
@@ -220,10 +220,11 @@ class Coil:
         """Predict a measured current (n,) from its past and its start; with the innovations."""
         from scipy.signal import lfilter
 
-        a, K, whole = self.keep, self.gain_of_filter, math.floor(self.delay)
-        part, k = self.delay - whole, np.arange(measured.size)
+        a, K, integer_part = self.keep, self.gain_of_filter, math.floor(self.delay)
+        part, k = self.delay - integer_part, np.arange(measured.size)
         now, earlier = (
-            self.gain * control[np.clip(k - whole - more, 0, k[-1])] + self.zero for more in (0, 1)
+            self.gain * control[np.clip(k - integer_part - more, 0, k[-1])] + self.zero
+            for more in (0, 1)
         )
         first, then = math.exp(-part / self.lag), math.exp(-(1 - part) / self.lag)
         drive = then * (1 - first) * earlier + (1 - then) * now
@@ -251,7 +252,7 @@ class Coil:
 
 
 def _fitted(pairs: Sequence[tuple[Array, Array]]) -> Coil | None:
-    """Return the coil whose filter foretells the measured currents best; None where none does."""
+    """Return the coil whose filter predicts the measured currents best; None where none does."""
     from scipy.optimize import least_squares
 
     def misses(theta: Array) -> Array:
@@ -283,22 +284,24 @@ def _fitted(pairs: Sequence[tuple[Array, Array]]) -> Coil | None:
         )
         for theta in (begins[0], *others[:1])
     ]
-    found = min(ends, key=lambda one: one.cost)
-    best = Coil.at(found.x)
+    result = min(ends, key=lambda one: one.cost)
+    best = Coil.at(result.x)
     return best if best.gain > 0 and best.lag < 0.9 * LONGEST_TIME else None
 
 
 def _follows(coil: Coil, pairs: Sequence[tuple[Array, Array]]) -> bool:
-    """Whether the control signal foretells the current better than its own past (Schwarz 1978)."""
+    """Whether the control signal predicts the current better than its own past (Schwarz 1978)."""
     from scipy.optimize import least_squares
 
     def misses(theta: Array) -> Array:
         lag, stray = np.exp(np.clip(theta[:2], -20, 20)).tolist()
-        alone = replace(coil, lag=min(lag, LONGEST_TIME), gain=0.0, zero=theta[2], stray=stray)
-        return np.concatenate([alone.predicted(i, u)[1][1:] for i, u in pairs])
+        undriven_coil = replace(
+            coil, lag=min(lag, LONGEST_TIME), gain=0.0, zero=theta[2], stray=stray
+        )
+        return np.concatenate([undriven_coil.predicted(i, u)[1][1:] for i, u in pairs])
 
     begin = np.array([math.log(coil.lag), math.log(coil.stray) + 3, float(np.mean(pairs[0][0]))])
-    alone = least_squares(misses, begin, diff_step=np.full(3, 1e-4), xtol=1e-4, ftol=1e-5)
+    undriven = least_squares(misses, begin, diff_step=np.full(3, 1e-4), xtol=1e-4, ftol=1e-5)
     driven = np.concatenate([coil.predicted(i, u)[1][1:] for i, u in pairs])
-    gained = 0.5 * driven.size * math.log(2 * alone.cost / float(driven @ driven))
+    gained = 0.5 * driven.size * math.log(2 * undriven.cost / float(driven @ driven))
     return gained > FIGURES * math.log(driven.size)

@@ -80,74 +80,85 @@ def maximum_likelihood(
     # Spikes of the position are left out first.
     logged = [records] if not isinstance(records, Sequence) else list(records)
     several, spikes = without_spikes(logged)
-    given = start if isinstance(start, LoopModel) else LoopModel(start)
-    parameters, alike = searchable(named(free), given)
+    initial_model = start if isinstance(start, LoopModel) else LoopModel(start)
+    parameters, alike = searchable(named(free), initial_model)
     if not parameters:
         reasons = "".join(f"; {name}: {why}" for name, why in alike.items())
         raise AmbkitError(f"no parameter is free{reasons}")
     if settling is None:
-        settling = settling_time(given.bearing)
-    _check_records(several, given, settling)
-    asked, given = given, _movable(given, parameters)
+        settling = settling_time(initial_model.bearing)
+    _check_records(several, initial_model, settling)
+    nominal_model, initial_model = initial_model, _movable(initial_model, parameters)
     current, measured, remarks = None, several, [spikes] if spikes else []
     if all(goes_on_a_line(record) for record in several):
-        asked, given = (model.replace(line=True) for model in (asked, given))
-        current = flowing(several, given.bearing.amplifier.gain) if use_control else None
+        nominal_model, initial_model = (
+            model.replace(line=True) for model in (nominal_model, initial_model)
+        )
+        current = flowing(several, initial_model.bearing.amplifier.gain) if use_control else None
     if current is not None:
         note("the current that flows, from control and measurement")
         several = list(current.records)
-        asked, given = (current.driving(model) for model in (asked, given))
-    elif given.line and too_quiet(several, settling_time(given.bearing)):
+        nominal_model, initial_model = (
+            current.driving(model) for model in (nominal_model, initial_model)
+        )
+    elif initial_model.line and too_quiet(several, settling_time(initial_model.bearing)):
         remarks.append(TOO_QUIET)
-    known = beforehand(given)
+    known = beforehand(initial_model)
     names = {p.name for p in parameters}
-    given = given.replace(known={name: known[name] for name in known if name in names})
-    given = with_room(several, given, parameters)
-    begin, begun_from = given, "the bearing given"
+    initial_model = initial_model.replace(
+        known={name: known[name] for name in known if name in names}
+    )
+    initial_model = with_room(several, initial_model, parameters)
+    begin, begun_from = initial_model, "the bearing given"
     if improve_start:
         note("looking for a start")
-        begin, begun_from = best_start(several, given, parameters, settling)
+        begin, begun_from = best_start(several, initial_model, parameters, settling)
         # With a wrong idea of the noise, the information misleads; and offsets run away first.
-        sure = [p for p in parameters if p.name in (*NOISES, "noise_rise", "delay")]
+        sure = [p for p in parameters if p.name in (*NOISES, "position_noise", "delay")]
         if 0 < len(sure) < len(parameters):
             begin = climb(several, begin, sure, settling).model
-    held = {name: f"{why}; held at {named([name])[0].text(given)}" for name, why in alike.items()}
-    search = _Search(several, asked, settling, note)
-    found, told, missed = search.up(begin, parameters)
+    held = {
+        name: f"{why}; held at {named([name])[0].text(initial_model)}"
+        for name, why in alike.items()
+    }
+    search = _Search(several, nominal_model, settling, note)
+    result, free_parameters, missed = search.up(begin, parameters)
     if lines:
         note("looking for lines")
-        hum = with_lines(several, found.model, told, settling, note).bearing.sensor.hum
-        if hum != found.model.bearing.sensor.hum:
+        hum = with_lines(several, result.model, free_parameters, settling, note).bearing.sensor.hum
+        if hum != result.model.bearing.sensor.hum:
             # What could not be told beside lines that nobody knew of may be told now; and what
             # took their place is no start for it.
-            begin = (begin if missed else found.model).replace(sensor__hum=hum)
-            found, told, missed = search.up(begin, parameters)
-    parameters, held = told, held | missed
+            begin = (begin if missed else result.model).replace(sensor__hum=hum)
+            result, free_parameters, missed = search.up(begin, parameters)
+    parameters, held = free_parameters, held | missed
     joint = None
     if current is not None:
         note("the coil, from current and position together")
         joint = Joint(
-            measured, current, found.model, parameters, settling, current.coil.settled
+            measured, current, result.model, parameters, settling, current.coil.settled
         ).climbed()
         current, several = joint.current, list(joint.current.records)
-        found = climb(several, joint.model, parameters, settling)
+        result = climb(several, joint.model, parameters, settling)
         remarks.append(current.text)
     note("correcting what is biased")
-    model = restricted(several, found.model, found.local, parameters, settling)
+    model = restricted(several, result.model, result.local, parameters, settling)
     coordinates = Coordinates(model, parameters)
     local = Likelihood(several, coordinates, settling).local(np.zeros(len(parameters)))
     unit = np.outer(coordinates.unit_steps(), coordinates.unit_steps())
-    whole = replace(joint, model=model).local(local) if joint is not None else local
-    inverse = np.asarray(np.linalg.inv(whole.information), float)
-    curved, robust = inverse * unit, inverse @ whole.scatter @ inverse * unit
+    joint_expansion = replace(joint, model=model).local(local) if joint is not None else local
+    inverse = np.asarray(np.linalg.inv(joint_expansion.information), float)
+    curved, robust = inverse * unit, inverse @ joint_expansion.scatter @ inverse * unit
     larger = np.sqrt(np.maximum(np.diag(robust) / np.diag(curved), 1.0))
     covariance = curved * np.outer(larger, larger)
     profiles: dict[str, tuple[float, float]] = {}
     if profile:
         note("looking how far the errors hold")
-        alone = np.asarray(np.linalg.inv(local.information), float)  # as if no coil were unknown
-        larger *= np.sqrt(np.diag(inverse) / np.diag(alone))
-        profiles = intervals(several, model, parameters, alone, larger, settling)
+        uncoupled = np.asarray(
+            np.linalg.inv(local.information), float
+        )  # as if no coil were unknown
+        larger *= np.sqrt(np.diag(inverse) / np.diag(uncoupled))
+        profiles = intervals(several, model, parameters, uncoupled, larger, settling)
     if current is not None:
         searched, model = model, current.measuring(model)
         one = np.array([_relative(p, searched, model) for p in parameters])
@@ -155,11 +166,11 @@ def maximum_likelihood(
         profiles.pop("control_noise", None)  # of what control and measurement leave unknown
     errors = np.sqrt(np.diag(covariance))
     delay = [k for k, p in enumerate(parameters) if p.name == "delay"]
-    if delay and CONFIDENCE * errors[delay[0]] > given.bearing.sampling_time:
+    if delay and CONFIDENCE * errors[delay[0]] > initial_model.bearing.sampling_time:
         remarks.append("the loop is too quiet to tell the delay to a sample")
-    model, touched = narrowed(several, asked, model)
+    model, touched = narrowed(several, nominal_model, model)
     return MaximumLikelihood(
-        start=given,
+        start=initial_model,
         model=model,
         parameters=parameters,
         values=np.array([p.of(model) for p in parameters]),
@@ -167,20 +178,20 @@ def maximum_likelihood(
         robust_errors=np.sqrt(np.diag(robust)),
         covariance=covariance,
         correlation=covariance / np.outer(errors, errors),
-        told=np.diag(inverse @ whole.told),
+        told=np.diag(inverse @ joint_expansion.told),
         profiles=profiles,
         touched=touched,
         remarks=remarks,
         current=current,
         held=held,
         log_likelihood=local.value,
-        start_log_likelihood=Likelihood(several, Coordinates(given, []), settling).value(
+        start_log_likelihood=Likelihood(several, Coordinates(initial_model, []), settling).value(
             np.zeros(0)
         ),
-        samples=found.samples,
+        samples=result.samples,
         begun_from=begun_from,
         steps=search.steps,
-        converged=found.converged,
+        converged=result.converged,
         settling=settling,
         position_step=position_step(logged),
     )
@@ -197,11 +208,11 @@ class _Search:
     def __init__(
         self,
         records: Sequence[Record],
-        asked: LoopModel,
+        nominal_model: LoopModel,
         settling: float,
         note: Callable[[str], object],
     ) -> None:
-        self.records, self.asked, self.settling, self.note = records, asked, settling, note
+        self.records, self.asked, self.settling, self.note = records, nominal_model, settling, note
         self.steps = 0
 
     def up(
@@ -211,18 +222,18 @@ class _Search:
         held: dict[str, str] = {}
         while True:
             self.note(f"searching {len(parameters)} parameters")
-            found = climb(self.records, begin, parameters, self.settling)
-            self.steps += found.steps
-            worst = doubtful(found.local.information, parameters)
-            worst = worst or ran_away(found.model, parameters)
-            worst = worst or not_needed(self.records, found, parameters, self.settling)
+            result = climb(self.records, begin, parameters, self.settling)
+            self.steps += result.steps
+            worst = doubtful(result.local.information, parameters)
+            worst = worst or ran_away(result.model, parameters)
+            worst = worst or not_needed(self.records, result, parameters, self.settling)
             if worst is None:
-                return found, parameters, held
+                return result, parameters, held
             parameter, why = worst
             parameters = [p for p in parameters if p is not parameter]
             from_start = begin if ALIKE in why or WALL in why else None
             begin, at = hold(
-                self.records, found, parameter, parameters, self.asked, self.settling, from_start
+                self.records, result, parameter, parameters, self.asked, self.settling, from_start
             )
             held[parameter.name] = f"{why}; held at {at}"
             if not parameters:
@@ -231,9 +242,9 @@ class _Search:
                 )
 
 
-def _check_records(records: Sequence[Record], given: LoopModel, settling: float) -> None:
+def _check_records(records: Sequence[Record], model: LoopModel, settling: float) -> None:
     for record in records:
-        check_sampling(given.bearing, record)
+        check_sampling(model.bearing, record)
         least = round(settling / record.sampling_time) + LEAST_SAMPLES
         if len(record) < least:
             raise RecordError(
@@ -244,7 +255,7 @@ def _check_records(records: Sequence[Record], given: LoopModel, settling: float)
 
 def _movable(model: LoopModel, parameters: Sequence[Parameter]) -> LoopModel:
     """Return the model with a value above zero for each parameter whose logarithm is searched."""
-    floors = {"current_lag": model.bearing.sampling_time, "load_growth": 1e-12}
+    floors = {"current_lag": model.bearing.sampling_time, "disturbance_noise": 1e-12}
     zeros = {
         p.place: floors.get(p.name, 1e-12) for p in parameters if p.positive and not p.of(model) > 0
     }

@@ -54,7 +54,7 @@ def run_with_gaps(
     h: float,
 ) -> dict[str, Any]:
     """Run a started filter, as its core's ``run`` does, over gaps of the control signal."""
-    # Measurements within a gap are left out. After one that is shorter than the plant's own time
+    # Measurements within a gap are left out. After one shorter than the plant's time constant
     # the filter goes on with what it knew, less surely by what the control may have done; after a
     # longer one it starts anew, and what it says counts again after that time.
     # y (n,) [m]; u (n,) [V]; unknown (n,)
@@ -88,7 +88,7 @@ def run_with_gaps(
         else:
             known = y[after:][np.isfinite(y[after:])]
             start = float(known[0]) if known.size else 0.0
-            kalman.reset(kalman.at_rest(start / bearing.sensor.gain, start))
+            kalman.reset(kalman.equilibrium_state(start / bearing.sensor.gain, start))
             skip = own
     run_to(u.size)
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
@@ -99,11 +99,11 @@ def _pushed(kalman: Estimator, law: ConstantStiffness, change: float, duration: 
     bearing = kalman.bearing
     m = bearing.rotor.mass
     rate = math.sqrt(law.k_s / m)
-    push = law.k_i * bearing.amplifier.gain * change / m
-    x = push / rate**2 * (math.cosh(rate * duration) - 1)
+    acceleration = law.k_i * bearing.amplifier.gain * change / m
+    x = acceleration / rate**2 * (math.cosh(rate * duration) - 1)
     far = {
         "position": x,
-        "velocity": push / rate * math.sinh(rate * duration),
+        "velocity": acceleration / rate * math.sinh(rate * duration),
         "sensor": bearing.sensor.gain * x,
     }
     return np.array([far.get(state.role, 0.0) for state in kalman.states])

@@ -80,23 +80,23 @@ def expect(
     information = by_e @ by_e.T + 0.5 * by_S @ by_S.T
     _, certainty = np.linalg.slogdet(np.eye(len(parameters)) + information)
 
-    told = list(range(len(parameters)))
-    while told:
-        worst = doubtful(information[np.ix_(told, told)], [parameters[at] for at in told])
+    indices = list(range(len(parameters)))
+    while indices:
+        worst = doubtful(information[np.ix_(indices, indices)], [parameters[at] for at in indices])
         if worst is None:
             break
         parameter, why = worst
         held[parameter.name] = why
-        told = [at for at in told if parameters[at] is not parameter]
-    kept = [parameters[at] for at in told]
-    unit = np.array([(p.of(model) if p.positive else p.coarse(model)) for p in kept])
-    covariance = np.linalg.inv(information[np.ix_(told, told)]) * np.outer(unit, unit)
+        indices = [at for at in indices if parameters[at] is not parameter]
+    kept_parameters = [parameters[at] for at in indices]
+    unit = np.array([(p.of(model) if p.positive else p.coarse(model)) for p in kept_parameters])
+    covariance = np.linalg.inv(information[np.ix_(indices, indices)]) * np.outer(unit, unit)
     errors = np.sqrt(np.diag(covariance))
-    sensitivity = np.zeros((len(kept), used.size))
-    sensitivity[:, used] = by_e[told] / unit[:, None]
+    sensitivity = np.zeros((len(kept_parameters), used.size))
+    sensitivity[:, used] = by_e[indices] / unit[:, None]
     return Expectation(
-        model, kept, errors, covariance / np.outer(errors, errors), held, float(certainty),
-        sensitivity,
+        model, kept_parameters, errors, covariance / np.outer(errors, errors), held,
+        float(certainty), sensitivity,
     )  # fmt: skip
 
 

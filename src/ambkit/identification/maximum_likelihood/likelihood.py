@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 BLOCK = 20
-"""The plant's own times in a block: half a second of a rig whose rotor falls within 25 ms."""
+"""The plant's time constants in a block: half a second of a rig whose rotor falls within 25 ms."""
 
 FEWEST_BLOCKS = 30
 """That a scatter is estimated from; of short records they are shorter."""
@@ -47,9 +47,9 @@ class Local:
     #: the derivatives of innovation and variance (Gupta and Mehra 1974): what the second
     #: derivatives expect to be, never indefinite. What is known beforehand counts.
     information: Array
-    #: (p, p) What the scores scatter by, summed over blocks of `BLOCK` of the plant's own times, so
-    #: that whatever correlates them within one is in it (White 1982 for the form, Liang and Zeger
-    #: 1986 for the blocks). Equal to the information where the model is right.
+    #: (p, p) What the scores scatter by, summed over blocks of `BLOCK` time constants of the plant,
+    #: so that whatever correlates them within one is in it (White 1982 for the form, Liang and
+    #: Zeger 1986 for the blocks). Equal to the information where the model is right.
     scatter: Array
     told: Array  #: (p, p) The information of the records alone.
 
@@ -133,14 +133,14 @@ class Likelihood:
         e, S, by_e, by_S, _ = self.slopes(z, rough=rough)
         r = e / np.sqrt(S)
         scores = -(by_e * r + 0.5 * by_S * (1 - r**2))
-        model, told = self.coordinates.model_at(z), by_e @ by_e.T + 0.5 * by_S @ by_S.T
+        model, information = self.coordinates.model_at(z), by_e @ by_e.T + 0.5 * by_S @ by_S.T
         slope, known = self.known_beforehand(model)
         return Local(
             _log_likelihood(e, S) + log_prior(model),
             scores.sum(axis=1) + slope,
-            told + known,
+            information + known,
             between_blocks(scores, model.bearing) + known,
-            told,
+            information,
         )
 
     def known_beforehand(self, model: LoopModel) -> tuple[Array, Array]:

@@ -71,17 +71,25 @@ def with_lines(
         if line is None:
             break
         note(f"a line at {engineering(line.frequency, 'Hz', 3)}?")
-        taken = _fitted(records, model, line, settling)
-        if taken is None:
+        candidate_model = _fitted(records, model, line, settling)
+        if candidate_model is None:
             break
         if parameters:
-            taken = climb(records, taken, parameters, settling, ENOUGH).model
-            again = _fitted(records, _without_last(taken), taken.bearing.sensor.hum[-1], settling)
-            taken = again or taken
-        gain = Likelihood(records, Coordinates(taken, []), settling).value(np.zeros(0)) - before
+            candidate_model = climb(records, candidate_model, parameters, settling, ENOUGH).model
+            again = _fitted(
+                records,
+                _without_last(candidate_model),
+                candidate_model.bearing.sensor.hum[-1],
+                settling,
+            )
+            candidate_model = again or candidate_model
+        gain = (
+            Likelihood(records, Coordinates(candidate_model, []), settling).value(np.zeros(0))
+            - before
+        )
         if gain < FIGURES / 2 * math.log(max(int(used.sum()), 2)):
             break
-        model = taken
+        model = candidate_model
     return model
 
 
@@ -157,13 +165,13 @@ def _fitted(
 
     begin = np.zeros(FIGURES)
     simplex = np.vstack([begin, 0.7 * np.eye(FIGURES) * [1.0, 1.0, 3.0]])
-    found = minimize(
+    result = minimize(
         cost, begin, method="Nelder-Mead",
         options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.05, "maxfev": 60},
     )  # fmt: skip
-    if not math.isfinite(found.fun):
+    if not math.isfinite(result.fun):
         return None
-    return _as_large_as_it_is(records, at(found.x))
+    return _as_large_as_it_is(records, at(result.x))
 
 
 def _as_large_as_it_is(records: Sequence[Record], model: LoopModel) -> LoopModel:

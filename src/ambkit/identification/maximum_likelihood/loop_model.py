@@ -49,7 +49,7 @@ class LoopModel:
     position_offset: float = 0.0  #: Measured position of a rotor at x = 0 [m].
     current_offset: float = 0.0  #: Control current at a control signal of zero [A].
     #: Growth of the variance of the load, a force that wanders [N^2/s].
-    load_growth: float = math.nan
+    disturbance_noise: float = math.nan
     #: How well the load at the start is known to be zero, standard deviation [N]; NaN: no better
     #: than the weight.
     load_std: float = math.nan
@@ -75,7 +75,7 @@ class LoopModel:
         own = {
             "delay": b.delay or 0.0,
             "current_lag": lag_of(b),
-            "load_growth": (2 * weight) ** 2,
+            "disturbance_noise": (2 * weight) ** 2,
         }
         for name, value in own.items():
             if math.isnan(getattr(self, name)):
@@ -108,7 +108,7 @@ class LoopModel:
         return ExtendedKalmanFilter(
             finer,
             magnet,
-            noise=FilterNoise(disturbance=self.load_growth),
+            noise=FilterNoise(disturbance=self.disturbance_noise),
             outlier_limit=0,  # left out, what a wrong model cannot explain would speak for it
         )
 
@@ -261,7 +261,9 @@ class LoopModel:
             strays = b.amplifier.noise_variance * (1 - keep) / (1 + keep)
             current = b.amplifier.gain * float(self._within_limits(u)[0])
             std["i"] = abs(b.amplifier.gain) * math.sqrt(2 * strays)
-        kalman.reset(kalman.at_rest(first / b.sensor.gain, first, current), list(std.values()))
+        kalman.reset(
+            kalman.equilibrium_state(first / b.sensor.gain, first, current), list(std.values())
+        )
 
     def _at_steps(self, u: Array) -> Array:
         """Return what the filter is told at its steps, from a control signal (n,) [V]."""

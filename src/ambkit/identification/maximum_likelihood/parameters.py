@@ -71,21 +71,21 @@ PARAMETERS: dict[str, Parameter] = {
         Parameter("delay", "T_d", "s", "delay", False, _samples),
         Parameter("current_lag", "T_i", "s", "current_lag", True, _one),
         Parameter("position_offset", "y_0", "m", "position_offset", False,
-                  lambda m: m.bearing.rotor.travel_limit),
+                  lambda m: m.bearing.rotor.clearance),
         Parameter("current_offset", r"i_\mathrm{off}", "A", "current_offset", False,
                   lambda m: m.bearing.magnet.bias_current),
         Parameter("sensor_gain", r"K_\mathrm{Sen}", "1", "sensor__gain", True, _one),
         Parameter("amplifier_gain", r"k_\mathrm{ui}", "A/V", "amplifier__gain", True, _one),
         Parameter("measurement_noise", "R", "m^2", "sensor__noise_variance", True, _one),
-        Parameter("noise_rise", r"\kappa", "1/m", "sensor__noise_rise", False,
-                  lambda m: 1 / m.bearing.rotor.travel_limit),
+        Parameter("position_noise", r"\kappa", "1/m", "sensor__position_noise", False,
+                  lambda m: 1 / m.bearing.rotor.clearance),
         Parameter("control_noise", "Q_u", "V^2", "amplifier__noise_variance", True, _one),
-        Parameter("load_growth", "Q_d", "N^2/s", "load_growth", True, _one),
+        Parameter("disturbance_noise", "Q_d", "N^2/s", "disturbance_noise", True, _one),
     )
 }  # fmt: skip
 """All that can be identified, by name; of two that cannot be told apart the later one is held."""
 
-NOISES = ("measurement_noise", "control_noise", "load_growth")
+NOISES = ("measurement_noise", "control_noise", "disturbance_noise")
 """Those that say how much is left to chance."""
 
 OFFSETS = ("position_offset", "current_offset")
@@ -93,7 +93,7 @@ OFFSETS = ("position_offset", "current_offset")
 
 USUAL = (
     "magnet_constant", "air_gap", "sensor_lag", "delay", "position_offset", "current_offset",
-    "measurement_noise", "noise_rise", "control_noise", "load_growth",
+    "measurement_noise", "position_noise", "control_noise", "disturbance_noise",
 )  # fmt: skip
 """Looked for where the user does not say what to look for, see `usual`."""
 
@@ -126,7 +126,7 @@ def beforehand(model: LoopModel) -> dict[str, tuple[float, float]]:
     b = model.bearing
     return {
         "current_offset": (model.current_offset, OFFSET_SHARE * b.magnet.bias_current),
-        "noise_rise": (b.sensor.noise_rise, 1 / b.rotor.travel_limit),
+        "position_noise": (b.sensor.position_noise, 1 / b.rotor.clearance),
     } | dict(model.known)
 
 

@@ -84,17 +84,17 @@ def intervals(
     low = np.min([ends[:, 0], *likely], axis=0) * larger
     high = np.max([ends[:, 1], *likely], axis=0) * larger
     usual = ASIDE * errors * larger
-    found = {}
+    results = {}
     for at, parameter in enumerate(parameters):
         if at not in bent and np.allclose((-low[at], high[at]), usual[at], rtol=ALIKE):
             continue
         value, step = parameter.of(model), parameter.coarse(model)
-        found[parameter.name] = (
+        results[parameter.name] = (
             (value * math.exp(low[at]), value * math.exp(min(high[at], FARTHEST)))
             if parameter.positive
             else (value + step * float(low[at]), value + step * float(high[at]))
         )
-    return found
+    return results
 
 
 def _end(

@@ -100,8 +100,8 @@ class MaximumLikelihood(Result):
         if self.model.late_bearing().delay is None:
             return False  # below zero, or longer than any bearing's
         free = any(p.name == "delay" for p in self.parameters)
-        given = self.start.bearing.delay is not None or not free
-        return given or self.interval("delay")[0] > 0
+        delay_known = self.start.bearing.delay is not None or not free
+        return delay_known or self.interval("delay")[0] > 0
 
     @property
     def offsets_count(self) -> bool:
@@ -135,14 +135,14 @@ class MaximumLikelihood(Result):
         return value - half, value + half
 
     def stiffness(self, iu: float = 0.0, x: float = 0.0) -> dict[str, tuple[float, float]]:
-        """K_i [N/A] and k_s [N/m] at a work point, tangents, each with its standard error."""
+        """K_i [N/A] and k_s [N/m] at an operating point, tangents, each with its standard error."""
         at = self.stiffness_map([iu], [x])
         return {name: (float(v[0, 0]), float(e[0, 0])) for name, (v, e) in at.items()}
 
     def stiffness_map(
         self, currents: ArrayLike, displacements: ArrayLike
     ) -> dict[str, tuple[Array, Array]]:
-        """K_i [N/A] and k_s [N/m] over work points, tangents, each with its standard error."""
+        """K_i [N/A] and k_s [N/m] over operating points, tangents, each with its standard error."""
         # currents (ni,) [A]; displacements (nx,) [m]
         from ambkit.machine.magnets import magnet_of
 
@@ -167,9 +167,9 @@ class MaximumLikelihood(Result):
         """The magnet constant, or the first parameter."""
         names = [p.name for p in self.parameters]
         name = "magnet_constant" if "magnet_constant" in names else names[0]
-        found = next(row for row in self.rows if row.of == name and row.key == "value")
+        result = next(row for row in self.rows if row.of == name and row.key == "value")
         return (
-            f"{self.bearing.name}: {name.replace('_', ' ')} {found.text()}, by maximum likelihood "
+            f"{self.bearing.name}: {name.replace('_', ' ')} {result.text()}, by maximum likelihood "
             f"from {self.samples} measurements."
         )
 
@@ -226,7 +226,7 @@ class MaximumLikelihood(Result):
             "filters of the bearing carry."
             for line in self.lines
         ]
-        notes += [f"{said[0].upper()}{said[1:]}." for said in (*self.touched, *self.remarks)]
+        notes += [f"{remark[0].upper()}{remark[1:]}." for remark in (*self.touched, *self.remarks)]
         if not self.converged:
             notes.append("The search did not end at a maximum: take a closer start, or free less.")
         return notes

@@ -126,10 +126,10 @@ def _step_up(
 
 def hold(
     records: Sequence[Record],
-    found: Climbed,
+    result: Climbed,
     parameter: Parameter,
     rest: list[Parameter],
-    given: LoopModel,
+    initial_model: LoopModel,
     settling: float,
     ran_from: LoopModel | None,
 ) -> tuple[LoopModel, str]:
@@ -140,8 +140,8 @@ def hold(
     # Not so of one that ran away, along a line with another or to a limit: both may have drifted
     # far. So it goes back in any case, and the rest is searched from `ran_from`, too, where this
     # search began.
-    value = parameter.of(given)
-    model = _with(found.model, parameter, value, rest)
+    value = parameter.of(initial_model)
+    model = _with(result.model, parameter, value, rest)
     if rest:
         begins = [model]
         if ran_from is not None:
@@ -151,16 +151,16 @@ def hold(
             key=lambda one: one.local.value,
         )
         loss = RULED_OUT if parameter.name in LAGS else MUCH_LESS_LIKELY
-        likely = climbed.local.value > found.local.value - loss
-        model = climbed.model if likely or ran_from is not None else found.model
-    if model is found.model:
-        why = f"as found, for {parameter.text(given)}, as given, is far less likely"
+        likely = climbed.local.value > result.local.value - loss
+        model = climbed.model if likely or ran_from is not None else result.model
+    if model is result.model:
+        why = f"as found, for {parameter.text(initial_model)}, as given, is far less likely"
         return model, f"{parameter.text(model)}, {why}"
     return model, parameter.text(model)
 
 
 def not_needed(
-    records: Sequence[Record], found: Climbed, parameters: Sequence[Parameter], settling: float
+    records: Sequence[Record], result: Climbed, parameters: Sequence[Parameter], settling: float
 ) -> tuple[Parameter, str] | None:
     """Name a lag without which the records are as likely; None where there is none."""
     # Beside a delay a lag shows by its square alone, which the records tell as well below zero as
@@ -171,9 +171,9 @@ def not_needed(
         rest = [p for p in parameters if p is not parameter]
         if not rest:
             continue
-        none = NO_LAG * found.model.bearing.sampling_time
-        other = climb(records, _with(found.model, parameter, none, rest), rest, settling)
-        if other.local.value > found.local.value - RULED_OUT:
+        none = NO_LAG * result.model.bearing.sampling_time
+        other = climb(records, _with(result.model, parameter, none, rest), rest, settling)
+        if other.local.value > result.local.value - RULED_OUT:
             return parameter, "the records are about as likely without any"
     return None
 
@@ -190,51 +190,53 @@ def _with(
     return model.replace(**others)
 
 
-def ran_away(found: LoopModel, parameters: Sequence[Parameter]) -> tuple[Parameter, str] | None:
+def ran_away(result: LoopModel, parameters: Sequence[Parameter]) -> tuple[Parameter, str] | None:
     """Name a parameter that only a wall has stopped, and the wall; None where there is none."""
     # Beyond it no bearing can be: a hovering current that no amplifier gives.
     for parameter in parameters:
         try:
             for step in (-10 * STEP, 10 * STEP):
-                Coordinates(found, [parameter]).model_at(np.array([step]))
+                Coordinates(result, [parameter]).model_at(np.array([step]))
         except ConfigError as error:
             return parameter, f"{WALL}: {error}"
     return None
 
 
 def with_room(
-    records: Sequence[Record], given: LoopModel, parameters: Sequence[Parameter]
+    records: Sequence[Record], model: LoopModel, parameters: Sequence[Parameter]
 ) -> LoopModel:
     """Return a model whose stops are only as far as the records go."""
     # A rotor's travel is less than its air gap. What a description takes the travel to be is no
     # reason for a gap to be larger than it is.
     if not any(p.name == "air_gap" for p in parameters):
-        return given
-    b = given.bearing
+        return model
+    b = model.bearing
     gone = max(float(np.nanmax(np.abs(record["y"]))) for record in records) / abs(b.sensor.gain)
-    room = min(b.rotor.travel_limit, max(MORE * gone, b.rotor.travel_limit / LEAST_ROOM))
-    return given.replace(rotor__travel_limit=room)
+    room = min(b.rotor.clearance, max(MORE * gone, b.rotor.clearance / LEAST_ROOM))
+    return model.replace(rotor__clearance=room)
 
 
 def narrowed(
-    records: Sequence[Record], given: LoopModel, found: LoopModel
+    records: Sequence[Record], nominal_model: LoopModel, result: LoopModel
 ) -> tuple[LoopModel, list[str]]:
     """Return what was found with the stops of the description, and what limits it touches."""
     touched = []
-    travel, gap = given.bearing.rotor.travel_limit, found.bearing.magnet.air_gap
+    travel, gap = nominal_model.bearing.rotor.clearance, result.bearing.magnet.air_gap
     if gap <= travel:
         touched.append(
             f"the air gap found, {engineering(gap, 'm', 4)}, leaves no room for the travel of "
             f"{engineering(travel, 'm', 4)} that the description has: that is taken to be "
-            f"{engineering(found.bearing.rotor.travel_limit, 'm', 4)}, as far as the records go"
+            f"{engineering(result.bearing.rotor.clearance, 'm', 4)}, as far as the records go"
         )
     else:
-        found = found.replace(rotor__travel_limit=travel)
-    near = [min(model.nearest_limit(record) for record in records) for model in (given, found)]
+        result = result.replace(rotor__clearance=travel)
+    near = [
+        min(model.nearest_limit(record) for record in records) for model in (nominal_model, result)
+    ]
     if near[0] > FAR_FROM_LIMIT and near[1] < NEAR_LIMIT:
-        limit = engineering(found.bearing.current_max, "A", 3)
+        limit = engineering(result.bearing.current_max, "A", 3)
         touched.append(
             f"with the offset found the control current comes to its limit of {limit}, from which "
             "it is far with that given"
         )
-    return found, touched
+    return result, touched

@@ -31,27 +31,29 @@ GROWTHS = (1e-6, 1e-4, 1e-2, 1.0)
 
 def best_start(
     records: Sequence[Record],
-    given: LoopModel,
+    initial_model: LoopModel,
     parameters: Sequence[Parameter],
     settling: float,
 ) -> tuple[LoopModel, str]:
     """Return the most likely of several starts, and what it is called."""
     free = {p.name for p in parameters}
-    candidates = [(given, "the bearing given")]
+    candidates = [(initial_model, "the bearing given")]
     if "magnet_constant" in free:
-        candidates += [(model, "ADALINE") for model in _by_adaline(records, given)]
-    candidates += [(model, "least squares") for model in _by_least_squares(records, given, free)]
+        candidates += [(model, "ADALINE") for model in _by_adaline(records, initial_model)]
+    candidates += [
+        (model, "least squares") for model in _by_least_squares(records, initial_model, free)
+    ]
     if "delay" in free:
-        T = given.bearing.sampling_time
+        T = initial_model.bearing.sampling_time
         candidates += [
             (model.replace(delay=(n + 0.5) * T), name)
             for model, name in candidates
             for n in range(LONGEST_DELAY)
         ]
-    if "load_growth" in free:
-        growth = given.load_growth
+    if "disturbance_noise" in free:
+        process_noise = initial_model.disturbance_noise
         candidates += [
-            (model.replace(load_growth=growth * part), name)
+            (model.replace(disturbance_noise=process_noise * part), name)
             for model, name in candidates
             for part in GROWTHS[:-1]
         ]
@@ -63,17 +65,17 @@ def best_start(
     return max(candidates, key=likelihood)
 
 
-def _by_adaline(records: Sequence[Record], given: LoopModel) -> list[LoopModel]:
+def _by_adaline(records: Sequence[Record], model: LoopModel) -> list[LoopModel]:
     """Take the magnet constant that ADALINE learns along the first record (paper, eq. 22-25)."""
     try:
-        k = Adaline(given.prompt_bearing).run(given.corrected(records[0])).magnet_constant
-        return [given.replace(magnet__magnet_constant=k)]
+        k = Adaline(model.prompt_bearing).run(model.corrected(records[0])).magnet_constant
+        return [model.replace(magnet__magnet_constant=k)]
     except (AmbkitError, ValueError):
         return []
 
 
 def _by_least_squares(
-    records: Sequence[Record], given: LoopModel, free: set[str]
+    records: Sequence[Record], model: LoopModel, free: set[str]
 ) -> list[LoopModel]:
     """Take k and s0 from ``m a = k_i iu + k_s x + c``, a line through smoothed accelerations."""
     # Noise in position and closed loop bias it; as a start it will do. The gap goes with k_i/k_s:
@@ -81,15 +83,15 @@ def _by_least_squares(
     # magnets.
     from scipy.signal import savgol_filter
 
-    b = given.bearing
+    b = model.bearing
     T, m = b.sampling_time, b.rotor.mass
     half = max(2, round(0.5 * math.sqrt(m / ConstantStiffness.of(b).k_s) / T))
     width = 2 * half + 1
     best: tuple[float, Array] | None = None
-    for delay in range(LONGEST_DELAY + 1) if "delay" in free else (given.delay / T,):
+    for delay in range(LONGEST_DELAY + 1) if "delay" in free else (model.delay / T,):
         rows, targets = [], []
         for record in records:
-            y, u = record["y"], delayed(lagged(record["u"], T, given.current_lag), delay)
+            y, u = record["y"], delayed(lagged(record["u"], T, model.current_lag), delay)
             if y.size < 4 * width or not (np.isfinite(y).all() and np.isfinite(u).all()):
                 continue
             # The same window for all three: what it does to one it does to the others.
@@ -115,15 +117,15 @@ def _by_least_squares(
     law, gap = ConstantStiffness.of(b), b.magnet.air_gap
     if "air_gap" in free and k_s > 0:
         gap *= (k_i / law.k_i) / (k_s / law.k_s)
-    found = []
+    results = []
     for there in dict.fromkeys((gap, b.magnet.air_gap)):
         try:
-            moved = given.replace(magnet__air_gap=there)
+            moved = model.replace(magnet__air_gap=there)
             if "magnet_constant" in free:
                 k = b.magnet.magnet_constant * k_i / ConstantStiffness.of(moved.bearing).k_i
                 moved = moved.replace(magnet__magnet_constant=k)
-            if moved != given:
-                found.append(moved)
+            if moved != model:
+                results.append(moved)
         except AmbkitError:
             continue
-    return found
+    return results

@@ -34,7 +34,7 @@ AS_GOOD = 1.02
 """Times a baseline's error that still count as no worse."""
 
 LEFT = 0.05
-"""Share of a residual's variance that may be foretold, and the model is still good."""
+"""Share of a residual's variance that may be predicted, and the model is still good."""
 
 NIS = (0.8, 1.25)
 """Mean normalised innovation squared of a noise that is what the model expects."""
@@ -64,7 +64,7 @@ class Validation:
     gain: float  #: Log likelihood per sample over that of the start; NaN without one.
     #: RMS errors of a constant-velocity Kalman filter that is tuned to this very record [m].
     unmodelled: Mapping[int, float]
-    #: Share of the residuals' variance that their past and the control signal's foretell.
+    #: Share of the residuals' variance that their past and the control signal's predict.
     left: float
 
     @property
@@ -75,8 +75,8 @@ class Validation:
     @property
     def good(self) -> bool:
         """Whether nothing knows more of this record than the model."""
-        # It foretells better than the last measurement and than a filter without a magnet, its
-        # noise is what it expects, hardly anything of what it leaves could be foretold, and the
+        # It predicts better than the last measurement and than a filter without a magnet, its
+        # noise is what it expects, hardly anything of what it leaves could be predicted, and the
         # start was not more likely. That residuals fail a test of whiteness does not count by
         # itself: in a long record the test finds what is of no importance.
         k = self.farthest
@@ -92,52 +92,56 @@ class Validation:
     def verdict(self) -> str:
         """What to think of the model, in sentences."""
         k = self.farthest
-        said = []
+        sentences = []
         better = self.fit[k] > self.held[k]
-        said.append(
+        sentences.append(
             f"It predicts {k} samples ahead with a fit of {self.fit[k]:.1f} %"
             + (", better than" if better else ", no better than")
             + f" holding the last measurement ({self.held[k]:.1f} %)."
         )
         naive = self.unmodelled[k]
-        said.append(
+        sentences.append(
             f"Its error there is {engineering(self.error[k], 'm', 3)} rms, that of a filter "
             f"without a magnet {engineering(naive, 'm', 3, like=self.error[k])}."
         )
         if self.of_start and not math.isnan(self.gain):
             if self.gain >= 0:
-                said.append(
+                sentences.append(
                     f"It is more likely than the start by {self.gain:.3f} a sample, whose fit was "
                     f"{self.of_start[k]:.1f} %."
                 )
             else:
-                said.append(
+                sentences.append(
                     f"The start was more likely, by {-self.gain:.3f} a sample: what was identified "
                     "does not hold here."
                 )
         white, cross = 100 * self.residual.share_within, 100 * self.cross.share_within
         if white >= 100 * WHITE:
-            said.append(f"Its residuals are white ({white:.0f} % of the lags within the bounds).")
+            sentences.append(
+                f"Its residuals are white ({white:.0f} % of the lags within the bounds)."
+            )
         else:
-            said.append(
+            sentences.append(
                 f"Its residuals are not white ({white:.0f} % of the lags within the bounds): some "
                 "motion is left unexplained, or the noise has colour."
             )
         if cross >= 100 * WHITE:
-            said.append(f"They do not depend on the control signal ({cross:.0f} % within).")
+            sentences.append(f"They do not depend on the control signal ({cross:.0f} % within).")
         else:
-            said.append(
+            sentences.append(
                 f"They depend on the control signal ({cross:.0f} % within): force law, delay or "
                 "lag miss something."
             )
-        said.append(
-            f"Of what it leaves, {100 * self.left:.1f} % could be foretold"
+        sentences.append(
+            f"Of what it leaves, {100 * self.left:.1f} % could be predictions"
             + (": little." if little_left(self.left) else ": a better model would gain.")
         )
         if not as_expected(self.nis):
             more = "larger" if self.nis > 1 else "smaller"
-            said.append(f"They are {more} than expected: mean NIS {self.nis:.2f}, should be 1.")
-        return " ".join(said)
+            sentences.append(
+                f"They are {more} than expected: mean NIS {self.nis:.2f}, should be 1."
+            )
+        return " ".join(sentences)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, ready for JSON."""
@@ -165,7 +169,7 @@ def as_expected(nis: float) -> bool:
 
 
 def little_left(share: float) -> bool:
-    """Whether so little of what a model leaves could be foretold that it is good all the same."""
+    """Whether so little of what a model leaves could be predicted that it is good all the same."""
     return share < LEFT
 
 
@@ -244,7 +248,7 @@ def cross_correlation(residual: Array, u: Array, lags: int = LAGS) -> Whiteness:
 
 
 def predictable(residual: Array, u: Array) -> float:
-    """Return the share of a residual's variance that a line through the past foretells."""
+    """Return the share of a residual's variance that a line through the past predicts."""
     # Through `ORDER` residuals before and as many of what was new in the control signal. A test of
     # whiteness finds any departure, however small, once a record is long; this says how much a
     # better model could gain. What so many weights explain of anything is taken off.

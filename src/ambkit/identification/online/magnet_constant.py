@@ -44,9 +44,9 @@ class Identification(Result):
     @property
     def finding(self) -> str:
         """The magnet constant, and whether it settled."""
-        said = figure(self.magnet_constant, CONSTANT)
+        value_text = figure(self.magnet_constant, CONSTANT)
         settled = "" if self.history.settled else "; it still drifts, a longer record may settle it"
-        return f"{self.bearing.name}: the magnet constant is {said}{settled}."
+        return f"{self.bearing.name}: the magnet constant is {value_text}{settled}."
 
     @property
     def rows(self) -> list[Row]:
@@ -127,5 +127,5 @@ def identified(bearing: Bearing, history: OnlineResult) -> Identification:
             f"the identified magnet constant is {k:.3g} N m^2/A^2, which no magnet has: is the "
             "sign of y or u turned round, or a large disturbance force left out?"
         )
-    found = bearing.replace(**bearing.magnet.with_constant(k))
-    return Identification(found, k, history.spread, history)
+    result = bearing.replace(**bearing.magnet.with_constant(k))
+    return Identification(result, k, history.spread, history)

@@ -92,14 +92,14 @@ class SideBySide(Result):
         """Who agrees with whom, in a sentence."""
         learned = [name for name, result in self.results.items() if not result.held.all()]
         idle = [_THE[name] for name in self.results if name not in learned]
-        said = self._of(learned)
+        text = self._of(learned)
         if idle:
             who = _listed(idle)
-            said += f"; {who} never learned" if learned else "Nobody learned"
-            said += ": too little excitation, their k is the start."
+            text += f"; {who} never learned" if learned else "Nobody learned"
+            text += ": too little excitation, their k is the start."
         else:
-            said += "."
-        return said[0].upper() + said[1:]
+            text += "."
+        return text[0].upper() + text[1:]
 
     def _of(self, learned: list[str]) -> str:
         k = {name: self.results[name].magnet_constant for name in learned}
@@ -129,25 +129,25 @@ class SideBySide(Result):
     @property
     def notes(self) -> list[str]:
         """What speaks against the figures, a sentence each."""
-        said = [
+        remarks = [
             f"{NAMES[name]}: k still drifts; a longer record may settle it"
             for name, result in self.results.items()
             if not result.settled
         ]
         load = self._load_for_the_magnet()
         if load is not None:
-            said.append(
+            remarks.append(
                 f"ADALINE takes a load that it is not told for the magnet, and least squares find "
                 f"one of {load:.2g} N: a known load belongs to --disturbance"
             )
         if self.coloured:
-            said.append(
+            remarks.append(
                 f"the innovations have colour (one sample apart they correlate by "
                 f"{self.colour:+.2f}): the noise of the sensor is not white, or the model misses "
                 "something. The Kalman filter takes that for k, and its error does not hold; "
                 "ADALINE and least squares look below it"
             )
-        return said
+        return remarks
 
     def _load_for_the_magnet(self) -> float | None:
         """Load that least squares find [N], where it explains why ADALINE differs from them."""
@@ -170,18 +170,18 @@ class SideBySide(Result):
     @property
     def rows(self) -> list[Row]:
         """What each learned, and how sure it is."""
-        found: list[Row] = []
+        results: list[Row] = []
         for name, one in self.results.items():
             k, truth = one.magnet_constant, self.truth
             against = f"against the true {figure(truth, CONSTANT)}"
-            found += put([
+            results += put([
                 Row("start", "magnet constant, start", self.start, CONSTANT),
                 *one.rows(),
                 Row("change", "change from the start", k / self.start - 1, "%"),
                 Row("off_truth", against, k / truth - 1 if truth else None, "%"),
                 Row("load", "load that was not known", unknown_load(one), "N", 3),
             ], section=LEARNERS, of=name)  # fmt: skip
-        return found
+        return results
 
     SECTIONS = {LEARNERS: Section("{0.title}")}
 

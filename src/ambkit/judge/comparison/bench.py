@@ -17,8 +17,8 @@ from ambkit.data.signals import signal
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.view import View
 from ambkit.judge.comparison.bound import bearing_bound
+from ambkit.judge.comparison.candidates import Candidate
 from ambkit.judge.comparison.cases import Case, Trial, in_the_loop, trials
-from ambkit.judge.comparison.contenders import Contender
 from ambkit.judge.comparison.criteria import (
     OF_THE_LOOP,
     SETTLING,
@@ -47,7 +47,7 @@ _TRAINING_SEED = 500_009
 def bench(
     bearing: Machine,
     case: Case,
-    field: Mapping[str, Contender],
+    field: Mapping[str, Candidate],
     *,
     runs: int = 16,
     budget: int = 0,
@@ -71,31 +71,31 @@ def bench(
             ]
             reference = errors(lambda: KalmanFilter(bearing), training, first).mean(axis=0)
 
-            def search(contender: Contender) -> Tuning:
-                found = tune(contender, training, reference, budget, first, seed)
+            def search(candidate: Candidate) -> Tuning:
+                result = tune(candidate, training, reference, budget, first, seed)
                 done()
-                return found
+                return result
 
             tuned = dict(zip(field, pool.map(search, field.values()), strict=True))
 
-        def evaluated(which: tuple[Contender, Tuning | None]) -> Standing:
-            contender, tuning = which
-            values = dict(tuning.values) if tuning else contender.defaults
-            figures = _figures(contender, values, valid, bearing, settling)
+        def evaluated(which: tuple[Candidate, Tuning | None]) -> Standing:
+            candidate, tuning = which
+            values = dict(tuning.values) if tuning else candidate.defaults
+            figures = _figures(candidate, values, valid, bearing, settling)
             done()
-            return Standing(contender.name, contender.label, values, figures, tuning)
+            return Standing(candidate.name, candidate.label, values, figures, tuning)
 
-        def standings(found: Mapping[str, Tuning] | None) -> dict[str, Standing]:
-            each = [(c, None if found is None else found[n]) for n, c in field.items()]
-            judged = dict(zip(field, pool.map(evaluated, each), strict=True))
-            for name, standing in judged.items():  # when nothing else goes on
-                cost = _cost(field[name].build(**standing.values), valid[0])
-                standing.figures["cost"] = np.full(len(valid), cost)
+        def standings(results: Mapping[str, Tuning] | None) -> dict[str, Standing]:
+            parts = [(c, None if results is None else results[n]) for n, c in field.items()]
+            judged = dict(zip(field, pool.map(evaluated, parts), strict=True))
+            for name, score in judged.items():  # when nothing else goes on
+                cost = _cost(field[name].build(**score.values), valid[0])
+                score.figures["cost"] = np.full(len(valid), cost)
             return judged
 
-        wanted = ("default", "tuned") if only is None else only
-        default = standings(None) if "default" in wanted else {}
-        better = standings(tuned) if tuned and "tuned" in wanted else {}
+        variants = ("default", "tuned") if only is None else only
+        default = standings(None) if "default" in variants else {}
+        better = standings(tuned) if tuned and "tuned" in variants else {}
     return Bench(
         bearing=bearing,
         case=case,
@@ -107,7 +107,7 @@ def bench(
         tuned=better,
         limit=_limit(bearing, case, valid, first),
         raw=raw_error(bearing, [trial.record for trial in valid], first),
-        units={name: {t.name: t.unit for t in each.tunable} for name, each in field.items()},
+        units={name: {t.name: t.unit for t in item.tunable} for name, item in field.items()},
     )
 
 
@@ -117,18 +117,18 @@ def pieces(field: Mapping[str, object], budget: int) -> int:
 
 
 def _figures(
-    contender: Contender,
+    candidate: Candidate,
     values: Mapping[str, float],
     valid: Sequence[Trial],
     bearing: Machine,
     settling: float,
 ) -> dict[str, Array]:
     """Judge an estimator along the records and, where it can be there, in the loops, (runs,)."""
-    if not contender.in_loop:
-        rows = [evaluate_run(contender.build(**values), t, bearing, settling) for t in valid]
+    if not candidate.in_loop:
+        rows = [evaluate_run(candidate.build(**values), t, bearing, settling) for t in valid]
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
     # One for all runs, each of which it begins afresh.
-    estimator = contender.build(**values)
+    estimator = candidate.build(**values)
     rows = [evaluate_run(estimator, trial, bearing, settling) for trial in valid]
     figures = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     looped = in_the_loop(valid, estimator, settling)
@@ -162,11 +162,11 @@ def _cost(estimator: Any, trial: Trial) -> float:
 def raw_error(bearing: Machine, records: Sequence[Record], first: int) -> float:
     """Return what the raw sensors err by along the axes from a sample on, rms [m]."""
     view, errors = View(bearing), []
-    shown = view.H @ view.shown
+    transform = view.H @ view.shown
     for record in records:
         y = np.array([record[signal("y", r.name)] for r in view.machine.readings])
         x = np.array([record[signal("s", a.name) if a.name else "x"] for a in view.machine.axes])
-        errors.append(np.sqrt(np.mean((shown @ y - x)[:, first:] ** 2)))
+        errors.append(np.sqrt(np.mean((transform @ y - x)[:, first:] ** 2)))
     return float(np.mean(errors))
 
 
@@ -177,13 +177,13 @@ def _limit(bearing: Machine, case: Case, valid: Sequence[Trial], first: int) -> 
     variances = model.variances._replace(disturbance=case.growth(bearing))
     records = [trial.record for trial in valid[:BOUND_RUNS]]
     rows = np.concatenate(rows_along(model.states, view))
-    names = [name for name in SIGNALS for _ in view.alone]
+    names = [name for name in SIGNALS for _ in view.isolated]
     if view.single:
         names, rows = [*names, "x_m"], np.eye(len(model.states))[: len(names) + 1]
     bound = bearing_bound(valid[0].plant, records, variances, model.default_std(), rows)
     squares = np.mean(bound[first:] ** 2, axis=0)
     return {
-        name: float(np.sqrt(np.mean(squares[[each == name for each in names]])))
+        name: float(np.sqrt(np.mean(squares[[item == name for item in names]])))
         for name in dict.fromkeys(names)
     }
 
@@ -203,7 +203,7 @@ class Sweep:
 def sweep(
     bearing: Machine,
     cases: Mapping[float, Case],
-    field: Mapping[str, Contender],
+    field: Mapping[str, Candidate],
     *,
     tuned: Mapping[str, Tuning] | None = None,
     runs: int = 4,
@@ -219,9 +219,9 @@ def sweep(
         for case in cases.values():
             valid = [t for t in trials(case, bearing, runs, seed + 31) if not t.lost]
 
-            def one(contender: Contender, valid: list[Trial] = valid) -> Array:
-                values = dict(tuned[contender.name].values) if tuned else contender.defaults
-                return errors(lambda: contender.build(**values), valid, first)
+            def one(candidate: Candidate, valid: list[Trial] = valid) -> Array:
+                values = dict(tuned[candidate.name].values) if tuned else candidate.defaults
+                return errors(lambda: candidate.build(**values), valid, first)
 
             rows.append(dict(zip(field, pool.map(one, field.values()), strict=True)))
             limits.append(_limit(bearing, case, valid, first) if valid else {})
@@ -238,7 +238,7 @@ def sweep(
 
     limit = {}
     if all(limits):
-        limit = {signal: np.array([each[signal] for each in limits]) for signal in SIGNALS}
+        limit = {signal: np.array([item[signal] for item in limits]) for signal in SIGNALS}
     return Sweep(np.array(list(cases)), gathered(_mean), gathered(_half_width), limit)
 
 

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.base.threads import one_thread
 from ambkit.data.signals import signal
 from ambkit.estimate.view import View, several
-from ambkit.machine.bank import alone_of
+from ambkit.machine.bank import isolated_axes
 from ambkit.machine.magnets import magnet_of
 from ambkit.models import machine_model
 from ambkit.models.axis import PAPER_STATES
@@ -108,7 +108,7 @@ def _bearing_bound(
 
     def along(record: Record) -> tuple[Array, Array]:
         if plain:
-            return _held(alone_of(machine)[0], record, variances)
+            return _held(isolated_axes(machine)[0], record, variances)
         return _along(model, machine, record, variances)
 
     F, G = zip(
@@ -118,12 +118,14 @@ def _bearing_bound(
     # In units of their own, so that no entry is 1e12 times another.
     scaled_F = np.asarray(F) * (unit / unit[:, None])
     scaled_G = np.asarray(G) / unit[:, None]
-    shown = model.c * unit
-    size = np.abs(shown).max(axis=1)
+    scaled_C = model.c * unit
+    size = np.abs(scaled_C).max(axis=1)
     scaled_R = np.array(several(variances.measurement)) / size**2
-    found = posterior_bound(scaled_F, scaled_G, shown / size[:, None], scaled_R, np.eye(unit.size))
+    result = posterior_bound(
+        scaled_F, scaled_G, scaled_C / size[:, None], scaled_R, np.eye(unit.size)
+    )
     W = np.diag(unit) if rows is None else rows * unit
-    return np.asarray(np.sqrt(np.einsum("qi,kij,qj->kq", W, found, W)))
+    return np.asarray(np.sqrt(np.einsum("qi,kij,qj->kq", W, result, W)))
 
 
 def _along(
@@ -134,15 +136,15 @@ def _along(
     F = np.tile(model.L, (len(record) - 1, 1, 1))
     doors = []
     controls = several(variances.control)
-    for k, (of, name) in enumerate(zip(view.alone, names, strict=True)):
+    for k, (of, name) in enumerate(zip(view.isolated, names, strict=True)):
         iu, s = record[signal("iu", name)], record[signal("s", name) if name else "x"]
-        k_i, k_s = (each[:, None] for each in magnet_of(of).tangent(iu[:-1], s[:-1]))
+        k_i, k_s = (item[:, None] for item in magnet_of(of).tangent(iu[:-1], s[:-1]))
         rows = k_s * model.h[k] + k_i * model.e[k] + model.r[k]
         F = F + model.b[:, k][:, None] * rows[:, None, :]
         scale = of.amplifier.gain * np.sqrt(controls[k])
         doors.append(scale * (model.B_u[:, k] + k_i * model.d[k, k] * model.b[:, k]))
-    growth = view.growth(variances, model.noises)
-    walked = _root(np.tensordot(growth, model.N, 1))
+    intensities = view.growth(variances, model.noises)
+    walked = _root(np.tensordot(intensities, model.N, 1))
     G = np.concatenate([np.stack(doors, axis=2), np.tile(walked, (len(F), 1, 1))], axis=2)
     return F, G
 

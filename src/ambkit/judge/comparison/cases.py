@@ -21,12 +21,12 @@ from ambkit.data.signals import signal
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.spread import CERTAIN, Spread
-from ambkit.machine.bank import alone_of, slowest_time, weights_of
+from ambkit.machine.bank import isolated_axes, slowest_time, weights_of
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import magnet_of, own_time
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.holding import holding
-from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.many import Many, Planned, simulate_many
 from ambkit.simulation.run import samples, simulate
 from ambkit.simulation.scenario import PID, Control, Disturbance, Reference, Scenario
@@ -47,7 +47,7 @@ LOAD = 0.6
 """Load, in weights."""
 
 LENGTH = 40.0
-"""Of a run with steps of load along all axes, in the plant's own time."""
+"""Of a run with steps of load along all axes, in the plant's time constant."""
 
 LOADED = 0.2
 """Standard deviation of these steps, over what an axis carries where all carry the same."""
@@ -81,7 +81,7 @@ class Case:
         """Return how fast the variance of the load that walks grows, of each axis [N^2/s]."""
         own = KalmanFilter(machine).variances.disturbance
         if isinstance(own, tuple):
-            return tuple(self.walks * each for each in own)
+            return tuple(self.walks * item for item in own)
         return self.walks * float(own)
 
 
@@ -91,7 +91,9 @@ class Trial:
 
     plant: Machine  #: The true one.
     scenario: Scenario  #: With its seed.
-    imposed: Imposed | None  #: Series of noise and load; of several axes these are in the scenario.
+    external_inputs: (
+        ExternalInputs | None
+    )  #: Series of noise and load; of several axes these are in the scenario.
     magnet: MagnetModel | None  #: The plant's magnet where it is no closed law.
     record: Record  #: The run that the nominal linear filter closed the loop of.
     _loads: dict[tuple[int, str], Load] = field(default_factory=dict, repr=False)
@@ -110,7 +112,7 @@ class Trial:
 
 def in_the_loop(made: Iterable[Trial], estimator: Estimator, settling: float) -> Many:
     """Fly the same runs with another estimator in the loop."""
-    runs = (Planned(at.plant, at.scenario, estimator, at.magnet, at.imposed) for at in made)
+    runs = (Planned(at.plant, at.scenario, estimator, at.magnet, at.external_inputs) for at in made)
     return simulate_many(runs, settling=settling, threads=1)
 
 
@@ -124,7 +126,7 @@ def each_trial(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[T
     if not machine.single:
         yield from _flights(case, machine, runs, seed)
         return
-    bearing = machine.alone("")
+    bearing = machine.isolated_axis("")
     nominal = case.spread == CERTAIN and case.magnet_constant == 1.0
     fixed = _magnet(case, bearing, bearing) if nominal else None
     known = KalmanFilter(bearing)
@@ -135,10 +137,12 @@ def each_trial(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[T
             plant = plant.replace(**plant.magnet.with_constant(constant))
         scenario = case.scenario(bearing, LOAD * factors.load)
         scenario = scenario.model_copy(update={"seed": 1000 * seed + run})
-        imposed, walk = _imposed(case, bearing, plant, scenario)
+        external_inputs, walk = _external_inputs(case, bearing, plant, scenario)
         magnet = fixed if nominal else _magnet(case, plant, bearing)
-        record = simulate(plant, scenario, estimator=known, magnet=magnet, imposed=imposed)
-        yield Trial(plant, scenario, imposed, magnet, _with_walk(record, walk))
+        record = simulate(
+            plant, scenario, estimator=known, magnet=magnet, external_inputs=external_inputs
+        )
+        yield Trial(plant, scenario, external_inputs, magnet, _with_walk(record, walk))
 
 
 def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
@@ -150,7 +154,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
             f"machine with one axis only; {machine.name} has {len(machine.axes)}"
         )
     if case.walks:  # all is as the filters' model says
-        sensors = [each.model_copy(update={"runout": ()}) for each in machine.sensors]
+        sensors = [sensor.model_copy(update={"runout": ()}) for sensor in machine.sensors]
         machine = machine.replace(unbalance=[], sensor=sensors)
     known, T = KalmanFilter(machine), machine.sampling_time
     names = [axis.name for axis in machine.axes]
@@ -160,40 +164,40 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
         pids = zip(names, holding(machine, "estimate").pids, strict=True)
         control = Control(pid={name: PID(**gains.stated) for name, gains in pids})
     for run in range(runs):
-        each = [case.scenario(axis, LOAD) for axis in alone_of(machine)]
-        duration = max(of.duration for of in each)
-        loads = {name: of.disturbance for name, of in zip(names, each, strict=True)}
+        parts = [case.scenario(axis, LOAD) for axis in isolated_axes(machine)]
+        duration = max(of.duration for of in parts)
+        loads = {name: of.disturbance for name, of in zip(names, parts, strict=True)}
         walks = dict[str, Array]()
         if case.walks:
             t = T * np.arange(max(2, round(duration / T) + 1))
             rng = np.random.default_rng([1000 * seed + run, 3])
-            for name, growth in zip(names, np.atleast_1d(case.growth(machine)), strict=True):
-                mean, walks[name] = _walk(rng, growth * T, len(t))
+            for name, intensity in zip(names, np.atleast_1d(case.growth(machine)), strict=True):
+                mean, walks[name] = _walk(rng, intensity * T, len(t))
                 loads[name] = Recorded.model_construct(
                     times=tuple(t.tolist()), values=tuple(mean.tolist())
                 )
-        flight = Scenario.model_construct(
+        scenario = Scenario.model_construct(
             duration=duration, seed=1000 * seed + run, controller=control.fed_by("estimate"),
             reference=tuple(Reference.model_construct(axis=name, position=of.reference)
-                            for name, of in zip(names, each, strict=True)),
+                            for name, of in zip(names, parts, strict=True)),
             disturbance=tuple(Disturbance.model_construct(axis=name, force=load)
                               for name, load in loads.items()),
         )  # fmt: skip
-        record = simulate(plant, flight, estimator=known)
+        record = simulate(plant, scenario, estimator=known)
         truth = {signal("f_d", name): walk for name, walk in walks.items()}
         record = replace(record, signals={**record.signals, **truth})
-        yield Trial(plant, flight, None, None, record)
+        yield Trial(plant, scenario, None, None, record)
 
 
 def _with_constant(machine: Machine, factor: float) -> Machine:
     """Return a machine with all magnet constants times a factor."""
     bearings = []
-    for each in machine.bearings:
-        changes = each.magnet.with_constant(factor * each.magnet.magnet_constant)
+    for bearing in machine.bearings:
+        changes = bearing.magnet.with_constant(factor * bearing.magnet.magnet_constant)
         own = {key.removeprefix("magnet__"): value for key, value in changes.items()}
-        magnet = each.magnet.model_dump(exclude_none=True) | own
+        magnet = bearing.magnet.model_dump(exclude_none=True) | own
         magnet = {key: value for key, value in magnet.items() if value is not None}
-        bearings.append(each.model_dump(exclude_none=True) | {"magnet": magnet})
+        bearings.append(bearing.model_dump(exclude_none=True) | {"magnet": magnet})
     return machine.replace(bearing=bearings)
 
 
@@ -211,8 +215,8 @@ def loaded(machine: Machine, runs: int, seed: int) -> list[Trial]:
             )
             for axis in machine.axes
         )  # fmt: skip
-        flight = Scenario(duration=duration, seed=int(rng.integers(2**31)), disturbance=loads)
-        made.append(Trial(machine, flight, None, None, simulate(machine, flight)))
+        scenario = Scenario(duration=duration, seed=int(rng.integers(2**31)), disturbance=loads)
+        made.append(Trial(machine, scenario, None, None, simulate(machine, scenario)))
     return made
 
 
@@ -223,9 +227,9 @@ def _walk(rng: np.random.Generator, variance: float, n: int) -> tuple[Array, Arr
     return walk + 0.5 * steps + within / math.sqrt(12), walk  # of a Brownian bridge: its mean
 
 
-def _imposed(
+def _external_inputs(
     case: Case, bearing: Bearing, plant: Bearing, scenario: Scenario
-) -> tuple[Imposed, Array | None]:
+) -> tuple[ExternalInputs, Array | None]:
     """Draw the load's walk and the coloured noise, from streams of their own."""
     # A load that walks does not wait for the samples. What acts over a sample is its mean there, so
     # that the run is that of the walk; where it stands at the samples (n,) is returned beside it.
@@ -247,7 +251,7 @@ def _imposed(
         white = on_sensor.normal(0.0, math.sqrt(plant.sensor.noise_variance), n)
         white[1:] *= math.sqrt(1 - pole**2)
         noise = np.asarray(lfilter([1.0], [1.0, -pole], white))
-    return Imposed(disturbance=load, sensor_noise=noise, magnet_scale=scale), walk
+    return ExternalInputs(disturbance=load, sensor_noise=noise, magnet_scale=scale), walk
 
 
 def _with_walk(record: Record, walk: Array | None) -> Record:
@@ -340,11 +344,11 @@ def _magnet(case: Case, plant: Bearing, nominal: Bearing) -> MagnetModel | None:
         return None
     from ambkit.machine.stiffness import stiffness_map
 
-    reach = min(plant.rotor.travel_limit, 0.95 * plant.magnet.air_gap)
+    max_displacement = min(plant.rotor.clearance, 0.95 * plant.magnet.air_gap)
     return stiffness_map(
         plant,
         currents=np.linspace(plant.current_min, plant.current_max, 31),
-        displacements=np.linspace(-reach, reach, 41),
+        displacements=np.linspace(-max_displacement, max_displacement, 41),
         force=saturating(plant),
     )
 
@@ -380,7 +384,7 @@ def _positions(bearing: Bearing, plan: dict[float, float]) -> Sequence:
     """Positions in travels, by the times at which they begin, in the plant's own."""
     return Sequence(
         times=tuple(at * own_time(bearing) for at in plan),
-        values=tuple(height * bearing.rotor.travel_limit for height in plan.values()),
+        values=tuple(height * bearing.rotor.clearance for height in plan.values()),
     )
 
 

@@ -105,12 +105,12 @@ def evaluate_run(
     estimate = estimator.run(record, covariance=True)
     figures = dict.fromkeys(CRITERIA, np.nan)
     del figures["cost"]
-    errors = {name: each[:, first:] for name, each in errors_along(estimate, record, view).items()}
-    travel = np.array([[axis.rotor.travel_limit] for axis in view.alone])
+    errors = {name: item[:, first:] for name, item in errors_along(estimate, record, view).items()}
+    travel = np.array([[axis.rotor.clearance] for axis in view.isolated])
     lost = not np.isfinite(errors["x"]).all()
     lost = lost or bool((np.abs(errors["x"]) > 0.1 * travel).any())
     if not lost:
-        figures |= {name: rms(each) for name, each in errors.items()}
+        figures |= {name: rms(error) for name, error in errors.items()}
         figures["force"] = rms(_force_errors(estimator, estimate, record, view)[:, first:])
         figures["nees"] = nees(estimate, record, first, view)
         figures |= _innovations(estimate, first)
@@ -119,7 +119,7 @@ def evaluate_run(
             for axis in view.machine.axes
             if (load := signal("f_d", axis.name)) in estimate.names
         ]
-        known = [each for each in late if np.isfinite(each)]
+        known = [item for item in late if np.isfinite(item)]
         figures["delay"] = float(np.mean(known)) if known else np.nan
     figures["lost"] = float(lost)
     return figures
@@ -128,21 +128,21 @@ def evaluate_run(
 def errors_along(estimate: Estimate, record: Record, view: View) -> dict[str, Array]:
     """Return the errors of x, v and f_d along the axes (p, n); NaN of what is not estimated."""
     unknown = np.zeros(len(record))
-    found = {}
+    results = {}
     for name, rows in zip(EVALUATED, rows_along(estimate.states, view), strict=True):
         known = np.any(rows != 0, axis=0)  # a state that is NaN is of no other row
         wrong = np.zeros((len(rows), len(record)))
         for k in np.flatnonzero(known):
             truth = true_signal(record, estimate.names[k])
             wrong += rows[:, [k]] * (estimate.mean[:, k] - (unknown if truth is None else truth))
-        found[name] = np.where(np.any(rows != 0, axis=1, keepdims=True), wrong, np.nan)
-    return found
+        results[name] = np.where(np.any(rows != 0, axis=1, keepdims=True), wrong, np.nan)
+    return results
 
 
 def rows_along(states: Sequence[Descriptor], view: View) -> tuple[Array, Array, Array]:
     """Return displacements, velocities and loads along the axes, by the states (p, states)."""
     names = [state.name for state in states]
-    loads = np.zeros((len(view.alone), len(names)))
+    loads = np.zeros((len(view.isolated), len(names)))
     for k, axis in enumerate(view.machine.axes):
         if signal("f_d", axis.name) in names:
             loads[k, names.index(signal("f_d", axis.name))] = 1.0
@@ -157,16 +157,16 @@ def rms(error: Array) -> float:
 def _force_errors(estimator: Any, estimate: Estimate, record: Record, view: View) -> Array:
     """Errors of the magnet forces as an estimator sees them (p, n) [N]; NaN without a law."""
     magnet = getattr(estimator, "magnet", None)
-    found = np.full((len(view.alone), len(record)), np.nan)
+    result = np.full((len(view.isolated), len(record)), np.nan)
     if magnet is None:
-        return found
+        return result
     x = view.along_axes(estimate.states)[0] @ estimate.mean.T
-    for k, (axis, model) in enumerate(zip(view.alone, models_of(magnet), strict=True)):
+    for k, (axis, model) in enumerate(zip(view.isolated, models_of(magnet), strict=True)):
         current = _current(view, k, estimate, record)
         force = evaluate_force(model, current, x[k]) + magnet_of(axis).bias_force
         force = force if estimate.scale is None else estimate.scale * force
-        found[k] = force - record[signal("f_mag", view.machine.axes[k].name)]
-    return found
+        result[k] = force - record[signal("f_mag", view.machine.axes[k].name)]
+    return result
 
 
 def _current(view: View, axis: int, estimate: Estimate, record: Record) -> Array:
@@ -178,9 +178,9 @@ def _current(view: View, axis: int, estimate: Estimate, record: Record) -> Array
                 if state.role == role and view.axis_of(state) == axis]  # fmt: skip
         if late:
             return np.asarray(estimate.mean[:, late[-1]])
-    of = view.alone[axis]
-    asked = of.amplifier.gain * record[signal("u", view.machine.axes[axis].name)]
-    return np.asarray(np.clip(asked, of.current_min, of.current_max))
+    of = view.isolated[axis]
+    current_command = of.amplifier.gain * record[signal("u", view.machine.axes[axis].name)]
+    return np.asarray(np.clip(current_command, of.current_min, of.current_max))
 
 
 def normalised_errors(estimate: Estimate, record: Record, view: View) -> Array:
@@ -203,17 +203,17 @@ def normalised_errors(estimate: Estimate, record: Record, view: View) -> Array:
         of, error = of / (std[:, :, None] * std[:, None, :]), error / std
         good = np.isfinite(of).all(axis=(1, 2)) & np.isfinite(error).all(axis=1)
         good[good] = np.linalg.det(of[good]) > 0
-    found = np.full(len(record), np.nan)
+    result = np.full(len(record), np.nan)
     solved = np.linalg.solve(of[good], error[good][:, :, None])[:, :, 0]
-    found[good] = np.einsum("ni,ni->n", error[good], solved)
-    return found
+    result[good] = np.einsum("ni,ni->n", error[good], solved)
+    return result
 
 
 def nees(estimate: Estimate, record: Record, first: int, view: View) -> float:
     """Share of samples from `first` on whose NEES is within its bound; NaN without covariances."""
-    found = normalised_errors(estimate, record, view)[first:]
-    bound = _nees_bound(len(EVALUATED) * len(view.alone))
-    return float(np.mean(found <= bound)) if np.isfinite(found).all() else np.nan
+    result = normalised_errors(estimate, record, view)[first:]
+    bound = _nees_bound(len(EVALUATED) * len(view.isolated))
+    return float(np.mean(result <= bound)) if np.isfinite(result).all() else np.nan
 
 
 @cache
@@ -224,13 +224,13 @@ def _nees_bound(degrees: int) -> float:
 
 
 def _innovations(estimate: Estimate, first: int) -> dict[str, float]:
-    taken = estimate.used[first:]
-    nis = estimate.nis[first:][taken]
-    innovation = estimate.innovation.reshape(len(estimate.t), -1)[first:][taken]
+    used_mask = estimate.used[first:]
+    nis = estimate.nis[first:][used_mask]
+    innovation = estimate.innovation.reshape(len(estimate.t), -1)[first:][used_mask]
     known = np.isfinite(innovation).all() and len(innovation) >= 4 * LAGS
     if not known or not (np.ptp(innovation, axis=0) > 0).all():
         return {}
-    white = [whiteness(each, LAGS).share_within for each in innovation.T]
+    white = [whiteness(item, LAGS).share_within for item in innovation.T]
     return {"nis": float(np.mean(nis)), "white": float(np.mean(white))}
 
 
@@ -251,11 +251,11 @@ def delay(estimated: Array, load: Load, T: float) -> float:
         return float("nan")
     size = load.transform_size
     product = irfft(load.transform * rfft(e, size).conj(), size)[furthest::-1]  # lags 0, 1, ...
-    found = np.where(load.still, -1.0, product / load.spread)
-    at = int(np.argmax(found))
+    result = np.where(load.still, -1.0, product / load.spread)
+    at = int(np.argmax(result))
     if not 0 < at < furthest:
         return float(at * T)
-    before, peak, after = found[at - 1 : at + 2]
+    before, peak, after = result[at - 1 : at + 2]
     bend = before - 2 * peak + after
     between = 0.5 * (before - after) / bend if bend < 0 else 0.0
     return float((at + np.clip(between, -0.5, 0.5)) * T)

@@ -32,9 +32,9 @@ def settled_bound(estimator: Estimator, record: Record, W: Array, start: int) ->
     # which depends on no reading (Tichavsky 1998).
     # W (quantities, states)
     view, tangents = estimator.view, []
-    for axis, alone in zip(view.machine.axes, view.alone, strict=True):
+    for axis, isolated in zip(view.machine.axes, view.isolated, strict=True):
         iu, s = (float(np.mean(record[signal(of, axis.name)])) for of in ("iu", "s"))
-        k_i, k_s = magnet_of(alone).tangent(iu, s)
+        k_i, k_s = magnet_of(isolated).tangent(iu, s)
         tangents.append(ConstantStiffness(float(k_i), float(k_s)))
     linear = KalmanFilter(
         view.machine, bank_of(tangents, view.machine), noise=FilterNoise(*estimator.variances),
@@ -53,11 +53,11 @@ def finer_filter(estimator: Estimator) -> Estimator:
     # The noise of a control, held over a sample, is that of as many shorter ones together. Loads,
     # unbalance and runout grow as they do. A delay of the loop is taken out of its model and put
     # into the control signals, see `run_finer`.
-    machine, given = estimator.machine, estimator.variances
-    control = estimator.view.plain([FINER * each for each in several(given.control)])
+    machine, variances = estimator.machine, estimator.variances
+    control = estimator.view.plain([FINER * item for item in several(variances.control)])
     other = ExtendedKalmanFilter(
         machine.replace(sampling_time=machine.sampling_time / FINER, delay=None),
-        noise=FilterNoise(given.measurement, control, given.disturbance),
+        noise=FilterNoise(variances.measurement, control, variances.disturbance),
         synchronous=estimator.engine.synchronous, frozen_limit=0, outlier_limit=0,
     )  # fmt: skip
     other.start_std = estimator.start_std
@@ -70,9 +70,9 @@ def run_finer(other: Estimator, record: Record, delay: float) -> Estimate:
     late = round(delay / machine.sampling_time)
     signals: dict[str, Array] = {}
     for reading in machine.readings:
-        shown = np.full(n, np.nan)
-        shown[::FINER] = record[signal("y", reading.name)]
-        signals[signal("y", reading.name)] = shown
+        measurement = np.full(n, np.nan)
+        measurement[::FINER] = record[signal("y", reading.name)]
+        signals[signal("y", reading.name)] = measurement
     for axis in machine.axes:
         held = np.repeat(record[signal("u", axis.name)], FINER)
         signals[signal("u", axis.name)] = np.concatenate([np.full(late, held[0]), held])[:n]

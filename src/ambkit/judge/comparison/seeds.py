@@ -106,8 +106,8 @@ def compare(
     plant = bearing.short
 
     def one(name: str, seed: int) -> tuple[list[float], float, bool]:
-        estimator, happening = estimators[name](), scenario.model_copy(update={"seed": seed})
-        run = simulate_run(plant, happening, estimator=estimator, magnet=magnet)
+        estimator, seeded_scenario = estimators[name](), scenario.model_copy(update={"seed": seed})
+        run = simulate_run(plant, seeded_scenario, estimator=estimator, magnet=magnet)
         assert run.estimate is not None  # an estimator was given
         wrong = errors_along(run.estimate, run.record, estimator.view)
         errors = [rms(wrong[signal]) for signal in EVALUATED]

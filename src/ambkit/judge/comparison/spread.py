@@ -48,7 +48,7 @@ class Spread:
             magnet__air_gap=gap,
             rotor__mass=nominal.rotor.mass * self.mass,
             # A narrower gap may leave less room than the stops did.
-            rotor__travel_limit=min(nominal.rotor.travel_limit, 0.95 * gap),
+            rotor__clearance=min(nominal.rotor.clearance, 0.95 * gap),
             sensor__noise_variance=sensor.noise_variance * self.noise**2,
             sensor__lag=sensor.lag * self.lag,
         )

@@ -111,28 +111,28 @@ class Bench(Result):
     @property
     def rows(self) -> list[Row]:
         """The criteria of all, the raw sensors, what is possible, and what was tuned."""
-        found: list[Row] = []
+        results: list[Row] = []
         for name, of in self.tuned.items():
-            found += put(of.rows(), section=("tuned",), of=name)
+            results += put(of.rows(), section=("tuned",), of=name)
         for name, of in self.default.items():
             own = put(of.rows(), section=("default",), of=name)
-            found += put(own, detail=True) if self.tuned else own
-        found += [
+            results += put(own, detail=True) if self.tuned else own
+        results += [
             Row(name, name, least, EVALUATED.get(name, "m"), 3, section=("limit",),
                 detail=name not in EVALUATED)
             for name, least in self.limit.items()
         ]  # fmt: skip
         for name, of in self.tuned.items():
             if of.tuning is not None:
-                found += put(self._tuning(of, of.tuning), section=("tuning",), of=name)
-        return found
+                results += put(self._tuning(of, of.tuning), section=("tuning",), of=name)
+        return results
 
-    def _tuning(self, of: Standing, found: Tuning) -> list[Row]:
+    def _tuning(self, of: Standing, result: Tuning) -> list[Row]:
         units = self.units.get(of.name, {})
         return [
-            Row("default", "objective, untuned", found.default),
-            Row("tuned", "objective, tuned", found.objective),
-            Row("evaluations", "evaluations", found.evaluations),
+            Row("default", "objective, untuned", result.default),
+            Row("tuned", "objective, tuned", result.objective),
+            Row("evaluations", "evaluations", result.evaluations),
             *(Row(key, key.removeprefix("noise."), value, units.get(key, "1"), detail=True)
               for key, value in of.values.items()),
         ]  # fmt: skip
@@ -169,7 +169,7 @@ class Bench(Result):
         from scipy.stats import ttest_rel
 
         errors = {n: of.figures["f_d"] for n, of in self.best.items()}
-        errors = {n: each for n, each in errors.items() if np.isfinite(each).any()}
+        errors = {n: error for n, error in errors.items() if np.isfinite(error).any()}
         if len(errors) < 2:
             return []
         first = min(errors, key=lambda n: float(np.nanmean(errors[n])))
@@ -192,7 +192,7 @@ class Bench(Result):
     @property
     def series(self) -> dict[str, Any]:
         """The case, the limit, and the values of the tunables."""
-        standings = {"default": self.default, "tuned": self.tuned}
+        scores_by_tuning = {"default": self.default, "tuned": self.tuned}
         return {
             "bearing": self.bearing.name,
             "case": self.case.name,
@@ -204,7 +204,7 @@ class Bench(Result):
             "limit": dict(self.limit),
         } | {
             how: {n: {"label": s.label, "values": dict(s.values)} for n, s in of.items()}
-            for how, of in standings.items() if of
+            for how, of in scores_by_tuning.items() if of
         }  # fmt: skip
 
     def figures(self) -> list[Figure]:
@@ -230,7 +230,7 @@ class Benches(Result, dict[str, Bench]):
         best: dict[str, int] = {}
         for bench in self.values():
             errors = {n: of.mean("f_d") for n, of in bench.best.items()}
-            errors = {n: each for n, each in errors.items() if math.isfinite(each)}
+            errors = {n: error for n, error in errors.items() if math.isfinite(error)}
             if errors:
                 first = min(errors, key=errors.__getitem__)
                 best[first] = best.get(first, 0) + 1
@@ -256,8 +256,8 @@ class Benches(Result, dict[str, Bench]):
         """Titles of the tables."""
         how = "tuned alike" if self._first.tuned else "with their defaults"
         runs = f"{self._first.runs} run{'s' * (self._first.runs > 1)} each"
-        found = {("f_d",): Section(f"Error of F_St, {runs}, {how}", across=True)}
-        return found | {
+        results = {("f_d",): Section(f"Error of F_St, {runs}, {how}", across=True)}
+        return results | {
             ("cases", case, *name): Section(f"{case}: {of.title}", of.across)
             for case, bench in self.items() for name, of in bench.sections.items()
         }  # fmt: skip

@@ -18,12 +18,12 @@ from ambkit.estimate.view import several
 from ambkit.judge.comparison.criteria import normalised_errors, rows_along
 from ambkit.judge.comparison.finer import FINER, finer_filter, run_finer, settled_bound
 from ambkit.judge.evaluation import true_signal
-from ambkit.machine.bank import alone_of, weights_of
+from ambkit.machine.bank import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import Runout
 from ambkit.models.parts.synchronous import unbalance_planes
-from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate
 from ambkit.simulation.scenario import Scenario
 
@@ -51,7 +51,7 @@ class Judgement:
         force [N], and ``i_A1`` current where the amplifier lags [A], without the name of a single
         axis; of unbalance and runout the states.
     errors : mapping
-        Of each contender, root mean square errors (seeds, quantities), each in its unit; those of
+        Of each candidate, root mean square errors (seeds, quantities), each in its unit; those of
         the raw sensor are NaN where it says nothing.
     bound : ndarray (quantities,)
         Least standard deviation that any estimator can have, each in its unit [m, m/s, N, A].
@@ -69,24 +69,24 @@ class Judgement:
     nees: Mapping[str, Array]
     finer: Array | None = None
 
-    def efficiency(self, contender: str) -> Array:
+    def efficiency(self, candidate: str) -> Array:
         """Return the bound's variance over the mean square error, (quantities,) [1].
 
         Parameters
         ----------
-        contender : str
+        candidate : str
             Name of a filter.
         """
-        return np.asarray(self.bound**2 / np.mean(self.errors[contender] ** 2, axis=0))
+        return np.asarray(self.bound**2 / np.mean(self.errors[candidate] ** 2, axis=0))
 
-    def paired(self, contender: str) -> Array:
+    def paired(self, candidate: str) -> Array:
         """Return the finer filter's mean square error over a filter's, (quantities,) [1].
 
         On the same noise both err alike, so that few seeds tell what the bound would need many for.
 
         Parameters
         ----------
-        contender : str
+        candidate : str
             Name of a filter.
 
         Raises
@@ -96,7 +96,7 @@ class Judgement:
         """
         if self.finer is None:
             raise ValueError("no finer filter was run: judge_states(..., finer=True)")
-        own = np.mean(self.errors[contender] ** 2, axis=0)
+        own = np.mean(self.errors[candidate] ** 2, axis=0)
         return np.asarray(np.mean(self.finer**2, axis=0) / own)
 
     def to_dict(self) -> dict[str, object]:
@@ -105,11 +105,11 @@ class Judgement:
             "quantities": list(self.quantities),
             "bound": self.bound.tolist(),
             "rmse": {
-                name: np.sqrt(np.mean(each**2, axis=0)).tolist()
-                for name, each in self.errors.items()
+                name: np.sqrt(np.mean(error**2, axis=0)).tolist()
+                for name, error in self.errors.items()
             },
             "efficiency": {name: self.efficiency(name).tolist() for name in self.nees},
-            "nees": {name: float(np.mean(each)) for name, each in self.nees.items()},
+            "nees": {name: float(np.mean(nee)) for name, nee in self.nees.items()},
         } | (
             {}
             if self.finer is None
@@ -154,7 +154,7 @@ def judge_states(
     first_seed : int
         Of the first run.
     load : float
-        That share [1]; a rotor that bends easily bears less.
+        That share [1]; a flexible rotor easily bears less.
     speed : Signal, optional
         Of rotation, such as a run-up [rad/s]; by default the machine's own.
     synchronous : sequence of str
@@ -167,7 +167,7 @@ def judge_states(
     Raises
     ------
     AmbkitError
-        A run comes into a backup bearing, of which the model knows nothing.
+        A run comes into a touch-down bearing, of which the model knows nothing.
     TypeError
         `bearing` is no machine.
     """
@@ -181,10 +181,12 @@ def judge_states(
         for kind in names_in(kinds=kinds)
     }
     first = next(iter(filters.values()))
-    drawn = {s.name: balance * s.size for s in first.states if s.role in ("unbalance", "runout")}
+    initial_std = {
+        s.name: balance * s.size for s in first.states if s.role in ("unbalance", "runout")
+    }
     other = finer_filter(first) if finer else None
-    for each in [*filters.values(), *([other] if other else [])]:
-        each.start_std = dict(drawn)
+    for item in [*filters.values(), *([other] if other else [])]:
+        item.start_std = dict(initial_std)
     W, quantities = _quantities(first)
     T = plain.sampling_time
     start = round(settled / T)
@@ -193,13 +195,13 @@ def judge_states(
     bounds: list[Array] = []
     finest: list[Array] = []
     for seed in range(first_seed, first_seed + seeds):
-        turned, rotor = _drawn(plain, drawn, seed)
+        sampled_machine, rotor = _drawn(plain, initial_std, seed)
         scenario = Scenario(duration=duration, seed=seed, speed=speed)
-        record = _flown(turned, first, seed, scenario)
+        record = _flown(sampled_machine, first, seed, scenario)
         if record.meta["stop_touched"]:
             raise AmbkitError(
                 f"{plain.name}: with loads of {load:g} of what the magnets have to spare the rotor "
-                f"comes into a backup bearing (seed {seed}); judge with less load"
+                f"comes into a touch-down bearing (seed {seed}); judge with less load"
             )
         truth = (_true_states(first, record, rotor) @ W.T)[start:]
         for name, estimator in filters.items():
@@ -207,7 +209,7 @@ def judge_states(
             wrong = (estimate.mean @ W.T)[start:] - truth
             errors[name].append(np.sqrt(np.mean(wrong**2, axis=0)))
             squares = normalised_errors(estimate, record, first.view)[start:]
-            nees[name].append(float(np.mean(squares)) / (3 * len(first.view.alone)))
+            nees[name].append(float(np.mean(squares)) / (3 * len(first.view.isolated)))
         errors[RAW].append(_raw(first, record, truth, start))
         if not bounds or synchronous:
             bounds.append(settled_bound(first, record, W, start))
@@ -215,20 +217,20 @@ def judge_states(
             fine = run_finer(other, record, plain.delay or 0.0)
             rows, names = _quantities(other)
             rows = np.array([rows[names.index(name)] for name in quantities])
-            said = (fine.mean[::FINER] @ rows.T)[start:]
-            finest.append(np.sqrt(np.mean((said - truth) ** 2, axis=0)))
+            fine_mean = (fine.mean[::FINER] @ rows.T)[start:]
+            finest.append(np.sqrt(np.mean((fine_mean - truth) ** 2, axis=0)))
     return Judgement(
         quantities,
-        {name: np.array(each) for name, each in errors.items()},
+        {name: np.array(error) for name, error in errors.items()},
         np.sqrt(np.mean(np.square(bounds), axis=0)),
-        {name: np.array(each) for name, each in nees.items()},
+        {name: np.array(nee) for name, nee in nees.items()},
         np.array(finest) if other else None,
     )
 
 
 def _known(machine: Machine, synchronous: Sequence[str]) -> Machine:
     """Return the machine without unbalance and runout, but for those that filters estimate."""
-    sensors = [each.model_copy(update={"runout": ()}) for each in machine.sensors]
+    sensors = [sensor.model_copy(update={"runout": ()}) for sensor in machine.sensors]
     without: dict[str, Any] = {"unbalance": [], "sensor": sensors}
     left = {"unbalance": "unbalance", "runout": "sensor"}
     for name in synchronous:
@@ -252,12 +254,12 @@ def _drawn(
         for k, z in enumerate(unbalance_planes(machine), 1) if f"U{k}" in rotor
     ]  # fmt: skip
     sensors = []
-    for each in machine.sensors:
+    for sensor in machine.sensors:
         lines = [
             Runout(order=int(name[1:].split("_")[0]), amplitude=abs(r), phase=float(np.angle(r)))
-            for name, r in rotor.items() if name[0] == "r" and name.split("_", 1)[1] == each.name
+            for name, r in rotor.items() if name[0] == "r" and name.split("_", 1)[1] == sensor.name
         ]  # fmt: skip
-        sensors.append(each.model_copy(update={"runout": tuple(lines) or each.runout}))
+        sensors.append(sensor.model_copy(update={"runout": tuple(lines) or sensor.runout}))
     return machine.replace(unbalance=planes, sensor=sensors), rotor
 
 
@@ -268,28 +270,28 @@ def _angle(speed: Array, T: float) -> Array:
 def _state_of(rotor: Mapping[str, complex], name: str, angle: Array) -> Array:
     """Return an unbalance's or runout's state (n,) while the rotor turns."""
     order = int(name[1:].split("_")[0]) if name[0] == "r" else 1
-    turned = rotor[name[:-2]] * np.exp(1j * order * angle)
-    return np.asarray(turned.real if name.endswith(("_x", "_c")) else turned.imag)
+    phasor = rotor[name[:-2]] * np.exp(1j * order * angle)
+    return np.asarray(phasor.real if name.endswith(("_x", "_c")) else phasor.imag)
 
 
 def _growth(machine: Machine, duration: float, load: float) -> float:
     """Return how fast the variance of a load grows [N^2/s]."""
     spare = []
-    for alone, carried in zip(alone_of(machine), weights_of(machine), strict=True):
-        law = magnet_of(alone)
-        most = float(law.force(alone.current_max, 0.0)) - law.bias_force
+    for isolated, carried in zip(isolated_axes(machine), weights_of(machine), strict=True):
+        law = magnet_of(isolated)
+        most = float(law.force(isolated.current_max, 0.0)) - law.bias_force
         spare.append(most - abs(carried))
     return float((load * min(spare)) ** 2 / duration)
 
 
-def _flown(machine: Machine, filters: Estimator, seed: int, flight: Scenario) -> Record:
+def _flown(machine: Machine, filters: Estimator, seed: int, scenario: Scenario) -> Record:
     """Return a run, with the loads at its samples: what acts is their mean until the next one."""
-    T, n = machine.sampling_time, round(flight.duration / machine.sampling_time) + 1
+    T, n = machine.sampling_time, round(scenario.duration / machine.sampling_time) + 1
     rng = np.random.default_rng([seed, 14])
-    growth = np.sqrt(T / WITHIN * np.array(several(filters.variances.disturbance)))
-    walks = np.cumsum(rng.normal(0.0, growth, (n * WITHIN, len(growth))), axis=0)
+    step_std = np.sqrt(T / WITHIN * np.array(several(filters.variances.disturbance)))
+    walks = np.cumsum(rng.normal(0.0, step_std, (n * WITHIN, len(step_std))), axis=0)
     parts = walks.reshape(n, WITHIN, -1)
-    record = simulate(machine, flight, imposed=Imposed(parts.mean(axis=1)))
+    record = simulate(machine, scenario, external_inputs=ExternalInputs(parts.mean(axis=1)))
     names = [signal("f_d", axis.name) for axis in machine.axes]
     return replace(
         record, signals={**record.signals, **dict(zip(names, parts[:, 0].T, strict=True))}
@@ -311,23 +313,23 @@ def _quantities(estimator: Estimator) -> tuple[Array, tuple[str, ...]]:
 def _true_states(estimator: Estimator, record: Record, rotor: Mapping[str, complex]) -> Array:
     """Return the truth of an estimator's states (n, states); 0 where nobody judges it."""
     angle = _angle(record["speed"], estimator.bearing.sampling_time)
-    found = np.zeros((len(record), len(estimator.states)))
+    result = np.zeros((len(record), len(estimator.states)))
     for k, state in enumerate(estimator.states):
         if state.role in ("unbalance", "runout"):
-            found[:, k] = _state_of(rotor, state.name, angle)
+            result[:, k] = _state_of(rotor, state.name, angle)
         elif state.role == "current":
-            found[:, k] = record["iu" + state.name[1:]]
+            result[:, k] = record["iu" + state.name[1:]]
         elif (truth := true_signal(record, state.name)) is not None:
-            found[:, k] = truth
-    return found
+            result[:, k] = truth
+    return result
 
 
 def _raw(estimator: Estimator, record: Record, truth: Array, start: int) -> Array:
     """Return the errors of the displacements that explain the readings best."""
     view = estimator.view
     y = np.column_stack([record[signal("y", r.name)] for r in view.machine.readings])
-    shown = (y @ (view.H @ view.shown).T)[start:]
-    found = np.full(truth.shape[1], np.nan)
-    p = len(view.alone)
-    found[:p] = np.sqrt(np.mean((shown - truth[:, :p]) ** 2, axis=0))
-    return found
+    raw_position = (y @ (view.H @ view.shown).T)[start:]
+    result = np.full(truth.shape[1], np.nan)
+    p = len(view.isolated)
+    result[:p] = np.sqrt(np.mean((raw_position - truth[:, :p]) ** 2, axis=0))
+    return result

@@ -12,6 +12,7 @@ import numpy as np
 from ambkit.base import late_binding
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.comparison.bench import TRAINING, Sweep, bench, pieces, sweep
+from ambkit.judge.comparison.candidates import Candidate, candidates, suited
 from ambkit.judge.comparison.cases import (
     CASES,
     REACH,
@@ -23,11 +24,10 @@ from ambkit.judge.comparison.cases import (
     step_case,
     walk_case,
 )
-from ambkit.judge.comparison.contenders import Contender, contenders, suited
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED
 from ambkit.judge.comparison.spread import CERTAIN
 from ambkit.judge.comparison.standing import Bench, Benches
-from ambkit.machine.bank import alone_of
+from ambkit.machine.bank import isolated_axes
 from ambkit.result.result import Result
 from ambkit.result.row import Row
 from ambkit.result.stated import Part, Section
@@ -80,7 +80,7 @@ class Study(Result):
     """A whole comparison."""
 
     bench: Bench  #: The case that was asked for.
-    field: Mapping[str, Contender]  #: Who took part.
+    field: Mapping[str, Candidate]  #: Who took part.
     first: Trial  #: Its first run.
     #: Errors by the height of the step, by the plant's magnet constant, and by the height of the
     #: step where all is as the filters' model says; None where the report was not asked for.
@@ -103,14 +103,14 @@ class Study(Result):
     @property
     def rows(self) -> list[Row]:
         """All of the case, and how close each comes to the limit."""
-        model, found = self.model, [*self.bench.rows]
+        model, result = self.model, [*self.bench.rows]
         if model is not None:
-            found += [
+            result += [
                 Row(s, CRITERIA[s].label, model.efficiency(name, s), section=("efficiency",),
                     of=name)
                 for name in model.best for s in EVALUATED
             ]  # fmt: skip
-        return found
+        return result
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
@@ -123,15 +123,15 @@ class Study(Result):
         """Who does best, when it matters, the limit, and how it was compared."""
         best = [*self.bench.figures(), late_binding.call("compared_run_figure", self)]
         around = {"steps": self.steps, "wrong_k": self.wrong_k}
-        found = [Part("Who does best", self.bench.case.about, None, best)]
+        results = [Part("Who does best", self.bench.case.about, None, best)]
         if self.steps is not None:
-            swept = [late_binding.call("sweep_figure", *each) for each in around.items()]
-            found.append(Part("When it matters", AROUND, None, swept))
+            swept = [late_binding.call("sweep_figure", *item) for item in around.items()]
+            results.append(Part("When it matters", AROUND, None, swept))
         if self.model is not None:
             limit = [late_binding.call("sweep_figure", "limit_steps", self.limit),
                      late_binding.call("efficiency_figure", self.model)]  # fmt: skip
-            found.append(Part("The limit", LIMIT, ("efficiency",), limit))
-        return [*found, Part("How it was compared", self._how(), ("tuning",))]
+            results.append(Part("The limit", LIMIT, ("efficiency",), limit))
+        return [*results, Part("How it was compared", self._how(), ("tuning",))]
 
     def _how(self) -> str:
         bench, spread = self.bench, self.bench.case.spread
@@ -160,7 +160,7 @@ class Study(Result):
     def series(self) -> dict[str, Any]:
         """All of the case, and the errors in the rows of cases around it."""
         around = {"steps": self.steps, "wrong_k": self.wrong_k, "limit_steps": self.limit}
-        return self.bench.series | {n: vars(each) for n, each in around.items() if each}
+        return self.bench.series | {n: vars(item) for n, item in around.items() if item}
 
     def figures(self) -> Sequence[Figure]:
         """Return all by all criteria, and what a step costs."""
@@ -179,20 +179,20 @@ def learned(case: Case, bearing: Any, names: Sequence[str]) -> dict[str, MagnetM
     from ambkit.fuzzy.training import train
     from ambkit.machine.stiffness import stiffness_map
 
-    reach = REACH * bearing.rotor.travel_limit
+    max_displacement = REACH * bearing.rotor.clearance
     force = saturating(bearing) if case.saturates else None
     if case.magnet is not None:
         force = case.magnet.force
 
     def work(nodes: int) -> StiffnessMap:
         currents = np.linspace(bearing.current_min, bearing.current_max, nodes)
-        displacements = np.linspace(-reach, reach, nodes)
+        displacements = np.linspace(-max_displacement, max_displacement, nodes)
         return stiffness_map(bearing, currents=currents, displacements=displacements, force=force)
 
-    found: dict[str, MagnetModel] = {}
+    results: dict[str, MagnetModel] = {}
     if set(asking) - {"table"}:
-        found = dict.fromkeys(asking, train(work(RULES), weights=True))
-    return found | ({"table": work(NODES)} if "table" in asking else {})
+        results = dict.fromkeys(asking, train(work(RULES), weights=True))
+    return results | ({"table": work(NODES)} if "table" in asking else {})
 
 
 def study(
@@ -213,9 +213,11 @@ def study(
     case = CASES[case] if isinstance(case, str) else case
     names = suited(names, bearing)
     threads = threads or os.cpu_count() or 1
-    given = dict(magnets or {})
-    known = learned(case, bearing, [name for name in names if name not in given]) | given
-    field = contenders(names, bearing, known, custom)
+    own_magnets = dict(magnets or {})
+    known = (
+        learned(case, bearing, [name for name in names if name not in own_magnets]) | own_magnets
+    )
+    field = candidates(names, bearing, known, custom)
     done("judging")
     main = bench(
         bearing, case, field, runs=runs, budget=budget, seed=seed, threads=threads,
@@ -239,7 +241,7 @@ def study(
             other, saturates=case.saturates, magnet=case.magnet, magnet_constant=magnet_constant
         )
 
-    travel = alone_of(bearing)[0].rotor.travel_limit
+    travel = isolated_axes(bearing)[0].rotor.clearance
     steps = {share * travel: alike(step_case(share)) for share in HEIGHTS}
     wrong = {k: alike(step_case(STEPS[1]), k) for k in WRONG}
     walks = {share * travel: walk_case(share) for share in HEIGHTS}
@@ -271,22 +273,22 @@ def across(
     done: Callable[[str], None] = lambda _text: None,
 ) -> Benches:
     """Compare estimators in several cases, tuned anew in each."""
-    given = dict(magnets or {})
-    asked = [name for name in names if name not in given]
+    own_magnets = dict(magnets or {})
+    unknown_names = [name for name in names if name not in own_magnets]
     maps: list[tuple[Case, dict[str, MagnetModel]]] = []
 
     def known(case: Case) -> dict[str, MagnetModel]:
         """What is learned for one case serves all that learn from the same magnet."""
-        for other, found in maps:
+        for other, result in maps:
             if (other.saturates, other.magnet) == (case.saturates, case.magnet):
-                return found
-        maps.append((case, learned(case, bearing, asked)))
+                return result
+        maps.append((case, learned(case, bearing, unknown_names)))
         return maps[-1][1]
 
     return Benches(
         (name, study(
             bearing, case, names, runs=runs, budget=budget, seed=seed, threads=threads,
-            magnets=known(case) | given, whole=False, done=done,
+            magnets=known(case) | own_magnets, whole=False, done=done,
         ).bench)
         for name, case in cases.items()
     )  # fmt: skip

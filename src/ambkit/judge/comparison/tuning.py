@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.batch import run_many
 from ambkit.estimate.view import View
-from ambkit.judge.comparison.contenders import Contender, Range
+from ambkit.judge.comparison.candidates import Candidate, Range
 from ambkit.judge.comparison.criteria import errors_along, rms
 
 if TYPE_CHECKING:
@@ -49,20 +49,20 @@ def errors(build: Callable[[], Any], training: Sequence[Trial], first: int) -> A
         many = run_many(
             estimator, y, u, truth=np.stack(truth, axis=-1), skip=first, history=(), threads=1
         )
-        found = np.asarray(many.rmse, float)
+        result = np.asarray(many.rmse, float)
     else:  # of several axes, or the user's own in Python
-        found = np.empty((len(records), len(SIGNALS)))
+        result = np.empty((len(records), len(SIGNALS)))
         view = View(estimator.bearing)
-        for row, record in zip(found, records, strict=True):
+        for row, record in zip(result, records, strict=True):
             made = estimator if isinstance(estimator, Estimator) else build()
             wrong = errors_along(made.run(record), record, view)
             row[:] = [rms(wrong[name][:, first:]) for name in SIGNALS]
-    found[~np.isfinite(found[:, 0])] = math.inf
-    return found
+    result[~np.isfinite(result[:, 0])] = math.inf
+    return result
 
 
 def tune(
-    contender: Contender,
+    candidate: Candidate,
     training: Sequence[Trial],
     reference: Array,
     budget: int,
@@ -75,13 +75,15 @@ def tune(
     # reference (3,)
 
     def cost(values: Mapping[str, float]) -> float:
-        found = errors(lambda: contender.build(**values), training, first) / reference
+        result = errors(lambda: candidate.build(**values), training, first) / reference
         with np.errstate(invalid="ignore"):
             # A signal that it does not estimate at all is not in its mean.
-            kept = [float(np.minimum(c, WORST).mean()) for c in found.T if not np.isnan(c).any()]
-        return float(np.mean(kept)) if kept else WORST
+            finite_costs = [
+                float(np.minimum(c, WORST).mean()) for c in result.T if not np.isnan(c).any()
+            ]
+        return float(np.mean(finite_costs)) if finite_costs else WORST
 
-    done = search(contender.tunable, cost, budget, seed)
+    done = search(candidate.tunable, cost, budget, seed)
     best = done.best
     return Tuning(best.values, best.cost, done.tried[0].cost, len(done.tried))
 
@@ -101,7 +103,7 @@ class Search(NamedTuple):
     @property
     def best(self) -> Tried:
         """What costs least; the first of equals, and so the defaults where nothing is better."""
-        return min(self.tried, key=lambda each: each.cost)
+        return min(self.tried, key=lambda item: item.cost)
 
 
 def search(
@@ -113,37 +115,37 @@ def search(
 ) -> Search:
     """Look for the values that cost least, by a fixed number of evaluations."""
     # See `tune`, which says how.
-    tried: list[Tried] = []
+    trials: list[Tried] = []
 
     def at(point: Array) -> float:
         values = {
-            each.name: each.low * (each.high / each.low) ** share if tried else each.default
-            for each, share in zip(tunable, np.clip(point, 0, 1).tolist(), strict=True)
+            item.name: item.low * (item.high / item.low) ** share if trials else item.default
+            for item, share in zip(tunable, np.clip(point, 0, 1).tolist(), strict=True)
         }
-        tried.append(Tried(values, cost(values)))
+        trials.append(Tried(values, cost(values)))
         done()
-        return tried[-1].cost
+        return trials[-1].cost
 
     points = [np.array([math.log(t.default / t.low) / math.log(t.high / t.low) for t in tunable])]
     at(points[0])
     if not tunable or budget <= 1:
-        return Search(tried)
+        return Search(trials)
     from scipy.optimize import minimize
     from scipy.stats import qmc
 
     count = max(1, budget // 2 - 1)
     sobol = qmc.Sobol(len(tunable), scramble=True, rng=np.random.default_rng([seed, 4]))
     for point in sobol.random_base2(math.ceil(math.log2(count)))[:count]:
-        if len(tried) < budget:
+        if len(trials) < budget:
             points.append(point)
             at(point)
-    best = points[int(np.argmin([each.cost for each in tried]))]
+    best = points[int(np.argmin([trial.cost for trial in trials]))]
     corners = np.vstack([best, *(best + _towards_middle(best, n) for n in range(best.size))])
-    if budget > len(tried):
+    if budget > len(trials):
         minimize(at, best, method="Nelder-Mead", bounds=[(0.0, 1.0)] * best.size,
-                 options={"maxfev": budget - len(tried), "initial_simplex": corners,
+                 options={"maxfev": budget - len(trials), "initial_simplex": corners,
                           "xatol": 1e-4, "fatol": 1e-6})  # fmt: skip
-    return Search(tried)
+    return Search(trials)
 
 
 def _towards_middle(point: Array, axis: int) -> Array:

@@ -19,7 +19,7 @@ from ambkit.base.progress import reporting
 from ambkit.data.files.tables import Table, write_table
 from ambkit.estimate.named import factories
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.comparison.contenders import suited
+from ambkit.judge.comparison.candidates import suited
 from ambkit.judge.faults.declared import CLEAN, FAULTS
 from ambkit.judge.faults.flight import Flight, Outcome
 from ambkit.machine.machine import Machine
@@ -61,20 +61,20 @@ class FaultCampaign(Result):
     @property
     def estimators(self) -> list[str]:
         """Names of the estimators, without the baseline."""
-        names = dict.fromkeys(each.estimator for each in self.outcomes)
+        names = dict.fromkeys(outcome.estimator for outcome in self.outcomes)
         return [name for name in names if name != BASELINE]
 
     @property
     def faults(self) -> list[str]:
         """Names of the faults."""
-        return list(dict.fromkeys(each.fault for each in self.outcomes))
+        return list(dict.fromkeys(outcome.fault for outcome in self.outcomes))
 
-    def select(self, **wanted: str) -> list[Outcome]:
+    def select(self, **criteria: str) -> list[Outcome]:
         """Return the outcomes of which each named attribute is as given."""
         return [
-            each
-            for each in self.outcomes
-            if all(getattr(each, name) == value for name, value in wanted.items())
+            outcome
+            for outcome in self.outcomes
+            if all(getattr(outcome, name) == value for name, value in criteria.items())
         ]
 
     @property
@@ -83,18 +83,22 @@ class FaultCampaign(Result):
         # In the loop only what is not finite counts, unless the rotor stayed up: an estimator that
         # went down with its rotor has nothing to come back to.
         return [
-            each
-            for each in self.outcomes
-            if each.estimator != BASELINE
-            and not each.recovered
-            and (not each.finite or each.setting == "beside the loop" or each.levitation == "kept")
+            outcome
+            for outcome in self.outcomes
+            if outcome.estimator != BASELINE
+            and not outcome.recovered
+            and (
+                not outcome.finite
+                or outcome.setting == "beside the loop"
+                or outcome.levitation == "kept"
+            )
         ]
 
     def slowest(self, estimator: str) -> float:
         """Most samples that it took to recover beside the loop; infinity: it did not once."""
         beside = self.select(estimator=estimator, setting="beside the loop")
-        took = [each.recovery if each.recovered else math.inf for each in beside]
-        return max((each for each in took if not math.isnan(each)), default=math.nan)
+        took = [item.recovery if item.recovered else math.inf for item in beside]
+        return max((item for item in took if not math.isnan(item)), default=math.nan)
 
     @property
     def title(self) -> str:
@@ -105,8 +109,8 @@ class FaultCampaign(Result):
     @property
     def finding(self) -> str:
         """Whether a rotor was lost, and whether all came back."""
-        flown = [each for each in self.outcomes if each.estimator != BASELINE]
-        lost = sum(e.setting == "in the loop" and e.levitation == "lost" for e in flown)
+        outcomes = [outcome for outcome in self.outcomes if outcome.estimator != BASELINE]
+        lost = sum(e.setting == "in the loop" and e.levitation == "lost" for e in outcomes)
         failed = len(self.failures)
         if not lost and not failed:
             return f"{self.title}: no rotor was lost, and all estimators came back."
@@ -115,45 +119,45 @@ class FaultCampaign(Result):
     @property
     def notes(self) -> list[str]:
         """Who lost the rotor, and who did not come back."""
-        said = []
+        sentences = []
         for name in self.estimators:
-            failed = {each.fault for each in self.failures if each.estimator == name}
+            failed = {failure.fault for failure in self.failures if failure.estimator == name}
             if lost := self._lost(name):
-                said.append(f"{name}: the rotor was lost in {', '.join(lost)}.")
+                sentences.append(f"{name}: the rotor was lost in {', '.join(lost)}.")
             if failed:
-                said.append(f"{name}: no recovery from {', '.join(sorted(failed))}.")
-        return said
+                sentences.append(f"{name}: no recovery from {', '.join(sorted(failed))}.")
+        return sentences
 
     def _lost(self, name: str) -> list[str]:
-        flown = self.select(estimator=name, setting="in the loop", levitation="lost")
-        return sorted({each.fault for each in flown})
+        outcomes = self.select(estimator=name, setting="in the loop", levitation="lost")
+        return sorted({outcome.fault for outcome in outcomes})
 
     @property
     def rows(self) -> list[Row]:
         """Each estimator over all flights, the controller alone, and each fault."""
-        found = put(self._of(BASELINE), section=("controller_alone",), of=BASELINE)
+        result = put(self._of(BASELINE), section=("controller_alone",), of=BASELINE)
         for name in reversed(self.estimators):
-            found = put(self._of(name), section=("estimators",), of=name) + found
+            result = put(self._of(name), section=("estimators",), of=name) + result
         about = {CLEAN.name: CLEAN.about, MIXTURE: "up to three of them at a time, at random"}
         about |= {name: fault.about for name, fault in FAULTS.items()}
         for fault in self.faults:
-            alone = recovery_text(self.select(fault=fault, estimator=BASELINE))
-            found += put([
+            unfiltered = recovery_text(self.select(fault=fault, estimator=BASELINE))
+            result += put([
                 *(Row(s.replace(" ", "_"), s, self._slowest(fault, s)) for s in SETTINGS),
-                Row("controller_alone", "controller alone", alone or None),
+                Row("controller_alone", "controller alone", unfiltered or None),
                 Row("about", "what happens", about[fault], detail=True),
             ], section=("faults",), of=fault)  # fmt: skip
-        return found
+        return result
 
     def _of(self, name: str) -> list[Row]:
         """Return the figures of one estimator, or of the controller alone."""
         beside = self.select(estimator=name, setting="beside the loop")
-        flown = self.select(estimator=name, setting="in the loop")
+        trials = self.select(estimator=name, setting="in the loop")
         own: list[Row] = []
         if beside:
             worst = ([getattr(e, key) for e in beside] for key in ("after_x", "after_f_d"))
-            x, f_d = (max((w for w in each if not math.isnan(w)), default=None) for each in worst)
-            back = sum(each.recovered for each in beside)
+            x, f_d = (max((w for w in item if not math.isnan(w)), default=None) for item in worst)
+            back = sum(item.recovered for item in beside)
             own = [
                 Row("recovered", "all back", back == len(beside), detail=True),
                 Row("back", "back", back),
@@ -162,14 +166,14 @@ class FaultCampaign(Result):
                 Row("after_x", "off by x", x, "m", 3),
                 Row("after_f_d", "off by F_St", f_d, "N", 3),
             ]
-        ends = [each.levitation for each in flown]
+        ends = [trial.levitation for trial in trials]
         return [
             *own,
-            Row("flown", "flown", len(flown), detail=True),
+            Row("flown", "flown", len(trials), detail=True),
             Row("kept", "stayed up", ends.count("kept")),
             Row("touched", "touched", ends.count("touched")),
             Row("lost", "lost", ends.count("lost")),
-            Row("at_stop", "longest at a stop", max((e.at_stop for e in flown), default=None), "s",
+            Row("at_stop", "longest at a stop", max((e.at_stop for e in trials), default=None), "s",
                 detail=True),
         ]  # fmt: skip
 
@@ -181,11 +185,11 @@ class FaultCampaign(Result):
         }
         of = {name: text for name, text in of.items() if text}
         if bad := [name for name, text in of.items() if not text.isdigit()]:
-            said = ", ".join(f"{name} {of[name]}" for name in bad)
-            return said if len(bad) <= 2 else f"{of[bad[0]]}: {len(bad)} of {len(of)}"
+            summary = ", ".join(f"{name} {of[name]}" for name in bad)
+            return summary if len(bad) <= 2 else f"{of[bad[0]]}: {len(bad)} of {len(of)}"
         if not of:
             return None
-        name = max(of, key=lambda each: int(of[each]))
+        name = max(of, key=lambda item: int(of[item]))
         return of[name] if of[name] == "0" or len(of) == 1 else f"{of[name]} ({name})"
 
     SECTIONS = {
@@ -197,14 +201,15 @@ class FaultCampaign(Result):
     @property
     def series(self) -> dict[str, Any]:
         """All flights."""
-        seeds = [each.seed for each in self.outcomes]
+        seeds = [outcome.seed for outcome in self.outcomes]
         return {
             "bearing": self.bearing.name,
             "seeds": [min(seeds), max(seeds)],
             "estimators": {name: {"lost_in_loop": self._lost(name)} for name in self.estimators},
             "flights": [
-                asdict(each) | {"recovered": each.recovered, "never": each.recovery == math.inf}
-                for each in self.outcomes
+                asdict(outcome)
+                | {"recovered": outcome.recovered, "never": outcome.recovery == math.inf}
+                for outcome in self.outcomes
             ],
         }
 
@@ -215,7 +220,7 @@ class FaultCampaign(Result):
             return
         columns, lists = {}, {}
         for name in [*vars(self.outcomes[0]), "recovered"]:
-            values = [getattr(each, name) for each in self.outcomes]
+            values = [getattr(outcome, name) for outcome in self.outcomes]
             if name in TEXTS:
                 lists[f"{name}s"] = list(dict.fromkeys(values))
                 values = [lists[f"{name}s"].index(value) for value in values]
@@ -230,11 +235,11 @@ class FaultCampaign(Result):
 
 def chosen_faults(names: Iterable[str] | None) -> list[str]:
     """Check names of faults; all of them where none is named."""
-    found = list(FAULTS) if names is None else list(dict.fromkeys(names))
-    for name in found:
+    results = list(FAULTS) if names is None else list(dict.fromkeys(names))
+    for name in results:
         if name not in FAULTS:
             raise AmbkitError(f'there is no fault "{name}"; known: {", ".join(FAULTS)}')
-    return found
+    return results
 
 
 def flights_of(estimators: int, faults: Iterable[str], seeds: int, *, steps: int) -> int:
@@ -278,15 +283,15 @@ def inject_faults(
         for in_loop in (False, True)
         for name, build in [*built.items(), *([(BASELINE, None)] if in_loop else [])]
     ]
-    flights = len(precisions) * flights_of(len(built), named, len(seeds), steps=steps)
+    run_count = len(precisions) * flights_of(len(built), named, len(seeds), steps=steps)
     pool = ThreadPoolExecutor(threads)
-    with reporting(done, "flying", flights) as tell:
+    with reporting(done, "flying", run_count) as tell:
 
         def fly(work: _Work) -> list[Outcome]:
             return list(_campaign(work, named, steps, tell))
 
         try:
-            outcomes = [each for found in pool.map(fly, works) for each in found]
+            outcomes = [item for result in pool.map(fly, works) for item in result]
         finally:
             pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not flown first
     return FaultCampaign(bearing, tuple(outcomes))
@@ -294,7 +299,7 @@ def inject_faults(
 
 def _reading(machine: Machine, name: str | None) -> int:
     """Return which reading has a name, the first without one."""
-    names = [each.name for each in machine.readings]
+    names = [reading.name for reading in machine.readings]
     if name is not None and name not in names:
         raise AmbkitError(f"{machine.name} has no reading {name}; there are {', '.join(names)}")
     return 0 if name is None else names.index(name)
@@ -317,23 +322,25 @@ def _campaign(
     work: _Work, named: Sequence[str], steps: int, done: Callable[[str], None]
 ) -> Iterator[Outcome]:
     """Fly one estimator through all faults, the clean flight first."""
-    flight = work.flight
-    channel, windows = flight.through(CLEAN)
+    fault_test = work.flight
+    channel, windows = fault_test.through(CLEAN)
     clean = work.run(channel)
-    band = flight.band(clean)
+    band = fault_test.band(clean)
     done(CLEAN.name)
-    yield flight.evaluate(clean, windows, band, fault=CLEAN.name, estimator=work.name)
+    yield fault_test.evaluate(clean, windows, band, fault=CLEAN.name, estimator=work.name)
     for name in named:
-        if flight.in_loop and not FAULTS[name].in_loop:
+        if fault_test.in_loop and not FAULTS[name].in_loop:
             continue
-        channel, windows = flight.through(FAULTS[name])
-        yield flight.evaluate(work.run(channel), windows, band, fault=name, estimator=work.name)
+        channel, windows = fault_test.through(FAULTS[name])
+        yield fault_test.evaluate(work.run(channel), windows, band, fault=name, estimator=work.name)
         done(name)
     if steps:
-        channel, windows = flight.mixed(steps)
+        channel, windows = fault_test.mixed(steps)
         if not windows:
             raise AmbkitError(f"{steps} steps have no room for a fault and its aftermath")
-        yield flight.evaluate(work.run(channel), windows, band, fault=MIXTURE, estimator=work.name)
+        yield fault_test.evaluate(
+            work.run(channel), windows, band, fault=MIXTURE, estimator=work.name
+        )
         done(MIXTURE)
 
 
@@ -341,13 +348,13 @@ def recovery_text(outcomes: Sequence[Outcome]) -> str:
     """Say in a word or a number of samples what became of the same flight over the seeds."""
     if not outcomes:
         return ""
-    if any(not each.finite for each in outcomes):
+    if any(not outcome.finite for outcome in outcomes):
         return "not finite"
-    if any(each.levitation == "lost" for each in outcomes):
+    if any(outcome.levitation == "lost" for outcome in outcomes):
         return "lost"
-    if any(each.held for each in outcomes):
+    if any(outcome.held for outcome in outcomes):
         return "held"
-    worst = float(np.max([each.recovery for each in outcomes]))
+    worst = float(np.max([outcome.recovery for outcome in outcomes]))
     if math.isnan(worst):
         return "lost"
     return "never" if math.isinf(worst) else f"{worst:.0f}"

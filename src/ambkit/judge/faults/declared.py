@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.machine.magnets import ConstantStiffness, Precision, own_time
-from ambkit.simulation.imposed import Faults
+from ambkit.simulation.external_inputs import Faults
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
@@ -45,13 +45,13 @@ class Channel:
 
     @property
     def own(self) -> float:
-        """The plant's own time [samples]."""
+        """The plant's time constant [samples]."""
         return own_time(self.bearing) / self.bearing.sampling_time
 
     @property
     def travel(self) -> float:
         """Travel as measured [m]."""
-        return self.bearing.sensor.gain * self.bearing.rotor.travel_limit
+        return self.bearing.sensor.gain * self.bearing.rotor.clearance
 
     @property
     def sigma(self) -> float:
@@ -62,7 +62,7 @@ class Channel:
     def greatest(self) -> float:
         """Force by the linear law at the current's limit and a stop [N]."""
         bearing, k = self.bearing, ConstantStiffness.of(self.bearing)
-        return k.k_i * bearing.current_max + k.k_s * bearing.rotor.travel_limit
+        return k.k_i * bearing.current_max + k.k_s * bearing.rotor.clearance
 
     def read(self, window: slice, y: float | Array) -> None:
         """Let the sensor read y [m], whatever the rotor does."""
@@ -83,7 +83,7 @@ class Fault:
     about: str  #: What happens, in a few words.
     #: ``put(channel, window)`` writes it into the samples of the window.
     put: Callable[[Channel, slice], None]
-    #: Length of the window, which is their sum: in the plant's own times, in seconds, in samples.
+    #: Length of the window, their sum: in the plant's time constants, in seconds, in samples.
     own: float = 0.0
     seconds: float = 0.0
     samples: int = 0
@@ -102,7 +102,7 @@ def _nothing(_channel: Channel, _window: slice) -> None:
 
 def _lift_off(channel: Channel, _window: slice) -> None:
     side = -1.0 if channel.bearing.weight < 0 else 1.0
-    channel.place = side * channel.bearing.rotor.travel_limit
+    channel.place = side * channel.bearing.rotor.clearance
 
 
 def _knock(channel: Channel, window: slice) -> None:
@@ -176,7 +176,7 @@ def _overdriven(channel: Channel, window: slice) -> None:
     channel.tell(window, 100 * limit * channel.draw.choice([-1.0, 1.0]))
 
 
-_LONGEST = 2.0  # the last that a loop may survive, in own times
+_LONGEST = 2.0  # the last that a loop may survive, in time constants
 
 CLEAN = Fault("clean", "nothing is wrong", _nothing)
 
@@ -185,7 +185,7 @@ FAULTS = {
     for fault in (
         Fault("lift-off", "the rotor lies on a stop at the start, and nobody is told", _lift_off),
         Fault("knock", "a force flings the rotor against a stop", _knock, own=1),
-        Fault("overload", "a load beyond the magnet for one own time", _overload, own=1),
+        Fault("overload", "a load beyond the magnet for one time constant", _overload, own=1),
         Fault("long-overload", "a load beyond the magnet: rotor on a stop, current at its limit",
               _overload, own=60),
         Fault("weak-amplifier", "a tenth of the current is left", _weak, own=0.5),

@@ -18,7 +18,7 @@ from ambkit.judge.faults.declared import Channel, Fault, mixture
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
-from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import PID, Control, Disturbance, Reference, Scenario, as_control
 from ambkit.simulation.waveforms import Sine
@@ -34,13 +34,13 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 BEFORE, AFTER = 50.0, 160.0
-"""Flight before a fault and after it, in the plant's own times."""
+"""Flight before a fault and after it, in the plant's time constants."""
 
 SETTLED = 30.0
-"""From then on a clean flight counts [own times]."""
+"""From then on a clean flight counts [time constants]."""
 
 QUIET = 120.0
-"""Flight without a fault between two mixtures [own times]."""
+"""Flight without a fault between two mixtures [time constants]."""
 
 TIMES = 5.0
 """An error is back when it is within so many times the 99 % quantile of the clean flight's own."""
@@ -121,7 +121,7 @@ class Flight:
     @property
     def axis(self) -> Bearing:
         """That axis, alone: the measure of all faults."""
-        return self.view.alone[self.at]
+        return self.view.isolated[self.at]
 
     def _own(self, times: float) -> int:
         return max(1, round(times * own_time(self.axis) / self.bearing.sampling_time))
@@ -150,38 +150,40 @@ class Flight:
         axis = self.axis
         weight, period = axis.rotor.mass * GRAVITY, own_time(axis)
         duration = (channel.n - 1) * axis.sampling_time
-        reference = Sine(amplitude=0.1 * axis.rotor.travel_limit, frequency=1 / (40 * period))
+        reference = Sine(amplitude=0.1 * axis.rotor.clearance, frequency=1 / (40 * period))
         disturbance = Sine(amplitude=0.2 * weight, frequency=1 / (90 * period))
         feedback: Any = "estimate" if self.in_loop and estimator else "measurement"
         if not self.bearing.single:
             machine, k = self.bearing, self.at
-            names = [each.name for each in machine.axes]
-            flight = Scenario(
+            names = [item.name for item in machine.axes]
+            machine_scenario = Scenario(
                 duration=duration, seed=self.seed, controller=Control(feedback=feedback),
                 reference=(Reference(axis=names[k], position=reference),),
                 disturbance=(Disturbance(axis=names[k], force=disturbance),),
             )  # fmt: skip
             readings = len(machine.readings)
-            imposed = Imposed(
+            external_inputs = ExternalInputs(
                 np.outer(channel.force, np.arange(len(names)) == k),
                 faults=channel.faults.among(self.reading, readings, k, len(names)),
             )
-            return simulate_run(machine, flight, estimator=estimator, imposed=imposed)
+            return simulate_run(
+                machine, machine_scenario, estimator=estimator, external_inputs=external_inputs
+            )
         pid = self.controller or PID.for_bearing(axis)
         scenario = Scenario(
             duration=duration, seed=self.seed, reference=reference, disturbance=disturbance,
             controller=as_control(pid).fed_by(feedback),
         )  # fmt: skip
-        imposed = Imposed(channel.force, faults=channel.faults, place=channel.place)
-        return simulate_run(axis, scenario, estimator=estimator, imposed=imposed)
+        external_inputs = ExternalInputs(channel.force, faults=channel.faults, place=channel.place)
+        return simulate_run(axis, scenario, estimator=estimator, external_inputs=external_inputs)
 
     def _errors(self, run: Run) -> dict[str, Array]:
         """Return magnitudes of the estimate's errors, of several axes the greatest (n,)."""
         if run.estimate is None:
             return {}
         with np.errstate(over="ignore", invalid="ignore"):
-            found = errors_along(run.estimate, run.record, self.view)
-            return {name: np.abs(each).max(axis=0) for name, each in found.items()}
+            result = errors_along(run.estimate, run.record, self.view)
+            return {name: np.abs(item).max(axis=0) for name, item in result.items()}
 
     def _off(self, record: Record) -> Array:
         """Return how far the axis is from its reference (n,) [m]."""
@@ -190,15 +192,15 @@ class Flight:
 
     def _places(self, record: Record) -> Array:
         """Return the rotor's displacements along the axes (p, n) [m]."""
-        names = [each.name for each in self.view.machine.axes]
+        names = [axis.name for axis in self.view.machine.axes]
         return np.array([record[signal("s", name) if name else "x"] for name in names])
 
     def _stopped(self, record: Record) -> Mask:
         """Return where the rotor met a stop (n,)."""
         places = self._places(record)
-        shares = [place / axis.rotor.travel_limit
-                  for place, axis in zip(places, self.view.alone, strict=True)]  # fmt: skip
-        of = [each.bearing.name for each in self.view.machine.axes]
+        shares = [place / axis.rotor.clearance
+                  for place, axis in zip(places, self.view.isolated, strict=True)]  # fmt: skip
+        of = [item.bearing.name for item in self.view.machine.axes]
         rings = [np.linalg.norm([s for s, at in zip(shares, of, strict=True) if at == name], axis=0)
                  for name in dict.fromkeys(of)]  # fmt: skip
         return np.asarray(np.max(rings, axis=0) >= 1 - 1e-6)
@@ -265,14 +267,14 @@ class Flight:
 
 def _begins(windows: Sequence[slice], n: int, disturbed: Mask) -> list[tuple[int, int]]:
     """From where to where each fault's aftermath is judged; -1 where the rotor never came back."""
-    found = []
+    results = []
     for place, window in enumerate(windows):
         end = windows[place + 1].start if place + 1 < len(windows) else n
         after = np.flatnonzero(disturbed[window.stop : end])
         begin = window.stop + (int(after[-1]) + 1 if after.size else 0)
         room = end - begin >= LAST * (end - window.stop)
-        found.append((begin if room else -1, end))
-    return found
+        results.append((begin if room else -1, end))
+    return results
 
 
 def _recovery(out: Mask) -> float:
@@ -284,8 +286,8 @@ def _recovery(out: Mask) -> float:
 
 def _finite(estimate: Estimate) -> bool:
     series = [estimate.mean, estimate.innovation, estimate.innovation_variance]
-    series += [each for each in (estimate.covariance, estimate.scale) if each is not None]
-    return all(bool(np.isfinite(each).all()) for each in series)
+    series += [item for item in (estimate.covariance, estimate.scale) if item is not None]
+    return all(bool(np.isfinite(item).all()) for item in series)
 
 
 def _held(estimate: Estimate) -> bool:
@@ -296,5 +298,5 @@ def _greatest(errors: dict[str, Array], name: str, where: slice) -> float:
     """Greatest error; infinity where one is not finite, NaN where there is none."""
     if name not in errors or errors[name][where].size == 0:
         return math.nan
-    found = float(np.max(errors[name][where]))
-    return found if math.isfinite(found) else math.inf
+    result = float(np.max(errors[name][where]))
+    return result if math.isfinite(result) else math.inf

@@ -34,12 +34,14 @@ def least_peaks(plant: LinearSystem) -> tuple[float, float]:
         root = np.linalg.cholesky(B.T @ X @ B).T
     except np.linalg.LinAlgError:
         return 1.0, 1.0
-    R, growth = _growing(A, lambda pole: abs(pole) > 1 + EDGE)
+    R, unstable_block = _growing(A, lambda pole: abs(pole) > 1 + EDGE)
     # H at the poles: A R = R growth, so that C R = N(p) root F R.
-    wanted = np.linalg.solve(root.T, B.T @ X @ A @ R)
-    back = np.linalg.inv(growth)
-    own, asked = (solve_discrete_lyapunov(back.T, each.T @ each) for each in (C @ R, wanted))
-    bound = _ratio(asked, own)
+    gain_at_poles = np.linalg.solve(root.T, B.T @ X @ A @ R)
+    back = np.linalg.inv(unstable_block)
+    own, gramian = (
+        solve_discrete_lyapunov(back.T, item.T @ item) for item in (C @ R, gain_at_poles)
+    )
+    bound = _ratio(gramian, own)
     return bound, bound
 
 
@@ -52,13 +54,13 @@ def least_peak_of_delay(plant: LinearSystem, delay: float) -> float:
     if not len(plant.unstable()):
         return 1.0
     edge = EDGE * float(np.abs(plant.poles()).max())
-    R, growth = _growing(plant.A, lambda pole: pole.real > edge)
+    R, unstable_block = _growing(plant.A, lambda pole: pole.real > edge)
     seen = plant.C @ R
-    own, asked = (
-        solve_continuous_lyapunov(growth.T, each.T @ each)
-        for each in (seen, seen @ expm(delay * growth))
+    own, gramian = (
+        solve_continuous_lyapunov(unstable_block.T, item.T @ item)
+        for item in (seen, seen @ expm(delay * unstable_block))
     )
-    return _ratio(asked, own)
+    return _ratio(gramian, own)
 
 
 def _scaled(plant: LinearSystem) -> tuple[Array, Array, Array]:
@@ -82,8 +84,8 @@ def _growing(A: Array, grows: Callable[[complex], bool]) -> tuple[Array, Array]:
     return basis[:, :k], form[:k, :k]
 
 
-def _ratio(asked: Any, own: Any) -> float:
+def _ratio(gramian: Any, own: Any) -> float:
     """Return the root of the greatest ratio of two quadratic forms, or 1."""
     from scipy.linalg import eigh
 
-    return max(1.0, float(np.sqrt(eigh(asked, own, eigvals_only=True)[-1])))
+    return max(1.0, float(np.sqrt(eigh(gramian, own, eigvals_only=True)[-1])))

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.judge.loop.heating import Heating, heating
-from ambkit.machine.bank import alone_of, weights_of
+from ambkit.machine.bank import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.models.linear import Complex
-from ambkit.simulation.linear.pieces import WorkPoint, unbalance_columns
+from ambkit.simulation.linear.pieces import OperatingPoint, unbalance_columns
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
@@ -58,7 +58,7 @@ class Capacity:
 
 @dataclass(frozen=True, eq=False)
 class Demands:
-    """What a stable loop asks of an axis of its machine at its work point."""
+    """What a stable loop asks of an axis of its machine at its operating point."""
 
     # ISO 14839-2, Mechanical vibration: Vibration of rotating machinery equipped with active
     # magnetic bearings, Part 2: Evaluation of vibration.
@@ -92,33 +92,33 @@ class Turned(NamedTuple):
 def demands(
     loop: Loop,
     of: Machine,
-    point: WorkPoint,
+    point: OperatingPoint,
     current_noise: Array,
     position_noise: Array,
-    turned: Sequence[Turned],
+    responses: Sequence[Turned],
 ) -> list[Demands]:
     """Return what a stable loop asks of each axis of its machine."""
     # Linear, and of the ideal coil: the voltage is that of its resistance and of its flux ``2 k
     # i/s``, which current and motion change. Of a radial bearing the displacement is that of the
     # orbit.
     # current_noise (p,) [A]; position_noise (p,) [m]
-    alone, pairs = alone_of(of), pairs_of(of)
+    isolated, pairs = isolated_axes(of), pairs_of(of)
     x0, iu = np.atleast_1d(point.x), np.atleast_1d(point.iu)
     displacement = orbit(x0, pairs) + SIGMAS * position_noise
     swing, square = SIGMAS * current_noise, iu**2 + current_noise**2
-    for each in turned:
-        displacement = displacement + orbit(each.x, pairs)
-        swing = swing + np.abs(each.i)
-        square = square + np.abs(each.i) ** 2 / 2
+    for response in responses:
+        displacement = displacement + orbit(response.x, pairs)
+        swing = swing + np.abs(response.i)
+        square = square + np.abs(response.i) ** 2 / 2
     capacities = _capacities(loop, of, point, displacement, swing)
-    found = []
-    for k, b in enumerate(alone):
+    results = []
+    for k, b in enumerate(isolated):
         R, coils = b.amplifier.resistance, squares_of_coils(b, float(iu[k]), float(square[k]))
         warm = heating(b, coils)
         loss = None if R is None else R * sum(coils) if warm is None else warm.loss
         far, most = float(displacement[k]), float(abs(iu[k]) + swing[k])
-        found.append(Demands(far, b.rotor.travel_limit, most, loss, warm, capacities[k]))
-    return found
+        results.append(Demands(far, b.rotor.clearance, most, loss, warm, capacities[k]))
+    return results
 
 
 def squares_of_coils(bearing: Bearing, iu: float, square: float) -> list[float]:
@@ -129,25 +129,27 @@ def squares_of_coils(bearing: Bearing, iu: float, square: float) -> list[float]:
 
 
 def _capacities(
-    loop: Loop, of: Machine, point: WorkPoint, displacement: Array, swing: Array
+    loop: Loop, of: Machine, point: OperatingPoint, displacement: Array, swing: Array
 ) -> list[Capacity]:
     """Return for each axis what load along it is borne; it moves all axes."""
-    alone, pairs, weights = alone_of(of), pairs_of(of), weights_of(of)
+    isolated, pairs, weights = isolated_axes(of), pairs_of(of), weights_of(of)
     x0, iu = np.atleast_1d(point.x), np.atleast_1d(point.iu)
     f = np.geomspace(1e-3 * loop.nyquist, HIGHEST * loop.nyquist, 400)
-    gains = np.array([b.amplifier.gain for b in alone])
+    gains = np.array([b.amplifier.gain for b in isolated])
     all_x, all_i = loop.compliance(f), gains[:, None] * loop.control_by_load(f)
-    ends = np.array([[b.current_max, b.current_min] for b in alone])
+    ends = np.array([[b.current_max, b.current_min] for b in isolated])
     room = np.maximum(np.abs(ends - iu[:, None]).min(axis=1) - swing, 0.0)
-    limits = np.array([b.rotor.travel_limit for b in alone])
+    limits = np.array([b.rotor.clearance for b in isolated])
     way = np.maximum(ROOM[0][1] * limits - displacement, 0.0)
-    found = []
-    for k, b in enumerate(alone):
+    results = []
+    for k, b in enumerate(isolated):
         x, i, law = all_x[:, :, k], all_i[:, :, k], magnet_of(b)
-        volts = [_by_voltage(one, iu[n], x0[n], f, i[:, n], x[:, n]) for n, one in enumerate(alone)]
-        limited = [each for each in volts if each is not None]
+        volts = [
+            _by_voltage(one, iu[n], x0[n], f, i[:, n], x[:, n]) for n, one in enumerate(isolated)
+        ]
+        limited = [volt for volt in volts if volt is not None]
         held = sorted(-float(law.force(end, float(x0[k]))) - weights[k] for end in ends[k])
-        found.append(
+        results.append(
             Capacity(
                 f,
                 _reached(room, np.abs(i)),
@@ -156,12 +158,14 @@ def _capacities(
                 (held[0], held[1]),
             )
         )
-    return found
+    return results
 
 
-def _reached(room: Array, taken: Array) -> Array:
+def _reached(room: Array, unit_demand: Array) -> Array:
     """Return the load (k,) [N] that leaves an axis no room (p,), of which 1 N takes (k, p)."""
-    loads = np.divide(room, taken, out=np.full(taken.shape, np.inf), where=taken > 0)
+    loads = np.divide(
+        room, unit_demand, out=np.full(unit_demand.shape, np.inf), where=unit_demand > 0
+    )
     return np.asarray(loads.min(axis=1))
 
 
@@ -181,18 +185,18 @@ def pairs_of(of: Machine) -> list[tuple[int, ...]]:
     """Return the axes of each bearing, by their numbers."""
     bearings = [axis.bearing for axis in of.axes]
     return [
-        tuple(k for k, each in enumerate(bearings) if each is one)
+        tuple(k for k, bearing in enumerate(bearings) if bearing is one)
         for one in dict.fromkeys(of.bearings)
     ]
 
 
 def of_runout(loop: Loop, of: Machine) -> list[Turned]:
     """Return what each order of each sensor's runout does."""
-    speed, gains = abs(of.speed), [b.amplifier.gain for b in alone_of(of)]
+    speed, gains = abs(of.speed), [b.amplifier.gain for b in isolated_axes(of)]
     if not speed:
         return []
     readings = [(r.sensor, of.lag_of(r.sensor)) for r in of.readings]
-    found = []
+    results = []
     for sensor in dict.fromkeys(at for at, _ in readings):
         for line in sensor.runout:
             f = line.order * speed / (2 * math.pi)
@@ -204,27 +208,27 @@ def of_runout(loop: Loop, of: Machine) -> list[Turned]:
                     added[k] = line.amplitude * at.gain * late / (1 + 2j * math.pi * f * lag)
                     turn += 1
             x, u = loop.noise_to_position([f])[0] @ added, loop.noise_to_control([f])[0] @ added
-            found.append(Turned(x, np.array(gains) * u))
-    return found
+            results.append(Turned(x, np.array(gains) * u))
+    return results
 
 
-def of_unbalance(loop: Loop, machine: Machine, point: WorkPoint) -> Turned:
+def of_unbalance(loop: Loop, machine: Machine, point: OperatingPoint) -> Turned:
     """Return what a machine's unbalance does at its speed."""
     planes = machine.unbalances()
     columns = unbalance_columns(machine, point, [z for z, _, _ in planes])
-    turned = np.array([amount * np.exp(1j * angle) for _, amount, angle in planes])
-    x, u = loop.driven(columns @ turned, machine.speed / (2 * math.pi))
-    return Turned(x, np.array([b.amplifier.gain for b in alone_of(machine)]) * u)
+    unbalance = np.array([amount * np.exp(1j * angle) for _, amount, angle in planes])
+    x, u = loop.driven(columns @ unbalance, machine.speed / (2 * math.pi))
+    return Turned(x, np.array([b.amplifier.gain for b in isolated_axes(machine)]) * u)
 
 
 def _by_voltage(
     bearing: Bearing, iu: float, at: float, f: Array, i: Complex, x: Complex
 ) -> Array | None:
     """Return the load at which a coil's voltage is at its limit [N], by i [A/N] and x [m/N]."""
-    found = voltage(bearing, iu, at, f, i, x)
-    if found is None:
+    result = voltage(bearing, iu, at, f, i, x)
+    if result is None:
         return None
-    return np.asarray(np.min([room / volts for room, volts in found], axis=0), float)
+    return np.asarray(np.min([room / volts for room, volts in result], axis=0), float)
 
 
 def voltage(
@@ -238,9 +242,9 @@ def voltage(
         return None
     s = 2j * math.pi * f
     flowing = i / (1 + 1j * f / bandwidth)
-    found = []
+    results = []
     for side in (1.0, -1.0) if magnet.type == "two-sided" else (1.0,):
         gap, current = magnet.air_gap - side * at, magnet.bias_current + side * iu
         flux = 2 * magnet.magnet_constant / gap * (flowing + current / gap * x)
-        found.append((limit - R * current, np.abs(R * flowing + s * flux)))
-    return found
+        results.append((limit - R * current, np.abs(R * flowing + s * flux)))
+    return results

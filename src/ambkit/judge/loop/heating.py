@@ -18,7 +18,7 @@ ZERO = 273.15
 
 @dataclass(frozen=True)
 class Heating:
-    """The hottest coil of an axis, long at its work point."""
+    """The hottest coil of an axis, long at its operating point."""
 
     # Incropera, DeWitt, Fundamentals of heat and mass transfer, chapter 5 (the lumped capacitance);
     # IEC 60028 for the temperature coefficient of annealed copper, 3.93e-3 1/K at 20 degrees
@@ -47,15 +47,15 @@ def heating(bearing: Bearing, squares: list[float]) -> Heating | None:
     coil, R = bearing.coil, bearing.amplifier.resistance
     if coil is None or R is None:
         return None
-    each = [at_rest(coil, R * square) for square in squares]
+    parts = [at_rest(coil, R * square) for square in squares]
     losses = [
         R * square * (1 + coil.temperature_coefficient * (at - REFERENCE))
-        for square, at in zip(squares, each, strict=True)
+        for square, at in zip(squares, parts, strict=True)
     ]
     most = (bearing.magnet.bias_current + bearing.current_max) ** 2
     return Heating(
-        max(each), coil.temperature_limit, math.fsum(losses) if math.isfinite(max(each)) else
-        math.inf, _until_limit(coil, R * most, max(each)),
+        max(parts), coil.temperature_limit, math.fsum(losses) if math.isfinite(max(parts)) else
+        math.inf, _until_limit(coil, R * most, max(parts)),
     )  # fmt: skip
 
 

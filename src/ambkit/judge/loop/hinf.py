@@ -72,16 +72,16 @@ def _control() -> Any:
     return control
 
 
-def beside_each_other(each: list[LinearSystem], shown: Array, names: list[str]) -> LinearSystem:
+def beside_each_other(item: list[LinearSystem], transform: Array, names: list[str]) -> LinearSystem:
     """Return controllers of axes as one, fed by what the readings show of the axes."""
     # shown (p, m)
     from scipy.linalg import block_diag
 
-    A, B, C, D = (block_diag(*(getattr(one, name) for one in each)) for name in "ABCD")
+    A, B, C, D = (block_diag(*(getattr(one, name) for one in item)) for name in "ABCD")
     return LinearSystem(
-        A, np.hstack([B @ shown, -B]), C, np.hstack([D @ shown, -D]), each[0].T,
+        A, np.hstack([B @ transform, -B]), C, np.hstack([D @ transform, -D]), item[0].T,
         tuple(Signal(f"k{j}", "1") for j in range(len(A))),
-        (*(Signal(f"y{j}", "m") for j in range(len(shown[0]))),
+        (*(Signal(f"y{j}", "m") for j in range(len(transform[0]))),
          *(Signal(signal("r", name), "m") for name in names or [""])),
         tuple(Signal(signal("u", name), "V") for name in names or [""]),
     )  # fmt: skip

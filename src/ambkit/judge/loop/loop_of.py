@@ -19,7 +19,7 @@ from ambkit.judge.loop.demands import Turned, of_runout, of_unbalance
 from ambkit.judge.loop.hinf import beside_each_other, hinf
 from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.judge.loop.margins import grid, highest
-from ambkit.machine.bank import alone_of
+from ambkit.machine.bank import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.placed import Unbalance
 from ambkit.machine.rotors.whirl import end_of_range
@@ -33,7 +33,7 @@ from ambkit.simulation.default_control import (
 )
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.control import compensator, controllers, fed
-from ambkit.simulation.linear.pieces import WorkPoint, plant
+from ambkit.simulation.linear.pieces import OperatingPoint, plant
 from ambkit.simulation.linear.settled import estimator_at, tells
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import PID, Control, as_control
@@ -64,7 +64,7 @@ def zone_of(peak: float) -> str:
 
 def ideal_pieces(machine: Machine) -> dict[str, Machine]:
     """Return a machine with one piece of its loop ideal, by the piece's name."""
-    found: dict[str, Machine] = {}
+    results: dict[str, Machine] = {}
 
     def fast(amplifier: Any) -> Any:
         return amplifier.model_copy(update={"bandwidth": None, "voltage_limit": None})
@@ -72,19 +72,19 @@ def ideal_pieces(machine: Machine) -> dict[str, Machine]:
     def prompt(sensor: Any) -> Any:
         return sensor.model_copy(update={"lag": PROMPT})
 
-    if any(each.amplifier.bandwidth for each in machine.bearings):
+    if any(bearing.amplifier.bandwidth for bearing in machine.bearings):
         ideal = [at.model_copy(update={"amplifier": fast(at.amplifier)}) for at in machine.bearings]
-        found["amplifier"] = machine.model_copy(update={"bearing": tuple(ideal)})
-    if any(each.lag for each in machine.sensors):
-        sensors = tuple(prompt(each) for each in machine.sensors)
-        found["sensor"] = machine.model_copy(update={"sensor": sensors})
+        results["amplifier"] = machine.model_copy(update={"bearing": tuple(ideal)})
+    if any(item.lag for item in machine.sensors):
+        sensors = tuple(prompt(item) for item in machine.sensors)
+        results["sensor"] = machine.model_copy(update={"sensor": sensors})
     if machine.delay:
-        found["delay"] = machine.model_copy(update={"delay": None})
-    return found
+        results["delay"] = machine.model_copy(update={"delay": None})
+    return results
 
 
 class LoopOf:
-    """The loop of a machine at a work point, with one filter or another."""
+    """The loop of a machine at an operating point, with one filter or another."""
 
     def __init__(
         self,
@@ -93,15 +93,15 @@ class LoopOf:
         x: float = 0.0,
         load: Any = None,
         *,
-        point: WorkPoint | None = None,
+        point: OperatingPoint | None = None,
         flown: Controllers | None = None,
     ) -> None:
         self.machine = bearing.long
-        self.alone = alone_of(self.machine)
+        self.isolated = isolated_axes(self.machine)
         self.control = Control() if controller is None else as_control(controller)
         self._flown = flown
         self.axes = tuple(axis.name or "x" for axis in self.machine.axes)
-        self.point = point or WorkPoint.of_machine(self.machine, load, x)
+        self.point = point or OperatingPoint.of_machine(self.machine, load, x)
         view = View(self.machine)
         self.shown = view.H @ view.shown
         self.added = np.asarray(np.linalg.pinv(self.shown), float)
@@ -110,16 +110,16 @@ class LoopOf:
 
     def turned(self, loop: Loop) -> list[Turned]:
         """Return what turns with the rotor in a stable loop: runout, and unbalance or the orbit."""
-        found = of_runout(loop, self.machine)
+        result = of_runout(loop, self.machine)
         if self.point.orbit is not None:
-            found.append(Turned(self.point.orbit.x, self.point.orbit.demanded))
+            result.append(Turned(self.point.orbit.x, self.point.orbit.demanded))
         elif self.machine.speed and self.machine.unbalance:
-            found.append(of_unbalance(loop, self.machine, self.point))
-        return found
+            result.append(of_unbalance(loop, self.machine, self.point))
+        return result
 
     def least(self) -> tuple[float, float]:
         """Return the peaks of S and T that no controller can be below [1]; see `least_peaks`."""
-        p, m = len(self.alone), len(self.shown[0])
+        p, m = len(self.isolated), len(self.shown[0])
         u, y = ([at.name for at in of] for of in (self.plant.inputs[:p], self.plant.outputs[:m]))
         from_u = self.plant.select(y, u)
         names = tuple(Signal(axis, "m") for axis in self.axes)
@@ -147,12 +147,12 @@ class LoopOf:
         feedback: Literal["measurement", "estimate"] = "estimate" if estimator else "measurement"
         return pids_of(self.machine, self.control_for(estimator), feedback)
 
-    def flown_by(self, estimator: Estimator | None, fastest: float | None = None) -> Controllers:
+    def flown_by(self, estimator: Estimator | None, max_speed: float | None = None) -> Controllers:
         """Return the controllers as they fly, fed by an estimator or the measurement."""
         if self._flown is not None:
             return self._flown
         control = self.control_for(estimator)
-        return controllers_of(Plant(self.machine), control, estimator, fastest=fastest)
+        return controllers_of(Plant(self.machine), control, estimator, fastest=max_speed)
 
     def plain(self, estimator: Estimator | None) -> str | None:
         """Return a sentence where unbalance control is plain control at the machine's speed."""
@@ -172,12 +172,12 @@ class LoopOf:
             return {}
         if control.type == "decentralised":
             return dict(zip(self.axes, self.fed_by(estimator), strict=True))
-        found = self.flown_by(estimator)
+        result = self.flown_by(estimator)
         return {
             name or "x": PID(
                 kp=kp, ki=ki, kd=kd, derivative_filter=T_f, anti_windup=aw, setpoint_weight=b
             )
-            for name, (kp, ki, kd, T_f, aw, b, *_) in zip(found.names, found.pids, strict=True)
+            for name, (kp, ki, kd, T_f, aw, b, *_) in zip(result.names, result.pids, strict=True)
         }
 
     def with_plant(self, plant: Machine, estimator: Estimator | None) -> LoopOf:
@@ -185,8 +185,8 @@ class LoopOf:
         control = self.control_for(estimator)
         return LoopOf(plant, control, point=self.point, flown=self.flown_by(estimator))
 
-    def at(self, point: WorkPoint) -> LoopOf:
-        """Return the same loop at another work point."""
+    def at(self, point: OperatingPoint) -> LoopOf:
+        """Return the same loop at another operating point."""
         moved = copy(self)
         moved.point, moved.plant = point, plant(self.machine, point)
         return moved
@@ -204,26 +204,28 @@ class LoopOf:
     def loop(self, estimator: Estimator | None = None) -> Loop:
         """Return the loop whose controllers are fed by an estimator, or by the measurement."""
         m = len(self.shown[0])
-        inner, control, shown = self._by_states(estimator)
-        K = compensator(control, inner, shown, self.plant.outputs[:m])
+        inner, control, transform = self._by_states(estimator)
+        K = compensator(control, inner, transform, self.plant.outputs[:m])
         return Loop(self.plant, K, m, self.shown, self.added)
 
     def _by_states(
         self, estimator: Estimator | None
     ) -> tuple[LinearSystem | None, LinearSystem, Array]:
         """Return estimator, controllers, and what these look at by the readings (q, m)."""
-        flown = self.flown_by(estimator)
-        control = controllers(flown, self.machine, measured=estimator is None)
-        shown = flown.shown
+        control_law = self.flown_by(estimator)
+        control = controllers(control_law, self.machine, measured=estimator is None)
+        transform = control_law.shown
         if estimator is None:
-            return None, control, shown
-        if flown.let_turn is not None:
-            flown = replace(flown, let_turn=flown.let_turn.for_unbalance_of(self.machine))
-        rows = fed(flown, len(estimator.states), self.machine.speed)
+            return None, control, transform
+        if control_law.let_turn is not None:
+            control_law = replace(
+                control_law, let_turn=control_law.let_turn.for_unbalance_of(self.machine)
+            )
+        rows = fed(control_law, len(estimator.states), self.machine.speed)
         return (
             estimator_at(estimator, self.point, (rows, control.inputs[: len(rows)])),
             control,
-            shown,
+            transform,
         )
 
     def static_compliance(self, estimator: Estimator | None = None) -> float | None:
@@ -231,9 +233,13 @@ class LoopOf:
         # None where the loop would be unstable then, and of a regulator, which has none.
         if self.needs_estimate or self.control_for(estimator).type == "lqg":
             return None
-        flown = self.flown_by(estimator)
-        flown = replace(flown, pids=[[kp, 0.0, *rest] for kp, _ki, *rest in flown.pids])
-        loop = LoopOf(self.machine, self.control, point=self.point, flown=flown).loop(estimator)
+        control_law = self.flown_by(estimator)
+        control_law = replace(
+            control_law, pids=[[kp, 0.0, *rest] for kp, _ki, *rest in control_law.pids]
+        )
+        loop = LoopOf(self.machine, self.control, point=self.point, flown=control_law).loop(
+            estimator
+        )
         if not loop.is_stable:
             return None
         return float(np.abs(np.diagonal(loop.compliance([0.0])[0])).max())
@@ -242,29 +248,29 @@ class LoopOf:
         """Return the loop of the linear-quadratic-Gaussian controller that needs least control."""
         # It has state and loads from a Kalman filter of this very plant, told of the noise of
         # sensors and amplifiers and the usual growth of the loads.
-        told = KalmanFilter(self.machine).variances
+        variances = KalmanFilter(self.machine).variances
         sensors, amplifiers = self.noise()
-        noise = Noise(sensors, amplifiers, tuple(np.atleast_1d(told.disturbance)))
+        noise = Noise(sensors, amplifiers, tuple(np.atleast_1d(variances.disturbance)))
         K = LQG(self.plant, noise).compensator()
         return Loop(self.plant, K, len(sensors), self.shown, self.added)
 
     def hinf(self) -> Loop:
         """Return the loop of H-infinity controllers, of each axis one for the axis alone."""
-        each = []
-        for b in self.alone:
-            of = self if len(self.alone) == 1 else LoopOf(b)
-            found = hinf(of.plant.select([of.plant.outputs[0].name], [of.plant.inputs[0].name]))
+        parts = []
+        for b in self.isolated:
+            of = self if len(self.isolated) == 1 else LoopOf(b)
+            result = hinf(of.plant.select([of.plant.outputs[0].name], [of.plant.inputs[0].name]))
             gain = b.sensor.gain  # it is fed by the position
-            each.append(replace(found, B=gain * found.B, D=gain * found.D))
-        K = beside_each_other(each, self.shown, [axis.name for axis in self.machine.axes])
-        K = replace(K, inputs=(*self.plant.outputs[: len(self.shown[0])], *K.inputs[-len(each) :]))
+            parts.append(replace(result, B=gain * result.B, D=gain * result.D))
+        K = beside_each_other(parts, self.shown, [axis.name for axis in self.machine.axes])
+        K = replace(K, inputs=(*self.plant.outputs[: len(self.shown[0])], *K.inputs[-len(parts) :]))
         return Loop(self.plant, K, len(self.shown[0]), self.shown, self.added)
 
     def noise(self) -> tuple[list[float], list[float]]:
         """Return the variances of the measurements [m^2] and of the control signals [V^2]."""
         return (
             [r.sensor.noise_variance for r in self.machine.readings],
-            [b.amplifier.noise_variance for b in self.alone],
+            [b.amplifier.noise_variance for b in self.isolated],
         )
 
     def peak(self, estimator: Estimator | None = None) -> float:
@@ -280,7 +286,7 @@ class LoopOf:
         within = np.append(f[f < self.top], self.top)
         return max(highest(partial(loop.of_axis, k), within)[0] for k in range(loop.axes))
 
-    def check(self, estimator: Estimator, ceiling: float) -> None:
+    def check(self, estimator: Estimator, peak_limit: float) -> None:
         """Refuse a ceiling on the peak of abs(S) that this filter cannot be held to."""
         if not tells(estimator):
             raise OutOfReachError(
@@ -288,8 +294,8 @@ class LoopOf:
                 "sensitivity can be asked of it"
             )
         least = self.least()[0]
-        if not (math.isfinite(ceiling) and ceiling > least):
+        if not (math.isfinite(peak_limit) and peak_limit > least):
             raise OutOfReachError(
                 f"max_sensitivity must be above {least:.4g}, below which no linear controller "
-                f"brings the peak of |S| of {self.machine.name}; is {ceiling:g}"
+                f"brings the peak of |S| of {self.machine.name}; is {peak_limit:g}"
             )

@@ -45,12 +45,12 @@ class LQG:
         for _ in range(n + 1):
             pulsed.append(A @ pulsed[-1])
         self.size = np.abs(pulsed).max(axis=(0, 2))
-        growth = plant.T * np.broadcast_to(np.asarray(noise.load, float), p)
+        load_intensity = plant.T * np.broadcast_to(np.asarray(noise.load, float), p)
         var_u = np.broadcast_to(np.asarray(noise.control, float), p)
         var_y = np.broadcast_to(np.asarray(noise.measurement, float), m)
         Q = (self.B * var_u) @ self.B.T
-        Q[n:, n:] += np.diag(growth)
-        size, unit = np.concatenate([self.size, np.sqrt(growth)]), np.sqrt(var_y)
+        Q[n:, n:] += np.diag(load_intensity)
+        size, unit = np.concatenate([self.size, np.sqrt(load_intensity)]), np.sqrt(var_y)
         P = _riccati((self.A * size / size[:, None]).T, (self.C * size / unit[:, None]).T,
                      Q / np.outer(size, size), np.eye(m))  # fmt: skip
         P = P * np.outer(size, size)
@@ -71,13 +71,13 @@ class LQG:
         moved = np.linalg.solve(rest, np.vstack([np.zeros((n, p)), np.eye(p)]))
         gain = np.hstack([K, -(K @ forced[:n] + forced[n:])])
         left = np.eye(n + p) - self.M @ self.C
-        told, direct = -gain @ left, -gain @ self.M
+        state_gain, direct = -gain @ left, -gain @ self.M
         ahead = K @ moved[:n] + moved[n:]
         P = self.plant
         return LinearSystem(
-            self.A @ left + self.B @ told,
+            self.A @ left + self.B @ state_gain,
             np.hstack([self.A @ self.M + self.B @ direct, self.B @ ahead]),
-            told, np.hstack([direct, ahead]), P.T,
+            state_gain, np.hstack([direct, ahead]), P.T,
             tuple(Signal(f"{at.name}_lqg", at.unit) for at in (*P.states, *P.inputs[p:])),
             (*P.outputs[:-p], *(Signal(f"r{at.name[1:]}", "m") for at in P.outputs[-p:])),
             P.inputs[:p],

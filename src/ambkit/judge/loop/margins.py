@@ -1,4 +1,4 @@
-"""Peaks, crossings and margins of one axis, and Bode's integral: refined, not off a grid."""
+"""Sensitivity peak, crossings and margins of one axis, and Bode's integral, between grid points."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ def highest(
     value, place = float(seen[best]), float(f[best])
     for at in map(int, tops):
         low, high = float(f[max(at - 1, 0)]), float(f[min(at + 1, len(f) - 1)])
-        found = minimize_scalar(
+        result = minimize_scalar(
             lambda x: -float(np.abs(of(np.array([x])))[0]), bounds=(low, high), method="bounded",
             options={"xatol": 1e-10 * high},
         )  # fmt: skip
-        if -found.fun > value:
-            value, place = -float(found.fun), float(found.x)
+        if -result.fun > value:
+            value, place = -float(result.fun), float(result.x)
     return value, place
 
 
@@ -181,9 +181,9 @@ def rates(loop: Loop) -> Complex:
 
 def unstable_poles(loop: Loop) -> list[UnstablePole]:
     """Return what grows in a closed, sampled loop, the fastest growing first."""
-    grow = [each for each in rates(loop).tolist() if each.real >= 0 and each.imag >= 0]
-    found = [UnstablePole(each.imag / (2 * math.pi), each.real) for each in grow]
-    return sorted(found, key=lambda each: -each.growth)
+    grow = [rate for rate in rates(loop).tolist() if rate.real >= 0 and rate.imag >= 0]
+    results = [UnstablePole(item.imag / (2 * math.pi), item.real) for item in grow]
+    return sorted(results, key=lambda entry: -entry.growth)
 
 
 @dataclass(frozen=True)

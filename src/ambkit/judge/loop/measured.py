@@ -126,18 +126,20 @@ def measured_sensitivity(record: Record, logged: Logged = "after") -> MeasuredSe
     T, period = record.sampling_time, _period(added[first:end])
     count = 0 if period is None else (end - first) // period
     if period is not None and count >= LEAST_PERIODS:
-        whole = slice(end - (count - 1) * period, end)
+        full_periods = slice(end - (count - 1) * period, end)
         shape = (count - 1, period)
-        found = _of_periods(added[whole].reshape(shape), seen[whole].reshape(shape), T)
+        result = _of_periods(
+            added[full_periods].reshape(shape), seen[full_periods].reshape(shape), T
+        )
     else:
         # With the rest before and after it, as far as the record goes.
-        found = _by_polynomials(added, seen, T)
-    if len(found.frequency) < 2:
+        result = _by_polynomials(added, seen, T)
+    if len(result.frequency) < 2:
         raise RecordError(
             "the injected signal has power at too few frequencies for a sensitivity: a multisine, "
             "a chirp or a binary sequence has"
         )
-    return found
+    return result
 
 
 def _period(values: Array) -> int | None:
@@ -169,12 +171,12 @@ def _of_periods(added: Array, seen: Array, T: float) -> MeasuredSensitivity:
     D = np.fft.rfft(added, axis=1).mean(axis=0)[1 : (n + 1) // 2]
     Y = np.fft.rfft(seen, axis=1)[:, 1 : (n + 1) // 2]
     power = np.abs(D) ** 2
-    told = power > LINE * power.max()
+    lines = power > LINE * power.max()
     mean = Y.mean(axis=0)
     variance = (np.abs(Y - mean) ** 2).sum(axis=0) / (m - 1) / m
     frequency = np.arange(1, len(D) + 1) / (n * T)
     return MeasuredSensitivity(
-        frequency[told], mean[told] / D[told], np.sqrt(variance[told] / power[told]),
+        frequency[lines], mean[lines] / D[lines], np.sqrt(variance[lines] / power[lines]),
         2 * (m - 1), m, T,
     )  # fmt: skip
 
@@ -182,7 +184,7 @@ def _of_periods(added: Array, seen: Array, T: float) -> MeasuredSensitivity:
 def _by_polynomials(added: Array, seen: Array, T: float) -> MeasuredSensitivity:
     """Return S by local polynomials in the frequency, of a record (n,) that is no period."""
     n = len(added)
-    D, Y = (np.fft.rfft(each - each.mean())[1 : (n + 1) // 2] for each in (added, seen))
+    D, Y = (np.fft.rfft(item - item.mean())[1 : (n + 1) // 2] for item in (added, seen))
     width = 2 * HALF + 1
     if len(D) < 2 * width:
         raise RecordError(
@@ -215,7 +217,7 @@ def _by_polynomials(added: Array, seen: Array, T: float) -> MeasuredSensitivity:
     return MeasuredSensitivity(f[apart], S[apart], std[apart], 2 * freedom, 1, T)
 
 
-def _magnitudes(found: float, std: float, freedom: int, level: float) -> tuple[float, float]:
+def _magnitudes(result: float, std: float, freedom: int, level: float) -> tuple[float, float]:
     """Return the ends of the interval of a magnitude [1], from its estimate and its deviation."""
     from scipy.optimize import brentq
     from scipy.special import chndtr
@@ -224,17 +226,17 @@ def _magnitudes(found: float, std: float, freedom: int, level: float) -> tuple[f
     tail = (1 - level) / 2
     # Of real and imaginary part each; as much wider as it is itself not known.
     part = std / math.sqrt(2) * float(t.isf(tail, freedom) / norm.isf(tail))
-    reach = part * float(norm.isf(tail))
-    if found >= CERTAIN * part:
-        return found - reach, found + reach
+    half_width = part * float(norm.isf(tail))
+    if result >= CERTAIN * part:
+        return result - half_width, result + half_width
 
     def end(share: float) -> float:
         def off(magnitude: float) -> float:
             """How far the chance of less than was found is from what it is to be."""
-            return float(chndtr((found / part) ** 2, 2, (magnitude / part) ** 2)) - share
+            return float(chndtr((result / part) ** 2, 2, (magnitude / part) ** 2)) - share
 
         if off(0.0) <= 0:
             return 0.0
-        return float(brentq(off, 0.0, found + 2 * reach + 2 * part, xtol=1e-6 * part))
+        return float(brentq(off, 0.0, result + 2 * half_width + 2 * part, xtol=1e-6 * part))
 
     return end(1 - tail), end(tail)

@@ -23,10 +23,10 @@ def surface_of(bearing: Bearing) -> ForceSurface:
     scale = 1.0 if m.force_scale is None else m.force_scale
     # Of the law that the map was measured beside: a scale moves both, and finds the same surface.
     law = tuple((key, getattr(m, key)) for key in LAW)
-    box = bearing.current_min, bearing.current_max, bearing.rotor.travel_limit
+    box = bearing.current_min, bearing.current_max, bearing.rotor.clearance
     constant = float(f"{m.magnet_constant / scale:.12g}")
-    found = _found(*_files(m.force_map, m.force_channels), constant, law, box)
-    return found if scale == 1.0 else found.scaled(scale)
+    result = _found(*_files(m.force_map, m.force_channels), constant, law, box)
+    return result if scale == 1.0 else result.scaled(scale)
 
 
 def surface_in(path: str | os.PathLike[str], bearing: Bearing) -> ForceSurface:
@@ -74,7 +74,7 @@ def _found(
     low, high, travel = box
     bearing = SimpleNamespace(
         magnet=SimpleNamespace(magnet_constant=constant, **dict(law)),
-        rotor=SimpleNamespace(travel_limit=travel),
+        rotor=SimpleNamespace(clearance=travel),
         current_min=low,
         current_max=high,
     )

@@ -28,10 +28,10 @@ class ForcePoints:
 
     def __post_init__(self) -> None:
         for name in ("current", "displacement", "force", "standard_error"):
-            given = getattr(self, name)
-            if given is None:
+            raw_values = getattr(self, name)
+            if raw_values is None:
                 continue
-            values = real(name, given).copy()
+            values = real(name, raw_values).copy()
             if values.ndim != 1 or values.size == 0 or values.shape != np.shape(self.current):
                 raise AmbkitError(
                     f"{name} must be a list with a value for each point, has shape {values.shape} "

@@ -92,14 +92,14 @@ class ForceSurface(Law):
         error = np.ones_like(off) if points.standard_error is None else points.standard_error
         self._at, off, error = _averaged((at - self._origin) / self._extent, off, error)
         if like is None:
-            found = self._learned(off, error, known, law_error)
+            result = self._learned(off, error, known, law_error)
         else:
-            found = _Found(like.law_error, like._reach, 1.0 if known else float(like.scatter or 1))
-        self.law_error: float = found.law_error
-        self._reach: Array = found.reach
+            result = _Found(like.law_error, like._reach, 1.0 if known else float(like.scatter or 1))
+        self.law_error: float = result.law_error
+        self._reach: Array = result.reach
         self.reach = tuple((self._reach * self._extent).ravel().tolist())
-        self.scatter: float | None = None if known else found.scatter
-        self._factor, self._pull = _solved(self._at, off, error, found)
+        self.scatter: float | None = None if known else result.scatter
+        self._factor, self._pull = _solved(self._at, off, error, result)
 
     def _learned(self, off: Array, error: Array, known: bool, law_error: float | None) -> _Found:
         """Find how wrong the law is, from some of the points."""
@@ -128,7 +128,7 @@ class ForceSurface(Law):
     @cached_property
     def patches(self) -> Patches:
         """What the C core has of it, over the bearing's currents and its travel."""
-        b, travel = self.bearing, self.bearing.rotor.travel_limit
+        b, travel = self.bearing, self.bearing.rotor.clearance
         return patches(self, (b.current_min, b.current_max), (-travel, travel))
 
     def in_core(self, core: ModuleType) -> Magnet:
@@ -154,8 +154,8 @@ class ForceSurface(Law):
         iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
         places = self._places(iu, x)
         parts = np.array_split(places, 1 + places.shape[1] * self._pull.size // 2_000_000, axis=1)
-        found = np.concatenate([self._pull @ _alike(self._at, p, self._reach) for p in parts])
-        return np.asarray(self._scale * self.law_error**2 * found.reshape(iu.shape))
+        result = np.concatenate([self._pull @ _alike(self._at, p, self._reach) for p in parts])
+        return np.asarray(self._scale * self.law_error**2 * result.reshape(iu.shape))
 
     def noise(self, points: ForcePoints) -> Array:
         """Return the standard deviations of points (n,) [N]: their own, or else the scatter."""
@@ -170,9 +170,9 @@ class ForceSurface(Law):
 
         iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
         shared = self.law_error**2 * _alike(self._at, self._places(iu, x), self._reach)
-        told = np.sum(solve_triangular(self._factor, shared, lower=True) ** 2, axis=0)
+        reduction = np.sum(solve_triangular(self._factor, shared, lower=True) ** 2, axis=0)
         # Before: the law's error and the offset's.
-        left = np.maximum(2 * self.law_error**2 - told, 0)
+        left = np.maximum(2 * self.law_error**2 - reduction, 0)
         return np.asarray(self._scale * np.sqrt(left).reshape(iu.shape))
 
     def _places(self, iu: Array, x: Array) -> Array:
@@ -185,28 +185,28 @@ class _Found(NamedTuple):
     scatter: float
 
 
-def smooth(a: Array, b: Array, reach: Array) -> Array:
+def smooth(a: Array, b: Array, length_scale: Array) -> Array:
     """Return the correlation (n, m) of a law's errors at places (2, n) and (2, m)."""
     # Matérn's, nu = 5/2 (Rasmussen and Williams 2006, eq. 4.17): its surfaces bend smoothly.
     # a (2, n); b (2, m); reach (2, 1)
     from scipy.spatial.distance import cdist
 
-    far = np.sqrt(5) * cdist((a / reach).T, (b / reach).T)
+    far = np.sqrt(5) * cdist((a / length_scale).T, (b / length_scale).T)
     return np.asarray((1 + far + far**2 / 3) * np.exp(-far))
 
 
-def _alike(a: Array, b: Array, reach: Array) -> Array:
+def _alike(a: Array, b: Array, length_scale: Array) -> Array:
     """Correlation of the law's errors at places (2, n) and (2, m), plus 1 for the offset."""
-    return smooth(a, b, reach) + 1
+    return smooth(a, b, length_scale) + 1
 
 
-def _solved(at: Array, off: Array, error: Array, found: _Found) -> tuple[Array, Array]:
+def _solved(at: Array, off: Array, error: Array, result: _Found) -> tuple[Array, Array]:
     """Return the Cholesky factor of the points' covariance (n, n) [N], and how each pulls (n,)."""
     # The pull [1/N] is the inverse of the covariance times the distances from the law.
     from scipy.linalg import cho_solve
 
-    noise = np.hypot(found.scatter * error, BEST * found.law_error)
-    covariance = found.law_error**2 * _alike(at, at, found.reach) + np.diag(noise**2)
+    noise = np.hypot(result.scatter * error, BEST * result.law_error)
+    covariance = result.law_error**2 * _alike(at, at, result.reach) + np.diag(noise**2)
     factor = np.asarray(np.linalg.cholesky(covariance), dtype=float)
     return factor, np.asarray(cho_solve((factor, True), off))
 
@@ -217,7 +217,7 @@ def _found(
     """Find what a surface needs to know, by the largest posterior density."""
     from scipy.optimize import minimize
 
-    doubt = np.log(DOUBT)
+    prior_std = np.log(DOUBT)
     free = np.array([law_error is None, True, True, not known])
     ends = np.log(
         [(LEAST_SHARE / LAW_SHARE, 30), *2 * [(SHORTEST / REACH, FARTHEST / REACH)], (1e-3, 1e3)]
@@ -234,7 +234,7 @@ def _found(
     def surprise(some: Array) -> float:
         factor, pull = _solved(at, off, error, unpacked(some))
         fit = 0.5 * off @ pull + np.sum(np.log(np.diag(factor)))
-        return float(fit + 0.5 * np.sum((some / doubt[free]) ** 2))
+        return float(fit + 0.5 * np.sum((some / prior_std[free]) ** 2))
 
     start = np.zeros(int(free.sum()))
     with one_thread():

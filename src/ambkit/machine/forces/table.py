@@ -63,15 +63,15 @@ class ForceTable:
     def __call__(self, iu: ArrayLike, x: ArrayLike) -> Array:
         """Force [N] at the points (iu [A], x [m]), of shapes that broadcast."""
         iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
-        for name, asked, nodes, unit in (
+        for name, places, nodes, unit in (
             ("iu", iu, self.current, "A"),
             ("x", x, self.displacement, "m"),
         ):
             low, high = 2 * nodes[0] - nodes[1], 2 * nodes[-1] - nodes[-2]
-            beyond = ~((asked >= low) & (asked <= high))  # NaN is beyond, too
+            beyond = ~((places >= low) & (places <= high))  # NaN is beyond, too
             if np.any(beyond):
                 raise AmbkitError(
-                    f"{name} = {asked[beyond][0]:g} {unit} is more than one node step outside the "
+                    f"{name} = {places[beyond][0]:g} {unit} is more than one node step outside the "
                     f"force table, {nodes[0]:g} to {nodes[-1]:g} {unit}"
                 )
         points = _in_ranges(x, self.displacement), _in_ranges(iu, self.current)

@@ -16,7 +16,7 @@ def names() -> tuple[str, ...]:
 
 
 def machine_names() -> tuple[str, ...]:
-    """Return the names of all presets of whole machines, sorted."""
+    """Return the names of all presets of machines, sorted."""
     return _names(_machines())
 
 

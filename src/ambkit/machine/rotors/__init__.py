@@ -1,1 +1,1 @@
-"""Rotors that bend: their beams, matrices and modes."""
+"""Flexible rotors: their beams, matrices and modes."""

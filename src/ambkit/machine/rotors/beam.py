@@ -91,7 +91,7 @@ def shapes(share: Array, length: float, shear: float) -> Shapes:
           6 * (s - s**2) / L, 3 * s**2 - 2 * s + P * s)  # fmt: skip
     bend = (6 * (2 * s - 1) / L**2, (6 * s - 4 - P) / L,
             6 * (one - 2 * s) / L**2, (6 * s - 2 + P) / L)  # fmt: skip
-    return Shapes(*(np.stack(each, axis=-1) / (1 + P) for each in (w, slope, th, bend)))
+    return Shapes(*(np.stack(item, axis=-1) / (1 + P) for item in (w, slope, th, bend)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,13 +145,13 @@ def element_matrices(element: Element) -> tuple[Array, Array, Array]:
     def over_length(a: Array) -> Array:
         return np.asarray((a.T * weights) @ a)
 
-    turned = element.density * element.second_moment * over_length(N.th)
-    M = element.density * element.area * over_length(N.w) + turned
+    rotary_inertia = element.density * element.second_moment * over_length(N.th)
+    M = element.density * element.area * over_length(N.w) + rotary_inertia
     K = element.youngs * element.second_moment * over_length(N.bend)
     if element.shear > 0:
         stiff = 12 * element.youngs * element.second_moment / (element.shear * element.length**2)
         K = K + stiff * over_length(N.slope - N.th)
-    return M, K, 2 * turned
+    return M, K, 2 * rotary_inertia
 
 
 class Disc(NamedTuple):
@@ -169,19 +169,19 @@ class Disc(NamedTuple):
 
 def assemble(elements: list[Element], discs: list[Disc]) -> Matrices:
     """Return the matrices of a shaft with discs."""
-    place = np.concatenate([[0.0], np.cumsum([each.length for each in elements])])
+    place = np.concatenate([[0.0], np.cumsum([item.length for item in elements])])
     n = 2 * len(place)
     M, K, G = np.zeros((3, n, n))
     for k, element in enumerate(elements):
         here = slice(2 * k, 2 * k + 4)
-        for whole, part in zip((M, K, G), element_matrices(element), strict=True):
-            whole[here, here] += part
+        for matrix, part in zip((M, K, G), element_matrices(element), strict=True):
+            matrix[here, here] += part
     for disc in discs:
         w = 2 * int(np.argmin(np.abs(place - disc.place)))
         M[w, w] += disc.mass
         M[w + 1, w + 1] += disc.transverse_inertia
         G[w + 1, w + 1] += disc.polar_inertia
-    return Matrices(M, K, G, None, place, np.array([each.shear for each in elements]))
+    return Matrices(M, K, G, None, place, np.array([item.shear for item in elements]))
 
 
 FINEST = 60
@@ -190,8 +190,8 @@ FINEST = 60
 
 def divided(sections: list[Element], cuts: list[float]) -> list[Element]:
     """Return sections in elements that end at all cuts, short against the shaft."""
-    longest = sum(each.length for each in sections) / FINEST
-    found, start = [], 0.0
+    longest = sum(item.length for item in sections) / FINEST
+    result, start = [], 0.0
     for section in sections:
         end = start + section.length
         inside = sorted({cut for cut in cuts if start < cut < end})
@@ -199,6 +199,6 @@ def divided(sections: list[Element], cuts: list[float]) -> list[Element]:
         ends = [start, *(cut for cut in inside if cut - start > near and end - cut > near), end]
         for first, last in pairwise(ends):
             count = math.ceil((last - first) / longest * (1 - 1e-9))
-            found += [section._replace(length=(last - first) / count)] * count
+            result += [section._replace(length=(last - first) / count)] * count
         start = end
-    return found
+    return result

@@ -1,4 +1,4 @@
-"""Rotors that bend, as descriptions: a table of the shaft, matrices in a file, measured modes."""
+"""Flexible rotors, as descriptions: a table of the shaft, matrices in a file, measured modes."""
 
 from __future__ import annotations
 
@@ -162,23 +162,23 @@ class ShaftRotor(OfMatrices):
         sections, discs, materials = (read(key) for key in ("section", "disc", "material"))
         if read("damping_ratio") is None and read("internal_damping_ratio") is None:
             yield "damping_ratio", "missing: damping ratio of the bending modes, such as 0.002"
-        if not all(isinstance(each, tuple) for each in (sections, discs, materials)):
+        if not all(isinstance(entry, tuple) for entry in (sections, discs, materials)):
             return
-        found = False
-        names = {*NAMED, *(each.name for each in materials)}
+        result = False
+        names = {*NAMED, *(material.name for material in materials)}
         for key, placed in (("section", sections), ("disc", discs)):
-            for at, each in enumerate(placed):
-                if each.material not in names:
-                    found = True
-                    text = f'must be one of {", ".join(sorted(names))}, is "{each.material}"'
+            for at, item in enumerate(placed):
+                if item.material not in names:
+                    result = True
+                    text = f'must be one of {", ".join(sorted(names))}, is "{item.material}"'
                     yield f"{key}.{at}.material", text
-        length = sum(each.length for each in sections)
-        for at, each in enumerate(discs):
-            if each.place > length * (1 + 1e-9):
-                found = True
+        length = sum(section.length for section in sections)
+        for at, item in enumerate(discs):
+            if item.place > length * (1 + 1e-9):
+                result = True
                 limit = f"is beyond the shaft, which ends at {engineering(length, 'm')}"
-                yield f"disc.{at}.place", f"{engineering(each.place, 'm')} {limit}"
-        if found or _is_wrong(read("modes_up_to")):
+                yield f"disc.{at}.place", f"{engineering(item.place, 'm')} {limit}"
+        if result or _is_wrong(read("modes_up_to")):
             return
         rotor = cls.model_construct(
             type="shaft", section=sections, disc=discs, material=materials,
@@ -198,7 +198,7 @@ def _of_shaft(
         beam.Element(s.length, s.outer_diameter, s.inner_diameter, *known[s.material])
         for s in section
     ]
-    discs = [each.on(known[each.material][0]) for each in disc]
+    discs = [item.on(known[item.material][0]) for item in disc]
     return beam.assemble(beam.divided(sections, [d.place for d in discs]), discs)
 
 
@@ -231,11 +231,11 @@ class MatrixRotor(OfMatrices):
             internal_damping_ratio=read("internal_damping_ratio"),
         )
         try:
-            given = rotor.matrices.D, rotor.matrices.D_internal
+            dampings = rotor.matrices.D, rotor.matrices.D_internal
         except AmbkitError as error:
             yield "file", str(error)
             return
-        if all(each is None for each in (*given, *_ratios(rotor).values())):
+        if all(item is None for item in (*dampings, *_ratios(rotor).values())):
             text = "missing: damping ratio of the bending modes, such as 0.002; the file has no D"
             yield "damping_ratio", text
             return
@@ -304,7 +304,7 @@ class MeasuredMode(Part):
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
-        return {key: each for key, each in data.items() if each is not None}
+        return {key: item for key, item in data.items() if item is not None}
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -348,12 +348,12 @@ class ModalRotor(Part):
     @property
     def first_end(self) -> float:
         """From where on all shapes were measured [m]."""
-        return max(each.places[0] for each in self.mode)
+        return max(item.places[0] for item in self.mode)
 
     @property
     def second_end(self) -> float:
         """Up to where all shapes were measured [m]."""
-        return min(each.places[-1] for each in self.mode)
+        return min(item.places[-1] for item in self.mode)
 
     def bending(self, magnets: tuple[float, ...]) -> Bending:
         """Return its bending modes."""
@@ -361,14 +361,14 @@ class ModalRotor(Part):
 
     @cached_property
     def _bending(self) -> Bending:
-        largest = np.array([max(map(abs, each.shape)) for each in self.mode])
-        mass = np.array([each.mass for each in self.mode]) / largest**2
-        frequency = 2 * math.pi * np.array([each.frequency for each in self.mode])
-        ratios = np.array([each.damping_ratio for each in self.mode])
-        inner = np.array([each.internal_damping_ratio or 0.0 for each in self.mode])
+        largest = np.array([max(map(abs, item.shape)) for item in self.mode])
+        mass = np.array([item.mass for item in self.mode]) / largest**2
+        frequency = 2 * math.pi * np.array([item.frequency for item in self.mode])
+        ratios = np.array([item.damping_ratio for item in self.mode])
+        inner = np.array([item.internal_damping_ratio or 0.0 for item in self.mode])
         polar = np.zeros((1 + len(mass), 1 + len(mass)))
         polar[0, 0] = self.polar_inertia
-        points = [(each.places, each.shape) for each in self.mode]
+        points = [(item.places, item.shape) for item in self.mode]
         damping = np.diag(np.concatenate([[0.0, 0.0], 2 * ratios * mass * frequency]))
         ends = self.first_end, self.second_end
         internal = np.diag(2 * inner * mass * frequency)

@@ -39,12 +39,12 @@ SAME = 1e-6
 def read_matrices(path: str | os.PathLike[str]) -> Matrices:
     """Read the matrices of a free rotor, in one plane."""
     try:
-        found = _content(path)
-        lacking = [name for name in NEEDED if name not in found]
+        result = _content(path)
+        lacking = [name for name in NEEDED if name not in result]
         if lacking:
-            there = ", ".join(found) or "nothing"
+            there = ", ".join(result) or "nothing"
             raise ValueError(f"has no {', '.join(lacking)}; it holds {there}")
-        return _in_one_plane(_Whole(found))
+        return _in_one_plane(_Whole(result))
     except ValueError as error:
         raise RecordError(f"{os.fspath(path)}: {error}") from None
 
@@ -53,15 +53,15 @@ def _content(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     """Return the arrays of a file, by name."""
     check_readable(path)
     if os.fspath(path).lower().endswith(".mat"):
-        given = mat.content(path)
-        return {name: np.asarray(each) for name, each in given.items() if name[:2] != "__"}
+        arrays = mat.content(path)
+        return {name: np.asarray(array) for name, array in arrays.items() if name[:2] != "__"}
     if not zipfile.is_zipfile(path):
         raise ValueError("is neither a .npz of NumPy nor a .mat of MATLAB")
     try:
         with zipfile.ZipFile(path) as file:
             return {
-                each.filename.removesuffix(".npy"): _array(path, file, each)
-                for each in file.infolist()
+                item.filename.removesuffix(".npy"): _array(path, file, item)
+                for item in file.infolist()
             }
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError) as error:
         raise ValueError(f"is damaged: {error}") from None
@@ -102,35 +102,35 @@ def _head(stream: IO[bytes], name: str) -> tuple[tuple[int, ...], np.dtype[Any],
 class _Whole:
     """The matrices as the file has them, in SI."""
 
-    def __init__(self, found: Mapping[str, NDArray[Any]]) -> None:
+    def __init__(self, results: Mapping[str, NDArray[Any]]) -> None:
         length, mass = (
-            _unit(found, name, base) for name, base in (("length", "m"), ("mass", "kg"))
+            _unit(results, name, base) for name, base in (("length", "m"), ("mass", "kg"))
         )
-        self.place = length * _numbers(found["place"], "place").ravel()
+        self.place = length * _numbers(results["place"], "place").ravel()
         nodes = len(self.place)
         if not 2 <= nodes <= MOST_NODES:
             raise ValueError(f"place must be of 2 to {MOST_NODES} nodes, is of {nodes}")
-        self.direction = [_word(each) for each in np.ravel(found["direction"])]
-        if len(self.direction) == 1 and np.size(found["node"]) > 1:  # MATLAB's rows of characters
-            self.direction = [each.strip() for each in np.ravel(found["direction"]).tolist()]
-        unknown = [each for each in self.direction if each not in DIRECTIONS]
+        self.direction = [_word(item) for item in np.ravel(results["direction"])]
+        if len(self.direction) == 1 and np.size(results["node"]) > 1:  # MATLAB's rows of characters
+            self.direction = [item.strip() for item in np.ravel(results["direction"]).tolist()]
+        unknown = [item for item in self.direction if item not in DIRECTIONS]
         if unknown:
             raise ValueError(
                 f"direction must be some of {', '.join(DIRECTIONS)}, is {unknown[0][:20]!r}"
             )
         n = len(self.direction)
-        node = _numbers(found["node"], "node").ravel()
+        node = _numbers(results["node"], "node").ravel()
         if len(node) != n or not np.isin(node, np.arange(nodes)).all():
             raise ValueError(f"node must be {n} whole numbers from 0 to {nodes - 1}")
         self.node = node.astype(int)
-        turns = np.array([each.startswith("th") for each in self.direction])
+        turns = np.array([item.startswith("th") for item in self.direction])
         in_si = np.where(turns, length, 1.0)  # a force of one unit of length a second squared
         scale = mass * np.outer(in_si, in_si)
         self.matrices: dict[str, Array] = {}
         for name in ("M", "K", "G", *OPTIONAL):
-            if name not in found and name in OPTIONAL:
+            if name not in results and name in OPTIONAL:
                 continue
-            values = _numbers(found[name], name)
+            values = _numbers(results[name], name)
             if values.shape != (n, n):
                 shape = " by ".join(map(str, values.shape))
                 raise ValueError(f"{name} must be {n} by {n}, as direction has it; is {shape}")
@@ -138,33 +138,33 @@ class _Whole:
 
     def rows(self, *directions: str) -> list[int]:
         """Return where directions of the nodes stand, node after node in the order of places."""
-        found = {
+        results = {
             (at, to): k for k, (at, to) in enumerate(zip(self.node, self.direction, strict=True))
         }
-        if len(found) < len(self.direction):
+        if len(results) < len(self.direction):
             raise ValueError("direction names the same of one node twice")
         rows = []
         for at in np.argsort(self.place, kind="stable").tolist():
             for to in directions:
-                if (at, to) not in found:
+                if (at, to) not in results:
                     raise ValueError(
                         f"node {at} has no direction {to}; each needs x, y, th_x, th_y"
                     )
-                rows.append(found[at, to])
+                rows.append(results[at, to])
         return rows
 
 
-def _in_one_plane(whole: _Whole) -> Matrices:
+def _in_one_plane(shaft: _Whole) -> Matrices:
     """Return the matrices of one plane of a shaft that is round, and check that it is."""
-    x, y = whole.rows("x", "th_y"), whole.rows("y", "th_x")
+    x, y = shaft.rows("x", "th_y"), shaft.rows("y", "th_x")
     signs = np.where(np.arange(len(y)) % 2, -1.0, 1.0)  # the turn in the y plane is -th_x
     both = np.outer(signs, signs)
-    others = [k for k, to in enumerate(whole.direction) if to in ("z", "th_z")]
+    others = [k for k, to in enumerate(shaft.direction) if to in ("z", "th_z")]
     of: dict[str, Array] = {}
-    place = np.sort(whole.place, kind="stable")
+    place = np.sort(shaft.place, kind="stable")
     if (np.diff(place) <= 0).any():
         raise ValueError("place must be of nodes apart")
-    for name, A in whole.matrices.items():
+    for name, A in shaft.matrices.items():
         in_x, in_y = A[np.ix_(x, x)], A[np.ix_(y, y)] * both
         x_by_y, y_by_x = A[np.ix_(x, y)] * signs, A[np.ix_(y, x)] * signs[:, None]
         size = _sizes(A, x)
@@ -217,15 +217,15 @@ def _sizes(A: Array, rows: list[int]) -> Array:
     part = np.abs(A[rows])
     kind = np.arange(len(rows)) % 2
     of_kind = [max(part[kind == k].max(), 1e-300) for k in (0, 1)]
-    each = np.array(of_kind)[kind]
-    return np.asarray(np.sqrt(np.outer(each, each)))
+    parts = np.array(of_kind)[kind]
+    return np.asarray(np.sqrt(np.outer(parts, parts)))
 
 
-def _unit(found: Mapping[str, NDArray[Any]], what: str, base: str) -> float:
+def _unit(results: Mapping[str, NDArray[Any]], what: str, base: str) -> float:
     name = f"unit_of_{what}"
-    if name not in found:
+    if name not in results:
         raise ValueError(f'has no {name}, such as "{base}"')
-    unit = _word(found[name])
+    unit = _word(results[name])
     size = parse(f"1 {unit}", base)
     if not size > 0:
         raise ValueError(f"{name} must be a unit, is {unit[:20]!r}")

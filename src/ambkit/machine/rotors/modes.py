@@ -144,12 +144,12 @@ def reduced(
 ) -> Bending:
     """Return the modes of a rotor up to a frequency."""
     squares, modes = matrices.free_modes
-    kept = int(np.count_nonzero(squares <= highest**2))
+    mode_count = int(np.count_nonzero(squares <= highest**2))
     over = OverNodes(np.zeros((len(modes), 0)), matrices.place, matrices.shear)
-    frequencies, vectors = np.sqrt(squares[:kept]), modes[:, :kept]
+    frequencies, vectors = np.sqrt(squares[:mode_count]), modes[:, :mode_count]
     attached = 0
     if attachments:
-        extra, more = _attached(over, modes[:, kept:], squares[kept:], attachments)
+        extra, more = _attached(over, modes[:, mode_count:], squares[mode_count:], attachments)
         vectors, attached = np.hstack([vectors, extra]), len(more)
         frequencies = np.concatenate([frequencies, more])
     if not len(frequencies):
@@ -177,8 +177,8 @@ def reduced(
         frequencies, mass, (damping + damping.T) / 2, (polar + polar.T) / 2,
         OverNodes(vectors, matrices.place, matrices.shear), body.ends,
         _internal(matrices, vectors, internal_ratio, mass * frequencies),
-        tuple(np.sqrt(squares[kept : kept + 3]).tolist()),
-        Residual(over, modes, squares, len(squares) if attached else kept), attached,
+        tuple(np.sqrt(squares[mode_count : mode_count + 3]).tolist()),
+        Residual(over, modes, squares, len(squares) if attached else mode_count), attached,
     )  # fmt: skip
 
 
@@ -188,8 +188,8 @@ def _internal(matrices: Matrices, vectors: Array, ratio: float | None, sizes: Ar
         return np.diag(2 * ratio * sizes)
     if matrices.D_internal is None:
         return np.zeros((len(sizes), len(sizes)))
-    found = vectors.T @ matrices.D_internal @ vectors
-    return np.asarray((found + found.T) / 2)
+    result = vectors.T @ matrices.D_internal @ vectors
+    return np.asarray((result + result.T) / 2)
 
 
 def _attached(

@@ -86,16 +86,16 @@ class Disc(Part):
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         by_mass = ("mass", "transverse_inertia", "polar_inertia")
         by_form = ("width", "outer_diameter")
-        given = {key: read(key) is not None for key in (*by_mass, *by_form)}
-        one, other = (any(given[key] for key in keys) for keys in (by_mass, by_form))
+        is_set = {key: read(key) is not None for key in (*by_mass, *by_form)}
+        one, other = (any(is_set[key] for key in keys) for keys in (by_mass, by_form))
         if one == other:
             text = "give mass, transverse_inertia and polar_inertia, or width and outer_diameter"
             yield "mass" if not one else "width", f"{'missing: ' if not one else ''}{text}"
             return
         for key in by_mass if one else by_form:
-            if not given[key]:
+            if not is_set[key]:
                 yield key, "missing: what else is said of the disc does not give it"
-        if one and all(given[key] for key in by_mass):
+        if one and all(is_set[key] for key in by_mass):
             I_t, I_p = read("transverse_inertia"), read("polar_inertia")
             if I_p > 2 * I_t * (1 + 1e-9):
                 most = engineering(2 * I_t, "kg m^2")

@@ -91,35 +91,35 @@ def whirl(rotor: OfRotor, bending: Bending, speed: float, modes: int | None = No
     # returns (2 (2 + modes),)
     n = len(bending.frequency) if modes is None else modes
     mass = np.concatenate([[rotor.mass, rotor.transverse_inertia], bending.mass[:n]])
-    turning = np.zeros((n + 2, n + 2))
-    turning[1:, 1:] = speed * bending.polar[: n + 1, : n + 1]
-    turning /= np.sqrt(np.outer(mass, mass))
+    gyroscopic = np.zeros((n + 2, n + 2))
+    gyroscopic[1:, 1:] = speed * bending.polar[: n + 1, : n + 1]
+    gyroscopic /= np.sqrt(np.outer(mass, mass))
     own = np.diag(np.concatenate([[0.0, 0.0], bending.frequency[:n]]))
-    return np.linalg.eigvalsh(np.block([[np.zeros_like(own), own], [own, turning]]))
+    return np.linalg.eigvalsh(np.block([[np.zeros_like(own), own], [own, gyroscopic]]))
 
 
 def whirl_error(
-    rotor: OfRotor, kept: Bending, highest: float, speeds: Sequence[float] | Array,
+    rotor: OfRotor, reduced_bending: Bending, highest: float, speeds: Sequence[float] | Array,
     modes: int | None = None,
 ) -> WhirlError:  # fmt: skip
     """Return where the whirl of kept modes is farthest from that of the full matrices."""
-    worst, still = WhirlError(), STILL * float(kept.frequency[0])
+    worst, still = WhirlError(), STILL * float(reduced_bending.frequency[0])
     for speed in map(float, speeds):
         full, some = (
             whirl(rotor, bending, speed, count)
-            for bending, count in ((rotor.every_mode, None), (kept, modes))
+            for bending, count in ((rotor.every_mode, None), (reduced_bending, modes))
         )
         for way in (1.0, -1.0):
-            right, found = (np.sort(way * each[way * each > still]) for each in (full, some))
+            right, result = (np.sort(way * item[way * item > still]) for item in (full, some))
             right = right[right <= 2 * math.pi * highest]
-            n = min(len(right), len(found))
+            n = min(len(right), len(result))
             if n < len(right):
                 worst = worst._replace(left_out=way * float(right[n]), left_out_at=speed)
-            shares = np.abs(found[:n] / right[:n] - 1)
+            shares = np.abs(result[:n] / right[:n] - 1)
             if n and shares.max() > worst.share:
                 k = int(np.argmax(shares))
                 worst = worst._replace(
-                    share=float(shares[k]), kept=float(found[k]), full=way * float(right[k]),
+                    share=float(shares[k]), kept=float(result[k]), full=way * float(right[k]),
                     speed=speed,
                 )  # fmt: skip
     return worst

@@ -76,14 +76,14 @@ def predict_covariance(names: Names) -> str:
 def _force_row(names: Names, f: int, stages: Stages) -> list[tuple[int, Factor]]:
     """Return the entries of a linearised force by the state: k_s h + k_i e + r."""
     h, e, r = (dict(names.entries(name, f)) for name in "her")
-    found: list[tuple[int, Factor]] = []
+    results: list[tuple[int, Factor]] = []
     for j in sorted({*h, *e, *r}):
         terms = [product(h[j], names.of_p("k_s", f))] if j in h else []
         terms += [product(e[j], names.of_p("k_i", f))] if j in e else []
         terms += [product(r[j])] if j in r else []
-        alone = len(terms) == 1 and not terms[0].symbols  # a rider, whose coefficient is one
-        found.append((j, None if alone else stages.add(names.of_force("h", f, j), terms)))
-    return found
+        single = len(terms) == 1 and not terms[0].symbols  # a rider, whose coefficient is one
+        results.append((j, None if single else stages.add(names.of_force("h", f, j), terms)))
+    return results
 
 
 def _row_times_P(names: Names, row: list[tuple[int, Factor]], j: int) -> Sum:
@@ -129,10 +129,10 @@ def _with_noise(
     names: Names, i: int, direct: dict[int, Factor], g: Symbols, stages: Stages
 ) -> list[str | None]:
     """Return the covariances of a next state with the controls' noise."""
-    found = []
+    results = []
     for at in range(names.c):
         terms = [product(direct[at])] if at in direct else []
         terms += products((a, g[f][at]) for f, a in names.entries("b", i))
         name, var = names.of_control("U", i, at), f"var_u[{at}]"
-        found.append(stages.add(name, terms, times=var))
-    return found
+        results.append(stages.add(name, terms, times=var))
+    return results

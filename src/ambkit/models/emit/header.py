@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from ambkit.models.emit.covariance import predict_covariance
 from ambkit.models.emit.names import Names
 from ambkit.models.emit.scalars import (
-    at_rest,
     drives,
+    equilibrium,
     firsts,
     growth,
     known,
@@ -97,7 +97,7 @@ def header(
         shown_variance(names),
         variances(names),
         shown_with(names),
-        at_rest(names),
+        equilibrium(names),
         predict_mean(names),
         predict_covariance(names),
         update(names),

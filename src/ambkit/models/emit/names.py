@@ -53,8 +53,8 @@ class Names:
                 listed += [(f"N{k}", i, j) for k, i, j in numbers if pattern[k, i, j] == NUMBER]
             else:
                 rows, columns = (pattern == NUMBER).nonzero()
-                found = [(name, int(i), int(j)) for i, j in zip(rows, columns, strict=True)]
-                listed += [at for at in found if name != "rest" or self.shown(at[1])]
+                results = [(name, int(i), int(j)) for i, j in zip(rows, columns, strict=True)]
+                listed += [at for at in results if name != "rest" or self.shown(at[1])]
         if unknown := [key for key in naming if key not in listed]:
             raise ValueError(f"the pattern has no number at {unknown}")
         return {**naming} | {
@@ -113,8 +113,8 @@ class Names:
         """Return a function that becomes part of its caller; the pattern may need no argument."""
         arguments = [GIVEN, *arguments]
         text = "\n".join(body)
-        given = [re.sub(r"\[.*", "", at).replace("*", " ").split()[-1] for at in arguments]
-        body = [f"(void){at};" for at in given if not re.search(rf"\b{at}\b", text)] + body
+        argument_names = [re.sub(r"\[.*", "", at).replace("*", " ").split()[-1] for at in arguments]
+        body = [f"(void){at};" for at in argument_names if not re.search(rf"\b{at}\b", text)] + body
         inside = "\n".join("  " + line for line in body)
         head = f"AMB_INLINE {returns} amb_model_{name}({', '.join(arguments)})"
         return f"/* {doc} */\n{head}\n{{\n{inside}\n}}\n"

@@ -68,7 +68,7 @@ def role(names: Names) -> str:
     return names.function("What each state is.", "role", ["int i"], body, "amb_role")
 
 
-def at_rest(names: Names) -> str:
+def equilibrium(names: Names) -> str:
     """Return the function that sets what sensors show to what it is at rest."""
     body = [
         f"mean[{i}] = "
@@ -77,7 +77,7 @@ def at_rest(names: Names) -> str:
         if names.shown(i)
     ]
     doc = "What follows from the positions when all is at rest."
-    return names.function(doc, "at_rest", [MEAN], body)
+    return names.function(doc, "equilibrium", [MEAN], body)
 
 
 def firsts(names: Names) -> list[str]:

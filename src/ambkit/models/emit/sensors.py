@@ -55,8 +55,8 @@ def update(names: Names) -> str:
     for r, measurement in enumerate(names.model.measurements):
         what = doc.format(measurement.name)
         functions.append(names.function(what, f"update_{r}", arguments, _update(names, r)))
-        given = "model, y, S, mean, cov, innovation"
-        cases.append([f"amb_model_update_{r}({given});"])
+        call_arguments = "model, y, S, mean, cov, innovation"
+        cases.append([f"amb_model_update_{r}({call_arguments});"])
     last = names.function(
         doc.format("one sensor"), "update", [SENSOR, *arguments], switched(SENSOR, cases)
     )

@@ -30,17 +30,17 @@ def current(names: Names) -> str:
 
 def predict_mean(names: Names) -> str:
     """Return the function that predicts the mean: entries of L, of B_u, of b."""
-    stages, whole, riders = Stages(), [], []
+    stages, total_forces, riders = Stages(), [], []
     for f in range(names.p):
         terms = [product(f"F[{f}]")]
         terms += [product(r, names.state[j]) for j, r in names.entries("r", f)]
         riders += [names.model.states[j].name for j, _ in names.entries("r", f)]
-        whole.append(stages.add(names.whole_force(f), terms))
+        total_forces.append(stages.add(names.whole_force(f), terms))
     changed = {}
     for i, state in enumerate(names.state):
         terms = [product(a, names.state[j]) for j, a in names.entries("L", i)]
         terms += [product(a, f"iu[{at}]") for at, a in names.entries("B_u", i)]
-        terms += [product(a, whole[f]) for f, a in names.entries("b", i)]
+        terms += [product(a, total_forces[f]) for f, a in names.entries("b", i)]
         if [term.text for term in terms] != [state]:
             changed[i] = terms
     lines, symbols = stages.needed(changed.values())

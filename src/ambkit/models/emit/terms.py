@@ -68,9 +68,9 @@ class Stages:
 
     def needed(self, results: Iterable[Sum]) -> tuple[list[str], set[str]]:
         """Return the lines that results ask for, at once or through others, and all symbols."""
-        asked, lines = symbols_of(results), []
+        all_symbols, lines = symbols_of(results), []
         for name, text, symbols in reversed(self._computed):
-            if name in asked:
+            if name in all_symbols:
                 lines.append(f"const amb_real {name} = {text};")
-                asked |= symbols
-        return lines[::-1], asked
+                all_symbols |= symbols
+        return lines[::-1], all_symbols

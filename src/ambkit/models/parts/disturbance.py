@@ -1,4 +1,4 @@
-"""A disturbance force that wanders."""
+"""The disturbance force: a random walk, whose intensity is the process noise."""
 
 from __future__ import annotations
 

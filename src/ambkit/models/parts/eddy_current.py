@@ -38,7 +38,7 @@ class EddyCurrents:
         ]
 
     def declare(self, plan: Plan) -> None:
-        """Add the force that acts in the place of the magnet's."""
+        """Add the force that acts instead of the magnet's."""
         plan.state(self.state, "N", self.size, "lagged force")
         plan.rate(self.state, self.force, 1 / self.lag)
         plan.rate(self.state, self.state, -1 / self.lag)

@@ -62,20 +62,20 @@ class WhiteAcceleration:
 
 def plain_parts(machine: Any, **_: Any) -> list[Part]:
     """Return a machine's rotor, magnets, disturbance forces and sensors alone."""
-    sizes = [Typical.of(machine.alone(axis.name)) for axis in machine.axes]
+    sizes = [Typical.of(machine.isolated_axis(axis.name)) for axis in machine.axes]
     known = (kind.of(machine, sizes) for kind in (Rotor, MagnetPlace, Disturbance, Sensor))
-    currents = (replace(each, bandwidth=None) for each in Amplifier.of(machine, sizes))
+    currents = (replace(item, bandwidth=None) for item in Amplifier.of(machine, sizes))
     return [*(part for parts in known for part in parts), *currents]
 
 
 def free_parts(machine: Any, acceleration: float, **_: Any) -> list[Part]:
     """Return a machine's rotor, magnets and sensors without what lags, and without its forces."""
-    sizes = [Typical.of(machine.alone(axis.name)) for axis in machine.axes]
+    sizes = [Typical.of(machine.isolated_axis(axis.name)) for axis in machine.axes]
     return [
         *Rotor.of(machine, sizes),
         *MagnetPlace.of(machine, sizes),
         *UnknownForce.of(machine, sizes),
         WhiteAcceleration(acceleration),
-        *(replace(each, lag=None) for each in Sensor.of(machine, sizes)),
-        *(replace(each, bandwidth=None) for each in Amplifier.of(machine, sizes)),
+        *(replace(item, lag=None) for item in Sensor.of(machine, sizes)),
+        *(replace(item, bandwidth=None) for item in Amplifier.of(machine, sizes)),
     ]

@@ -52,7 +52,7 @@ class Rotor:
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Rotor]:
         """Return it with its gyroscopics at the machine's speed, and its bending modes."""
         positions = machine.positions
-        reach = max(
+        max_lever = max(
             (abs(a.line.place) for a in machine.axes if not (a.line.axial or a.line.translation)),
             default=1.0,
         )
@@ -79,7 +79,7 @@ class Rotor:
             stiffness={(at[q], at[q]): float(k) for q, k in stiffness.items()},
             damping={(at[i], at[j]): d for (i, j), d in damping.items()},
             circulatory={(at[i], at[j]): n for (i, j), n in circulatory.items()},
-            turns=tuple(q.startswith("th") for q in positions), lever=reach, bends=bends,
+            turns=tuple(q.startswith("th") for q in positions), lever=max_lever, bends=bends,
         )  # fmt: skip
         return [own]
 
@@ -91,10 +91,10 @@ class Rotor:
             (self.velocities, "/s", self.speed_size, ("velocity", "bending velocity")),
         )):  # fmt: skip
             for name, position, turn in zip(names, self.positions, turns, strict=True):
-                each = size / self.lever if turn else size
+                parts = size / self.lever if turn else size
                 bent = self.bends.get(position)
-                each, role = (each, roles[0]) if bent is None else (bent[k], roles[1])
-                plan.state(name, ("rad" if turn else "m") + unit, each, role)
+                parts, role = (parts, roles[0]) if bent is None else (bent[k], roles[1])
+                plan.state(name, ("rad" if turn else "m") + unit, parts, role)
         pairs = list(zip(self.positions, self.velocities, strict=True))
         for position, velocity in pairs:
             plan.rate(position, velocity, UNIT)
@@ -111,8 +111,8 @@ class Rotor:
         )
         for entries, sources, scale in driven:
             for (k, j), value in entries.items():
-                for (i, pushed), moved in inverse.items():
-                    if pushed == k:
+                for (i, column), moved in inverse.items():
+                    if column == k:
                         plan.rate(self.velocities[i], sources[j], -moved * scale * value)
 
     def _inverse_mass(self) -> dict[tuple[int, int], float]:
@@ -172,11 +172,11 @@ def _circulatory(bending: Bending) -> dict[tuple[str, str], float]:
     """Return entries of N: of D_internal (q' - speed J q), what is not of q'."""
     # J turns from x towards y. What stands still for a rotor that turns moves for its material,
     # which so drives a whirl that is slower than the rotor.
-    found: dict[tuple[str, str], float] = {}
+    results: dict[tuple[str, str], float] = {}
     for k, m in np.argwhere(bending.internal):
         one, other, value = bending.names[k], bending.names[m], float(bending.internal[k, m])
-        found |= {(f"{one}_x", f"{other}_y"): value, (f"{one}_y", f"{other}_x"): -value}
-    return found
+        results |= {(f"{one}_x", f"{other}_y"): value, (f"{one}_y", f"{other}_x"): -value}
+    return results
 
 
 LEAST_BENT = 1 / 30

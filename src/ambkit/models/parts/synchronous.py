@@ -65,10 +65,10 @@ class SynchronousForce:
             (x, self.along_x, self.along_y, -1.0), (y, self.along_y, self.along_x, 1.0)
         ):  # fmt: skip
             plan.state(state, "kg m", self.size, "unbalance")
-            pushed = {q: self.speed**2 * each for q, each in row(along).items()}
+            force_inputs = {q: self.speed**2 * item for q, item in row(along).items()}
             if self.speeding:
-                pushed |= {q: way * self.speeding * each for q, each in row(beside).items()}
-            plan.push(state, pushed)
+                force_inputs |= {q: way * self.speeding * item for q, item in row(beside).items()}
+            plan.push(state, force_inputs)
         _turn(plan, x, y, self.speed)
         grown = dict.fromkeys((x, y), 1 / plan.T)
         plan.noise(self.name, "kg m", self.growth, grown, walk=False)
@@ -105,18 +105,18 @@ class SynchronousRunout:
         """Return one for each order that a sensor sees."""
         parts: list[SynchronousRunout] = []
         for sensor in machine.sensors:
-            told = {line.order: line.amplitude for line in sensor.runout} or {1: RUNOUT}
+            amplitudes = {line.order: line.amplitude for line in sensor.runout} or {1: RUNOUT}
             looking = [r for r in machine.readings if r.sensor is sensor]
-            for order, size in told.items():
+            for order, size in amplitudes.items():
                 # A quarter farther round: exactly 0 and 1 where they are.
                 around = [Line.across(0.0, order * k * math.pi / 2) for k in range(len(looking))]
                 seen = tuple(
                     (signal("x_m", r.name), sensor.gain, machine.lag_of(sensor), at.cosine, at.sine)
                     for r, at in zip(looking, around, strict=True)
                 )
-                growth = size * math.sqrt(machine.sampling_time / MEMORY)
+                walk_std = size * math.sqrt(machine.sampling_time / MEMORY)
                 name = f"r{order}_{sensor.name}"
-                parts.append(cls(size, growth, machine.speed, order, name, seen))
+                parts.append(cls(size, walk_std, machine.speed, order, name, seen))
         return parts
 
     def declare(self, plan: Plan) -> None:
@@ -125,10 +125,10 @@ class SynchronousRunout:
         for state, role in ((c, "runout"), (s, "runout")):
             plan.state(state, "m", self.size, role)
         _turn(plan, c, s, self.order * self.speed)
-        for shown, gain, lag, cosine, sine in self.sensors:
+        for sensor_state, gain, lag, cosine, sine in self.sensors:
             for state, share in ((c, cosine), (s, sine)):
                 if share:
-                    plan.rate(shown, state, gain * share / lag)
+                    plan.rate(sensor_state, state, gain * share / lag)
         grown = dict.fromkeys((c, s), 1 / plan.T)
         plan.noise(self.name, "m", self.growth, grown, walk=False)
 
@@ -142,9 +142,9 @@ def across(machine: Any, z: float) -> tuple[Place, Place]:
 def unbalance_planes(machine: Any) -> list[float]:
     """Where unbalance is estimated: one or two described planes, or at the outer bearings."""
     # Two planes are all that a rigid rotor has, and one that bends has another for each mode.
-    given = {each.place for each in machine.unbalance}
+    planes = {item.place for item in machine.unbalance}
     most = 2 if machine.bending is None else 2 + len(machine.bending.frequency)
-    if 0 < len(given) <= most:
-        return sorted(given)
-    places = sorted(each.place for each in machine.bearings if each.type == "radial")
+    if 0 < len(planes) <= most:
+        return sorted(planes)
+    places = sorted(bearing.place for bearing in machine.bearings if bearing.type == "radial")
     return [places[0], places[-1]]

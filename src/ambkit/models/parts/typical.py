@@ -23,5 +23,5 @@ class Typical(NamedTuple):
         """Return those of a bearing of one axis."""
         magnet, rotor = bearing.magnet, bearing.rotor
         force = 4 * magnet.magnet_constant * (magnet.bias_current / magnet.air_gap) ** 2
-        speed = math.sqrt(force * rotor.travel_limit / rotor.mass)
-        return cls(rotor.travel_limit, speed, force, magnet.bias_current)
+        speed = math.sqrt(force * rotor.clearance / rotor.mass)
+        return cls(rotor.clearance, speed, force, magnet.bias_current)

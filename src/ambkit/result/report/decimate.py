@@ -26,8 +26,8 @@ def decimate(
     gap = np.isnan(ys)
     low = np.where(gap, np.inf, ys).argmin(axis=1)
     high = np.where(gap, -np.inf, ys).argmax(axis=1)
-    kept = [first + place for place in (xs.argmin(axis=1), xs.argmax(axis=1), low, high)]
+    index_parts = [first + place for place in (xs.argmin(axis=1), xs.argmax(axis=1), low, high)]
     broken = gap.any(axis=1)
-    kept.append(first[broken] + gap[broken].argmax(axis=1))
-    index = np.unique(np.minimum(np.concatenate(kept), x.size - 1))
+    index_parts.append(first[broken] + gap[broken].argmax(axis=1))
+    index = np.unique(np.minimum(np.concatenate(index_parts), x.size - 1))
     return x[index], y[index]

@@ -220,10 +220,10 @@ def _beside(domain: Json) -> Json:
     return {"x": right + 0.01, "y": (bottom + top) / 2, "len": top - bottom, "ypad": 0, "xpad": 4}
 
 
-def _into_legend(drawn: list[Json], item: Item, named: set[str]) -> None:
+def _into_legend(traces: list[Json], item: Item, named: set[str]) -> None:
     """Name what was drawn; each name stands in the legend once and switches all of its group."""
     legend = "" if isinstance(item, Heatmap | Cells | Note) else item.legend
-    for part in drawn:
+    for part in traces:
         part["name"] = label_html(legend)
         part["legendgroup"] = legend
         part.setdefault("showlegend", bool(legend) and legend not in named)

@@ -43,8 +43,8 @@ _PATTERNS = {style.DASH: "/", style.LONG: "/", style.DASH_DOT: "\\", style.DOT: 
 
 def shown_place(axis: Axis, value: float) -> float:
     """Where a value stands on an axis, as plotly wants it for ranges and annotations."""
-    shown = value * axis.factor
-    return float(np.log10(shown)) if axis.scale == "log" else shown
+    scaled_value = value * axis.factor
+    return float(np.log10(scaled_value)) if axis.scale == "log" else scaled_value
 
 
 def hover_format(coordinate: str, axis: Axis) -> str:

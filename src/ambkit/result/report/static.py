@@ -107,9 +107,9 @@ def light(figure: Figure) -> bytes:
     from PIL import Image  # which matplotlib writes its PNGs with
 
     with drawn_as_on_paper(figure):
-        drawn = Image.open(BytesIO(_pixels(draw(figure, resolution=LIGHT)[0])))
+        image = Image.open(BytesIO(_pixels(draw(figure, resolution=LIGHT)[0])))
     png = BytesIO()
-    few = drawn.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+    few = image.convert("RGB").quantize(256, dither=Image.Dither.NONE)
     few.save(png, "PNG", optimize=True)
     return png.getvalue()
 
@@ -190,7 +190,7 @@ def _layout(figure: Figure, top: float) -> tuple[float, list[tuple[float, float,
     """Height of the figure [inch], and where each panel stands, in parts of the figure."""
     cells = [panel.cells for panel in figure.panels]
     usual = {1: 2.75, 2: 1.85}.get(figure.rows, 1.5)
-    rows = max((_ROW * len(each.rows) for each in cells if each), default=usual)
+    rows = max((_ROW * len(item.rows) for item in cells if item), default=usual)
     panel_height = figure.panel_height or rows
     cell = WIDTH / figure.columns
     places = []
@@ -198,7 +198,7 @@ def _layout(figure: Figure, top: float) -> tuple[float, list[tuple[float, float,
     for start in range(0, len(figure.panels), figure.columns):
         row = range(start, min(start + figure.columns, len(figure.panels)))
         depth += _TITLE * any(figure.panels[index].title for index in row)
-        heads = [name.count("\n") + 1 for n in row if (each := cells[n]) for name in each.columns]
+        heads = [name.count("\n") + 1 for n in row if (parts := cells[n]) for name in parts.columns]
         depth += max(_HEADS, _HEAD * max(heads)) if heads else 0.0
         for index in row:
             bar = _BAR if figure.panels[index].heatmap else 0.0
@@ -209,7 +209,7 @@ def _layout(figure: Figure, top: float) -> tuple[float, list[tuple[float, float,
             places.append((left, depth, cell - _LEFT - names - _RIGHT - bar))
         depth += panel_height
         joined = all(figure.shares_x(index) or figure.panels[index].cells for index in row)
-        below = any(each and figure.panels[n].x.title for n, each in enumerate(cells) if n in row)
+        below = any(item and figure.panels[n].x.title for n, item in enumerate(cells) if n in row)
         depth += (_ROW + 0.1 if below else 0.12) if joined else _BOTTOM
     return depth, [
         (left / WIDTH, 1 - (down + panel_height) / depth, width / WIDTH, panel_height / depth)
@@ -240,9 +240,9 @@ def _draw_panel(axes: "Axes", panel: Panel, labelled: bool, own_layout: bool = T
         axes.grid(visible=False, axis="x")
     if panel.x.scale == "linear" and not panel.categories and max(map(abs, axes.get_xlim())) >= 1e4:
         axes.locator_params(axis="x", nbins=4)  # long numbers would touch each other
-    for scale, drawn in ((panel.x.scale, axes.xaxis), (panel.y.scale, axes.yaxis)):
+    for scale, mpl_axis in ((panel.x.scale, axes.xaxis), (panel.y.scale, axes.yaxis)):
         if scale == "log":
-            _plain_numbers(drawn)
+            _plain_numbers(mpl_axis)
     if panel.equal:
         axes.set_aspect("equal", adjustable="datalim")
     axes.set_title(panel.title)
@@ -268,12 +268,12 @@ def _plain_numbers(axis: "XAxis | YAxis") -> None:
         return
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
     # Over few decades the powers of ten alone are too few to read a value.
-    shown = "36" if high < 100 * low else ""
+    digits = "36" if high < 100 * low else ""
 
     def between(value: float, _: object) -> str:
-        return f"{value:.4g}" if f"{value:.0e}"[0] in shown else ""
+        return f"{value:.4g}" if f"{value:.0e}"[0] in digits else ""
 
-    axis.set_minor_formatter(FuncFormatter(between) if shown else NullFormatter())
+    axis.set_minor_formatter(FuncFormatter(between) if digits else NullFormatter())
 
 
 def _shorten(svg: str) -> str:

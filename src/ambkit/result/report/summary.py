@@ -95,5 +95,5 @@ def tally(rows: Sequence[SummaryRow]) -> list[tuple[str, int]]:
     """How often each verdict was given."""
     for row in rows:
         verdict_of(row)
-    given = [row["verdict"] for row in rows]
-    return [(word, given.count(word)) for word in VERDICTS if word in given]
+    verdicts = [row["verdict"] for row in rows]
+    return [(word, verdicts.count(word)) for word in VERDICTS if word in verdicts]

@@ -34,7 +34,7 @@ def bearing(of: Bearing) -> Card:
              if isinstance(getattr(of, name), BaseModel)}  # fmt: skip
     centre = (
         f"k_i {value(linear.k_i, 'N/A')}, k_s {value(linear.k_s, 'N/m')}, "
-        f"hovers with {value(of.hover_current, 'A')}"
+        f"hovers with {value(of.levitation_current, 'A')}"
     )
     rows = [("", own), *parts.items(), ("at x = 0", centre)]
     return Card(
@@ -75,7 +75,7 @@ def _spread(values: Any, unit: str) -> list[str]:
     if not there.size:
         return ["–"] * len(SPAN)
     ends = (there.min(), there.max(), np.sqrt(np.mean(there**2)))
-    return [value(float(each), unit) for each in ends]
+    return [value(float(end), unit) for end in ends]
 
 
 def _missing(values: Any) -> str:

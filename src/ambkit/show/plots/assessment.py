@@ -121,10 +121,10 @@ def unstable_figure(
         phase = np.degrees(np.angle(L))
         phase[1:][np.abs(np.diff(phase)) > 180] = np.nan  # where it comes in at the other end
         phases.append(Line(f, phase, signal=look, label=label))
-    for each in poles:
-        if each.frequency > SHOWN * nyquist:  # the fastest growing is named
-            text = f"{each.frequency:.4g} Hz" if each is poles[0] else ""
-            gains.append(Rule(each.frequency, axis="x", signal="spike", label="", text=text))
+    for item in poles:
+        if item.frequency > SHOWN * nyquist:  # the fastest growing is named
+            text = f"{item.frequency:.4g} Hz" if item is poles[0] else ""
+            gains.append(Rule(item.frequency, axis="x", signal="spike", label="", text=text))
     frequency = Axis("frequency", "Hz", scale="log", limits=(SHOWN * nyquist, nyquist))
     real = Axis("real part of L", limits=NYQUIST_REAL)
     panels = [
@@ -136,8 +136,8 @@ def unstable_figure(
         Panel(frequency, Axis("phase of L", "°", limits=(-180.0, 180.0)), phases, title="Phase"),
     ]  # fmt: skip
     grows = "; ".join(
-        f"{each.frequency:.4g} Hz grows by {each.growth:.3g}/s, doubles in {each.doubling:.3g} s"
-        for each in poles
+        f"{pole.frequency:.4g} Hz grows by {pole.growth:.3g}/s, doubles in {pole.doubling:.3g} s"
+        for pole in poles
     )
     others = ", each axis with all other loops closed" if len(axes) > 1 else ""
     return Figure(
@@ -150,28 +150,28 @@ def unstable_figure(
 
 def _alike(S: Complex) -> list[list[int]]:
     """Return the axes of sensitivities (k, a, a), those together whose curves are the same."""
-    found: list[list[int]] = []
+    results: list[list[int]] = []
     for k in range(S.shape[1]):
-        for same in found:
+        for same in results:
             if np.allclose(S[:, k, k], S[:, same[0], same[0]], rtol=1e-6, atol=0):
                 same.append(k)
                 break
         else:
-            found.append([k])
-    return found
+            results.append([k])
+    return results
 
 
 def _of_poles(loop: Loop, poles: Sequence[UnstablePole]) -> Panel:
     """Show the poles of a closed loop about those that grow."""
-    found = rates(loop)
-    found = found[found.imag >= 0]
-    fastest = max((each.growth for each in poles), default=0.0)
-    highest = max((each.frequency for each in poles), default=0.0)
-    slowest = -float(found.real[found.real < 0].max(initial=-math.inf))
-    wide = max(1.5 * fastest, 0.5 * slowest if math.isfinite(slowest) else 0.0, 1.0)
+    result = rates(loop)
+    result = result[result.imag >= 0]
+    max_growth = max((pole.growth for pole in poles), default=0.0)
+    highest = max((pole.frequency for pole in poles), default=0.0)
+    min_decay = -float(result.real[result.real < 0].max(initial=-math.inf))
+    wide = max(1.5 * max_growth, 0.5 * min_decay if math.isfinite(min_decay) else 0.0, 1.0)
     high = min(loop.nyquist, max(1.6 * highest, wide / math.pi))
-    shown = (found.real > -3 * wide) & (found.imag <= 2 * math.pi * high)
-    stable, grow = found[shown & (found.real < 0)], found[shown & (found.real >= 0)]
+    visible = (result.real > -3 * wide) & (result.imag <= 2 * math.pi * high)
+    stable, grow = result[visible & (result.real < 0)], result[visible & (result.real >= 0)]
     items: list[Item] = [
         Rule(0.0, axis="x", signal="limit", label="limit of stability"),
         Points(stable.real, stable.imag / (2 * math.pi), signal="estimate", label="stable pole"),
@@ -186,8 +186,8 @@ def _of_poles(loop: Loop, poles: Sequence[UnstablePole]) -> Panel:
 
 def _noise(loop: Loop, axis: int, f: Vector) -> Vector:
     """Return how noise at an axis's summing point comes to its control signal (k,) [V/m]."""
-    found = loop.noise_to_control(f)
-    return np.abs((found if loop.added is None else found @ loop.added)[:, axis, axis])
+    result = loop.noise_to_control(f)
+    return np.abs((result if loop.added is None else result @ loop.added)[:, axis, axis])
 
 
 def _of_whole(

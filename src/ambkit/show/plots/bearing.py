@@ -22,7 +22,7 @@ SHARES = (-0.5, 0.0, 0.5)
 
 def bearing_figure(bearing: Bearing) -> Figure:
     """Show what its magnet pulls with, and the current that carries the rotor."""
-    magnet, travel = magnet_of(bearing), bearing.rotor.travel_limit
+    magnet, travel = magnet_of(bearing), bearing.rotor.clearance
     iu = np.linspace(bearing.current_min, bearing.current_max, 121)
     x = np.linspace(-travel, travel, 121)
     current, displacement = Axis("control current $i_u$", "A"), Axis("displacement $x$", "mm", 1e3)
@@ -30,17 +30,19 @@ def bearing_figure(bearing: Bearing) -> Figure:
     places = [share * travel for share in SHARES]
     currents = [share * bearing.current_max for share in SHARES]
     carried: list[Item] = [Rule(-bearing.weight, signal="reference", label="carries the weight")]
-    hover = np.array([bearing.hover_current])
-    here = Points(hover, np.array([-bearing.weight]), signal="measurement", label="hovers")
+    levitation_current = np.array([bearing.levitation_current])
+    here = Points(
+        levitation_current, np.array([-bearing.weight]), signal="measurement", label="hovers"
+    )
     over_current: list[Item] = [
         Line(iu, magnet.force(iu, place), signal=style,
              label=f"$x$ = {engineering(place, 'm', 3, like=travel)}")
         for style, place in zip(STYLES, places, strict=True)
     ]  # fmt: skip
     over_displacement: list[Item] = [
-        Line(x, magnet.force(given, x), signal=style,
-             label=f"$i_u$ = {engineering(given, 'A', 3)}")
-        for style, given in zip(STYLES, currents, strict=True)
+        Line(x, magnet.force(control_current, x), signal=style,
+             label=f"$i_u$ = {engineering(control_current, 'A', 3)}")
+        for style, control_current in zip(STYLES, currents, strict=True)
     ]  # fmt: skip
     return Figure(
         id="bearing",

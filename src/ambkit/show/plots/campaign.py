@@ -68,16 +68,16 @@ def in_words(names: Sequence[str]) -> list[str]:
 
     def last(name: str, steps: int) -> str:
         whose, rest = _whose(name)
-        told = [each for each in rest.split(".") if each not in _SAYS_NOTHING]
-        return whose + " ".join(told[-steps:]).replace("_", " ")
+        parts = [item for item in rest.split(".") if item not in _SAYS_NOTHING]
+        return whose + " ".join(parts[-steps:]).replace("_", " ")
 
-    found = []
+    results = []
     for name in names:
         steps = 1 + name[-1].isdecimal()
-        while sum(last(each, steps) == last(name, steps) for each in names) > 1 and steps < 9:
+        while sum(last(item, steps) == last(name, steps) for item in names) > 1 and steps < 9:
             steps += 1
-        found.append(last(name, steps))
-    return found
+        results.append(last(name, steps))
+    return results
 
 
 def _whose(name: str) -> tuple[str, str]:
@@ -130,17 +130,17 @@ def cumulative_figure(
 ) -> Figure:
     """Show which share of machines is at or below each value of figures."""
     panels = []
-    shown = dict(list(groups.items())[:SERIES])
+    visible_groups = dict(list(groups.items())[:SERIES])
     for of in figures:
         finite = of.values[np.isfinite(of.values)]
         items: list[Item] = []
-        for place, (name, these) in enumerate(shown.items()):
+        for place, (name, these) in enumerate(visible_groups.items()):
             values = np.sort(of.values[these & ~np.isnan(of.values)])
             if not values.size:
                 continue
             at = np.unique(np.linspace(0, values.size - 1, POINTS).astype(int))
             keep = at[np.isfinite(values[at])]
-            label = name if len(shown) > 1 else ""
+            label = name if len(visible_groups) > 1 else ""
             y = (keep + 1) / values.size
             items.append(Line(values[keep], y, signal=f"series {place + 1}", label=label))
         if of.name in limits:
@@ -154,7 +154,7 @@ def cumulative_figure(
                 axis = Axis(axis.label, axis.unit, axis.factor, limits=(low - room, high + room))
         y_axis = Axis("share of machines", "%", 100.0, limits=(0.0, 1.02))
         panels.append(Panel(axis, y_axis, items))
-    left_out = len(groups) - len(shown)
+    left_out = len(groups) - len(visible_groups)
     rest = f" {left_out} more of the choice are not shown." if left_out else ""
     return Figure(
         "cumulative",
@@ -181,14 +181,14 @@ class Swing(NamedTuple):
 
 def tornado_figure(id: str, figure: Quantity, middle: float, swings: Sequence[Swing]) -> Figure:
     """Show what each quantity does to a figure, the strongest on top."""
-    order = sorted(swings, key=lambda each: -abs(each.high - each.low))
-    ends = [sorted((each.low, each.high)) for each in order]
+    order = sorted(swings, key=lambda item: -abs(item.high - item.low))
+    ends = [sorted((entry.low, entry.high)) for entry in order]
     rows = Intervals(
-        [_folded(each.name) for each in order],
+        [_folded(entry.name) for entry in order],
         np.full(len(order), middle),
         np.array([low for low, _ in ends]),
         np.array([high for _, high in ends]),
-        [each.text for each in order],
+        [entry.text for entry in order],
         signal="estimate",
         label="",
     )
@@ -275,26 +275,26 @@ def parallel_figure(
 
 def front_figure(
     title: str, error: Sequence[float], peak: Sequence[float], best: NDArray[np.bool_],
-    allowed: NDArray[np.bool_], ceiling: float, taken: int,
+    allowed: NDArray[np.bool_], peak_limit: float, chosen_index: int,
 ) -> Figure:  # fmt: skip
     """Show error of the force against the peak of the sensitivity, of all that was tried."""
     # best (n,); allowed (n,)
     x, y = np.asarray(peak, float), np.asarray(error, float)
-    right, top = BEYOND * ceiling, BEYOND * max(y[taken], y[0])
-    shown = (x <= right) & (y <= top)
-    front = np.flatnonzero(best & shown)
+    right, top = BEYOND * peak_limit, BEYOND * max(y[chosen_index], y[0])
+    visible = (x <= right) & (y <= top)
+    front = np.flatnonzero(best & visible)
     front = front[np.argsort(x[front])]
-    rest = shown & ~best
+    rest = visible & ~best
     items: list[Item] = [
         Points(x[rest & ~allowed], y[rest & ~allowed], signal="measured", label="not allowed"),
         Points(x[rest & allowed], y[rest & allowed], signal="constant", label="tried"),
         Line(x[front], y[front], signal="series 3", label=""),
         Points(x[front], y[front], signal="series 3", label="nothing is better in both"),
         Points(x[[0]], y[[0]], signal="start", label="untuned"),
-        Points(x[[taken]], y[[taken]], signal="estimate", label="taken"),
-        Rule(ceiling, axis="x", signal="limit", label="to stay below"),
+        Points(x[[chosen_index]], y[[chosen_index]], signal="estimate", label="taken"),
+        Rule(peak_limit, axis="x", signal="limit", label="to stay below"),
     ]
-    left_out = int((~shown).sum())
+    left_out = int((~visible).sum())
     left_out_said = f" {left_out} that lie farther out are not shown." if left_out else ""
     return Figure(
         "front",

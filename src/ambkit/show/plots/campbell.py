@@ -1,4 +1,4 @@
-"""The Campbell diagram of a whole machine."""
+"""The Campbell diagram of a machine."""
 
 from __future__ import annotations
 
@@ -28,14 +28,15 @@ def campbell_figure(
 ) -> Figure:
     """Show frequencies and damping of a rotor's modes over its speed."""
     # speed (n,) [rad/s]; poles (n, modes) [1/s]
-    looks = {"forward": "series 1", "backward": "series 2", "axial": "series 3"}
+    line_styles = {"forward": "series 1", "backward": "series 2", "axial": "series 3"}
     frequencies: list[Item] = [
-        Line(speed, poles[:, k].imag, signal=looks[way], label=way) for k, way in enumerate(whirl)
+        Line(speed, poles[:, k].imag, signal=line_styles[way], label=way)
+        for k, way in enumerate(whirl)
     ]
     near = speed <= 1.2 * poles.imag.max()
     frequencies.append(Line(speed[near], speed[near], signal="constant", label="speed of rotation"))
     damping: list[Item] = [
-        Line(speed, -poles[:, k].real / np.abs(poles[:, k]), signal=looks[way], label=way)
+        Line(speed, -poles[:, k].real / np.abs(poles[:, k]), signal=line_styles[way], label=way)
         for k, way in enumerate(whirl)
     ]
     return Figure(

@@ -33,9 +33,9 @@ def capacity_figure(
     panels = []
     for heading, kind in kinds.items():
         items: list[Item] = [
-            Line(f, getattr(each, kind), signal=LOOKS[k % len(LOOKS)], label=name)
-            for k, (name, each) in enumerate(loops.items())
-            if getattr(each, kind) is not None
+            Line(f, getattr(item, kind), signal=LOOKS[k % len(LOOKS)], label=name)
+            for k, (name, item) in enumerate(loops.items())
+            if getattr(item, kind) is not None
         ]
         if items:
             items += [

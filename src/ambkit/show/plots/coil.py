@@ -24,9 +24,9 @@ def coil_figure(fit: CoilFit) -> Figure:
     far = sorted(range(len(names)), key=lambda k: fit.distance[names[k]])[len(names) // 2]
     record = records[far]
     jump = int(np.argmax(np.abs(np.diff(record["u"]))))
-    reach = round(SHOWN / 2 / record.sampling_time)
-    cut = slice(max(jump - reach // 3, 0), jump + reach)
-    each = np.array([(fit.distance[n], fit.each[n], fit.left_out.get(n, np.nan)) for n in names])
+    half_window = round(SHOWN / 2 / record.sampling_time)
+    cut = slice(max(jump - half_window // 3, 0), jump + half_window)
+    parts = np.array([(fit.distance[n], fit.each[n], fit.left_out.get(n, np.nan)) for n in names])
     return Figure(
         id="coil",
         title="A coil, from steps of its control signal",
@@ -41,8 +41,8 @@ def coil_figure(fit: CoilFit) -> Figure:
             ]),
             Panel(distance, Axis("left, rms", "mA", 1e3), [
                 Rule(fit.noise, signal="bound", label="noise"),
-                Points(each[:, 0], each[:, 1], signal="measurement", label="found from it"),
-                Points(each[:, 0], each[:, 2], signal="estimate", label="found without it"),
+                Points(parts[:, 0], parts[:, 1], signal="measurement", label="found from it"),
+                Points(parts[:, 0], parts[:, 2], signal="estimate", label="found without it"),
             ]),
         ],
     )  # fmt: skip

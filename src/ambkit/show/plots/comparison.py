@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def comparison_figure(scores: Mapping[str, Mapping[str, Score]], what: str = "step") -> Figure:
     """Show the errors of several filters as bars."""
-    shown = {
+    axes = {
         "x": Axis("error of position", "µm rms", 1e6),
         "v": Axis("error of velocity", "mm/s rms", 1e3),
         "f_d": Axis("error of disturbance force", "N rms"),
@@ -42,7 +42,7 @@ def comparison_figure(scores: Mapping[str, Mapping[str, Score]], what: str = "st
 
     errors = [
         Panel(Axis(what), axis, bars(methodcaller("mean", signal), methodcaller("spread", signal)))
-        for signal, axis in shown.items()
+        for signal, axis in axes.items()
     ]
     nis = bars(lambda score: float(score.nis.mean()), lambda score: float(score.nis.std()))
     return Figure(

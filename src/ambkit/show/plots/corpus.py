@@ -1,4 +1,4 @@
-"""How each of many logs of a rig is foretold by the others."""
+"""How each of many logs of a rig is predicted by the others."""
 
 from __future__ import annotations
 
@@ -22,18 +22,20 @@ KINDS = (
 
 
 def corpus_figure(corpus: Corpus) -> Figure:
-    """Show how each log is foretold by the others, beside what knows no magnet."""
-    numbers = [str(k) for k in range(1, len(corpus.foretold) + 1)]
+    """Show how each log is predicted by the others, beside what knows no magnet."""
+    numbers = [str(k) for k in range(1, len(corpus.predictions) + 1)]
     panels = [
         Panel(
             Axis("log"), Axis(f"error {ahead} ahead", "µm rms", 1e6),
             [
-                Bars(tuple(numbers), np.array([getattr(each, kind)[ahead] for each in
-                     corpus.foretold]), signal=signal, label=label)
+                Bars(tuple(numbers), np.array([getattr(prediction, kind)[ahead] for prediction in
+                     corpus.predictions]), signal=signal, label=label)
                 for kind, signal, label in KINDS
             ],
         )
-        for ahead in corpus.foretold[0].error
+        for ahead in corpus.predictions[0].error
     ]  # fmt: skip
-    said = ", ".join(f"{n}: {each.name}" for n, each in zip(numbers, corpus.foretold, strict=True))
-    return Figure("corpus", "Each log, foretold by a model of the others", said, panels)
+    said = ", ".join(
+        f"{n}: {prediction.name}" for n, prediction in zip(numbers, corpus.predictions, strict=True)
+    )
+    return Figure("corpus", "Each log, predicted by a model of the others", said, panels)

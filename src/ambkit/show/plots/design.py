@@ -16,7 +16,7 @@ def design_figure(
     """Show the errors of the filters that were tried, beside those of the raw sensor."""
 
     def bars(signal: str) -> list[Item]:
-        return [Bars(names, np.array([each[signal] for each in errors]), label="")]
+        return [Bars(names, np.array([error[signal] for error in errors]), label="")]
 
     return Figure(
         id="design",

@@ -36,15 +36,15 @@ def excitation_figure(design: Design) -> Figure:
         ]
 
     reference: Item = Line(t, record["r"], signal="reference")
-    frequency, asked = _amplitudes(record["r"], T)
+    frequency, reference_spectrum = _amplitudes(record["r"], T)
     _, moved = _amplitudes(record["x"], T)
-    shown = (frequency >= 0.5 * design.band[0]) & (frequency <= 2 * design.band[1])
-    top = 2 * max(np.max(asked[shown]), np.max(moved[shown]))
+    in_band = (frequency >= 0.5 * design.band[0]) & (frequency <= 2 * design.band[1])
+    top = 2 * max(np.max(reference_spectrum[in_band]), np.max(moved[in_band]))
     # What lies a thousand times lower is noise, or the zeros between two lines.
     amplitude = Axis("amplitude", "µm", 1e6, "log", limits=(1e-3 * top, top))
     excited: list[Item] = [
-        Line(frequency[shown], asked[shown], signal="reference", label=""),
-        Line(frequency[shown], moved[shown], signal="truth", label=""),
+        Line(frequency[in_band], reference_spectrum[in_band], signal="reference", label=""),
+        Line(frequency[in_band], moved[in_band], signal="truth", label=""),
     ]
     name = markdown(design.expectation.model.bearing.name)
     return Figure(

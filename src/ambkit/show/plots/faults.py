@@ -46,15 +46,15 @@ def faults_figure(campaign: FaultCampaign) -> Figure:
 def _cells(campaign: FaultCampaign, setting: str) -> Cells:
     columns = [*campaign.estimators, BASELINE]
     rows = [name for name in campaign.faults if campaign.select(setting=setting, fault=name)]
-    found = [
+    results = [
         [campaign.select(setting=setting, fault=fault, estimator=name) for name in columns]
         for fault in rows
     ]
     return Cells(
         [_head(name, place) for place, name in enumerate(columns)],
         rows,
-        np.array([[_shade(cell) for cell in row] for row in found]),
-        [[recovery_text(cell).replace("not finite", "∞") for cell in row] for row in found],
+        np.array([[_shade(cell) for cell in row] for row in results]),
+        [[recovery_text(cell).replace("not finite", "∞") for cell in row] for row in results],
     )
 
 

@@ -68,7 +68,7 @@ def filter_figure(
     def drawn(read: Callable[[Estimate], Array | None]) -> list[Item]:
         names = (label or style_of(style).label for style, label in looks(smoothed))
         after = ((style, f"{name}, smoothed") for style, name in zip(cycle(_SMOOTHED), names))
-        estimates = [*(each.estimate for each in evaluated.values()), *smoothed.values()]
+        estimates = [*(item.estimate for item in evaluated.values()), *smoothed.values()]
         return [
             Line(t, values, signal=style, label=label)
             for (style, label), estimate in zip([*looks(evaluated), *after], estimates, strict=True)
@@ -85,22 +85,22 @@ def filter_figure(
 
     def panel(state: Descriptor) -> Panel:
         axis = of_state(state)
-        shown = [*true(state.name), *told(state.name)]
+        items = [*true(state.name), *told(state.name)]
         if state.name == "x":
-            shown = [*known("y", "measured"), *known("r", "reference"), *shown]
-            shown += known("x_logged", "logged")
+            items = [*known("y", "measured"), *known("r", "reference"), *items]
+            items += known("x_logged", "logged")
         if state.name == "v":
-            shown = [*known("v_logged", "logged"), *shown]
+            items = [*known("v_logged", "logged"), *items]
         if state.role != "position":
-            axis = with_limits(axis, shown, settled)
-        return Panel(time, axis, [*shown, *absent])
+            axis = with_limits(axis, items, settled)
+        return Panel(time, axis, [*items, *absent])
 
-    late = {n: None for each in estimates for n in each.of_role("current")}
+    late = {n: None for item in estimates for n in item.of_role("current")}
     currents = [
         Panel(time, CURRENT, [*true(f"iu{name.removeprefix('i')}"), *told(name), *absent])
         for name in late
     ]
-    coloured = [] if any(estimates[0].readings) else drawn(lambda each: each.sensor_noise)
+    coloured = [] if any(estimates[0].readings) else drawn(lambda entry: entry.sensor_noise)
     noises = [Panel(time, NOISE, [*whole_noise(record), *coloured, *absent])] if coloured else []
     return Figure(
         id="filter",
@@ -150,8 +150,8 @@ def with_limits(axis: Axis, items: Iterable[Item], where: NDArray[np.bool_]) -> 
     """Return the axis with limits that show the lines whole where they count."""
     edges = [item.y for item in items if isinstance(item, Line)]
     edges += [edge for item in items if isinstance(item, Band) for edge in (item.low, item.high)]
-    shown = np.concatenate([edge[where] for edge in edges])
-    low, high = np.nanmin(shown), np.nanmax(shown)
+    values = np.concatenate([edge[where] for edge in edges])
+    low, high = np.nanmin(values), np.nanmax(values)
     margin = 0.05 * (high - low)
     if not margin > 0:
         return axis
@@ -176,10 +176,10 @@ def _innovations(t: Array, innovation: Array) -> Item:
     if count < STRETCHES:
         return Line(t, innovation, signal="innovation")
     length = t.size // STRETCHES
-    whole = innovation[: STRETCHES * length].reshape(STRETCHES, length)
-    known = np.isfinite(whole).sum(axis=1) >= STRETCH // 2
+    stretches = innovation[: STRETCHES * length].reshape(STRETCHES, length)
+    known = np.isfinite(stretches).sum(axis=1) >= STRETCH // 2
     low, high = np.full((2, STRETCHES), np.nan)
-    low[known], high[known] = np.nanquantile(whole[known], (0.025, 0.975), axis=1)
+    low[known], high[known] = np.nanquantile(stretches[known], (0.025, 0.975), axis=1)
     middle = t[: STRETCHES * length].reshape(STRETCHES, length).mean(axis=1)
     return Band(middle, low, high, signal="innovation", label="innovation, 95 % of a stretch")
 
@@ -191,8 +191,8 @@ def innovation_panel(name: str, estimate: Estimate, time: Axis, absent: Sequence
     if e.ndim > 1:
         k = int(np.argmax((e**2 / np.where(S > 0, S, np.inf)).mean(axis=0)))
         e, S, name = e[:, k], S[:, k], f"{name} {estimate.readings[k]}".strip()
-    told = estimate.used | ((estimate.status & np.uint16(Status.OUTLIER)) != 0)
-    innovation, expected = np.where(told, e, np.nan), 2 * np.sqrt(S)
+    usable = estimate.used | ((estimate.status & np.uint16(Status.OUTLIER)) != 0)
+    innovation, expected = np.where(usable, e, np.nan), 2 * np.sqrt(S)
     # The first bounds are so wide that they would make a line of all others.
     expected[expected > 1.5 * np.median(expected)] = np.nan
     expected[expected == 0] = np.nan  # a low-pass has no idea of them

@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from ambkit.identification.online.magnet_constant import Identification
 
 
-def identification_figure(found: Identification, start: float) -> Figure:
+def identification_figure(result: Identification, start: float) -> Figure:
     """Show how the magnet constant was learned along a record, from `start` [N m^2/A^2]."""
     # :func:`~ambkit.show.plots.online.online_figure` shows several learners.
     from ambkit.identification.online.adaline import AdalineResult
 
-    history = found.history
+    history = result.history
     panels = [
         Panel(TIME, Axis("magnet constant $k$", "N mm²/A²", 1e6), [
             Rule(start, signal="reference", label="start"),
-            Rule(found.magnet_constant, signal="bound", label="result"),
+            Rule(result.magnet_constant, signal="bound", label="result"),
             Line(history.t, history.k, signal="identified"),
         ]),
     ]  # fmt: skip
@@ -36,7 +36,7 @@ def identification_figure(found: Identification, start: float) -> Figure:
         panels.append(Panel(TIME, Axis("excitation"), [excitation]))
     return Figure(
         id="identification",
-        title=f"Identification of {markdown(found.bearing.name)}",
+        title=f"Identification of {markdown(result.bearing.name)}",
         caption="Where the excitation is too small, the magnet constant is held.",
         panels=panels,
     )

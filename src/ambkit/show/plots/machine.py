@@ -1,4 +1,4 @@
-"""A simulated run of a whole machine: orbits in its bearings, and what happened over time."""
+"""A simulated run of a machine: orbits in its bearings, and what happened over time."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ def machine_figure(run: Run) -> Figure:
     record, machine = run.record, run.machine
     t = record.t
     panels: list[Panel] = []
-    radial = [each for each in machine.bearings if each.type == "radial"]
-    panels += [_orbit(run, each) for each in radial]
-    for each in machine.bearings:
-        names = [axis.name for axis in machine.axes if axis.bearing is each]
+    radial = [bearing for bearing in machine.bearings if bearing.type == "radial"]
+    panels += [_orbit(run, item) for item in radial]
+    for entry in machine.bearings:
+        names = [axis.name for axis in machine.axes if axis.bearing is entry]
         moved: list[Item] = [
             Line(t, record[signal("s", name)], signal=f"series {k}", label=_of(k))
             for k, name in enumerate(names, 1)
         ]
-        panels.append(Panel(TIME, DISPLACEMENT, moved, title=f"In bearing {label(each.name)}"))
-    on, whole = run.fed, replace(TIME, limits=(float(t[0]), float(t[-1])))
-    for each in machine.bearings:
-        names = [axis.name for axis in machine.axes if axis.bearing is each]
-        limit = each.amplifier.current_limit
+        panels.append(Panel(TIME, DISPLACEMENT, moved, title=f"In bearing {label(entry.name)}"))
+    on, full_time_axis = run.fed, replace(TIME, limits=(float(t[0]), float(t[-1])))
+    for entry in machine.bearings:
+        names = [axis.name for axis in machine.axes if axis.bearing is entry]
+        limit = entry.amplifier.current_limit
         most = max(float(np.abs(record[signal("iu", name)][on]).max(initial=0.0)) for name in names)
         fed: list[Item] = [
             Line(t[on], record[signal("iu", name)][on], signal=f"series {k}", label=_of(k))
@@ -52,14 +52,14 @@ def machine_figure(run: Run) -> Figure:
         ]
         if most > 0.5 * limit:
             fed += [Rule(end, signal="limit", label="limit") for end in (-limit, limit)]
-        panels.append(Panel(whole, CURRENT, fed, title=f"Of bearing {label(each.name)}"))
+        panels.append(Panel(full_time_axis, CURRENT, fed, title=f"Of bearing {label(entry.name)}"))
     speed = record["speed"]
     rpm = units.rpm(speed[-1], 6)
     if speed.max() != speed.min():
         rpm = f"{units.rpm(speed[0], 6).removesuffix(' rpm')} to {rpm}"
     caption = (
         f"The rotor at {rpm}; orbits over the whole run, and dark over its last {TURNS} "
-        "revolutions; the circle is the backup bearing where it is near."
+        "revolutions; the circle is the touch-down bearing where it is near."
     )
     if "mode" in record:
         caption += " While it lies there are no currents, and no bias either."
@@ -92,12 +92,12 @@ def _orbit(run: Run, bearing: PlacedBearing) -> Panel:
         Line(x, y, signal="measured", label="whole run"),
         Line(x[late], y[late], signal="estimate", label=f"last {TURNS} revolutions"),
     ]
-    travel = bearing.travel_limit
+    travel = bearing.clearance
     if max(np.abs(x).max(), np.abs(y).max()) > 0.5 * travel:
         turn = np.linspace(0, 2 * math.pi, 181)
         items.append(
             Line(travel * np.cos(turn), travel * np.sin(turn), signal="limit",
-                 label="backup bearing")
+                 label="touch-down bearing")
         )  # fmt: skip
     return Panel(*_ACROSS, items, title=f"Orbit in bearing {label(bearing.name)}", equal=True)
 

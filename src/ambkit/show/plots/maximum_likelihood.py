@@ -31,38 +31,38 @@ SHOWN = 400
 """Samples of the stretch in which a prediction is shown."""
 
 
-def identified_figure(found: MaximumLikelihood, checks: Sequence[Validation]) -> Figure:
+def identified_figure(result: MaximumLikelihood, checks: Sequence[Validation]) -> Figure:
     """Show all that matters in one picture: estimates, residuals, predictions."""
-    estimates = _estimates(found)
+    estimates = _estimates(result)
     # The two panels of the residuals belong beside each other.
     rest = [*_residuals(checks), _fit(checks)]
     panels = [*estimates, *(rest if len(estimates) % 2 == 0 else [rest[-1], *rest[:-1]])]
     return Figure(
         id="identified",
-        title=f"Identification of {markdown(found.bearing.name)}",
+        title=f"Identification of {markdown(result.bearing.name)}",
         caption="",
         panels=panels,
         columns=2,
     )
 
 
-def estimates_figure(found: MaximumLikelihood) -> Figure:
+def estimates_figure(result: MaximumLikelihood) -> Figure:
     """Show what was found beside where the search began, with 95 % intervals."""
     return Figure(
         id="estimates",
         title="What was found, with 95 % intervals",
         caption="Beside where the search began. Bearing and noise as ratios to the start, whose "
         "intervals are of the logarithm: none reaches zero.",
-        panels=_estimates(found),
+        panels=_estimates(result),
         columns=2,
     )
 
 
-def correlation_figure(found: MaximumLikelihood) -> Figure:
+def correlation_figure(result: MaximumLikelihood) -> Figure:
     """Show which estimates go together: their errors are not independent."""
-    names = [f"${p.symbol}$" for p in found.parameters]
-    texts = [[f"{r:+.2f}".replace("-", "−") for r in row] for row in found.correlation]
-    cells: list[Item] = [Cells(names, names, (1 + found.correlation) / 2, texts, diverging=True)]
+    names = [f"${p.symbol}$" for p in result.parameters]
+    texts = [[f"{r:+.2f}".replace("-", "−") for r in row] for row in result.correlation]
+    cells: list[Item] = [Cells(names, names, (1 + result.correlation) / 2, texts, diverging=True)]
     return Figure(
         id="correlations",
         title="Correlation of the estimates",
@@ -122,18 +122,18 @@ def prediction_figure(model: LoopModel, record: Record, ahead: int, name: str) -
     )  # fmt: skip
 
 
-def _estimates(found: MaximumLikelihood) -> list[Panel]:
+def _estimates(result: MaximumLikelihood) -> list[Panel]:
     """Group what was found by the axis that suits it, and show each group in a panel."""
     groups: dict[tuple[str, Axis], list[tuple[str, float, float, float, str]]] = {}
-    for p in found.parameters:
-        value, (low, high), start = found[p.name], found.interval(p.name), p.of(found.start)
+    for p in result.parameters:
+        value, (low, high), start = result[p.name], result.interval(p.name), p.of(result.start)
         ends = interval(low, high, p.unit, 3, like=value)
         text = typeset(f"{engineering(value, p.unit, 4)},  {ends}")
         if p.positive:
             group = "noise" if p.name in NOISES else "bearing", RATIO
             row = (value / start, low / start, high / start)
         else:
-            scale, group = _natural(found, p.name)
+            scale, group = _natural(result, p.name)
             row = ((value - start) / scale, (low - start) / scale, (high - start) / scale)
         groups.setdefault(group, []).append((f"${p.symbol}$", *row, text))
     panels = []
@@ -147,18 +147,18 @@ def _estimates(found: MaximumLikelihood) -> list[Panel]:
             signal="identified", label="found, with its 95 % interval",
         )  # fmt: skip
         start_at = Rule(1.0 if axis is RATIO else 0.0, axis="x", signal="start")
-        shown = replace(axis, scale="log") if wide else axis
-        panels.append(Panel(shown, Axis(""), [start_at, intervals], title=title))
+        panel_axis = replace(axis, scale="log") if wide else axis
+        panels.append(Panel(panel_axis, Axis(""), [start_at, intervals], title=title))
     return panels
 
 
-def _natural(found: MaximumLikelihood, name: str) -> tuple[float, tuple[str, Axis]]:
+def _natural(result: MaximumLikelihood, name: str) -> tuple[float, tuple[str, Axis]]:
     """Return what an offset is best counted in, and the panel for that."""
-    b = found.bearing
+    b = result.bearing
     if name == "delay":
         return b.sampling_time, ("delay", Axis("found less start", "samples"))
     percent = Axis("found less start, of travel and bias", "%", 100.0)
-    scale = b.rotor.travel_limit if name == "position_offset" else b.magnet.bias_current
+    scale = b.rotor.clearance if name == "position_offset" else b.magnet.bias_current
     return scale, ("offsets", percent)
 
 
@@ -196,9 +196,9 @@ def _fit(checks: Sequence[Validation]) -> Panel:
             items.append(
                 Line(ahead, of_start, signal=f"{look} start", label="prediction from the start")
             )
-    shown = [fit for check in checks for of in (check.fit, check.held, check.of_start)
+    fits = [fit for check in checks for of in (check.fit, check.held, check.of_start)
              for fit in of.values() if math.isfinite(fit)]  # fmt: skip
-    low = 10 * math.floor(min([90.0, *shown]) / 10)
+    low = 10 * math.floor(min([90.0, *fits]) / 10)
     limits = (max(-100.0, low), 103.0)
     return Panel(
         Axis("samples ahead", scale="log"), Axis("fit", "%", limits=limits), items,

@@ -68,14 +68,14 @@ def _constants(learned: SideBySide) -> list[Item]:
 
 def _limits(learned: SideBySide) -> Axis:
     """Return the axis of k that shows all but the wildest first guesses."""
-    shown = [learned.start] if learned.truth is None else [learned.start, learned.truth]
+    values = [learned.start] if learned.truth is None else [learned.start, learned.truth]
     for one in learned.results.values():
         half = np.nan_to_num(CONFIDENCE * one.standard_error)
-        shown += [one.magnet_constant - half, one.magnet_constant + half]
-        shown += np.quantile(one.k, (0.02, 0.98)).tolist()
-    margin = 0.06 * (max(shown) - min(shown))
+        values += [one.magnet_constant - half, one.magnet_constant + half]
+        values += np.quantile(one.k, (0.02, 0.98)).tolist()
+    margin = 0.06 * (max(values) - min(values))
     return Axis("magnet constant $k$", "N mm²/A²", 1e6,
-                limits=(min(shown) - margin, max(shown) + margin))  # fmt: skip
+                limits=(min(values) - margin, max(values) + margin))  # fmt: skip
 
 
 def _monitor(name: str, one: OnlineResult, time: Axis) -> Panel:

@@ -61,18 +61,18 @@ class _OverSpeed(Protocol):
     def temperature_limit(self) -> float | None: ...
 
 
-def over_speed_figure(found: _OverSpeed, zones: Sequence[tuple[str, float]]) -> Figure:
+def over_speed_figure(result: _OverSpeed, zones: Sequence[tuple[str, float]]) -> Figure:
     """Show sensitivity of each axis, and frequency and damping of the closed loop's modes."""
     peaks: list[Item] = [
         Rule(limit, signal="limit", text=name, label="ends of zones A, B, C" if k == 0 else "")
         for k, (name, limit) in enumerate(zones)
-        if k == 0 or limit < 1.5 * np.nanmax(found.peaks)
+        if k == 0 or limit < 1.5 * np.nanmax(result.peaks)
     ]
-    peaks += _of_axes(found, found.peaks)
-    peaks.append(Line(found.speed, found.largest, signal="bound", label="largest singular value"))
-    top = SLOW * max(float(found.speed[-1]), 2 * math.pi * _busy(found))
+    peaks += _of_axes(result, result.peaks)
+    peaks.append(Line(result.speed, result.largest, signal="bound", label="largest singular value"))
+    top = SLOW * max(float(result.speed[-1]), 2 * math.pi * _busy(result))
     speeds, frequencies, ratios = list[float](), list[float](), list[float]()
-    for speed, poles in zip(found.speed, found.poles, strict=True):
+    for speed, poles in zip(result.speed, result.poles, strict=True):
         size = np.abs(poles)
         ratio = -poles.real / np.maximum(size, 1e-300)
         swings = (poles.imag > 0) & (ratio < DAMPED) & (poles.imag < top)
@@ -80,17 +80,17 @@ def over_speed_figure(found: _OverSpeed, zones: Sequence[tuple[str, float]]) -> 
         frequencies += poles.imag[swings].tolist()
         ratios += ratio[swings].tolist()
     at = np.array(speeds)
-    turning = found.speed[found.speed <= top]
+    rotation_speeds = result.speed[result.speed <= top]
     modes: list[Item] = [
         Points(at, np.array(frequencies), signal="mode", label="modes of the closed loop"),
-        Line(turning, turning, signal="constant", label="speed of rotation"),
+        Line(rotation_speeds, rotation_speeds, signal="constant", label="speed of rotation"),
     ]
     damping: list[Item] = [Points(at, np.array(ratios), signal="mode", label="")]
-    highest = max(3.5, 1.1 * float(np.nanmax(np.append(found.largest, found.peaks))))
+    highest = max(3.5, 1.1 * float(np.nanmax(np.append(result.largest, result.peaks))))
     return Figure(
         "over-speed",
-        f"{markdown(found.machine.name)}: closed loop over speed, controllers fed by "
-        f"{found.fed_by}",
+        f"{markdown(result.machine.name)}: closed loop over speed, controllers fed by "
+        f"{result.fed_by}",
         "Each axis with all other loops closed; the worst decides its zone of ISO 14839-3. Beside "
         "it, the modes of rotor, controllers and filter together, as far as they swing.",
         [
@@ -103,41 +103,43 @@ def over_speed_figure(found: _OverSpeed, zones: Sequence[tuple[str, float]]) -> 
     )
 
 
-def run_up_figure(found: _OverSpeed) -> Figure:
+def run_up_figure(result: _OverSpeed) -> Figure:
     """Show displacement, current and voltage in a slow run-up, beside their limits."""
-    shares = found.orbit / found.clearance
+    shares = result.orbit / result.clearance
     room: list[Item] = [
         Rule(limit, signal="limit", text=name, label="ends of zones A, B, C" if k == 0 else "")
         for k, (name, limit) in enumerate(ROOM)
     ]
-    room += _of_axes(found, shares)
+    room += _of_axes(result, shares)
     current: list[Item] = [Rule(1.0, signal="limit", label="limit")]
-    used = found.current / found.current_limit
-    current += _of_axes(found, used)
+    used = result.current / result.current_limit
+    current += _of_axes(result, used)
     panels = [
         Panel(SPEED, _share("displacement, of the clearance", shares, 0.55), room, title="Room"),
         Panel(SPEED, _share("current, of its limit", used, 1.1), current, title="Current"),
     ]
-    if found.voltage is not None:
+    if result.voltage is not None:
         volts: list[Item] = [Rule(1.0, signal="limit", label="limit")]
-        volts += _of_axes(found, found.voltage)
+        volts += _of_axes(result, result.voltage)
         panels.append(
             Panel(
-                SPEED, _share("voltage, of its limit", found.voltage, 1.1), volts, title="Voltage"
+                SPEED, _share("voltage, of its limit", result.voltage, 1.1), volts, title="Voltage"
             )
         )
-    if found.temperature is not None:
+    if result.temperature is not None:
         warm: list[Item] = []
-        if found.temperature_limit is not None:
-            warm.append(Rule(found.temperature_limit - ZERO, signal="limit", label="limit"))
-        kept = np.where(np.isfinite(found.temperature), found.temperature - ZERO, np.nan)
-        highest = max(np.nanmax(kept, initial=0.0), (found.temperature_limit or ZERO) - ZERO)
+        if result.temperature_limit is not None:
+            warm.append(Rule(result.temperature_limit - ZERO, signal="limit", label="limit"))
+        temperatures = np.where(np.isfinite(result.temperature), result.temperature - ZERO, np.nan)
+        highest = max(
+            np.nanmax(temperatures, initial=0.0), (result.temperature_limit or ZERO) - ZERO
+        )
         axis = Axis("temperature of a coil", "°C", limits=(0.0, 1.1 * float(highest)))
-        panels.append(Panel(SPEED, axis, [*warm, *_of_axes(found, kept)], title="Coils"))
+        panels.append(Panel(SPEED, axis, [*warm, *_of_axes(result, temperatures)], title="Coils"))
     return Figure(
         "run-up",
-        f"{markdown(found.machine.name)}: run-up through its unbalance, controllers fed by "
-        f"{found.fed_by}",
+        f"{markdown(result.machine.name)}: run-up through its unbalance, controllers fed by "
+        f"{result.fed_by}",
         "What holds the rotor, unbalance and runout, and three times the noise's rms, of the "
         "voltage without noise; linear, at each speed long enough to settle, also of the coils' "
         "temperature. Zones after ISO 14839-2.",
@@ -153,7 +155,7 @@ def _share(label: str, values: Vector, least: float) -> Axis:
     return Axis(label, "%", 100.0, limits=(0.0, max(least, 1.1 * highest)))
 
 
-def _of_axes(found: _OverSpeed, values: Vector) -> list[Item]:
+def _of_axes(result: _OverSpeed, values: Vector) -> list[Item]:
     """Return a line for each axis, one for those that are the same."""
     groups: list[list[int]] = []
     for k in range(values.shape[1]):
@@ -165,15 +167,15 @@ def _of_axes(found: _OverSpeed, values: Vector) -> list[Item]:
             groups.append([k])
     return [
         Line(
-            found.speed, values[:, same[0]], signal=LOOKS[k % len(LOOKS)],
-            label=" and ".join(found.axes[axis] for axis in same),
+            result.speed, values[:, same[0]], signal=LOOKS[k % len(LOOKS)],
+            label=" and ".join(result.axes[axis] for axis in same),
         )
         for k, same in enumerate(groups)
     ]  # fmt: skip
 
 
-def _busy(found: _OverSpeed) -> float:
+def _busy(result: _OverSpeed) -> float:
     """Return the frequency of the fastest mode that swings at rest with little damping [Hz]."""
-    poles = found.poles[0]
+    poles = result.poles[0]
     swings = (poles.imag > 0) & (-poles.real < 0.7 * np.abs(poles))
     return float(poles.imag[swings].max(initial=0.0)) / (2 * math.pi)

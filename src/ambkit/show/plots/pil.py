@@ -14,8 +14,8 @@ def instructions_figure(t: NDArray[np.float64], instructions: NDArray[np.uint32]
     """Show the instructions."""
     # t (n,) [s]; instructions (n,)
     counted = instructions > 0
-    shown = instructions[counted].astype(float)
-    points = Points(t[counted], shown, signal="estimate", label="counted")
+    counts = instructions[counted].astype(float)
+    points = Points(t[counted], counts, signal="estimate", label="counted")
     caption = "Counted in some of the samples."
     panel = Panel(TIME, Axis("instructions of a step"), [points])
     return Figure(id="instructions", title="Instructions", caption=caption, panels=[panel])

@@ -51,7 +51,7 @@ def reading_figure(reading: Reading) -> Figure:
     ]
     panels += [_steps(clock) for clock in reading.clocks.values() if _is_uneven(clock)]
     left = f"Not shown: {', '.join(map(markdown, names[SHOWN:]))}. " if len(names) > SHOWN else ""
-    whole = [
+    fault_texts = [
         f"{markdown(fault.signal)} {fault.text}"
         for fault in reading.faults
         if fault.kind in ("constant", "quantised")
@@ -59,7 +59,7 @@ def reading_figure(reading: Reading) -> Figure:
     return Figure(
         id="record",
         title=f"{markdown(record.meta.get('source', reading.source))}, as read",
-        caption=left + " ".join(f"{text}." for text in whole),
+        caption=left + " ".join(f"{text}." for text in fault_texts),
         panels=panels,
     )
 
@@ -69,9 +69,9 @@ def _channel(record: Record, name: str, faults: Iterable[Fault], delay: float) -
     own = [fault for fault in faults if fault.signal == name]
     items: list[Item] = [Line(t, values, signal="channel")]
     for kind in _OVERLAID:
-        found = [fault for fault in own if fault.kind == kind]
-        if found:
-            items.append(Line(t, _only(t, values, found), signal=kind))
+        results = [fault for fault in own if fault.kind == kind]
+        if results:
+            items.append(Line(t, _only(t, values, results), signal=kind))
     spiky = [fault for fault in own if fault.kind == "spike" and fault.action == "kept"]
     if spiky:
         there = np.isfinite(_only(t, values, spiky))
@@ -82,7 +82,9 @@ def _channel(record: Record, name: str, faults: Iterable[Fault], delay: float) -
     # A gap of the clock comes earlier in a channel that was logged late.
     gaps = [fault for fault in faults if _MARKED.get(fault.kind) and fault.signal == "t"]
     stretches += [(fault.start - delay, fault.stop - delay) for fault in gaps]
-    items += missing_spans([each for each in stretches if each[0] <= t[-1] and each[1] >= t[0]], t)
+    items += missing_spans(
+        [stretch for stretch in stretches if stretch[0] <= t[-1] and stretch[1] >= t[0]], t
+    )
     constant = next((fault.text for fault in own if fault.kind == "constant"), "")
     axis = axis_of(name, record.units[name], values)
     if constant:
@@ -94,21 +96,23 @@ def axis_of(name: str, unit: str, values: Array) -> Axis:
     """Return an axis in the multiple of the unit that suits the values."""
     there = values[np.isfinite(values)]
     largest = float(np.abs(there).max()) if there.size else 0.0
-    shown = engineering(largest, unit).partition(" ")[2]
+    display_unit = engineering(largest, unit).partition(" ")[2]
     label = _LABELS.get(name, label_of(name))
-    if not shown or largest == 0.0:
+    if not display_unit or largest == 0.0:
         return Axis(label, "" if unit == "1" else unit)
-    return Axis(label, shown.replace("^2", "²").replace("^3", "³"), factor(unit, shown))
+    return Axis(
+        label, display_unit.replace("^2", "²").replace("^3", "³"), factor(unit, display_unit)
+    )
 
 
 def _only(t: Array, values: Array, faults: Iterable[Fault]) -> Array:
     """Return the samples within the faults, NaN elsewhere."""
     half = 0.5 * float(t[-1] - t[0]) / (t.size - 1)
-    found = np.full(values.size, np.nan)
+    result = np.full(values.size, np.nan)
     for fault in faults:
         within = slice(*np.searchsorted(t, [fault.start - half, fault.stop + half]))
-        found[within] = values[within]
-    return found
+        result[within] = values[within]
+    return result
 
 
 def missing_spans(
@@ -147,11 +151,14 @@ def steps_panel(name: str, x: Array, steps: Array, axis: Axis, more: Iterable[It
     """Show the time between samples (n,) [s] over `x` (n,), and `more` with it."""
     there = steps[np.isfinite(steps)]
     low, high = (float(there.min()), float(there.max())) if there.size else (0.0, 0.0)
-    shown = engineering(max(abs(low), abs(high)), "s").partition(" ")[2]
+    display_unit = engineering(max(abs(low), abs(high)), "s").partition(" ")[2]
     usual = float(np.median(np.abs(there))) if there.size else 1.0
     margin = 0.1 * max(high - low, usual)
     label = Axis(
-        f"step of {label_of(name)}", shown, factor("s", shown), limits=(low - margin, high + margin)
+        f"step of {label_of(name)}",
+        display_unit,
+        factor("s", display_unit),
+        limits=(low - margin, high + margin),
     )
     return Panel(
         axis, label, [Line(x, steps, signal="measurement", label="time between samples"), *more]

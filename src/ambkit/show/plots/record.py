@@ -38,18 +38,18 @@ def record_figure(record: Record) -> Figure:
 
 
 def _groups(record: Record) -> Iterator[Sequence[str]]:
-    shown = [name for name in record if TOLD_BY.get(name) not in record.signals]
-    for together in TOGETHER:
-        names = [name for name in together if name in shown]
+    signal_names = [name for name in record if TOLD_BY.get(name) not in record.signals]
+    for group in TOGETHER:
+        names = [name for name in group if name in signal_names]
         if names:
             yield names
-        shown = [name for name in shown if name not in together]
-    yield from ([name] for name in shown)
+        signal_names = [name for name in signal_names if name not in group]
+    yield from ([name] for name in signal_names)
 
 
 def _panel(record: Record, names: Sequence[str]) -> Panel:
     t = record.t
-    styles = {name: style for together in TOGETHER for name, style in together.items()}
+    styles = {name: style for group in TOGETHER for name, style in group.items()}
     several = len(names) > 1
     items: list[Item] = []
     for name in names:

@@ -64,14 +64,16 @@ def refused_figure(refused: Refused) -> Figure | None:
             )
         )
     left = list(signals)[SHOWN:]
-    said = " ".join(f"`{_code(problem)}`" for problem in refused.problems[:TOLD])
+    problem_text = " ".join(f"`{_code(problem)}`" for problem in refused.problems[:TOLD])
     more = len(refused.problems) - TOLD
     if more > 0:
-        said += f" And {more} more."
+        problem_text += f" And {more} more."
     return Figure(
         id="refused",
         title=f"{markdown(refused.name.replace(chr(92), '/').rpartition('/')[2])}: refused",
-        caption=f"{said} Not shown: {', '.join(map(markdown, left))}." if left else said,
+        caption=f"{problem_text} Not shown: {', '.join(map(markdown, left))}."
+        if left
+        else problem_text,
         panels=panels,
     )
 
@@ -91,16 +93,16 @@ def _numbers(values: Array) -> Array:
 
 def _troubles(name: str, times: Array, damaged: Iterable[int]) -> list[int]:
     """Return the samples of a clock that are complained of."""
-    found = [at for at in damaged if at < times.size]
+    results = [at for at in damaged if at < times.size]
     finite = np.isfinite(times)
-    found += np.flatnonzero(~finite).tolist()
+    results += np.flatnonzero(~finite).tolist()
     if np.count_nonzero(finite) > 1:
-        kept = np.flatnonzero(finite)
+        finite_indices = np.flatnonzero(finite)
         clock = examine(name, times[finite])
         gaps = clock.gaps if not clock.whole_gaps else clock.gaps[:0]
         places = np.concatenate([clock.jumps, clock.uneven, gaps])
-        found += kept[places].tolist()
-    return sorted(set(found))
+        results += finite_indices[places].tolist()
+    return sorted(set(results))
 
 
 def _marks(x: Array, troubles: Iterable[int]) -> Iterable[Item]:

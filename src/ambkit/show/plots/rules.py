@@ -62,9 +62,9 @@ def with_choice(figure: Figure, choice: RuleChoice) -> Figure:
 
 def choice_panel(choice: RuleChoice) -> Panel:
     """Show error against number of rules, the limit, and what was chosen."""
-    taken = choice.chosen
-    groups = [("constant", "", [c for c in choice.candidates if c is not taken])]
-    groups.append(("estimate", "", [taken]))
+    chosen_model = choice.chosen
+    groups = [("constant", "", [c for c in choice.candidates if c is not chosen_model])]
+    groups.append(("estimate", "", [chosen_model]))
     items: list[Item | Note] = [
         Points(
             np.array([c.rules for c in some], dtype=float),
@@ -77,7 +77,11 @@ def choice_panel(choice: RuleChoice) -> Panel:
         if some
     ]
     items.append(Rule(choice.limit, signal="limit", label=""))
-    items.append(Note(taken.rules, taken.error + taken.standard_error, taken.name))
+    items.append(
+        Note(
+            chosen_model.rules, chosen_model.error + chosen_model.standard_error, chosen_model.name
+        )
+    )
     return Panel(
         Axis("number of rules"),
         Axis("error", "standard deviations"),

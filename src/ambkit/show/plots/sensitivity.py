@@ -39,25 +39,25 @@ AMPLITUDES = ("series 1", "series 2", "series 3", "series 4")
 
 def measured_figure(
     title: str,
-    found: MeasuredSensitivity,
+    result: MeasuredSensitivity,
     models: Sequence[Curves],
     *,
     zones: Zones,
     top: float,
 ) -> Figure:
     """Show a measured sensitivity with its 95 % interval, its open loop and the coherence."""
-    f, (low, high) = found.frequency, found.interval()
+    f, (low, high) = result.frequency, result.interval()
     frequency = Axis("frequency", "Hz", scale="log", limits=(0.8 * f[0], 1.25 * f[-1]))
     bode = zone_lines(zones, top)
     bode.append(Band(f, _decibels(low), _decibels(high), signal="estimate", label="95 % interval"))
     bode.append(
-        Points(f, _decibels(np.abs(found.sensitivity)), signal="estimate", label="measured")
+        Points(f, _decibels(np.abs(result.sensitivity)), signal="estimate", label="measured")
     )
-    L, _ = found.open_loop()
+    L, _ = result.open_loop()
     nyquist: list[Item] = [circle(1 / limit) for _, limit in zones]
     nyquist.append(Points(np.array([-1.0]), np.array([0.0]), signal="spike", label=""))
-    shown = np.maximum(np.abs(L.real), np.abs(L.imag)) < 10
-    nyquist.append(Points(L.real[shown], L.imag[shown], signal="estimate", label=""))
+    visible = np.maximum(np.abs(L.real), np.abs(L.imag)) < 10
+    nyquist.append(Points(L.real[visible], L.imag[visible], signal="estimate", label=""))
     for k, (name, loop, axis) in enumerate(models):
         look = ("truth", *LOOKS[2:])[k % (len(LOOKS) - 1)]
         at = _between(loop, f)
@@ -65,11 +65,11 @@ def measured_figure(
         open_ = 1 / S - 1
         bode.append(Line(at, _decibels(np.abs(S)), signal=look, label=f"model, {name}"))
         nyquist.append(near(Line(open_.real, open_.imag, signal=look, label="")))
-    heights = _heights(np.abs(found.sensitivity), high[np.isfinite(high)])
+    heights = _heights(np.abs(result.sensitivity), high[np.isfinite(high)])
     return Figure(
         "measured-sensitivity",
         title,
-        f"{found.periods} period{'s' * (found.periods > 1)}; the interval holds |S| at each "
+        f"{result.periods} period{'s' * (result.periods > 1)}; the interval holds |S| at each "
         "frequency alone. Lines are the upper ends of the zones of ISO 14839-3, the circles about "
         "−1 the same for the open loop.",
         [
@@ -78,10 +78,10 @@ def measured_figure(
                   Axis("imaginary part of L", limits=NYQUIST_IMAGINARY), nyquist,
                   title="Open loop"),
             Panel(frequency, Axis("coherence", limits=(0.0, 1.05)),
-                  [Points(f, found.coherence, signal="estimate", label="")],
+                  [Points(f, result.coherence, signal="estimate", label="")],
                   title="Share of y that the signal explains"),
             Panel(frequency, Axis("half width of the interval", "%", 100.0, "log"),
-                  [Points(f, (high - low) / 2 / np.abs(found.sensitivity), signal="estimate",
+                  [Points(f, (high - low) / 2 / np.abs(result.sensitivity), signal="estimate",
                           label="")], title="Error of |S|"),
         ],
         columns=2,
@@ -99,7 +99,7 @@ def sweep_figure(
     top: float,
 ) -> Figure:
     """Show sweeps of the simulated loop over the linear model."""
-    f = np.concatenate([each[1] for each in swept])
+    f = np.concatenate([item[1] for item in swept])
     frequency = Axis("frequency", "Hz", scale="log", limits=(0.8 * f.min(), 1.25 * f.max()))
     at = _between(loop, f)
     bode, off = zone_lines(zones, top), list[Item]()
@@ -111,7 +111,7 @@ def sweep_figure(
         bode.append(Points(where, _decibels(np.abs(S)), signal=look, label=name))
         distance = np.abs(S - linear) / np.abs(linear)
         off.append(Line(where, distance, signal=look, label=name))
-    sizes = np.concatenate([np.abs(each[2]) for each in swept])
+    sizes = np.concatenate([np.abs(item[2]) for item in swept])
     return Figure(
         "sweep",
         title,
@@ -129,8 +129,8 @@ def sweep_figure(
 def _between(loop: Loop, f: Array) -> Array:
     """Return frequencies of a model's curve (k,) [Hz] about those that were measured."""
     at = grid(loop)
-    shown: Array = at[(at >= 0.8 * f.min()) & (at <= 1.25 * f.max())]
-    return shown
+    frequencies: Array = at[(at >= 0.8 * f.min()) & (at <= 1.25 * f.max())]
+    return frequencies
 
 
 def _heights(*sizes: Array) -> Axis:
@@ -142,5 +142,5 @@ def _heights(*sizes: Array) -> Axis:
 
 def _decibels(sizes: Array) -> Array:
     """Return magnitudes in dB, none below 1e-6."""
-    shown: Array = 20 * np.log10(np.maximum(sizes, 1e-6))
-    return shown
+    levels: Array = 20 * np.log10(np.maximum(sizes, 1e-6))
+    return levels

@@ -22,7 +22,7 @@ def simulation_figure(run: Run) -> Figure:
     record, estimate = run.record, run.estimate
     if not run.plant.single:
         return machine_figure(run)
-    bearing = run.plant.alone("")
+    bearing = run.plant.isolated_axis("")
     t, name = record.t, "estimate"
 
     def told(signal: str) -> list[Item]:
@@ -41,7 +41,7 @@ def simulation_figure(run: Run) -> Figure:
     ]
     control = Line(t, record["iu"], signal="control", label="control current")
     follows = (
-        [] if estimate is None else [each for n in estimate.of_role("current") for each in told(n)]
+        [] if estimate is None else [item for n in estimate.of_role("current") for item in told(n)]
     )
     coloured = None if estimate is None else estimate.sensor_noise
     noises = (

@@ -50,10 +50,10 @@ def _looks(names: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 def matrix_figure(bench: Bench, id: str = "matrix") -> Figure:
     """Show all estimators by all criteria, the darker the worse."""
-    standings = list(bench.best.values())
-    names = [name for name in CRITERIA if any(np.isfinite(s.mean(name)) for s in standings)]
-    shade = np.column_stack([_shades(standings, name) for name in names])
-    texts = [[_text(standing, CRITERIA[name]) for name in names] for standing in standings]
+    scores = list(bench.best.values())
+    names = [name for name in CRITERIA if any(np.isfinite(s.mean(name)) for s in scores)]
+    shade = np.column_stack([_shades(scores, name) for name in names])
+    texts = [[_text(score, CRITERIA[name]) for name in names] for score in scores]
     how = "tuned alike" if bench.tuned else "with their defaults"
     cells = Cells([_head(CRITERIA[name]) for name in names], list(bench.best), shade, texts)
     about = (
@@ -75,9 +75,9 @@ def _head(criterion: Criterion) -> str:
     return f"{label}\n[{criterion.unit}]" if criterion.unit else label
 
 
-def _shades(standings: Sequence[Standing], name: str) -> Array:
+def _shades(scores: Sequence[Standing], name: str) -> Array:
     criterion = CRITERIA[name]
-    means = np.array([standing.mean(name) for standing in standings])
+    means = np.array([score.mean(name) for score in scores])
     with np.errstate(divide="ignore", invalid="ignore"):
         if criterion.kind == "error":
             far = np.log(means / np.nanmin(np.where(means > 0, means, np.nan)))
@@ -88,9 +88,9 @@ def _shades(standings: Sequence[Standing], name: str) -> Array:
     return np.asarray(np.clip(far / np.log(TIMES), 0, 1))
 
 
-def _text(standing: Standing, criterion: Criterion) -> str:
+def _text(score: Standing, criterion: Criterion) -> str:
     name = next(key for key, value in CRITERIA.items() if value is criterion)
-    value = criterion.factor * standing.mean(name)
+    value = criterion.factor * score.mean(name)
     if not np.isfinite(value):
         return ""
     if abs(value) >= 99.5:
@@ -147,21 +147,21 @@ def _from_zero(axis: Axis, items: Sequence[Item]) -> Axis:
 
 def cost_figure(bench: Bench) -> Figure:
     """Show what a step costs against what it buys."""
-    standings = list(bench.best.values())
+    scores = list(bench.best.values())
     items: list[Item] = []
     for name, style in _looks(list(bench.best)):
-        standing = bench.best[name]
-        cost, error = standing.mean("cost"), standing.mean("f_d")
+        score = bench.best[name]
+        cost, error = score.mean("cost"), score.mean("f_d")
         if np.isfinite(cost) and np.isfinite(error):
-            width = np.array([standing.half_width("f_d")])
+            width = np.array([score.half_width("f_d")])
             items.append(
                 Points(np.array([cost]), np.array([error]), np.nan_to_num(width), signal=style,
                        label=name)
             )  # fmt: skip
     if "f_d" in bench.limit:
         items.append(Rule(bench.limit["f_d"], signal="truth", label="limit"))
-    costs = np.array([s.mean("cost") for s in standings])
-    highest = max((s.mean("f_d") for s in standings if np.isfinite(s.mean("f_d"))), default=1.0)
+    costs = np.array([s.mean("cost") for s in scores])
+    highest = max((s.mean("f_d") for s in scores if np.isfinite(s.mean("f_d"))), default=1.0)
     return Figure(
         id="cost",
         title="What a step costs, and what it buys",
@@ -203,15 +203,17 @@ def run_figure(study: Study) -> Figure:
     view = View(trial.plant)
     axis = view.machine.axes[0].name
     load, of = name_of("f_d", axis), f" along {label(axis)}" if axis else ""
-    readings = np.array([record[name_of("y", each.name)] for each in view.machine.readings])
-    told: list[Item] = []
+    readings = np.array([record[name_of("y", reading.name)] for reading in view.machine.readings])
+    estimate_lines: list[Item] = []
     start = len(record) // 25
     for name, style in _looks(list(field)):
         estimate = field[name].build(**bench.best[name].values).run(record)
         # The start in the dark would flatten all that follows.
-        told.append(Line(record.t[start:], estimate[load][start:], signal=style, label=name))
-    shown = np.concatenate([item.y for item in told if isinstance(item, Line)])
-    low, high = np.nanpercentile(shown, [0.1, 99.9])
+        estimate_lines.append(
+            Line(record.t[start:], estimate[load][start:], signal=style, label=name)
+        )
+    values = np.concatenate([item.y for item in estimate_lines if isinstance(item, Line)])
+    low, high = np.nanpercentile(values, [0.1, 99.9])
     low, high = min(low, record[load].min()), max(high, record[load].max())
     margin = 0.08 * (high - low)
     force = Axis(rf"$F_\mathrm{{St}}${of}", "N", limits=(float(low - margin), float(high + margin)))
@@ -225,7 +227,7 @@ def run_figure(study: Study) -> Figure:
                 Line(record.t, record[name_of("r", axis)], signal="reference"),
                 Line(record.t, record[name_of("s", axis) if axis else "x"], signal="truth"),
             ]),
-            Panel(time, force, [*told, Line(record.t, record[load], signal="truth")]),
+            Panel(time, force, [*estimate_lines, Line(record.t, record[load], signal="truth")]),
         ],
         panel_height=2.2,
     )  # fmt: skip

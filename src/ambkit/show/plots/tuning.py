@@ -12,7 +12,7 @@ from ambkit.result.report.items import Axis, Item, Line, Points, Rule
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from ambkit.judge.comparison.contenders import Range
+    from ambkit.judge.comparison.candidates import Range
     from ambkit.judge.comparison.tuning import Tried
 
 HIGHEST_PEAK = 10.0
@@ -29,52 +29,52 @@ def tuning_figure(
     title: str,
     free: Sequence[Range],
     trace: Sequence[Tried],
-    taken: Mapping[str, float],
+    chosen_values: Mapping[str, float],
     cost: str,
     outcome: str,
     peaks: Sequence[float] = (),
-    ceiling: float | None = None,
+    peak_limit: float | None = None,
 ) -> Figure:
     """Show the cost of all that was tried, over each value that was free and the peak of S."""
-    costs = np.array([each.cost for each in trace])
+    costs = np.array([item.cost for item in trace])
     best = costs.min()
     span = max(float(costs[0] - best), 1e-3 * abs(best))
     limits = (best - 0.1 * span, best + WORST_SHOWN * span)
-    shown = costs <= limits[1]
+    visible = costs <= limits[1]
 
     def panel(of: Range) -> Panel:
-        tried = np.array([each.values[of.name] for each in trace])
-        others = shown & (np.arange(len(trace)) > 0)
+        values = np.array([item.values[of.name] for item in trace])
+        others = visible & (np.arange(len(trace)) > 0)
         return Panel(
             Axis(of.name, of.unit, scale="log", limits=(of.low, of.high)),
             Axis(cost, limits=limits),
             [
-                Points(tried[others], costs[others], signal="constant", label="tried"),
-                Points(tried[:1], costs[:1], signal="measurement", label="untuned"),
-                Rule(taken[of.name], axis="x", signal="estimate", label="taken"),
+                Points(values[others], costs[others], signal="constant", label="tried"),
+                Points(values[:1], costs[:1], signal="measurement", label="untuned"),
+                Rule(chosen_values[of.name], axis="x", signal="estimate", label="taken"),
             ],
         )
 
     def of_the_loop() -> Panel:
         """Show what a smaller peak costs; the line joins those that nothing else beats in both."""
         size = np.asarray(peaks, float)
-        told = np.flatnonzero(shown & (size < HIGHEST_PEAK))
-        order = told[np.lexsort((costs[told], size[told]))]
+        indices = np.flatnonzero(visible & (size < HIGHEST_PEAK))
+        order = indices[np.lexsort((costs[indices], size[indices]))]
         front = order[costs[order] <= np.minimum.accumulate(costs[order])]
         items: list[Item] = [
-            Points(size[told], costs[told], signal="constant", label="tried"),
+            Points(size[indices], costs[indices], signal="constant", label="tried"),
             Line(size[front], costs[front], signal="series 3", label="nothing is better in both"),
         ]
-        if shown[0] and size[0] < HIGHEST_PEAK:
+        if visible[0] and size[0] < HIGHEST_PEAK:
             items.append(Points(size[:1], costs[:1], signal="measurement", label="untuned"))
-        if ceiling is not None:
-            items.append(Rule(ceiling, axis="x", signal="limit", label="to stay below"))
+        if peak_limit is not None:
+            items.append(Rule(peak_limit, axis="x", signal="limit", label="to stay below"))
         return Panel(Axis("peak of |S|"), Axis(cost, limits=limits), items)
 
     panels = [panel(of) for of in free]
     if np.isfinite(np.asarray(peaks, float)).any():
         panels.append(of_the_loop())
-    left_out = int((~shown).sum())
+    left_out = int((~visible).sum())
     rest = f" {left_out} that cost more are not shown." if left_out else ""
     return Figure(
         "tuning",

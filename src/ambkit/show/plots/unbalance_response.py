@@ -1,4 +1,4 @@
-"""The response of a whole machine to its unbalance, over the speed."""
+"""The response of a machine to its unbalance, over the speed."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ def unbalance_response_figure(
         Line(speed, amplitude[:, k], signal=f"series {n % 4 + 1}", label=" and ".join(axes))
         for n, (k, axes) in enumerate(names.items())
     ]
-    least = min(axis.bearing.travel_limit for axis in machine.axes)
+    least = min(axis.bearing.clearance for axis in machine.axes)
     if amplitude.max() > 0.2 * least:
         limit = speed[[0, -1]], 0 * speed[[0, -1]] + least
-        items.append(Line(*limit, signal="limit", label="backup bearing"))
+        items.append(Line(*limit, signal="limit", label="touch-down bearing"))
     return Figure(
         id="unbalance-response",
         title=f"Unbalance response of {markdown(machine.name)}",

@@ -31,15 +31,15 @@ NOTHING = 1e-9
 
 def sections_of(blocks: Sequence[Block], T: float) -> list[list[float]]:
     """Return the sections b0, b1, b2, a1, a2 of blocks in series at a sampling time [s]."""
-    found = [section for block in blocks for section in block.sections(T)]
-    if len(found) > MOST:
+    results = [section for block in blocks for section in block.sections(T)]
+    if len(results) > MOST:
         raise AmbkitError(
             f"controller.block: there may be {MOST} sections of second order behind a PID, there "
-            f"are {len(found)}"
+            f"are {len(results)}"
         )
-    if abs(gain_at_rest(found)) < NOTHING:
+    if abs(gain_at_rest(results)) < NOTHING:
         raise AmbkitError("controller.block: nothing passes at rest, so nothing carries the rotor")
-    return found
+    return results
 
 
 def gain_at_rest(sections: Iterable[Sequence[float]]) -> float:

@@ -52,7 +52,7 @@ class StateSpace(Block):
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         A, B, C, sampled = map(read, ("A", "B", "C", "sampling_time"))
-        if not all(isinstance(each, tuple) for each in (A, B, C)):
+        if not all(isinstance(item, tuple) for item in (A, B, C)):
             return
         n = len(A)
         if not n or any(len(row) != n for row in A):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from ambkit.machine.bank import alone_of
+from ambkit.machine.bank import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.simulation.linear.pieces import POSITION, VELOCITY, of_axes
@@ -70,9 +70,9 @@ def controller(pid: _Gains, bearing: Bearing, *, measured: bool) -> LinearSystem
     """Return the controller as ``core/src/controller.c`` computes it, within its limits."""
     gains = Gains(pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.setpoint_weight)
     T = bearing.sampling_time
-    found = _passed(_pid(gains, T, measured), pid.sections(T))
+    result = _passed(_pid(gains, T, measured), pid.sections(T))
     volts = 1 / bearing.amplifier.gain
-    return replace(found, C=volts * found.C, D=volts * found.D, outputs=(Signal("u", "V"),))
+    return replace(result, C=volts * result.C, D=volts * result.D, outputs=(Signal("u", "V"),))
 
 
 def _pid(pid: Gains, T: float, measured: bool) -> LinearSystem:
@@ -116,55 +116,55 @@ def _passed(system: LinearSystem, sections: Sequence[Sequence[float]]) -> Linear
     return replace(system, A=A, B=B, C=C, D=D, states=states)
 
 
-def controllers(found: _Flown, of: Machine, *, measured: bool) -> LinearSystem:
+def controllers(result: _Flown, of: Machine, *, measured: bool) -> LinearSystem:
     """Return controllers as ``core/src/controllers.c`` computes them, within their limits."""
     from scipy.linalg import block_diag
 
-    T, q = of.sampling_time, len(found.pids)
-    each = [
+    T, q = of.sampling_time, len(result.pids)
+    parts = [
         _passed(
             _pid(Gains(pid[0], pid[1], pid[2], pid[3], pid[5]), T, measured),
             [pid[k : k + 5] for k in range(8, len(pid), 5)],
         )
-        for pid in found.pids
+        for pid in result.pids
     ]
-    kinds = each[0].inputs
+    kinds = parts[0].inputs
     order = [k + len(kinds) * at for k in range(len(kinds)) for at in range(q)]
-    A, B, C, D = (block_diag(*(getattr(one, name) for one in each)) for name in "ABCD")
+    A, B, C, D = (block_diag(*(getattr(one, name) for one in parts)) for name in "ABCD")
     B, D = B[:, order], D[:, order]
     # Each PID's reference is what it looks at of those of the axes.
-    B, D = (np.hstack([M[:, :-q], M[:, -q:] @ found.of_axes]) for M in (B, D))
-    C, D = found.spread @ C, found.spread @ D
+    B, D = (np.hstack([M[:, :-q], M[:, -q:] @ result.of_axes]) for M in (B, D))
+    C, D = result.spread @ C, result.spread @ D
     axes = [axis.name for axis in of.axes] if not of.single else []
-    names = found.names if axes else []
-    told = [signal for kind in kinds[:-1] for signal in of_axes(kind, names)]
+    names = result.names if axes else []
+    input_signals = [signal for kind in kinds[:-1] for signal in of_axes(kind, names)]
     if not measured:
-        p = len(found.spread)
+        p = len(result.spread)
         at = B.shape[1] - p
         B = np.hstack([B[:, :at], np.zeros((len(A), p)), B[:, at:]])
         D = np.hstack([D[:, :at], np.eye(p), D[:, at:]])
-        told += of_axes(Signal("fed_back", "A"), axes)
-    volts = np.array([1 / b.amplifier.gain for b in alone_of(of)])[:, None]
+        input_signals += of_axes(Signal("fed_back", "A"), axes)
+    volts = np.array([1 / b.amplifier.gain for b in isolated_axes(of)])[:, None]
     states = [
         Signal(f"{at.name}_{name}", at.unit)
-        for name, one in zip(found.names, each, strict=True) for at in one.states
+        for name, one in zip(result.names, parts, strict=True) for at in one.states
     ]  # fmt: skip
     return LinearSystem(
         A, B, volts * C, volts * D, T, tuple(states),
-        (*told, *of_axes(Signal("r", "m"), axes)), of_axes(Signal("u", "V"), axes),
+        (*input_signals, *of_axes(Signal("r", "m"), axes)), of_axes(Signal("u", "V"), axes),
     )  # fmt: skip
 
 
-def fed(found: _Flown, states: int, speed: float) -> Array:
+def fed(result: _Flown, states: int, speed: float) -> Array:
     """Return what controllers take of an estimator's states (2 q + p, n), see `controllers`."""
-    feedback = found.feedback
-    gain = np.zeros((len(found.spread), states))
+    feedback = result.feedback
+    gain = np.zeros((len(result.spread), states))
     for power, name in enumerate(("fed_back", "fed_back_by_speed", "fed_back_by_square")):
         gain += speed**power * feedback.get(name, 0.0)
     rows = np.vstack([feedback["position"], feedback["velocity"], gain])
-    if found.let_turn is not None:
-        motion, current = found.let_turn.at(speed)
-        at = slice(found.let_turn.start, found.let_turn.start + motion.shape[1])
+    if result.let_turn is not None:
+        motion, current = result.let_turn.at(speed)
+        at = slice(result.let_turn.start, result.let_turn.start + motion.shape[1])
         rows[:, at] -= rows[:, : len(motion)] @ motion
         rows[-len(current) :, at] += current
     return rows
@@ -173,15 +173,15 @@ def fed(found: _Flown, states: int, speed: float) -> Array:
 def compensator(
     control: LinearSystem,
     estimator: LinearSystem | None,
-    shown: Array,
+    transform: Array,
     readings: Sequence[Signal] = (Signal("y", "m"),),
 ) -> LinearSystem:
     """Return controllers and estimator together, from the measurements to u."""
     # shown (q, m) [1]
     K = control
     if estimator is None:
-        p = shown.shape[-2]
-        B, D = (_beside(of[..., :p] @ shown, of[..., p:]) for of in (K.B, K.D))
+        p = transform.shape[-2]
+        B, D = (_beside(of[..., :p] @ transform, of[..., p:]) for of in (K.B, K.D))
         return replace(K, B=B, D=D, inputs=(*readings, *K.inputs[p:]))
     E = estimator
     m, q = len(E.inputs) - len(K.outputs), len(E.outputs)

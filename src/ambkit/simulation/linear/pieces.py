@@ -1,4 +1,4 @@
-"""The plant of a loop as a linear system, at a work point: of one axis, or of several."""
+"""The plant of a loop as a linear system, at an operating point: of one axis, or of several."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.data.signals import signal as named
 from ambkit.estimate.view import View
-from ambkit.machine.bank import alone_of
-from ambkit.machine.hovering import hover_current
+from ambkit.machine.bank import isolated_axes
+from ambkit.machine.levitation import levitation_current
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.models.linear import Complex, LinearSystem, Signal, linearised
@@ -32,9 +32,9 @@ POSITION, VELOCITY = Signal("position", "m"), Signal("velocity", "m/s")
 
 
 class Orbit(NamedTuple):
-    """What turns about a work point: complex amplitudes, of ``Re(amplitude e^(j angle))``."""
+    """What turns about an operating point: complex amplitudes, of ``Re(amplitude e^(j angle))``."""
 
-    # Numbers of one axis; of a whole machine arrays (p,), one for each axis.
+    # Numbers of one axis; of a machine arrays (p,), one for each axis.
 
     iu: Any
     """Of the current that flows [A]."""
@@ -44,10 +44,10 @@ class Orbit(NamedTuple):
     """Of the current that is demanded [A]."""
 
 
-class WorkPoint(NamedTuple):
-    """Where a loop is linearised: control current [A] and displacement [m]."""
+class OperatingPoint(NamedTuple):
+    """The operating point of a linearised loop: control current [A] and displacement [m]."""
 
-    # Numbers of one axis; of a whole machine arrays (p,), one for each axis. With an orbit about it
+    # Numbers of one axis; of a machine arrays (p,), one for each axis. With an orbit about it
     # the tangents are their means over a turn: the first term of the harmonic series of a loop
     # whose stiffness swings with the rotation (Wereley 1991).
 
@@ -61,20 +61,20 @@ class WorkPoint(NamedTuple):
         swing = self.orbit
         if swing is None:
             swing, turn = Orbit(0.0 * self.iu, 0.0 * self.x, None), np.ones(1, complex)
-        each = zip(*map(np.atleast_1d, (self.iu, self.x, swing.iu, swing.x)), strict=True)
-        return [(iu + np.real(i * turn), x + np.real(far * turn)) for iu, x, i, far in each]
+        parts = zip(*map(np.atleast_1d, (self.iu, self.x, swing.iu, swing.x)), strict=True)
+        return [(iu + np.real(i * turn), x + np.real(far * turn)) for iu, x, i, far in parts]
 
     @classmethod
-    def hovering(cls, bearing: Bearing, x: float = 0.0, load: float = 0.0) -> WorkPoint:
+    def equilibrium(cls, bearing: Bearing, x: float = 0.0, load: float = 0.0) -> OperatingPoint:
         """Return the point at which the magnet carries weight and load."""
-        travel = bearing.rotor.travel_limit
+        travel = bearing.rotor.clearance
         if not abs(x) <= travel:
             raise AmbkitError(
                 f"the rotor can be held up to its stops at {travel:g} m, not at {x:g} m"
             )
         law = magnet_of(bearing)
         held = law.bias_force + bearing.weight + load
-        iu = hover_current(bearing, law, x, held)
+        iu = levitation_current(bearing, law, x, held)
         if not bearing.current_min < iu < bearing.current_max:
             raise AmbkitError(
                 f"no control current from {bearing.current_min:g} to {bearing.current_max:g} A "
@@ -85,26 +85,26 @@ class WorkPoint(NamedTuple):
     @classmethod
     def of_machine(
         cls, machine: Machine, load: Mapping[str, float] | None = None, x: float = 0.0
-    ) -> WorkPoint:
+    ) -> OperatingPoint:
         """Return the point at which the magnets carry the rotor at x of its axes, and loads."""
-        names, given = [axis.name for axis in machine.axes], dict(load or {})
-        for name in given:
+        names, loads = [axis.name for axis in machine.axes], dict(load or {})
+        for name in loads:
             if name not in names:
                 raise AmbkitError(f"load: there is no axis {name}; there are {', '.join(names)}")
-        pushed = np.array([given.get(name, 0.0) for name in names])
-        travel = min(placed.travel_limit for placed in machine.bearings)
+        load_forces = np.array([loads.get(name, 0.0) for name in names])
+        travel = min(placed.clearance for placed in machine.bearings)
         if not abs(x) <= travel:
             raise AmbkitError(
                 f"the rotor can be held up to its stops at {travel:g} m, not at {x:g} m"
             )
-        q, currents = Plant(machine).hovering(np.full(len(names), x), pushed)
-        for name, b, iu in zip(names, alone_of(machine), currents, strict=True):
+        q, currents = Plant(machine).equilibrium(np.full(len(names), x), load_forces)
+        for name, b, iu in zip(names, isolated_axes(machine), currents, strict=True):
             if not b.current_min < iu < b.current_max:
                 of = f" of axis {name}" if name else ""
                 raise AmbkitError(
                     f"no control current from {b.current_min:g} to {b.current_max:g} A{of} holds "
                     f"the rotor of {machine.name} at x = {x:g} m with a load of "
-                    f"{given.get(name, 0.0):g} N"
+                    f"{loads.get(name, 0.0):g} N"
                 )
         return cls(currents, View(machine).H @ q)
 
@@ -114,17 +114,17 @@ def of_axes(signal: Signal, axes: Sequence[str]) -> tuple[Signal, ...]:
     return tuple(Signal(named(signal.name, axis), signal.unit) for axis in axes) or (signal,)
 
 
-def plant(of: Machine, point: WorkPoint, *, continuous: bool = False) -> LinearSystem:
+def plant(of: Machine, point: OperatingPoint, *, continuous: bool = False) -> LinearSystem:
     """Return amplifiers, dead time, magnets, rotor and sensors, from u and load to y and x."""
     # Within the limits of current and voltage, without rounding and noise; of a bent sensor the
-    # slope at the work point.
+    # slope at the operating point.
     system = _linear(of, machine_parts(of, noise=False), point, continuous=continuous)
-    B, C, alone = system.B.copy(), system.C, alone_of(of)
-    B[:, : len(alone)] *= [b.amplifier.gain for b in alone]
+    B, C, isolated = system.B.copy(), system.C, isolated_axes(of)
+    B[:, : len(isolated)] *= [b.amplifier.gain for b in isolated]
     view, m = View(of), len(of.readings)
     seen = np.linalg.pinv(view.H @ view.shown) @ np.atleast_1d(point.x) / view.gains
     stands = {state.name: k for k, state in enumerate(system.states)}
-    along = np.zeros((len(alone), len(stands)))
+    along = np.zeros((len(isolated), len(stands)))
     for k, axis in enumerate(of.axes):
         for q, value in axis.line.form.items():
             along[k, stands[q]] = value
@@ -143,10 +143,10 @@ def plant(of: Machine, point: WorkPoint, *, continuous: bool = False) -> LinearS
     )  # fmt: skip
 
 
-def plants(bearings: Sequence[Bearing], points: Sequence[WorkPoint]) -> LinearSystem:
+def plants(bearings: Sequence[Bearing], points: Sequence[OperatingPoint]) -> LinearSystem:
     """Return `plant` of bearings whose parts are alike, as matrices (bearings, ...)."""
-    each = [machine_parts(b, noise=False) for b in bearings]
-    parts = [_stacked(of) for of in zip(*each, strict=True)]
+    values = [machine_parts(b, noise=False) for b in bearings]
+    parts = [_stacked(of) for of in zip(*values, strict=True)]
     k = np.array([
         [float(of[0]) for of in magnet_of(b).tangent(np.array([at.iu]), np.array([at.x]))]
         for b, at in zip(bearings, points, strict=True)
@@ -182,24 +182,24 @@ def _stacked(parts: Sequence[Any]) -> Any:
     return replace(first, **changes)
 
 
-def unbalance_columns(machine: Machine, point: WorkPoint, places: Sequence[float]) -> Complex:
+def unbalance_columns(machine: Machine, point: OperatingPoint, places: Sequence[float]) -> Complex:
     """Return what a sample of unbalance of 1 kg m leaves in the plant's states (n, planes)."""
     # Each turns with the rotor, from x towards y: its force within the sample does.
-    turning: list[Part] = [
+    unbalance_parts: list[Part] = [
         SynchronousForce(1.0, 1.0, machine.speed, f"U{k}", *across(machine, z))
         for k, z in enumerate(places)
     ]
-    A = _linear(machine, [*machine_parts(machine, noise=False), *turning], point).A
+    A = _linear(machine, [*machine_parts(machine, noise=False), *unbalance_parts], point).A
     n = len(A) - 2 * len(places)
     return np.asarray(A[:n, n::2] - 1j * A[:n, n + 1 :: 2])
 
 
 def _linear(
-    of: Machine, parts: Sequence[Part], point: WorkPoint, *, continuous: bool = False
+    of: Machine, parts: Sequence[Part], point: OperatingPoint, *, continuous: bool = False
 ) -> LinearSystem:
-    """Return the parts of a plant with its magnets' tangents at a work point."""
+    """Return the parts of a plant with its magnets' tangents at an operating point."""
     k_i, k_s = np.array([
         [float(np.mean(k)) for k in magnet_of(b).tangent(iu, x)]
-        for b, (iu, x) in zip(alone_of(of), point.along_orbit(), strict=True)
+        for b, (iu, x) in zip(isolated_axes(of), point.along_orbit(), strict=True)
     ]).T  # fmt: skip
     return linearised(parts, of.sampling_time, k_i, k_s, continuous=continuous)

@@ -1,4 +1,4 @@
-"""An estimator in a loop, linear at a work point, with the gain that it settles to."""
+"""An estimator in a loop, linear at an operating point, with the gain that it settles to."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.magnets import core_module
 from ambkit.models.linear import LinearSystem, Signal
-from ambkit.simulation.linear.pieces import POSITION, VELOCITY, WorkPoint, of_axes
+from ambkit.simulation.linear.pieces import POSITION, VELOCITY, OperatingPoint, of_axes
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -24,9 +24,11 @@ def tells(estimator: Estimator) -> bool:
 
 
 def estimator_at(
-    estimator: Estimator, point: WorkPoint, told: tuple[Array, Sequence[Signal]] | None = None
+    estimator: Estimator,
+    point: OperatingPoint,
+    outputs: tuple[Array, Sequence[Signal]] | None = None,
 ) -> LinearSystem:
-    """Return an estimator at a work point, with the gain that it settles to."""
+    """Return an estimator at an operating point, with the gain that it settles to."""
     # The force in its mean is linearised by the tangents of what it knows of its magnet;
     # covariances of the linear and the adaptive filter grow by the stiffnesses through the origin,
     # as they do in the core. A filter that finds its noise online has the noise that it starts
@@ -41,10 +43,10 @@ def estimator_at(
     grown = tangent
     if estimator.steady == "through_origin":
         grown = tangents_known(estimator.magnet, "through_origin", point)
-    return _assembled(estimator, tangent, grown, told)
+    return _assembled(estimator, tangent, grown, outputs)
 
 
-def estimators_at(estimator: Estimator, points: Sequence[WorkPoint]) -> LinearSystem:
+def estimators_at(estimator: Estimator, points: Sequence[OperatingPoint]) -> LinearSystem:
     """Return what `estimator_at` does of one axis at points, as matrices (points, ...)."""
     inner = estimator.nominal
     magnet = inner.magnet.in_core(core_module())
@@ -60,31 +62,35 @@ def _assembled(
     estimator: Estimator,
     tangent: tuple[Any, Any],
     origin: tuple[Any, Any],
-    told: tuple[Array, Sequence[Signal]] | None,
+    outputs: tuple[Array, Sequence[Signal]] | None,
 ) -> LinearSystem:
     """Return an estimator by the stiffnesses in its mean, and those in its covariance."""
     model = estimator.model
     linear = estimator.linear_model(*tangent)
     A, B, H, states = linear.A, linear.B, linear.H, model.states
-    kept: Any = np.arange(len(states))
+    state_indices: Any = np.arange(len(states))
     gain = getattr(estimator, "gain", None)
     if estimator.steady == "constant" and gain is not None:
         K = gain[:, None]
     else:
-        K, kept = _settled(estimator, estimator.linear_model(*origin))
-        A, B, H = A[..., kept, :][..., kept], B[..., kept, :], H[:, kept]
-        states = tuple(states[k] for k in kept)
+        K, state_indices = _settled(estimator, estimator.linear_model(*origin))
+        A, B, H = (
+            A[..., state_indices, :][..., state_indices],
+            B[..., state_indices, :],
+            H[:, state_indices],
+        )
+        states = tuple(states[k] for k in state_indices)
     left = np.eye(len(states)) - K @ H
-    whole = estimator.whole
-    axes = [] if whole is None else [axis.name for axis in whole.machine.axes]
+    machine_view = estimator.whole
+    axes = [] if machine_view is None else [axis.name for axis in machine_view.machine.axes]
     signals: Sequence[Signal] = (*of_axes(POSITION, axes), *of_axes(VELOCITY, axes))
-    if told is not None:
-        rows, signals = told[0][:, kept], told[1]
-    elif whole is None:
+    if outputs is not None:
+        rows, signals = outputs[0][:, state_indices], outputs[1]
+    elif machine_view is None:
         roles = [at.role for at in states]
         rows = np.eye(len(states))[[roles.index("position"), roles.index("velocity")]]
     else:
-        rows = np.vstack(whole.along_axes(states))
+        rows = np.vstack(machine_view.along_axes(states))
     through = rows @ K
     none = np.zeros((*through.shape[:-1], B.shape[-1]))
     return LinearSystem(
@@ -97,8 +103,8 @@ def _assembled(
     )  # fmt: skip
 
 
-def settled_gain(estimator: Estimator, point: WorkPoint) -> tuple[Array, Array]:
-    """Return the gain (n, m) that a Kalman filter settles to at a work point, see `_settled`."""
+def settled_gain(estimator: Estimator, point: OperatingPoint) -> tuple[Array, Array]:
+    """Return the steady-state gain (n, m) of a Kalman filter at an operating point (`_settled`)."""
     kind = "through_origin" if estimator.steady == "through_origin" else "tangent"
     return _settled(
         estimator, estimator.linear_model(*tangents_known(estimator.magnet, kind, point))
@@ -114,22 +120,22 @@ def _settled(estimator: Estimator, model: LinearModel) -> tuple[Array, Array]:
     states = estimator.model.states
     follows = ("disturbance force", "noise", "noise in quadrature")
     Q = model.Q
-    kept = np.array([
+    state_indices = np.array([
         k for k, at in enumerate(states) if at.role not in follows or np.all(Q[..., k, k] > 0)
     ])  # fmt: skip
     # The states are counted in their own units, or the equation loses its digits between newtons
     # and micrometres.
-    units = np.array(estimator.default_std())[kept]
-    A, noise = (of[..., kept, :][..., kept] for of in (model.A, Q))
+    units = np.array(estimator.default_std())[state_indices]
+    A, noise = (of[..., state_indices, :][..., state_indices] for of in (model.A, Q))
     A, noise = A * units / units[:, None], noise / np.outer(units, units)
     noisy = np.sqrt(np.atleast_1d(model.R))  # and the measurements in their noise
-    H, R = model.H[:, kept] * units / noisy[:, None], np.eye(len(noisy))
+    H, R = model.H[:, state_indices] * units / noisy[:, None], np.eye(len(noisy))
     try:
         P = _doubled(A, H, noise, R) if A.ndim > 2 else solve_discrete_are(A.T, H.T, noise, R)
     except np.linalg.LinAlgError:
         raise AmbkitError(f"{estimator.name}: it does not settle to a gain") from None
     K = np.swapaxes(np.linalg.solve(H @ P @ H.T + R, H @ P), -1, -2)
-    return units[:, None] * K / noisy, kept
+    return units[:, None] * K / noisy, state_indices
 
 
 MOST_DOUBLINGS = 50
@@ -157,13 +163,13 @@ def _doubled(A: Array, H: Array, Q: Array, R: Array) -> Array:
     raise np.linalg.LinAlgError("it does not settle")
 
 
-def tangents_known(magnet: Any, method: str, point: WorkPoint) -> tuple[Any, Any]:
-    """Ask what an estimator knows of its magnets for k_i [N/A] and k_s [N/m] at a work point."""
+def tangents_known(magnet: Any, method: str, point: OperatingPoint) -> tuple[Any, Any]:
+    """Return k_i [N/A] and k_s [N/m] at an operating point, as an estimator's magnets have them."""
     # Numbers of one axis, arrays (p,) of several.
     held = magnet.in_core(core_module())
-    each = held if isinstance(held, list) else [held]
-    found = [
-        getattr(one, method)(iu, x) for one, (iu, x) in zip(each, point.along_orbit(), strict=True)
+    parts = held if isinstance(held, list) else [held]
+    results = [
+        getattr(one, method)(iu, x) for one, (iu, x) in zip(parts, point.along_orbit(), strict=True)
     ]
-    k_i, k_s = (np.array([float(np.mean(of[k])) for of in found]) for k in (0, 1))
+    k_i, k_s = (np.array([float(np.mean(of[k])) for of in results]) for k in (0, 1))
     return (k_i, k_s) if isinstance(held, list) else (float(k_i[0]), float(k_s[0]))

@@ -57,28 +57,28 @@ def contradictions(read: Read) -> Iterator[Problem]:
         return
     run = read("scenario")
     seen = dict[str, int]()
-    for at, each in enumerate(vary):
+    for at, item in enumerate(vary):
         here = f"vary.{at}"
         try:
-            key_there = key_of(each, plant, run, read("estimator"))
-            each.marginal(key_there)
+            key_there = key_of(item, plant, run, read("estimator"))
+            item.marginal(key_there)
         except Wrong as error:
             yield f"{here}.{error.key}", str(error)
             continue
         except AmbkitError as error:
             yield f"{here}.what", str(error)
             continue
-        quantity = each.what
+        quantity = item.what
         if quantity not in ("estimator", "controller"):
             of_run = quantity.startswith(OF_RUN)
             quantity = by_places(run if of_run else plant, quantity.removeprefix(OF_RUN))
         if quantity in seen:
-            yield f"{here}.what", f"{each.what} varies already, in vary[{seen[quantity]}]"
+            yield f"{here}.what", f"{item.what} varies already, in vary[{seen[quantity]}]"
         seen.setdefault(quantity, at)
-        yield from _grid(here, each, read("sampling"))
-        yield from _sensor_gain(here, each, run)
-        yield from _choices(here, each, key_there, plant, run, read)
-    yield from _correlated(read, [each.what for each in vary])
+        yield from _grid(here, item, read("sampling"))
+        yield from _sensor_gain(here, item, run)
+        yield from _choices(here, item, key_there, plant, run, read)
+    yield from _correlated(read, [entry.what for entry in vary])
 
 
 def _of_what(read: Read, plant: Any) -> Iterator[Problem]:
@@ -176,9 +176,9 @@ def _recorded(read: Read, plant: Any) -> Iterator[Problem]:
         if isinstance(scenario, Scenario) and record.settling >= scenario.duration:
             yield "record.settling", "must be less than the duration of a run"
     if isinstance(passes, Passes):
-        for name, given in passes.at_most.items():
+        for name, limit in passes.at_most.items():
             try:
-                limit_of(name, given, plant)
+                limit_of(name, limit, plant)
             except ValueError as error:
                 yield f"passes.at_most.{name}", str(error)
         if isinstance(record, Recorded) and not record.margins:
@@ -244,24 +244,24 @@ def _choices(
 
 
 def _correlated(read: Read, known: list[str]) -> Iterator[Problem]:
-    given = read("correlation")
-    if not isinstance(given, tuple):
+    correlations = read("correlation")
+    if not isinstance(correlations, tuple):
         return
     matrix, wrong = np.eye(len(known)), False
     vary = read("vary")
-    for at, each in enumerate(given):
-        for place, name in enumerate(each.between):
+    for at, correlation in enumerate(correlations):
+        for place, name in enumerate(correlation.between):
             if name not in known:
                 wrong = True
                 yield f"correlation.{at}.between.{place}", f"{name} does not vary"
             elif isinstance(vary[known.index(name)], Choice):
                 wrong = True
                 yield f"correlation.{at}.between.{place}", f"{name} is a choice, not a number"
-        if each.between[0] == each.between[1]:
+        if correlation.between[0] == correlation.between[1]:
             wrong = True
             yield f"correlation.{at}.between", "must be two quantities"
         if not wrong:
-            i, j = (known.index(name) for name in each.between)
-            matrix[i, j] = matrix[j, i] = each.coefficient
-    if given and not wrong and np.linalg.eigvalsh(matrix).min() <= 1e-12:
+            i, j = (known.index(name) for name in correlation.between)
+            matrix[i, j] = matrix[j, i] = correlation.coefficient
+    if correlations and not wrong and np.linalg.eigvalsh(matrix).min() <= 1e-12:
         yield "correlation", "these coefficients contradict each other: no quantities vary so"

@@ -45,11 +45,13 @@ def versions() -> dict[str, str]:
     return own | {"python": platform.python_version()}
 
 
-def part_of(pickled: bytes, part: int, asked: Mapping[str, str]) -> Rows:
+def part_of(pickled: bytes, part: int, expected_versions: Mapping[str, str]) -> Rows:
     """Compute a part in a worker of a cluster, in one thread."""
     here = versions()
-    if other := [name for name in asked if here.get(name) != asked[name]]:
-        has, own = (", ".join(f"{n} {of.get(n)}" for n in other) for of in (here, asked))
+    if other := [name for name in expected_versions if here.get(name) != expected_versions[name]]:
+        has, own = (
+            ", ".join(f"{n} {of.get(n)}" for n in other) for of in (here, expected_versions)
+        )
         raise AmbkitError(f"a worker of the cluster has {has}, and this is {own}: install the same")
     plan = _plan_in(pickled)
     return compute(plan, *plan.span(part), threads=1)
@@ -57,8 +59,8 @@ def part_of(pickled: bytes, part: int, asked: Mapping[str, str]) -> Rows:
 
 @lru_cache(maxsize=4)
 def _plan_in(pickled: bytes) -> Plan:
-    found: Plan = pickle.loads(pickled)
-    return found
+    result: Plan = pickle.loads(pickled)
+    return result
 
 
 def compute(
@@ -72,14 +74,14 @@ def compute(
     """Compute runs of a study."""
     points, noise = plan.points(first, stop), plan.noise(first, stop)
     every = plan.study.record.every if plan.study.record.traces else 0
-    wanted = [run for run in range(first, stop) if every and run % every == 0]
-    flown = fly(plan, points, noise, first, traced=wanted, threads=threads, done=done)
+    traced_runs = [run for run in range(first, stop) if every and run % every == 0]
+    results = fly(plan, points, noise, first, traced=traced_runs, threads=threads, done=done)
     columns: dict[str, Any] = {"run": np.arange(first, stop)}
     for name, of, column in zip(plan.names, plan.marginals, points.T, strict=True):
         columns[name] = [of.values[int(at)] for at in column] if isinstance(of, OneOf) else column
-    columns |= flown.columns
+    columns |= results.columns
     runs = table(plan, columns)
-    return Rows(runs, traces_table(plan, flown.traces) if every else None)
+    return Rows(runs, traces_table(plan, results.traces) if every else None)
 
 
 class Flown(NamedTuple):
@@ -105,34 +107,34 @@ def fly(
 ) -> Flown:
     """Draw machines at points, fly and judge them."""
     # points (n, k); noise (n,)
-    drawn: list[Drawn] = []
+    samples: list[Drawn] = []
     record = plan.study.record
 
     def possible() -> Iterator[Any]:
-        for each in plan.machines(points, noise, first):
-            drawn.append(each)
-            if not each.wrong:
-                yield each.planned
+        for machine in plan.machines(points, noise, first):
+            samples.append(machine)
+            if not machine.wrong:
+                yield machine.planned
 
     many = simulate_many(
         possible(), settling=record.settling, band=record.band, threads=threads, done=done
     )
-    can = [at for at, each in enumerate(drawn) if not each.wrong]
-    columns = _spread(many, can, len(drawn), figures_of(plan.nominal))
+    can = [at for at, sample in enumerate(samples) if not sample.wrong]
+    columns = _spread(many, can, len(samples), figures_of(plan.nominal))
     if record.margins:
-        peaks = np.full(len(drawn), np.inf)
+        peaks = np.full(len(samples), np.inf)
         with one_thread():
-            peaks[can] = peaks_of([drawn[at].planned for at in can], threads)
+            peaks[can] = peaks_of([samples[at].planned for at in can], threads)
         columns["peak_S"] = peaks
-        columns["zone"] = ["" if np.isnan(each) else zone_of(float(each)) for each in peaks]
-    fails = _fails(plan, columns, drawn)
-    columns["passed"] = np.array([not each for each in fails])
+        columns["zone"] = ["" if np.isnan(peak) else zone_of(float(peak)) for peak in peaks]
+    fails = _fails(plan, columns, samples)
+    columns["passed"] = np.array([not fail for fail in fails])
     columns["fails"] = fails
     traces = {
-        run: drawn[run - first].planned.simulated()
-        for run in traced if not drawn[run - first].wrong
+        run: samples[run - first].planned.simulated()
+        for run in traced if not samples[run - first].wrong
     }  # fmt: skip
-    return Flown(columns, traces, [each.wrong for each in drawn])
+    return Flown(columns, traces, [sample.wrong for sample in samples])
 
 
 def _spread(many: Many, can: Sequence[int], n: int, figures: Iterable[str]) -> dict[str, Any]:
@@ -148,19 +150,19 @@ def _spread(many: Many, can: Sequence[int], n: int, figures: Iterable[str]) -> d
     return columns
 
 
-def _fails(plan: Plan, columns: Mapping[str, Any], drawn: Sequence[Drawn]) -> list[str]:
+def _fails(plan: Plan, columns: Mapping[str, Any], samples: Sequence[Drawn]) -> list[str]:
     """Return by which of its criteria each machine fails, with commas between; empty: by none."""
     passes = plan.study.passes
     against: dict[str, NDArray[np.bool_]] = {
-        "impossible": np.array([bool(each.wrong) for each in drawn], bool)
+        "impossible": np.array([bool(sample.wrong) for sample in samples], bool)
     }
     if passes.zone is not None:
         allowed = ZONES[: ZONES.index(passes.zone) + 1]
         against["zone"] = ~np.isin(columns["zone"], allowed)
     if not passes.contact:
         against["contact"] = ~(np.asarray(columns["touched"]) == 0)
-    for name, given in passes.at_most.items():  # what does not apply is not below its limit
-        against[name] = ~(np.asarray(columns[name]) <= limit_of(name, given, plan.nominal))
+    for name, limit in passes.at_most.items():  # what does not apply is not below its limit
+        against[name] = ~(np.asarray(columns[name]) <= limit_of(name, limit, plan.nominal))
     named = np.array(list(against))
     return [",".join(named[row]) for row in np.column_stack(list(against.values()))]
 
@@ -186,9 +188,9 @@ def table(plan: Plan, columns: Mapping[str, Any]) -> pa.Table:
     """Return columns as a table."""
     import pyarrow as pa
 
-    wanted = schema(plan)
-    arrays = [pa.array(columns[field.name], type=field.type) for field in wanted]
-    return pa.Table.from_arrays(arrays, schema=wanted)
+    table_schema = schema(plan)
+    arrays = [pa.array(columns[field.name], type=field.type) for field in table_schema]
+    return pa.Table.from_arrays(arrays, schema=table_schema)
 
 
 def traces_table(plan: Plan, runs: Mapping[int, Run]) -> pa.Table:
@@ -204,11 +206,11 @@ def traces_table(plan: Plan, runs: Mapping[int, Run]) -> pa.Table:
         for name in names:
             parts[name].append(signal(run, name))
     empty = {"run": np.zeros(0, np.int64)}
-    whole = {
+    columns = {
         name: np.concatenate(values) if values else empty.get(name, np.zeros(0))
         for name, values in parts.items()
     }
-    return pa.table(whole)
+    return pa.table(columns)
 
 
 def signal(run: Run, name: str) -> Array:

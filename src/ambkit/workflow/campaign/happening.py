@@ -48,8 +48,8 @@ class OfOne:
             "textbook": Control.textbook(self.nominal).fed_by(fed_by),
         }
         return usual | {
-            name: each.completed(self.nominal).fed_by(each.feedback or fed_by)
-            for name, each in self.study.controllers.items()
+            name: controller.completed(self.nominal).fed_by(controller.feedback or fed_by)
+            for name, controller in self.study.controllers.items()
         }
 
     def planned(
@@ -86,7 +86,7 @@ class OfSeveral:
     def controllers(self, run: Scenario) -> dict[str, Control]:
         """Return the ways to control that there are to choose from."""
         usual = (*(Control.model_validate({"type": name}) for name in TYPES), run.controller)
-        return {str(each.type): each for each in usual} | self.study.controllers
+        return {str(item.type): item for item in usual} | self.study.controllers
 
     def planned(
         self, plant: Machine, run: Scenario, estimator: Estimator | None, noise: int
@@ -99,8 +99,8 @@ class OfSeveral:
         ])  # fmt: skip
         if (ratio != 1).any():
             fed = {
-                name: ratio[:, None] * each if name in _IN_AMPERES else each
-                for name, each in made.feedback.items()
+                name: ratio[:, None] * item if name in _IN_AMPERES else item
+                for name, item in made.feedback.items()
             }
             made = replace(made, spread=ratio[:, None] * made.spread, feedback=fed)
         return Planned(plant, run, estimator, number=noise, controllers=made)

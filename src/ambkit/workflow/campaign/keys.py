@@ -54,25 +54,25 @@ def key_in(model: BaseModel, key: str) -> Key:
 
 
 def by_places(model: BaseModel, key: str) -> str:
-    """Return a key that is there with places in the place of names: one quantity, one key."""
+    """Return a key that is there with places instead of names: one quantity, one key."""
     here: Any = model
-    told = []
+    steps = []
     for step in key.split("."):
         if isinstance(here, tuple):
-            at = next(at for at, each in enumerate(here) if step in _called(each, at))
+            at = next(at for at, item in enumerate(here) if step in _called(item, at))
             here, step = here[at], str(at)
         else:
             here = getattr(here, step)
-        told.append(step)
-    return ".".join(told)
+        steps.append(step)
+    return ".".join(steps)
 
 
 def _part(parts: tuple[Any, ...], step: str, key: str) -> Any:
     """Return a part of a list by its name or its place."""
-    for at, each in enumerate(parts):
-        if step in _called(each, at):
-            return each
-    known = [_called(each, at)[0] for at, each in enumerate(parts)]
+    for at, part in enumerate(parts):
+        if step in _called(part, at):
+            return part
+    known = [_called(item, at)[0] for at, item in enumerate(parts)]
     raise AmbkitError(f"there is no key {key} to vary: {unknown_key(step, known)}")
 
 
@@ -104,12 +104,12 @@ def changed(model: Any, tree: Mapping[str, Any]) -> Any:
         return changed(old, new) if isinstance(new, dict) else InOther.like(old, new)
 
     if isinstance(model, tuple):
-        found = []
-        for at, each in enumerate(model):
-            for name in _called(each, at):
-                each = other(each, name)
-            found.append(each)
-        return tuple(found)
+        results = []
+        for at, item in enumerate(model):
+            for name in _called(item, at):
+                item = other(item, name)
+            results.append(item)
+        return tuple(results)
     if isinstance(model, Magnet):
         return _magnet(model, dict(tree))
     return model.model_copy(update={name: other(getattr(model, name), name) for name in tree})

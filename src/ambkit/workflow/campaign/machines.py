@@ -95,7 +95,7 @@ class Machines:
             # What summaries tell of is read at once: a file is opened for all of its columns.
             usual = {"run", "passed", "fails", "zone", "touched", *SHOWN, *self.plan.names}
             self._read |= self._columns_of(
-                [each for each in self.columns if each in usual] if name in usual else [name]
+                [item for item in self.columns if item in usual] if name in usual else [name]
             )
         return self._read[name]
 
@@ -105,7 +105,7 @@ class Machines:
             table = self._place.table(part, names)
             for name in names:
                 parts[name].append(array_of(table.column(name)))
-        return {name: np.concatenate(each) if each else np.zeros(0) for name, each in parts.items()}
+        return {name: np.concatenate(item) if item else np.zeros(0) for name, item in parts.items()}
 
     @cached_property
     def _read(self) -> dict[str, NDArray[Any]]:
@@ -127,7 +127,7 @@ class Machines:
     @cached_property
     def by_choice(self) -> dict[str, dict[str, Share]]:
         """Yield of each value of each choice."""
-        passed, found = self.column("passed"), {}
+        passed, result = self.column("passed"), {}
         for name, of, key in zip(self.plan.names, self.plan.marginals, self.plan.keys, strict=True):
             if not isinstance(of, OneOf):
                 continue
@@ -139,18 +139,18 @@ class Machines:
                 shares[text] = clopper_pearson(
                     int(these.sum()), len(these), self.plan.study.confidence
                 )
-            found[name] = shares
-        return found
+            result[name] = shares
+        return result
 
     @cached_property
     def fails(self) -> dict[str, int]:
         """How many machines fail by each criterion; one may fail by several."""
-        found: dict[str, int] = {}
+        results: dict[str, int] = {}
         reasons, counts = np.unique(self.column("fails").astype(str), return_counts=True)
         for reason, count in zip(reasons, counts, strict=True):
-            for each in filter(None, reason.split(",")):
-                found[each] = found.get(each, 0) + int(count)
-        return dict(sorted(found.items(), key=lambda item: -item[1]))
+            for entry in filter(None, reason.split(",")):
+                results[entry] = results.get(entry, 0) + int(count)
+        return dict(sorted(results.items(), key=lambda item: -item[1]))
 
     @cached_property
     def zones(self) -> dict[str, int]:
@@ -164,14 +164,14 @@ class Machines:
     @cached_property
     def quantiles(self) -> dict[str, dict[float, float]]:
         """Quantiles of figures, by name; infinite where so many machines have no finite one."""
-        found = {}
+        results = {}
         for name in self.names_shown:
             values = np.sort(self.column(name))
             values = values[~np.isnan(values)]
             # Of the values themselves: between a finite and an infinite one there is none.
             at = {q: float(values[min(int(q * values.size), values.size - 1)]) for q in QUANTILES}
-            found[name] = at
-        return found
+            results[name] = at
+        return results
 
     @cached_property
     def names_shown(self) -> tuple[str, ...]:
@@ -200,9 +200,9 @@ class Machines:
         if by not in UNITS:
             raise AmbkitError(f"there is no figure {by}; there are {', '.join(UNITS)}")
         values = self.column(by)
-        flown = ~np.isnan(self.column("touched"))  # a machine that cannot be was not
-        order = np.argsort(-np.where(np.isnan(values) | ~flown, -np.inf, values), kind="stable")
-        told = [int(at) for at in order[:count] if flown[at] and not np.isnan(values[at])]
+        valid = ~np.isnan(self.column("touched"))  # a machine that cannot be was not
+        order = np.argsort(-np.where(np.isnan(values) | ~valid, -np.inf, values), kind="stable")
+        indices = [int(at) for at in order[:count] if valid[at] and not np.isnan(values[at])]
         run = self.column("run")
         varied = {name: self.column(name) for name in self.plan.names}
         return [
@@ -211,7 +211,7 @@ class Machines:
                 {name: column[at : at + 1].tolist()[0] for name, column in varied.items()},
                 self.command(int(run[at])),
             )
-            for at in told
+            for at in indices
         ]  # fmt: skip
 
     def command(self, run: int) -> str:
@@ -241,8 +241,8 @@ class Machines:
 
         from ambkit.base.errors import ExtraMissing
 
-        wanted = None if columns is None else list(columns)
-        tables = [self._place.table(part, wanted) for part in self.parts]
+        column_names = None if columns is None else list(columns)
+        tables = [self._place.table(part, column_names) for part in self.parts]
         try:
             return pa.concat_tables(tables).to_pandas()
         except ModuleNotFoundError:

@@ -22,7 +22,7 @@ from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.simulation.linear.control import compensator, controller
-from ambkit.simulation.linear.pieces import WorkPoint, alike, plants
+from ambkit.simulation.linear.pieces import OperatingPoint, alike, plants
 from ambkit.simulation.linear.settled import estimator_at, estimators_at, tells
 from ambkit.simulation.many import Planned
 
@@ -48,19 +48,19 @@ def peaks(runs: Sequence[Planned], threads: int | None = None) -> Array:
     # Of the worst axis, at the machine's own speed. Infinite where the loop is unstable or nothing
     # holds the rotor; NaN where the estimator settles to no gain. Loops of one axis with a PID are
     # looked at many at once.
-    found = np.full(len(runs), np.nan)
-    points: dict[int, WorkPoint] = {}
+    result = np.full(len(runs), np.nan)
+    points: dict[int, OperatingPoint] = {}
     groups: dict[Any, list[int]] = {}
-    alone: list[int] = []
+    single_axes: list[int] = []
     for at, run in enumerate(runs):
         law = run.scenario.controller
         if not run.bearing.single or law.needs_estimate or law.block:  # of as many states as others
-            alone.append(at)
+            single_axes.append(at)
             continue
         try:
-            points[at] = WorkPoint.hovering(run.axis)
+            points[at] = OperatingPoint.equilibrium(run.axis)
         except AmbkitError:  # nothing holds the rotor
-            found[at] = math.inf
+            result[at] = math.inf
             continue
         fed = _fed(run)
         if fed is None or tells(fed):
@@ -70,11 +70,11 @@ def peaks(runs: Sequence[Planned], threads: int | None = None) -> Array:
     for group in groups.values():
         for start in range(0, len(group), AT_ONCE):
             places = group[start : start + AT_ONCE]
-            together: list[Any] = [runs[at] for at in places]
-            found[places] = _highest(together, [points[at] for at in places])
+            batch: list[Any] = [runs[at] for at in places]
+            result[places] = _highest(batch, [points[at] for at in places])
     with ThreadPoolExecutor(threads or processors()) as pool:
-        found[alone] = list(pool.map(peak_of, [runs[at] for at in alone]))
-    return found
+        result[single_axes] = list(pool.map(peak_of, [runs[at] for at in single_axes]))
+    return result
 
 
 def peak_of(run: Planned) -> float:
@@ -101,7 +101,7 @@ def peak_of(run: Planned) -> float:
     return float((through * highest(opened.astype(complex), poles, loop.T, of.top)).max())
 
 
-def _highest(runs: Sequence[Planned], points: Sequence[WorkPoint]) -> Array:
+def _highest(runs: Sequence[Planned], points: Sequence[OperatingPoint]) -> Array:
     """Return the peaks of loops alike (n,)."""
     try:
         opened, closed = _poles(runs, points)
@@ -111,12 +111,12 @@ def _highest(runs: Sequence[Planned], points: Sequence[WorkPoint]) -> Array:
         return np.concatenate([
             _highest([run], [at]) for run, at in zip(runs, points, strict=True)
         ])  # fmt: skip
-    stable, found = (np.abs(closed) < 1).all(axis=1), np.full(len(runs), np.inf)
+    stable, result = (np.abs(closed) < 1).all(axis=1), np.full(len(runs), np.inf)
     if stable.any():
         bearing = runs[0].axis
         T = bearing.sampling_time
-        found[stable] = highest(opened[stable], closed[stable], T, end_of_range(T, bearing.speed))
-    return found
+        result[stable] = highest(opened[stable], closed[stable], T, end_of_range(T, bearing.speed))
+    return result
 
 
 def _fed(run: Planned) -> Estimator | None:
@@ -124,28 +124,28 @@ def _fed(run: Planned) -> Estimator | None:
     return run.estimator if run.scenario.feedback == "estimate" else None
 
 
-def _poles(runs: Sequence[Planned], points: Sequence[WorkPoint]) -> tuple[Complex, Complex]:
+def _poles(runs: Sequence[Planned], points: Sequence[OperatingPoint]) -> tuple[Complex, Complex]:
     """Return the poles of plant and compensator, and of the closed loop, each (n, ...)."""
     bearings = [run.axis for run in runs]
     P, fed = plants(bearings, points), _fed(runs[0])
     inner = None if fed is None else _estimators(fed, points)
     made: dict[tuple[int, float, float], LinearSystem] = {}
-    each = []
+    parts = []
     for bearing, pid in zip(bearings, (run.scenario.controller for run in runs), strict=True):
         key = id(pid), bearing.amplifier.gain, bearing.sampling_time
         if key not in made:
             made[key] = controller(pid, bearing, measured=fed is None)
-        each.append(made[key])
-    A, B, C, D = (np.array([getattr(one, name) for one in each]) for name in "ABCD")
+        parts.append(made[key])
+    A, B, C, D = (np.array([getattr(one, name) for one in parts]) for name in "ABCD")
     gains = np.array([1 / bearing.sensor.gain for bearing in bearings])[:, None, None]
-    K = compensator(replace(each[0], A=A, B=B, C=C, D=D), inner, gains)
+    K = compensator(replace(parts[0], A=A, B=B, C=C, D=D), inner, gains)
     B_u, C_y, B_y, D_y = P.B[..., :1], P.C[..., :1, :], K.B[..., :1], K.D[..., :1]
     closed = np.block([[P.A + B_u @ D_y @ C_y, B_u @ K.C], [B_y @ C_y, K.A]])
     opened = [np.linalg.eigvals(of).astype(complex) for of in (P.A, K.A)]
     return np.hstack(opened), np.linalg.eigvals(closed).astype(complex)
 
 
-def _estimators(estimator: Estimator, points: Sequence[WorkPoint]) -> LinearSystem:
+def _estimators(estimator: Estimator, points: Sequence[OperatingPoint]) -> LinearSystem:
     """Return an estimator with its gain at points; of constant stiffness it is one for all."""
     n = len(points)
     if isinstance(estimator.magnet, ConstantStiffness) or not estimator.by_model:
@@ -177,10 +177,10 @@ def highest(opened: Complex, closed: Complex, T: float, top: float) -> Array:
 
 def _product(z: Complex, poles: Complex) -> Complex:
     """Return the product of z (n, k) less each of the poles (n, m) of its row."""
-    found = z - poles[:, :1]
+    result = z - poles[:, :1]
     for k in range(1, poles.shape[1]):
-        found *= z - poles[:, k : k + 1]
-    return found
+        result *= z - poles[:, k : k + 1]
+    return result
 
 
 def top_of(gain: Callable[[Array], Array], f: Array) -> Array:

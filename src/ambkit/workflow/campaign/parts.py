@@ -36,9 +36,9 @@ def traces_of(plant: Any) -> tuple[str, ...]:
     if plant is None or plant.single:
         return TRACES
     axes = [axis.name for axis in plant.axes]
-    found = [f"{of}_{name}" for of in ("s", "r", "u", "iu", "f_mag", "f_d") for name in axes]
-    found += [signal("y", reading.name) for reading in plant.readings]
-    return (*found, *(f"q_{name}" for name in plant.positions), "speed")
+    results = [f"{of}_{name}" for of in ("s", "r", "u", "iu", "f_mag", "f_d") for name in axes]
+    results += [signal("y", reading.name) for reading in plant.readings]
+    return (*results, *(f"q_{name}" for name in plant.positions), "speed")
 
 
 class Correlated(Part):
@@ -85,14 +85,14 @@ class Stop(Part):
     """But so many runs at least."""
 
 
-def limit_of(name: str, given: float | str, plant: Any) -> float:
+def limit_of(name: str, limit: float | str, plant: Any) -> float:
     """Return a limit of a figure in SI."""
     known = UNITS if plant is None else [*figures_of(plant), "peak_S"]
     if name not in known:
         raise ValueError(unknown_key(name, known))
     unit = UNITS[name]
-    if isinstance(given, str):
-        return units.parse(given, unit)
-    if unit != "1" and type(given) is not float:  # out of a file
-        raise ValueError(f"{given:g} has no unit, write it in {unit}")
-    return float(given)
+    if isinstance(limit, str):
+        return units.parse(limit, unit)
+    if unit != "1" and type(limit) is not float:  # out of a file
+        raise ValueError(f"{limit:g} has no unit, write it in {unit}")
+    return float(limit)

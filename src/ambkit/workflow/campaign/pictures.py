@@ -31,13 +31,13 @@ def quantity(campaign: Machines, name: str) -> Quantity:
     if name not in plan.names:
         return Quantity(LABELS[name], UNITS[name], values)
     place = plan.names.index(name)
-    said = in_words(plan.names)[place]
+    label = in_words(plan.names)[place]
     key, of = plan.keys[place], plan.marginals[place]
     if isinstance(of, OneOf):
         words = [_said(value, key.unit) for value in of.values]
         at = {value: float(number) for number, value in enumerate(of.values)}
-        return Quantity(said, "1", np.array([at[value] for value in values.tolist()]), words)
-    return Quantity(said, key.unit, values)
+        return Quantity(label, "1", np.array([at[value] for value in values.tolist()]), words)
+    return Quantity(label, key.unit, values)
 
 
 def _said(value: object, unit: str) -> str:
@@ -50,8 +50,8 @@ def cumulative(campaign: Machines) -> Figure:
     """Show the figures' cumulative curves, apart by the first choice."""
     figures = [quantity(campaign, name) for name in campaign.names_shown]
     limits = {
-        LABELS[name]: limit_of(name, given, campaign.plan.nominal)
-        for name, given in campaign.plan.study.passes.at_most.items()
+        LABELS[name]: limit_of(name, limit, campaign.plan.nominal)
+        for name, limit in campaign.plan.study.passes.at_most.items()
     }
     zone = campaign.plan.study.passes.zone
     if zone is not None:
@@ -68,8 +68,8 @@ def cumulative(campaign: Machines) -> Figure:
 def _groups(campaign: Machines) -> dict[str, NDArray[np.bool_]]:
     for name, of in zip(campaign.plan.names, campaign.plan.marginals, strict=True):
         if isinstance(of, OneOf):
-            shown = quantity(campaign, name)
-            return {word: shown.values == at for at, word in enumerate(shown.words)}
+            choice = quantity(campaign, name)
+            return {word: choice.values == at for at, word in enumerate(choice.words)}
     return {"all": np.ones(len(campaign), bool)}
 
 
@@ -105,20 +105,20 @@ def _median(values: NDArray[np.float64]) -> float:
     return float(np.sort(values)[values.size // 2]) if values.size else np.nan
 
 
-def indices(found: Indices) -> Figure:
+def indices(result: Indices) -> Figure:
     """Show which share of a figure's variance each quantity has."""
-    order = found.order
-    shares = {"first order": (found.first[order], found.first_confidence[order])}
-    if found.total is not None and found.total_confidence is not None:
-        shares["total"] = (found.total[order], found.total_confidence[order])
-    caption = f"By SALib, from {found.used:,} runs."
-    if found.left_out:
-        caption += f" {found.left_out:,} without a finite value are left out."
+    order = result.order
+    shares = {"first order": (result.first[order], result.first_confidence[order])}
+    if result.total is not None and result.total_confidence is not None:
+        shares["total"] = (result.total[order], result.total_confidence[order])
+    caption = f"By SALib, from {result.used:,} runs."
+    if result.left_out:
+        caption += f" {result.left_out:,} without a finite value are left out."
     return plots.indices_figure(
-        found.figure,
-        LABELS[found.figure],
-        found.method,
-        [in_words(found.names)[at] for at in order],
+        result.figure,
+        LABELS[result.figure],
+        result.method,
+        [in_words(result.names)[at] for at in order],
         shares,
         caption,
     )

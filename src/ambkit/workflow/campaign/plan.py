@@ -71,28 +71,28 @@ class Plan:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Keys of what varies."""
-        return tuple(each.what for each in self.study.vary)
+        return tuple(item.what for item in self.study.vary)
 
     @cached_property
     def keys(self) -> tuple[Key, ...]:
         """What stands there: units, nominal values, limits."""
         study = self.study
         return tuple(
-            key_of(each, self.nominal, study.scenario, study.estimator) for each in study.vary
+            key_of(item, self.nominal, study.scenario, study.estimator) for item in study.vary
         )
 
     @cached_property
     def marginals(self) -> tuple[Marginal, ...]:
         """Their distributions."""
         pairs = zip(self.study.vary, self.keys, strict=True)
-        return tuple(each.marginal(key) for each, key in pairs)
+        return tuple(item.marginal(key) for item, key in pairs)
 
     @cached_property
     def levels(self) -> tuple[int, ...]:
         """How many values a grid has of each."""
         return tuple(
-            len(of.values) if isinstance(of, OneOf) else each.levels or 1
-            for each, of in zip(self.study.vary, self.marginals, strict=True)
+            len(of.values) if isinstance(of, OneOf) else item.levels or 1
+            for item, of in zip(self.study.vary, self.marginals, strict=True)
         )
 
     @cached_property
@@ -118,9 +118,9 @@ class Plan:
         if not self.study.correlation:
             return None
         matrix = np.eye(len(self.names))
-        for each in self.study.correlation:
-            i, j = (self.names.index(name) for name in each.between)
-            matrix[i, j] = matrix[j, i] = each.coefficient
+        for item in self.study.correlation:
+            i, j = (self.names.index(name) for name in item.between)
+            matrix[i, j] = matrix[j, i] = item.coefficient
         return matrix
 
     @cached_property
@@ -134,15 +134,15 @@ class Plan:
         """Hash of all that the rows follow from, files that the study names among it."""
         named = [self.study.estimator, *map(str, self._choices("estimator"))]
         described, named_there = self._described_nominal()
-        told = {
+        content = {
             "study": self.described.model_dump(
                 mode="json", exclude={"name", "description", "stop", "bearing", "machine"}
             ),
             "bearing": described,
             "filters": [files.sha256(name) for name in named if name.endswith(FILTER_SUFFIX)],
-            "force_map": [files.sha256(each) for each in named_there if each is not None],
+            "force_map": [files.sha256(item) for item in named_there if item is not None],
         }
-        text = json_text(_without_folders(told), sort_keys=True)
+        text = json_text(_without_folders(content), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
     def _described_nominal(self) -> tuple[dict[str, Any], list[Any]]:
@@ -150,7 +150,7 @@ class Plan:
         of = self.nominal
         files_of = {"magnet": {*FILES}}
         without: Any = files_of | {"bearing": {"__all__": files_of}, "rotor": {"file"}}
-        magnets = [each.magnet for each in of.bearing] if self.several else [of.magnet]
+        magnets = [item.magnet for item in of.bearing] if self.several else [of.magnet]
         named = [getattr(magnet, name) for magnet in magnets for name in FILES]
         described = of.model_dump(mode="json", exclude=without)
         return described, [*named, getattr(of.rotor, "file", None)]
@@ -159,14 +159,14 @@ class Plan:
     def described(self) -> Study:
         """The study as it can stand in a file: numbers that were given in SI have their units."""
         study, passes = self.study, self.study.passes
-        vary = tuple(each.in_units(key) for each, key in zip(study.vary, self.keys, strict=True))
+        vary = tuple(item.in_units(key) for item, key in zip(study.vary, self.keys, strict=True))
         at_most = {
-            name: units.engineering(given, UNITS[name], digits=None)
-            if type(given) is float and UNITS[name] != "1" else given
-            for name, given in passes.at_most.items()
+            name: units.engineering(limit, UNITS[name], digits=None)
+            if type(limit) is float and UNITS[name] != "1" else limit
+            for name, limit in passes.at_most.items()
         }  # fmt: skip
-        told = passes.model_copy(update={"at_most": at_most})
-        return study.model_copy(update={"vary": vary, "passes": told})
+        criteria = passes.model_copy(update={"at_most": at_most})
+        return study.model_copy(update={"vary": vary, "passes": criteria})
 
     def _choices(self, what: str) -> tuple[Any, ...]:
         of = dict(zip(self.names, self.marginals, strict=True)).get(what)
@@ -233,18 +233,18 @@ class Plan:
 
     def _scenario(self, values: Mapping[str, Any]) -> Any:
         """Return the run; where nothing of it varies always the same object."""
-        told = tuple((name, values[name]) for name in self._of_run)
-        return self._scenarios(told) if told else self.scenario
+        run_values = tuple((name, values[name]) for name in self._of_run)
+        return self._scenarios(run_values) if run_values else self.scenario
 
     @cached_property
     def _scenarios(self) -> Any:
         @lru_cache(maxsize=256)
-        def made(told: tuple[tuple[str, Any], ...]) -> Any:
-            values, run = dict(told), self.scenario
+        def made(run_values: tuple[tuple[str, Any], ...]) -> Any:
+            values, run = dict(run_values), self.scenario
             chosen = values.pop("controller", None)
             if chosen is not None:
                 run = run.model_copy(update={"controller": self.controllers[str(chosen)]})
-            of_run = {name.removeprefix(OF_RUN): each for name, each in values.items()}
+            of_run = {name.removeprefix(OF_RUN): value for name, value in values.items()}
             return changed(run, nested(of_run))
 
         return made
@@ -252,8 +252,8 @@ class Plan:
     @cached_property
     def controllers(self) -> dict[str, Any]:
         """The controllers to choose from, made for the nominal machine."""
-        found: dict[str, Any] = self._run.controllers(self.scenario)
-        return found
+        result: dict[str, Any] = self._run.controllers(self.scenario)
+        return result
 
     @property
     def _estimator_names(self) -> list[str]:
@@ -309,11 +309,11 @@ class Plan:
         return version("ambkit")
 
 
-def _without_folders(told: Any) -> Any:
+def _without_folders(data: Any) -> Any:
     """Return plain data with files by their names alone: a study may move with its files."""
-    if isinstance(told, dict):
-        return {key: _without_folders(each) for key, each in told.items()}
-    if isinstance(told, list):
-        return [_without_folders(each) for each in told]
-    is_file = isinstance(told, str) and told.endswith(FILTER_SUFFIX)
-    return PurePath(told).name if is_file else told
+    if isinstance(data, dict):
+        return {key: _without_folders(item) for key, item in data.items()}
+    if isinstance(data, list):
+        return [_without_folders(item) for item in data]
+    is_file = isinstance(data, str) and data.endswith(FILTER_SUFFIX)
+    return PurePath(data).name if is_file else data

@@ -141,8 +141,8 @@ def _square(failed: NDArray[np.bool_], share: float, chains: Any) -> float:
         deviation = chains - share
         variance = share * (1 - share)
         for lag in range(1, length):
-            together = float((deviation[:, lag:] * deviation[:, :-lag]).mean())
-            gamma += 2 * (1 - lag / length) * together / variance
+            autocovariance = float((deviation[:, lag:] * deviation[:, :-lag]).mean())
+            gamma += 2 * (1 - lag / length) * autocovariance / variance
     return max(0.0, (1 - share) / (share * failed.size) * (1 + gamma))
 
 
@@ -168,15 +168,15 @@ def rare_failure(
         raise AmbkitError(f"there is no figure {figure} in this study")
     if plan.study.sampling == "grid":
         raise AmbkitError('a grid has no probabilities: take sampling = "random"')
-    flown = 0
+    run_count = 0
 
     def limit(u: Array) -> Array:
-        nonlocal flown
-        noise = NOISE_FROM + flown + np.arange(len(u), dtype=np.uint64)
-        flown += len(u)
-        found = fly(plan, sampling.values(plan, np.asarray(ndtr(u))), noise, threads=threads)
-        wrong = np.array([bool(each) for each in found.wrong])
-        return np.where(wrong, np.inf, found.columns[figure])
+        nonlocal run_count
+        noise = NOISE_FROM + run_count + np.arange(len(u), dtype=np.uint64)
+        run_count += len(u)
+        result = fly(plan, sampling.values(plan, np.asarray(ndtr(u))), noise, threads=threads)
+        wrong = np.array([bool(item) for item in result.wrong])
+        return np.where(wrong, np.inf, result.columns[figure])
 
     k = max(len(plan.names), 1)
     if not plan.names:
@@ -186,31 +186,31 @@ def rare_failure(
     )
 
 
-def keep(folder: Path, figure: str, above: float, found: Rare) -> None:
+def keep(folder: Path, figure: str, above: float, result: Rare) -> None:
     """Write what was found of a rare failure into a campaign's folder."""
-    data = {"figure": figure, "above": above} | found._asdict()
+    data = {"figure": figure, "above": above} | result._asdict()
     files.write_text(folder / f"rare-{figure}.json", json_text(data, indent=2) + "\n")
 
 
 def told(folder: Path) -> list[str]:
     """Return what was found of rare failures, in sentences."""
-    found = []
+    results = []
     for path in sorted(folder.glob("rare-*.json")):
         try:
             data = json.loads(files.read_text(path))
             rare = Rare(**{name: data[name] for name in Rare._fields})
-            found.append(sentence(data["figure"], data["above"], rare))
+            results.append(sentence(data["figure"], data["above"], rare))
         except (ValueError, KeyError, TypeError) as error:
             raise AmbkitError(f"{path}: is damaged: {error}") from None
-    return found
+    return results
 
 
-def sentence(figure: str, above: float, found: Rare) -> str:
+def sentence(figure: str, above: float, result: Rare) -> str:
     """Say how likely a failure is."""
     unit = UNITS[figure]
     limit = f"{above:g}" if unit == "1" else engineering(above, unit)
     return (
-        f"{figure} is at or above {limit} with a probability of {found.probability:.3g} "
-        f"({found.low:.2g} to {found.high:.2g}), by subset simulation over "
-        f"{len(found.thresholds)} levels, {found.runs:,} runs."
+        f"{figure} is at or above {limit} with a probability of {result.probability:.3g} "
+        f"({result.low:.2g} to {result.high:.2g}), by subset simulation over "
+        f"{len(result.thresholds)} levels, {result.runs:,} runs."
     )

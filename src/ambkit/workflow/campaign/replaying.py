@@ -75,8 +75,8 @@ def replay(plan: Plan, number: int) -> Replayed:
     if not 0 <= number < plan.runs:
         raise AmbkitError(f"there is no run {number}; the study has runs 0 to {plan.runs - 1}")
     points, noise = plan.points(number, number + 1), plan.noise(number, number + 1)
-    (drawn,) = plan.machines(points, noise, number)
-    if drawn.wrong:
-        raise AmbkitError(f"run {number}: there can be no such machine: {drawn.wrong}")
+    (sample,) = plan.machines(points, noise, number)
+    if sample.wrong:
+        raise AmbkitError(f"run {number}: there can be no such machine: {sample.wrong}")
     (row,) = compute(plan, number, number + 1).runs.to_pylist()
-    return Replayed(plan, number, drawn.values, drawn.planned, drawn.planned.simulated(), row)
+    return Replayed(plan, number, sample.values, sample.planned, sample.planned.simulated(), row)

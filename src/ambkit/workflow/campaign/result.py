@@ -107,24 +107,24 @@ class Campaign(Result, Machines):
     @property
     def rows(self) -> list[Row]:
         """Yield, what machines fail by, quantiles of the figures, and the worst machines."""
-        found = put(_of_share(self.good), section=("yield",))
+        result = put(_of_share(self.good), section=("yield",))
         for name, shares in self.by_choice.items():
             for value, of in shares.items():
-                found += put(_of_share(of), section=("by_choice", name), of=value)
-        found += [Row(n, n, count, section=("fails",)) for n, count in self.fails.items()]
-        found += [
+                result += put(_of_share(of), section=("by_choice", name), of=value)
+        result += [Row(n, n, count, section=("fails",)) for n, count in self.fails.items()]
+        result += [
             Row(n, n or "not told", count, section=("zones",)) for n, count in self.zones.items()
         ]
         for name, at in self.quantiles.items():
-            found += [
+            result += [
                 Row(f"{q:g}", f"{100 * q:g} %", value, UNITS[name], section=("quantiles",), of=name)
                 for q, value in at.items()
             ]  # fmt: skip
         for place, name in enumerate(self.names_shown[:DRIVEN]):
-            for each in self.worst(name):
-                found += put(self._of_worst(each, place > 0), section=("worst_by", name),
-                             of=str(each.run))  # fmt: skip
-        return found
+            for item in self.worst(name):
+                result += put(self._of_worst(item, place > 0), section=("worst_by", name),
+                             of=str(item.run))  # fmt: skip
+        return result
 
     def _of_worst(self, of: Worst, detail: bool) -> list[Row]:
         return [
@@ -138,29 +138,29 @@ class Campaign(Result, Machines):
     def sections(self) -> dict[tuple[str, ...], Section]:
         """Titles of the tables."""
         level = f"{100 * self.plan.study.confidence:g} %"
-        found: dict[tuple[str, ...], Section] = {
+        results: dict[tuple[str, ...], Section] = {
             ("yield",): Section(f"Yield, with its {level} interval"),
             ("fails",): Section("Machines that fail by"),
             ("zones",): Section("Machines in each zone of ISO 14839-3, by their linear loops"),
             ("quantiles",): Section("That share is at or below", across=True),
         }
-        found |= {("by_choice", n): Section(f"Yield by {n}", True) for n in self.by_choice}
-        return found | {("worst_by", n): Section(f"Worst by {n}", True) for n in self.names_shown}
+        results |= {("by_choice", n): Section(f"Yield by {n}", True) for n in self.by_choice}
+        return results | {("worst_by", n): Section(f"Worst by {n}", True) for n in self.names_shown}
 
     @property
     def chapters(self) -> list[Part]:
         """What drives the figures, and the worst machines."""
         if not len(self):
             raise AmbkitError(f"{self.folder}: no part is finished yet")
-        cannot, drawn = list[str](), [pictures.parallel(self)] if self.plan.names else []
+        cannot, figures = list[str](), [pictures.parallel(self)] if self.plan.names else []
         for name in self.names_shown[:DRIVEN] if self.plan.names else ():
-            drawn.append(pictures.tornado(self, name))
+            figures.append(pictures.tornado(self, name))
             try:
-                drawn.append(pictures.indices(self.indices(name)))
+                figures.append(pictures.indices(self.indices(name)))
             except AmbkitError as error:
                 cannot.append(f"No indices of {markdown(name)}: {markdown(str(error))}")
         lead = "Each command simulates the machine again, with every sample."
-        drives = [Part("What drives it", "\n\n".join(cannot), None, drawn)] if drawn else []
+        drives = [Part("What drives it", "\n\n".join(cannot), None, figures)] if figures else []
         return [*drives, Part("The worst machines", lead, ("worst_by",))]
 
     @property
@@ -179,12 +179,12 @@ class Campaign(Result, Machines):
     def notes(self) -> list[str]:
         """What a good machine is, and what was found of rare failures."""
         passes = self.plan.study.passes
-        wanted = [] if passes.zone is None else [f"zone {passes.zone} or better"]
-        wanted += [] if passes.contact else ["no contact"]
-        wanted += [f"{name} at most {limit}" for name, limit in passes.at_most.items()]
+        criteria = [] if passes.zone is None else [f"zone {passes.zone} or better"]
+        criteria += [] if passes.contact else ["no contact"]
+        criteria += [f"{name} at most {limit}" for name, limit in passes.at_most.items()]
         good = (
-            f"Good is a machine with {'; '.join(wanted)}. Intervals by Clopper and Pearson."
-            if wanted
+            f"Good is a machine with {'; '.join(criteria)}. Intervals by Clopper and Pearson."
+            if criteria
             else "Any machine counts as good: the study has no criterion."
         )
         about = self.plan.study.description
@@ -200,7 +200,7 @@ class Campaign(Result, Machines):
             **{name: {} for name in ("by_choice", "fails", "zones", "quantiles")},
             "runs": len(self),
             "confidence": self.plan.study.confidence,
-            "worst": [each._asdict() for each in self.worst()],
+            "worst": [item._asdict() for item in self.worst()],
         }
 
     def figures(self) -> list[Figure]:

@@ -19,7 +19,7 @@ from ambkit.base.units import engineering
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
-from ambkit.judge.comparison.contenders import Range, contender_of_kind
+from ambkit.judge.comparison.candidates import Range, candidate_of_kind
 from ambkit.judge.loop.loop_of import ZONE_A
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -89,15 +89,15 @@ class Robust(Result):
     @cached_property
     def adequacy(self) -> list[Finding]:
         """Whether the filter may fly, with its controller, on the nominal bearing or machine."""
-        happening: Any = self.plan.scenario
+        scenario: Any = self.plan.scenario
         if self.controller is not None:
-            happening = happening.model_copy(update={"controller": self.controller})
-        return judge_adequacy(self.estimator, None, happening)
+            scenario = scenario.model_copy(update={"controller": self.controller})
+        return judge_adequacy(self.estimator, None, scenario)
 
     @property
     def front(self) -> NDArray[np.bool_]:
         """Whether nothing that was tried is better in both error and peak (n,)."""
-        return pareto([(each.error, each.peak) for each in self.tried])
+        return pareto([(item.error, item.peak) for item in self.tried])
 
     @property
     def title(self) -> str:
@@ -117,22 +117,22 @@ class Robust(Result):
     @property
     def rows(self) -> list[Row]:
         """What was tuned, and what that gained; and the Pareto front."""
-        found = []
+        results = []
         for of, one in (("untuned", self.tried[0]), ("tuned", self.tried[self.taken])):
-            found += put([
-                *(Row(each.name, each.name, float(one.values.get(each.name, each.default)),
-                      each.unit) for each in self.free),
+            results += put([
+                *(Row(item.name, item.name, float(one.values.get(item.name, item.default)),
+                      item.unit) for item in self.free),
                 Row("error", "error of f_d", one.error, "N"),
                 Row("peak", "peak of |S|", one.peak, "|S|", below=self.max_sensitivity),
             ], section=("values",), of=of)  # fmt: skip
         best = [one for one, on in zip(self.tried, self.front, strict=True) if on]
-        for place, one in enumerate(sorted(best, key=lambda each: each.peak), 1):
-            found += put([
+        for place, one in enumerate(sorted(best, key=lambda entry: entry.peak), 1):
+            results += put([
                 Row("peak", "peak of |S|", one.peak, "|S|"),
                 Row("error", "error of f_d", one.error, "N"),
                 Row("allowed", "allowed", one.allowed),
             ], section=("front",), of=str(place))  # fmt: skip
-        return found
+        return results
 
     SECTIONS = {
         ("values",): Section("{0.title}"),
@@ -150,9 +150,9 @@ class Robust(Result):
             "taken": self.taken,
             "bounds": {r.name: {"low": r.low, "high": r.high, "default": r.default,
                                 "unit": r.unit} for r in self.free},
-            "tried": [each._asdict() | {"values": dict(each.values), "front": bool(on)}
-                      for each, on in zip(self.tried, self.front, strict=True)],
-            "adequacy": [each.to_dict() for each in self.adequacy],
+            "tried": [item._asdict() | {"values": dict(item.values), "front": bool(on)}
+                      for item, on in zip(self.tried, self.front, strict=True)],
+            "adequacy": [item.to_dict() for item in self.adequacy],
         }  # fmt: skip
 
     @property
@@ -171,8 +171,8 @@ class Robust(Result):
         return front_figure(
             f"{markdown(self.plan.study.name)}: {100 * self.quantile:g} % of the machines are no "
             "worse",
-            [each.error for each in self.tried], [each.peak for each in self.tried], self.front,
-            np.array([each.allowed for each in self.tried]), self.max_sensitivity, self.taken,
+            [item.error for item in self.tried], [item.peak for item in self.tried], self.front,
+            np.array([item.allowed for item in self.tried]), self.max_sensitivity, self.taken,
         )  # fmt: skip
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -217,43 +217,51 @@ def tune_robust(
     for number in range(len(search.trials), budget):
         trial = search.ask()
         if number == 0:  # as it is without tuning
-            values = {each.name: each.default for each in ranges}
+            values = {range_.name: range_.default for range_ in ranges}
             trial.set_user_attr("values", values)
         else:
-            values = {each.name: _suggested(trial, each) for each in ranges}
-        found = task.tried(values)
-        trial.set_constraint("peak", found.peak - max_sensitivity)
-        trial.set_constraint("touched", found.touched - (1 - quantile))
-        trial.set_user_attr("tried", [found.error, found.peak, found.touched, found.allowed])
-        search.tell(trial, [found.error, found.peak])
+            values = {range_.name: _suggested(trial, range_) for range_ in ranges}
+        result = task.tried(values)
+        trial.set_constraint("peak", result.peak - max_sensitivity)
+        trial.set_constraint("touched", result.touched - (1 - quantile))
+        trial.set_user_attr("tried", [result.error, result.peak, result.touched, result.allowed])
+        search.tell(trial, [result.error, result.peak])
         done()
-    tried = tuple(
-        Tried(each.user_attrs.get("values", each.params), *each.user_attrs["tried"])
-        for each in search.trials if "tried" in each.user_attrs
+    trials = tuple(
+        Tried(item.user_attrs.get("values", item.params), *item.user_attrs["tried"])
+        for item in search.trials if "tried" in item.user_attrs
     )  # fmt: skip
-    errors = [each.error if each.allowed else math.inf for each in tried]
-    taken = int(np.argmin(errors))
-    if not tried[taken].allowed:
-        least = min(each.peak for each in tried)
+    errors = [item.error if item.allowed else math.inf for item in trials]
+    chosen_index = int(np.argmin(errors))
+    if not trials[chosen_index].allowed:
+        least = min(item.peak for item in trials)
         raise AmbkitError(
-            f"of {len(tried)} that were tried none keeps {100 * quantile:g} % of the machines "
+            f"of {len(trials)} that were tried none keeps {100 * quantile:g} % of the machines "
             f"below a peak of {max_sensitivity:g} and away from their stops; the least peak is "
             f"{least:.3g}"
         )
-    estimator, controller = task.design(tried[taken].values)
+    estimator, controller = task.design(trials[chosen_index].values)
     return Robust(
-        plan, task.kind, quantile, max_sensitivity, ranges, tried, taken, estimator, controller
+        plan,
+        task.kind,
+        quantile,
+        max_sensitivity,
+        ranges,
+        trials,
+        chosen_index,
+        estimator,
+        controller,
     )
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
     """Return which points (n, 2) no other is better than in both (n,)."""
-    found = np.zeros(len(points), bool)
+    result = np.zeros(len(points), bool)
     least = math.inf
     for at in sorted(range(len(points)), key=lambda k: points[k]):
         if points[at][1] < least:
-            found[at], least = True, points[at][1]
-    return found
+            result[at], least = True, points[at][1]
+    return result
 
 
 def _suggested(trial: Any, of: Range) -> float:
@@ -265,8 +273,8 @@ def _suggested(trial: Any, of: Range) -> float:
 def _opened(optuna: Any, storage: Any, task: _Task, free: Sequence[Range], seed: int) -> Any:
     """Return Optuna's study, with what the storage has of it already."""
     of = "|".join([task.plan.fingerprint, task.kind, f"{task.quantile:g}",
-                   f"{task.ceiling:g}", *(each.name for each in free)])  # fmt: skip
-    kept = None
+                   f"{task.ceiling:g}", *(item.name for item in free)])  # fmt: skip
+    journal = None
     if storage is not None:
         from optuna.storages import JournalStorage
         from optuna.storages.journal import JournalFileBackend
@@ -275,11 +283,14 @@ def _opened(optuna: Any, storage: Any, task: _Task, free: Sequence[Range], seed:
         if path.is_dir() or not path.parent.is_dir():
             raise AmbkitError(f"{path}: cannot be written: it is a folder, or in none")
         try:
-            kept = JournalStorage(JournalFileBackend(str(path)))
+            journal = JournalStorage(JournalFileBackend(str(path)))
         except (OSError, ValueError, KeyError) as error:
             raise AmbkitError(f"{path}: holds no search of Optuna: {error}") from None
     search = optuna.create_study(
-        storage=kept, study_name="ambkit", directions=["minimize", "minimize"], load_if_exists=True
+        storage=journal,
+        study_name="ambkit",
+        directions=["minimize", "minimize"],
+        load_if_exists=True,
     )
     if search.user_attrs.get("of", of) != of:
         raise AmbkitError(
@@ -287,9 +298,9 @@ def _opened(optuna: Any, storage: Any, task: _Task, free: Sequence[Range], seed:
             "changed; give another file"
         )
     search.set_user_attr("of", of)
-    for each in search.trials:
-        if not each.state.is_finished():  # it was interrupted
-            search.tell(each.number, state=optuna.trial.TrialState.FAIL)
+    for trial in search.trials:
+        if not trial.state.is_finished():  # it was interrupted
+            search.tell(trial.number, state=optuna.trial.TrialState.FAIL)
     # A search that is gone on with draws on, rather than again what it drew first.
     search.sampler = optuna.samplers.TPESampler(seed=seed + len(search.trials))
     return search
@@ -298,7 +309,7 @@ def _opened(optuna: Any, storage: Any, task: _Task, free: Sequence[Range], seed:
 class _Task:
     """Machines, and what is made of them by a controller and a filter."""
 
-    def __init__(self, plan: Plan, quantile: float, ceiling: float, threads: int | None) -> None:
+    def __init__(self, plan: Plan, quantile: float, peak_limit: float, threads: int | None) -> None:
         study = plan.study
         if not 0 < quantile < 1:
             raise AmbkitError(f"quantile must be between 0 and 1, is {quantile:g}")
@@ -314,7 +325,12 @@ class _Task:
                 raise AmbkitError(f"{study.name}: {what} varies, and is what is to be tuned")
         if any(name.startswith("scenario.control") for name in plan.names):
             raise AmbkitError(f"{study.name}: gains vary, and are what is to be tuned")
-        self.plan, self.kind, self.quantile, self.ceiling = plan, study.estimator, quantile, ceiling
+        self.plan, self.kind, self.quantile, self.ceiling = (
+            plan,
+            study.estimator,
+            quantile,
+            peak_limit,
+        )
         self.threads, self.several = threads, plan.several
         if study.synchronous:
             raise AmbkitError(f"{study.name}: synchronous does not go with the search for a filter")
@@ -328,8 +344,8 @@ class _Task:
             gain = getattr(self.plan.scenario.controller, name.partition(".")[2])
             if gain > 0:
                 known[name] = Range(name, unit, gain, gain / FACTOR, gain * FACTOR)
-        contender = contender_of_kind(self.kind, self.plan.nominal, self._magnets(5))
-        known |= {each.name: each for each in contender.tunable}
+        candidate = candidate_of_kind(self.kind, self.plan.nominal, self._magnets(5))
+        known |= {item.name: item for item in candidate.tunable}
         if self.kind == "adaptive" and not self.several:
             known[RULES] = Range(RULES, "1", 5.0, float(SIZES[0]), float(SIZES[-1]))
         for name in free or ():
@@ -356,7 +372,7 @@ class _Task:
         of_filter = {
             name: value for name, value in values.items() if name not in GAINS and name != RULES
         }
-        estimator = contender_of_kind(self.kind, self.plan.nominal, magnet).build(**of_filter)
+        estimator = candidate_of_kind(self.kind, self.plan.nominal, magnet).build(**of_filter)
         if self.several:
             return estimator, None
         gains = {name.partition(".")[2]: values[name] for name in values if name in GAINS}
@@ -366,10 +382,10 @@ class _Task:
         """Fly all machines with a controller and a filter."""
         estimator, controller = self.design(values)
         designed = self.plan.with_design(estimator, controller)
-        found = fly(designed, self.points, self.noise, threads=self.threads).columns
-        error = min(_quantile(found["f_d_rms"], self.quantile), WORST)
-        peak = min(_quantile(found["peak_S"], self.quantile), WORST)
-        touched = float(np.mean(~(np.asarray(found["touched"]) == 0)))
+        result = fly(designed, self.points, self.noise, threads=self.threads).columns
+        error = min(_quantile(result["f_d_rms"], self.quantile), WORST)
+        peak = min(_quantile(result["peak_S"], self.quantile), WORST)
+        touched = float(np.mean(~(np.asarray(result["touched"]) == 0)))
         allowed = peak < self.ceiling and touched <= 1 - self.quantile
         return Tried(dict(values), error, peak, touched, allowed)
 

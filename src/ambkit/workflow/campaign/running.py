@@ -82,8 +82,8 @@ def campaign(
     with place.held():
         place.begin()
         counted = Counted(place)
-        telling = reporting(done, plan.study.name, plan.runs, unit="runs", begun=counted.runs)
-        with telling as tell, _hands(cluster, workers, threads, tell) as computed:
+        reporter = reporting(done, plan.study.name, plan.runs, unit="runs", begun=counted.runs)
+        with reporter as tell, _hands(cluster, workers, threads, tell) as computed:
             for end in looks_of(plan):
                 missing = [part for part in range(end) if part not in counted.passed]
                 for part, rows in computed(plan, missing):

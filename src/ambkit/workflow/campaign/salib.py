@@ -45,19 +45,19 @@ def vary_from(problem: Mapping[str, Any]) -> tuple[Varied, ...]:
     dists = problem.get("dists") or ["unif"] * len(names)
     if len(dists) != len(names):
         raise AmbkitError(f"a problem of SALib has as many dists as names, {len(names)}")
-    found: list[Varied] = []
+    results: list[Varied] = []
     for name, ends, dist in zip(names, bounds, dists, strict=True):
-        values = [float(each) for each in ends]
+        values = [float(end) for end in ends]
         match dist, values:
             case "unif", [low, high]:
-                found.append(Uniform(what=name, low=low, high=high))
+                results.append(Uniform(what=name, low=low, high=high))
             case "norm", [mean, std]:
-                found.append(Normal(what=name, mean=mean, std=std))
+                results.append(Normal(what=name, mean=mean, std=std))
             case "truncnorm", [low, high, mean, std]:
-                found.append(Truncated(what=name, low=low, high=high, mean=mean, std=std))
+                results.append(Truncated(what=name, low=low, high=high, mean=mean, std=std))
             case _:
                 raise AmbkitError(
                     f"{name}: a study has no distribution {dist!r} with {len(values)} numbers; it "
                     "has unif, norm, truncnorm"
                 )
-    return tuple(found)
+    return tuple(results)

@@ -67,8 +67,8 @@ def counted(seed: int, k: int, first: int, stop: int, stream: int = _RANDOM) -> 
     """Return even random numbers (stop - first, k) of runs, by their numbers (Philox)."""
     blocks = -(-k // _WORDS)
     philox = np.random.Philox(key=np.array([seed, stream], np.uint64)).advance(first * blocks)
-    drawn = np.random.Generator(philox).random((stop - first, blocks * _WORDS))
-    return np.ascontiguousarray(drawn[:, :k])
+    numbers = np.random.Generator(philox).random((stop - first, blocks * _WORDS))
+    return np.ascontiguousarray(numbers[:, :k])
 
 
 @lru_cache(maxsize=1)
@@ -104,11 +104,11 @@ def _saltelli(seed: int, k: int, first: int, stop: int) -> Array:
 def _grid(plan: Wanted, first: int, stop: int) -> Array:
     """Return the levels of a full grid as shares of their number, the last dimension fastest."""
     at = np.arange(first, stop) // plan.study.repeats
-    found = np.empty((stop - first, len(plan.levels)))
+    result = np.empty((stop - first, len(plan.levels)))
     for place in reversed(range(len(plan.levels))):
         at, level = np.divmod(at, plan.levels[place])
-        found[:, place] = level / max(plan.levels[place] - 1, 1)
-    return found
+        result[:, place] = level / max(plan.levels[place] - 1, 1)
+    return result
 
 
 def values(plan: Wanted, u: Array) -> Array:
@@ -116,11 +116,11 @@ def values(plan: Wanted, u: Array) -> Array:
     # u (n, k); returns (n, k)
     from scipy.special import ndtr, ndtri
 
-    found = np.empty_like(u)
+    result = np.empty_like(u)
     if plan.study.sampling == "grid":
-        for place, each in enumerate(plan.marginals):
-            found[:, place] = each.level(u[:, place])
-        return found
+        for place, marginal in enumerate(plan.marginals):
+            result[:, place] = marginal.level(u[:, place])
+        return result
     u = np.clip(u, LEAST, MOST)
     if plan.correlation is not None:
         scores = ndtri(u)
@@ -131,9 +131,9 @@ def values(plan: Wanted, u: Array) -> Array:
         u = np.where(
             (plan.correlation != np.eye(len(plan.correlation))).any(axis=1), ndtr(mixed), u
         )
-    for place, each in enumerate(plan.marginals):
-        found[:, place] = each.quantile(u[:, place])
-    return found
+    for place, marginal in enumerate(plan.marginals):
+        result[:, place] = marginal.quantile(u[:, place])
+    return result
 
 
 def noise_of(plan: Wanted, first: int, stop: int) -> NDArray[np.uint64]:

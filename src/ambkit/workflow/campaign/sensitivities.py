@@ -66,31 +66,31 @@ def indices(campaign: Machines, figure: str) -> Indices:
     if plan.study.sampling == "saltelli":
         size = len(plan.names) + 2
         groups = Y.reshape(-1, size)
-        whole = groups[np.isfinite(groups).all(axis=1)]
-        _enough(figure, whole.ravel(), len(whole))
-        found = SALib.analyze.sobol.analyze(
-            problem, whole.ravel(), calc_second_order=False, num_resamples=RESAMPLES,
+        finite_groups = groups[np.isfinite(groups).all(axis=1)]
+        _enough(figure, finite_groups.ravel(), len(finite_groups))
+        result = SALib.analyze.sobol.analyze(
+            problem, finite_groups.ravel(), calc_second_order=False, num_resamples=RESAMPLES,
             conf_level=plan.study.confidence, seed=0,
         )  # fmt: skip
         return Indices(
-            figure, "Sobol indices", plan.names, np.asarray(found["S1"]),
-            np.asarray(found["S1_conf"]), np.asarray(found["ST"]), np.asarray(found["ST_conf"]),
-            whole.size, Y.size - whole.size,
+            figure, "Sobol indices", plan.names, np.asarray(result["S1"]),
+            np.asarray(result["S1_conf"]), np.asarray(result["ST"]), np.asarray(result["ST_conf"]),
+            finite_groups.size, Y.size - finite_groups.size,
         )  # fmt: skip
     Y = Y[:ENOUGH]
-    told = np.isfinite(Y)
-    _enough(figure, Y[told], int(told.sum()))
-    X = _columns(campaign)[: len(Y)][told]
-    found = SALib.analyze.rbd_fast.analyze(
-        problem, X, Y[told], num_resamples=RESAMPLES, conf_level=plan.study.confidence, seed=0
+    finite = np.isfinite(Y)
+    _enough(figure, Y[finite], int(finite.sum()))
+    X = _columns(campaign)[: len(Y)][finite]
+    result = SALib.analyze.rbd_fast.analyze(
+        problem, X, Y[finite], num_resamples=RESAMPLES, conf_level=plan.study.confidence, seed=0
     )
-    first, half = np.array(found["S1"], float), np.array(found["S1_conf"], float)
+    first, half = np.array(result["S1"], float), np.array(result["S1_conf"], float)
     for place, of in enumerate(plan.marginals):
         if isinstance(of, OneOf):
-            first[place], half[place] = _of_choice(X[:, place], Y[told], plan.study.confidence)
+            first[place], half[place] = _of_choice(X[:, place], Y[finite], plan.study.confidence)
     return Indices(
-        figure, "first-order indices", plan.names, first, half, None, None, int(told.sum()),
-        int((~told).sum()),
+        figure, "first-order indices", plan.names, first, half, None, None, int(finite.sum()),
+        int((~finite).sum()),
     )  # fmt: skip
 
 

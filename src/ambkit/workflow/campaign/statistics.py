@@ -56,8 +56,8 @@ GROWTH = 1.25
 def looks(parts: int, size: int, least: int) -> list[int]:
     """Return after how many parts a study that may stop is looked at, the last one its end."""
     # They depend on the study alone, so that where it stops depends on neither order nor cluster.
-    found, at = [], max(1, -(-least // size))
+    result, at = [], max(1, -(-least // size))
     while at < parts:
-        found.append(at)
+        result.append(at)
         at = max(at + 1, math.ceil(GROWTH * at))
-    return [*found, parts]
+    return [*result, parts]

@@ -51,9 +51,9 @@ class Folder:
         path = Path(path)
         if not (path / ABOUT).is_file():
             raise AmbkitError(f"{path}: there is no campaign in it: it has no {ABOUT}")
-        found = cls(path, Plan(Study.load(path / STUDY)))
-        found._check(found._about())
-        return found
+        result = cls(path, Plan(Study.load(path / STUDY)))
+        result._check(result._about())
+        return result
 
     def begin(self) -> None:
         """Make the folder, or make sure that it is of this study and this version."""
@@ -61,7 +61,7 @@ class Folder:
         if (self.path / ABOUT).is_file():
             self._check(self._about())
         else:
-            there = sorted(each.name for each in self.path.iterdir() if each.name != LOCK)
+            there = sorted(item.name for item in self.path.iterdir() if item.name != LOCK)
             if there:
                 raise AmbkitError(
                     f"{self.path}: holds {there[0]} and no campaign; give a folder of its own"
@@ -91,12 +91,12 @@ class Folder:
 
     def _about(self) -> dict[str, Any]:
         try:
-            found = json.loads(files.read_text(self.path / ABOUT))
+            result = json.loads(files.read_text(self.path / ABOUT))
         except ValueError as error:
             raise AmbkitError(f"{self.path / ABOUT}: is no JSON: {error}") from None
-        if not isinstance(found, dict):
+        if not isinstance(result, dict):
             raise AmbkitError(f"{self.path / ABOUT}: is not of a campaign")
-        return found
+        return result
 
     def _check(self, there: dict[str, Any]) -> None:
         here = self._is_of()
@@ -144,12 +144,12 @@ class Folder:
 
     def done(self) -> set[int]:
         """Return which parts are there."""
-        found = set()
+        results = set()
         with suppress(FileNotFoundError, NotADirectoryError):
-            for each in os.scandir(self.path / RUNS):
-                if match := _PART.fullmatch(each.name):
-                    found.add(int(match[1]))
-        return found
+            for item in os.scandir(self.path / RUNS):
+                if match := _PART.fullmatch(item.name):
+                    results.add(int(match[1]))
+        return results
 
     def write(self, part: int, rows: Rows) -> None:
         """Put a part in place, its traces before its rows."""
@@ -182,19 +182,19 @@ class Folder:
         path = self.file(part)
         try:
             with parquet.ParquetFile(path) as file:  # a dataset would take pandas in
-                found = file.read(columns)
+                result = file.read(columns)
         except (OSError, pa.ArrowException) as error:
-            said = str(error).partition("\n")[0]
+            message = str(error).partition("\n")[0]
             raise AmbkitError(
-                f"{path}: is damaged, delete it to have it computed again: {said}"
+                f"{path}: is damaged, delete it to have it computed again: {message}"
             ) from None
         first, stop = self.plan.span(part)
-        if found.num_rows != stop - first:
+        if result.num_rows != stop - first:
             raise AmbkitError(
-                f"{path}: has {found.num_rows} rows and should have {stop - first}; delete it to "
+                f"{path}: has {result.num_rows} rows and should have {stop - first}; delete it to "
                 "have it computed again"
             )
-        return found
+        return result
 
 
 def made_of(plan: Plan) -> dict[str, str]:

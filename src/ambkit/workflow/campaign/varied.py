@@ -45,19 +45,19 @@ class _Bare(float):
     """A number in a file, which has no unit."""
 
 
-def _value(given: Any, info: ValidationInfo) -> Any:
-    if isinstance(given, str):
-        return from_folder(given, info) if given.endswith(".toml") else given
-    if isinstance(given, bool) or not isinstance(given, numbers.Real):
-        text = f"must be a number with its unit, is {given!r:.60}"
+def _value(value: Any, info: ValidationInfo) -> Any:
+    if isinstance(value, str):
+        return from_folder(value, info) if value.endswith(".toml") else value
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        text = f"must be a number with its unit, is {value!r:.60}"
         raise PydanticCustomError("problem", "{text}", {"text": text})
-    return _Bare(given) if info.context is not None else float(given)
+    return _Bare(value) if info.context is not None else float(value)
 
 
-def _written(given: float | str, info: SerializationInfo) -> float | str:
-    if isinstance(given, float):
-        return float(given)
-    return to_folder(given, info) if given.endswith(".toml") else given
+def _written(value: float | str, info: SerializationInfo) -> float | str:
+    if isinstance(value, float):
+        return float(value)
+    return to_folder(value, info) if value.endswith(".toml") else value
 
 
 Value = Annotated[
@@ -140,11 +140,11 @@ class OneOf(Marginal):
         return np.round(u * (len(self.values) - 1))
 
 
-def _key_now(given: Any) -> Any:
+def _key_now(value: Any) -> Any:
     """Read a key of earlier releases: scenario.control and scenario.feedback."""
-    if not isinstance(given, str):
-        return given
-    now = given.replace("scenario.control.", "scenario.controller.")
+    if not isinstance(value, str):
+        return value
+    now = value.replace("scenario.control.", "scenario.controller.")
     return "scenario.controller.feedback" if now == "scenario.feedback" else now
 
 
@@ -180,20 +180,20 @@ class Varied(Part):
 
     def _number(self, name: str, key: Key, *, about: bool = False) -> float:
         """Return one of the values in SI; of a share with `about` what it is of the nominal."""
-        given = getattr(self, name)
+        value = getattr(self, name)
         if not key.unit:
             raise Wrong("what", f'{self.what} is no number: let it vary by type = "choice"')
-        if isinstance(given, _Bare) and key.unit != "1":
-            raise Wrong(name, f"{given:g} has no unit, write it in {key.unit} or in % of nominal")
-        if isinstance(given, float):
-            return float(given)
+        if isinstance(value, _Bare) and key.unit != "1":
+            raise Wrong(name, f"{value:g} has no unit, write it in {key.unit} or in % of nominal")
+        if isinstance(value, float):
+            return float(value)
         try:
-            if given.strip().endswith("%"):
-                share = units.parse(given, "1")
+            if value.strip().endswith("%"):
+                share = units.parse(value, "1")
                 if not isinstance(key.value, float) or not key.value:
-                    raise Wrong(name, f"{given}: {self.what} has no nominal value to be a share of")
+                    raise Wrong(name, f"{value}: {self.what} has no nominal value to be a share of")
                 return share * (abs(key.value) if about else key.value)
-            return units.parse(given, key.unit)
+            return units.parse(value, key.unit)
         except ValueError as error:
             raise Wrong(name, str(error)) from None
 
@@ -214,9 +214,9 @@ class Uniform(Varied):
         if self.tolerance is not None:
             if self.low is not None or self.high is not None:
                 raise Wrong("tolerance", "give either tolerance, or low and high")
-            reach = _positive("tolerance", self._number("tolerance", key, about=True))
+            tolerance = _positive("tolerance", self._number("tolerance", key, about=True))
             nominal = _nominal("tolerance", self.what, key)
-            return UniformOn(nominal - reach, nominal + reach)
+            return UniformOn(nominal - tolerance, nominal + tolerance)
         for name in ("low", "high"):
             if getattr(self, name) is None:
                 raise Wrong(name, "missing: give low and high, or tolerance")
@@ -276,12 +276,12 @@ class Choice(Varied):
             raise Wrong(
                 "weights", f"must be {len(self.values)}, as many as values; are {len(weights)}"
             )
-        return OneOf(tuple(self._choice(each, key) for each in self.values), weights)
+        return OneOf(tuple(self._choice(value, key) for value in self.values), weights)
 
-    def _choice(self, given: float | str, key: Key) -> Any:
+    def _choice(self, value: float | str, key: Key) -> Any:
         if not key.unit:
-            return given
-        return Normal(what=self.what, std=given, mean=given)._number("mean", key)
+            return value
+        return Normal(what=self.what, std=value, mean=value)._number("mean", key)
 
 
 Vary = Annotated[Uniform | Normal | Truncated | Choice, Field(discriminator="type")]

@@ -44,7 +44,7 @@ void amb_filter_shown(const amb_kalman *filter, const amb_real y[], amb_real mea
     first[r] = y[r];
   if (amb_data_start_by == NULL) {
     const amb_real x = first[0] / set->K_sen[0];
-    const amb_real current = amb_data_hover[0] + amb_data_hover[1] * x;
+    const amb_real current = amb_data_levitation[0] + amb_data_levitation[1] * x;
     amb_filter_at(&x, &current, mean);
     for (int i = 0; i < AMB_STATES; i++)
       mean[i] = (amb_model_role(&filter->model, i) == AMB_SHOWN) ? first[0] : mean[i];

@@ -16,7 +16,7 @@ extern const amb_real amb_data_by_place[AMB_STATES * AMB_CONTROLS];
 extern const amb_real amb_data_by_current[AMB_STATES * AMB_CONTROLS];
 extern const amb_real *const amb_data_start;
 extern const amb_real *const amb_data_start_by;
-extern const amb_real amb_data_hover[2];
+extern const amb_real amb_data_levitation[2];
 extern const amb_magnet amb_data_magnet[AMB_FORCES]; /* what the filter knows of its magnets */
 extern const void *const amb_data_own;               /* what only its kind has, or NULL */
 

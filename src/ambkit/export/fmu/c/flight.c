@@ -11,7 +11,7 @@ amb_control amb_flight_control(const amb_estimator *estimator)
 void amb_flight_start(const amb_control *control, amb_control_state *state, void *filter,
                       amb_control_output *flown, const amb_real place[], const amb_real current[])
 {
-  if (amb_data_hovering) {
+  if (amb_data_levitated) {
     amb_real integral[AMB_DATA_PIDS];
     for (int q = 0; q < AMB_DATA_PIDS; q++) {
       integral[q] = amb_data_integral[q];
@@ -21,12 +21,12 @@ void amb_flight_start(const amb_control *control, amb_control_state *state, void
         integral[q] += amb_data_integral_by_place[q * AMB_CONTROLS + c] * place[c];
       }
     }
-    amb_control_hover(control, state, current, integral);
+    amb_control_levitate(control, state, current, integral);
   } else {
     amb_control_init(control, state, filter);
   }
   flown->mode = state->sequence.mode;
-  flown->on = amb_data_hovering;
+  flown->on = amb_data_levitated;
 }
 
 #ifdef AMB_DATA_SEQUENCED

@@ -8,7 +8,7 @@
 /* Written by the export; data.h has AMB_DATA_PIDS, how many there are, AMB_DATA_SEQUENCED where
  * there is lift-off and landing, and AMB_DATA_TURNING where the speed of rotation is an input. */
 extern const amb_control amb_data_control; /* but for its estimator */
-extern const bool amb_data_hovering;       /* whether it starts in flight, or at power-on */
+extern const bool amb_data_levitated;      /* whether it starts in flight, or at power-on */
 /* The integrals that hold the rotor in flight at the start: in the middle with these currents [A],
  * and what each ampere more along an axis adds [1], and each metre [A/m]. */
 extern const amb_real amb_data_integral[AMB_DATA_PIDS];

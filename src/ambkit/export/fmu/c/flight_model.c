@@ -29,7 +29,7 @@ amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
   amb_filter_start(&model->filter, &model->estimate, &model->flown.estimator, mean);
   amb_flight_start(&control, &model->state, &model->estimate, &model->flown, place, current);
   for (int c = 0; c < AMB_CONTROLS; c++)
-    model->flown.iu[c] = amb_data_hovering ? current[c] : AMB_C(0.0);
+    model->flown.iu[c] = amb_data_levitated ? current[c] : AMB_C(0.0);
   model->status = AMB_OK;
   return AMB_OK;
 }

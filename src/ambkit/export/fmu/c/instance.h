@@ -28,7 +28,7 @@ typedef struct amb_point {
   double start;   /* [s] */
   double samples; /* a whole number */
   double part;    /* of a sample, 0 to less than 1 */
-  double time;    /* where the importer integrates, in the place of these two [s] */
+  double time;    /* where the importer integrates, instead of these two [s] */
   double value[AMB_VARIABLES];
   amb_unit model;
 } amb_point;

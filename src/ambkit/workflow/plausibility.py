@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.base.errors import RecordError
-from ambkit.judge.belongs import evaluate_record, off_rate
+from ambkit.judge.plausibility import evaluate_record, off_rate
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -17,11 +17,11 @@ MOST = 0.5
 """Share of the measurements beyond the air gap, where no rotor can be, with which nothing works."""
 
 
-def check_belongs(record: Record, machine: Machine) -> list[str]:
+def check_plausibility(record: Record, machine: Machine) -> list[str]:
     """Return what is odd about a record of a machine with one axis, or refuse it."""
     if len(machine.axes) > 1:  # each moves by the forces on all
         return []
-    bearing = machine.alone(machine.axes[0].name)
+    bearing = machine.isolated_axis(machine.axes[0].name)
     if off_rate(record, bearing):
         return []
     verdict = evaluate_record(record, bearing)
@@ -30,4 +30,4 @@ def check_belongs(record: Record, machine: Machine) -> list[str]:
         beyond = float(np.mean(np.abs(y) > bearing.magnet.air_gap)) if y.size else 0.0
         if beyond > MOST:
             raise RecordError(verdict.problems)
-    return [*verdict.problems, *(each for each in verdict.remarks if each.endswith("?"))]
+    return [*verdict.problems, *(remark for remark in verdict.remarks if remark.endswith("?"))]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ambkit.data.signals import signal
 from ambkit.fuzzy.expert import Expert
-from ambkit.machine.bank import alone_of, models_of
+from ambkit.machine.bank import isolated_axes, models_of
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -24,7 +24,7 @@ OUTSIDE = 0.01
 
 
 @dataclass(frozen=True)
-class OutsideOfBox:
+class OutsideOperatingRange:
     """How often an expert was asked beyond the box that it was trained for."""
 
     share: float  #: Of the samples.
@@ -33,7 +33,7 @@ class OutsideOfBox:
     displacement: tuple[float, float, float]
 
 
-def lost_control(record: Record) -> tuple[int, int]:
+def missing_control(record: Record) -> tuple[int, int]:
     """Return how many samples lack the control signal, and how many in a row at most."""
     # Nobody knows what acted on the rotor then: filters hold the last value, and are less sure for
     # a while than they say.
@@ -44,13 +44,13 @@ def lost_control(record: Record) -> tuple[int, int]:
     return int(lost.sum()), int(np.ptp(edges, axis=1).max())
 
 
-def outside_of_box(
+def outside_operating_range(
     estimator: Estimator, estimate: Estimate, record: Record
-) -> dict[str, OutsideOfBox]:
+) -> dict[str, OutsideOperatingRange]:
     """Return of each axis how often its expert was asked beyond its box, if worth a word."""
-    machine, found = estimator.machine, {}
-    each = zip(machine.axes, models_of(estimator.magnet), alone_of(machine), strict=True)
-    for axis, expert, b in each:
+    machine, result = estimator.machine, {}
+    parts = zip(machine.axes, models_of(estimator.magnet), isolated_axes(machine), strict=True)
+    for axis, expert, b in parts:
         if not isinstance(expert, Expert):
             continue
         current = np.clip(
@@ -59,11 +59,11 @@ def outside_of_box(
         x = sum(form * estimate[q] for q, form in axis.line.form.items())
         one = _outside(expert, current, np.asarray(x))
         if one.share > OUTSIDE:
-            found[axis.name] = one
-    return found
+            result[axis.name] = one
+    return result
 
 
-def _outside(expert: Expert, current: Array, x: Array) -> OutsideOfBox:
+def _outside(expert: Expert, current: Array, x: Array) -> OutsideOperatingRange:
     """Return how often an expert was asked beyond its box, at currents [A] and positions [m]."""
     box = expert.current_range, expert.displacement_range
     # The ends may be off by a rounding; what is missing is not outside.
@@ -74,4 +74,4 @@ def _outside(expert: Expert, current: Array, x: Array) -> OutsideOfBox:
     ]
     share = float(np.mean(beyond[0] | beyond[1]))
     ends = [(low, high, float(np.mean(b))) for (low, high), b in zip(box, beyond, strict=True)]
-    return OutsideOfBox(share, ends[0], ends[1])
+    return OutsideOperatingRange(share, ends[0], ends[1])

@@ -1,4 +1,4 @@
-#include "at_rest.h"
+#include "equilibrium.h"
 
 /* State i at 1, the others at 0. */
 static void only(const amb_model *model, int i, amb_real states[AMB_STATES])
@@ -12,7 +12,7 @@ void amb_rest_off_by_one(const amb_model *model, int i, amb_real states[AMB_STAT
 {
   only(model, i, states);
   if (amb_model_role(model, i) == AMB_POSITION) {
-    amb_model_at_rest(model, states);
+    amb_model_equilibrium(model, states);
   }
 }
 

@@ -1,4 +1,4 @@
-"""Whether a record can be of a bearing: its rate, its range, its noise, its signs."""
+"""Plausibility check of a record against a bearing: rate, range, noise and signs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _START = 0.25  # part of a record that may be a start, with the rotor on its sto
 
 _NEAR, _AT_STOP = 4.0, 0.005  # standard deviations of the noise, and shares of the travel
 
-_RESTS = 3.0  # in the plant's own time
+_RESTS = 3.0  # in the plant's time constant
 
 _LEAST = 400  # samples that tell how a rotor moves
 
@@ -64,8 +64,8 @@ def evaluate_record(record: Record, bearing: Bearing) -> Verdict:
     problems = [*_rate(record, bearing), *swapped]
     remarks = [] if swapped else list(_gravity(record, bearing))
     lying = list(_lies(record, bearing))
-    told = suspects(record.t, record.signals, record.units)
-    remarks += [*lying, *(text for text in told if not (lying and "lie on" in text))]
+    findings = suspects(record.t, record.signals, record.units)
+    remarks += [*lying, *(text for text in findings if not (lying and "lie on" in text))]
     if not problems:
         remarks += [*_motion(record, bearing)] or _balance(record, bearing)
     for wrong, text in (*_position(record, bearing), *_control(record, bearing)):
@@ -92,8 +92,8 @@ def _position(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
         return
     y = record["y"][np.isfinite(record["y"])] / bearing.sensor.gain
     farthest = float(np.abs(y).max())
-    shown = f"y reaches {engineering(farthest, 'm', digits=4)}"
-    gap, travel = bearing.magnet.air_gap, bearing.rotor.travel_limit
+    range_text = f"y reaches {engineering(farthest, 'm', digits=4)}"
+    gap, travel = bearing.magnet.air_gap, bearing.rotor.clearance
     if np.ptp(y) == 0:
         yield (
             False,
@@ -104,16 +104,16 @@ def _position(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
     beyond = float(np.mean(np.abs(y) > gap))
     if beyond > 0.01:
         limit = f"beyond the air gap of {engineering(gap, 'm')}"
-        yield True, f"{shown}, {limit}: is a unit, scale or offset wrong?"
+        yield True, f"{range_text}, {limit}: is a unit, scale or offset wrong?"
     elif farthest > travel:
         part = float(np.mean(np.abs(y) > travel))
-        limit = f"beyond travel_limit, {engineering(travel, 'm')}"
-        yield False, f"{shown}, {limit}, in {_percent(part)} of the samples"
+        limit = f"beyond clearance, {engineering(travel, 'm')}"
+        yield False, f"{range_text}, {limit}, in {_percent(part)} of the samples"
     elif np.ptp(y) < 1e-3 * travel:
         yield (
             False,
             f"y moves by {engineering(float(np.ptp(y)), 'm', digits=3)} alone, less than a "
-            f"thousandth of travel_limit: is its unit wrong?",
+            f"thousandth of clearance: is its unit wrong?",
         )
     rough, expected = noise(record["y"]), math.sqrt(bearing.sensor.noise_variance)
     if rough < NO_NOISE * float(y.std()):
@@ -175,15 +175,15 @@ def _motion(record: Record, bearing: Bearing) -> Iterator[str]:
     if "y" not in record or "u" not in record or len(record) < _LEAST:
         return
     rows = np.array([filled(record[name])[:LOOKED_AT] for name in ("y", "u")])
-    if (np.ptp(rows, axis=1) == 0).any() or (found := rotor(rows, 0, 1)) is None:
+    if (np.ptp(rows, axis=1) == 0).any() or (result := rotor(rows, 0, 1)) is None:
         return
-    if not found.fit.sure or found.fit.explained < _EXPLAINED:
+    if not result.fit.sure or result.fit.explained < _EXPLAINED:
         return
-    at_rest = ConstantStiffness.of(bearing)
+    stiffness = ConstantStiffness.of(bearing)
     mass, step = bearing.rotor.mass, record.sampling_time
-    theirs = math.sqrt(abs(at_rest.k_s) / mass)
-    gain = bearing.sensor.gain * bearing.amplifier.gain * at_rest.k_i / mass
-    pole, moved = found.fit.pole / step, found.gain / step**2
+    theirs = math.sqrt(abs(stiffness.k_s) / mass)
+    gain = bearing.sensor.gain * bearing.amplifier.gain * stiffness.k_i / mass
+    pole, moved = result.fit.pole / step, result.gain / step**2
     for what, ours, expected, unit in (
         ("the rotor falls with an unstable pole of", pole, theirs, "rad/s"),
         ("a volt of u accelerates it by", moved, gain, "m/s^2"),
@@ -201,11 +201,11 @@ def _balance(record: Record, bearing: Bearing) -> Iterator[str]:
     # its controller, it takes more, and never less.
     if "y" not in record or "u" not in record:
         return
-    at_rest = ConstantStiffness.of(bearing)
+    stiffness = ConstantStiffness.of(bearing)
     y, u, size = _flying(record, bearing)
     if y.size < 20 or u.std() == 0 or not y.std() > _CLEAR * noise(record["y"]) / math.sqrt(size):
         return
-    needed = abs(at_rest.k_s / at_rest.k_i) / (bearing.amplifier.gain * bearing.sensor.gain)
+    needed = abs(stiffness.k_s / stiffness.k_i) / (bearing.amplifier.gain * bearing.sensor.gain)
     if u.std() * _OTHER < needed * y.std():
         spread, least = float(u.std()), needed * float(y.std())
         moves = engineering(float(y.std()), "m", digits=3)
@@ -219,7 +219,7 @@ def _balance(record: Record, bearing: Bearing) -> Iterator[str]:
 
 def _flying(record: Record, bearing: Bearing) -> tuple[Array, Array, int]:
     """Return what is slow in y and u where the rotor is on no stop, and over how many samples."""
-    # Means over half the plant's own time, without the first quarter: it may be a start.
+    # Means over half the plant's time constant, without the first quarter: it may be a start.
     size = max(1, round(0.5 * own_time(bearing) / record.sampling_time))
     first = int(_START * len(record))
     lies = _at_stop(record, bearing, -1) | _at_stop(record, bearing, 1)
@@ -232,7 +232,7 @@ def _lies(record: Record, bearing: Bearing) -> Iterator[str]:
     """Tell of a rotor that rests at a stop, longer than one that bounces off it."""
     if "y" not in record:
         return
-    travel = bearing.rotor.travel_limit
+    travel = bearing.rotor.clearance
     for side in (-1, 1):
         there = _at_stop(record, bearing, side)
         start, length = longest_run(there)
@@ -248,12 +248,12 @@ def _lies(record: Record, bearing: Bearing) -> Iterator[str]:
 
 def _at_stop(record: Record, bearing: Bearing, side: int) -> NDArray[np.bool_]:
     """Where a rotor is on the stop of a side (n,); nowhere if noise hides the travel."""
-    y, gain, travel = record["y"], bearing.sensor.gain, bearing.rotor.travel_limit
+    y, gain, travel = record["y"], bearing.sensor.gain, bearing.rotor.clearance
     near = max(_NEAR * noise(y) / gain, _AT_STOP * travel)
     if near > 0.5 * travel:
         return np.zeros(y.size, bool)
-    found: NDArray[np.bool_] = np.abs(side * y / gain - travel) < near
-    return found
+    result: NDArray[np.bool_] = np.abs(side * y / gain - travel) < near
+    return result
 
 
 def _percent(share: float) -> str:
@@ -264,13 +264,13 @@ def _percent(share: float) -> str:
 def _control(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
     if "u" not in record or not np.isfinite(record["u"]).any():
         return
-    asked = bearing.amplifier.gain * record["u"][np.isfinite(record["u"])]
+    current_command = bearing.amplifier.gain * record["u"][np.isfinite(record["u"])]
     low, high = bearing.current_min, bearing.current_max
     slack = 0.02 * (high - low)
-    beyond = float(np.mean((asked < low - slack) | (asked > high + slack)))
+    beyond = float(np.mean((current_command < low - slack) | (current_command > high + slack)))
     if beyond == 0:
         return
-    most = float(asked[np.argmax(np.abs(asked))])
+    most = float(current_command[np.argmax(np.abs(current_command))])
     text = (
         f"u asks for {engineering(most, 'A', digits=3)}, the control current goes from "
         f"{engineering(low, 'A', digits=3)} to {engineering(high, 'A', digits=3)}; beyond in "
@@ -305,25 +305,25 @@ def _gravity(record: Record, bearing: Bearing) -> Iterator[str]:
     x = record["y"][first:] / bearing.sensor.gain
     iu = bearing.amplifier.gain * record["u"][first:]
     lies = (_at_stop(record, bearing, -1) | _at_stop(record, bearing, 1))[first:]
-    sound = np.isfinite(iu) & (np.abs(x) < bearing.rotor.travel_limit) & ~lies
+    sound = np.isfinite(iu) & (np.abs(x) < bearing.rotor.clearance) & ~lies
     if np.count_nonzero(sound) < 20:
         return
     iu = np.clip(iu[sound], bearing.current_min, bearing.current_max)
     force = float(magnet_of(bearing).force(iu, x[sound]).mean())
     load = -(force + weight)
     if abs(load / (-2 * weight) - 1) < _TWICE:
-        pull, held = (engineering(abs(each), "N", digits=3) for each in (force, load))
+        pull, held = (engineering(abs(item), "N", digits=3) for item in (force, load))
         yield (
             f"on its mean the magnet pulls with gravity, by {pull}: a load of {held}, about twice "
             "the weight, would have to hold the rotor. Are the signs of y and of u both swapped, "
             "or is rotor.gravity?"
         )
     elif bearing.magnet.type == "one-sided" and abs(load) > _HELD * abs(weight):
-        shown = (engineering(abs(each), "N", digits=3) for each in (force, weight, load))
+        force_texts = (engineering(abs(item), "N", digits=3) for item in (force, weight, load))
         yield (
             "on its mean the magnet pulls by {} where the weight is {}: a load of {} would have to "
             "be on the rotor. Is an offset or a scale of y or of u wrong, or the record of another "
-            "rig?".format(*shown)
+            "rig?".format(*force_texts)
         )
 
 
@@ -334,7 +334,7 @@ def mirror_correlation(record: Record, bearing: Bearing) -> float:
     # controller does; and a controller that holds the rotor answers a displacement by the other
     # load with a current against it. So the two move against each other. Noise makes them do so
     # too, where the signs are right, and the other way where one is swapped: it is averaged away
-    # over half the plant's own time sqrt(m / k_s).
+    # over half the plant's time constant sqrt(m / k_s).
     y, u, _ = _flying(record, bearing)
     if y.size < 20:
         return 0.0
@@ -344,6 +344,6 @@ def mirror_correlation(record: Record, bearing: Bearing) -> float:
 
 
 def _means(values: Array, size: int) -> Array:
-    whole = values[: values.size // size * size].reshape(-1, size)
-    found: Array = whole.mean(axis=1)
-    return found
+    blocks = values[: values.size // size * size].reshape(-1, size)
+    result: Array = blocks.mean(axis=1)
+    return result

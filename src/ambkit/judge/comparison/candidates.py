@@ -31,7 +31,7 @@ class Range:
 
 
 @dataclass(frozen=True)
-class Contender:
+class Candidate:
     """An estimator that takes part."""
 
     name: str  #: As the user calls it.
@@ -45,32 +45,32 @@ class Contender:
     @property
     def defaults(self) -> dict[str, float]:
         """Values of the tunables as they are without tuning."""
-        return {each.name: each.default for each in self.tunable}
+        return {item.name: item.default for item in self.tunable}
 
 
-def contenders(
+def candidates(
     names: Sequence[str],
     bearing: Machine,
     magnets: Mapping[str, MagnetModel] | None = None,
     custom: Mapping[str, Callable[..., Any]] | None = None,
-) -> dict[str, Contender]:
+) -> dict[str, Candidate]:
     """Return who takes part, by name."""
-    found = {}
+    results = {}
     for name in names:
         if name in KINDS:
-            found[name] = contender_of_kind(name, bearing, (magnets or {}).get(name))
+            results[name] = candidate_of_kind(name, bearing, (magnets or {}).get(name))
             continue
         (build,) = factories([name], bearing).values()
         if isinstance(build, FromFile):
             label = f"{KINDS[build.file.kind].label} ({Path(name).stem})"
-            found[name] = Contender(name, label, build)
+            results[name] = Candidate(name, label, build)
         else:
             own_name = name.rpartition(":")[2]
-            found[own_name] = Contender(own_name, own_name, build, in_loop=False)
+            results[own_name] = Candidate(own_name, own_name, build, in_loop=False)
     for own_name, make in (custom or {}).items():
         build = own_factory(own_name, make, bearing)
-        found[own_name] = Contender(own_name, own_name, build, in_loop=False)
-    return found
+        results[own_name] = Candidate(own_name, own_name, build, in_loop=False)
+    return results
 
 
 def suited(names: Sequence[str], bearing: Machine) -> list[str]:
@@ -82,21 +82,21 @@ def suited(names: Sequence[str], bearing: Machine) -> list[str]:
 
 def expand(text: str) -> list[str]:
     """Split a list of names, such as ``linear,my.py:MyFilter``; ``all`` is every kind."""
-    found: dict[str, None] = {}
+    results: dict[str, None] = {}
     for name in filter(None, map(str.strip, text.split(","))):
         if name == "all":
-            found |= dict.fromkeys(KINDS)
+            results |= dict.fromkeys(KINDS)
         else:
             check_named(name)
-            found[name] = None
-    if not found:
+            results[name] = None
+    if not results:
         raise AmbkitError(f"no estimator is named; known: all, {', '.join(KINDS)}")
-    return list(found)
+    return list(results)
 
 
-def contender_of_kind(
+def candidate_of_kind(
     name: str, bearing: Machine, magnet: MagnetModel | None = None, *, whole: bool = False
-) -> Contender:
+) -> Candidate:
     """Return a kind of estimator as one who takes part."""
     kind = KINDS[name]
 
@@ -105,10 +105,10 @@ def contender_of_kind(
             key.removeprefix("noise."): v for key, v in values.items() if "noise." in key
         }
         own = KalmanFilter(bearing).variances._asdict() if noise else {}
-        for key, each in own.items():  # of several axes all are scaled alike
-            if key in noise and isinstance(each, tuple):
+        for key, item in own.items():  # of several axes all are scaled alike
+            if key in noise and isinstance(item, tuple):
                 scale = noise[key] / means[key]
-                noise[key] = tuple(scale * variance for variance in each)
+                noise[key] = tuple(scale * variance for variance in item)
         rest = {key: value for key, value in values.items() if "noise." not in key}
         try:
             return kind.make(bearing, magnet, noise=FilterNoise(**noise), **rest)
@@ -119,10 +119,12 @@ def contender_of_kind(
     if not whole and {"noise.control", "noise.disturbance"} <= free.keys():
         free.pop("noise.measurement", None)
     ranges = tuple(_range(t, bearing) for t in free.values())
-    means = {each.name.removeprefix("noise."): each.default for each in ranges}
-    return Contender(name, kind.label, build, ranges)
+    means = {range_.name.removeprefix("noise."): range_.default for range_ in ranges}
+    return Candidate(name, kind.label, build, ranges)
 
 
 def _range(tunable: Tunable, bearing: Any) -> Range:
-    default, reach = tunable.default(bearing), 10**tunable.decades
-    return Range(tunable.name, tunable.unit, default, default / reach, default * reach)
+    default, range_factor = tunable.default(bearing), 10**tunable.decades
+    return Range(
+        tunable.name, tunable.unit, default, default / range_factor, default * range_factor
+    )

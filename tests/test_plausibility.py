@@ -9,7 +9,7 @@ import pytest
 import ambkit
 from ambkit.data import recordings
 from ambkit.data.record import Record
-from ambkit.judge.belongs import SURE, evaluate_record, mirror_correlation
+from ambkit.judge.plausibility import SURE, evaluate_record, mirror_correlation
 from ambkit.workflow.inspection import inspect
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
@@ -85,8 +85,8 @@ def test_where_signs_cannot_be_told_nothing_is_said():
     ("factors", "problem", "remark"),
     [
         ({"y": 1e3}, r"y reaches .* m, beyond the air gap of 2 mm: is a unit", "noise of y"),
-        ({"y": 1e-4}, None, "less than a thousandth of travel_limit"),
-        ({"y": 4.0}, None, r"beyond travel_limit, 1 mm, in .* % of the samples"),
+        ({"y": 1e-4}, None, "less than a thousandth of clearance"),
+        ({"y": 4.0}, None, r"beyond clearance, 1 mm, in .* % of the samples"),
         ({"u": 1e3}, r"u asks for .* A, the control current goes from -1.5 A to 1.5 A", None),
         ({"y": 10.0}, "air gap", "the noise of y is about .* rms, the bearing's sensor has 9.1 µm"),
     ],

@@ -45,22 +45,22 @@ class Faults:
             return self
         none = {"late": 0.0, "y_times": 1.0, "y_plus": 0.0, "u_times": 1.0, "u_plus": 0.0,
                 "current": 1.0}  # fmt: skip
-        found = {}
+        results = {}
         for name, series in self.series.items():
             of_reading = name.startswith(("late", "y_"))
             k, columns = (reading, readings) if of_reading else (axis, axes)
-            found[name] = np.full((len(series), columns), none[name])
-            found[name][:, k] = series
-        return Faults(**found, beside=self.beside)
+            results[name] = np.full((len(series), columns), none[name])
+            results[name][:, k] = series
+        return Faults(**results, beside=self.beside)
 
     @property
     def series(self) -> dict[str, Array]:
         """All that has one value a sample, by name."""
-        return {name: each for name, each in vars(self).items() if name != "beside"}
+        return {name: item for name, item in vars(self).items() if name != "beside"}
 
 
 @dataclass(frozen=True, eq=False)
-class Imposed:
+class ExternalInputs:
     """Series that a run is given from outside, one value a sample."""
 
     # Of p axes and m readings; of a single axis each is (n,) or (n, 1).
@@ -99,10 +99,12 @@ def columns(name: str, axes: int, readings: int) -> int:
     return readings if name in _OF_READINGS else axes
 
 
-def series_of(imposed: Imposed) -> Iterator[tuple[str, Array]]:
+def series_of(external_inputs: ExternalInputs) -> Iterator[tuple[str, Array]]:
     """All that has one value a sample and must be a number, by name."""
     for name in ("disturbance", "sensor_noise", "magnet_scale", "readings", "references", "fly"):
-        if getattr(imposed, name) is not None:
-            yield name, getattr(imposed, name)
-    if imposed.faults is not None:
-        yield from ((f"fault {name}", values) for name, values in imposed.faults.series.items())
+        if getattr(external_inputs, name) is not None:
+            yield name, getattr(external_inputs, name)
+    if external_inputs.faults is not None:
+        yield from (
+            (f"fault {name}", values) for name, values in external_inputs.faults.series.items()
+        )

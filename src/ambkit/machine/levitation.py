@@ -1,4 +1,4 @@
-"""The current that holds a rotor where it is."""
+"""The levitation current: the control current that holds a rotor at a displacement."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
 
 
-def hover_current(bearing: Bearing, plant: MagnetModel, x: float, balance: float) -> float:
+def levitation_current(bearing: Bearing, plant: MagnetModel, x: float, balance: float) -> float:
     """Control current [A] that holds the rotor at x [m] against ``balance`` [N], within limits."""
     from scipy.optimize import brentq
 
