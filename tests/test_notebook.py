@@ -25,7 +25,7 @@ from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Heatmap
 from ambkit.simulation.scenario import Control
 from ambkit.workflow.comparing import LoopScores, compare_in_case
-from ambkit.workflow.design_candidates import Candidate
+from ambkit.workflow.design_candidates import TunedCandidate
 from ambkit.workflow.designed import Design
 from tests.hostile import NOT_PRINTABLE, PRINTABLE, Page, called
 
@@ -45,7 +45,7 @@ def shown() -> dict[str, Any]:
     scores = compare(BEARING, SCENARIO, {"linear": lambda: KalmanFilter(BEARING)}, [0])
     study = compare_in_case(BEARING, "paper", ["linear"], runs=1)
     errors = {"x": 3e-6, "v": 2e-3, "f_d": 0.5}
-    candidate = Candidate("linear", Path("a.toml"), True, "truth", {}, errors, 9e-6, 3e-6)
+    candidate = TunedCandidate("linear", Path("a.toml"), True, "truth", {}, errors, 9e-6, 3e-6)
     assessed = ambkit.assess(BEARING, "linear")
     one_sided = Bearing.preset("inteco_ml")
     injection = ambkit.design_injection(BEARING, ambkit.Scenario(duration=1.0))
