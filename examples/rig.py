@@ -75,7 +75,7 @@ print(
 # One closed loop for the rest. The map counts the current from the preset's bias.
 start = LoopModel(bearing, current_offset=preset.magnet.bias_current - bearing.magnet.bias_current)
 logs = {name: closed_loop(name) for name in NAMES}
-noise = ("measurement_noise", "control_noise", "load_growth", "current_offset")
+noise = ("measurement_noise", "control_noise", "disturbance_noise", "current_offset")
 by_lift_off = maximum_likelihood(logs[USED], start, noise)
 by_loop = maximum_likelihood(logs[USED], start, (*noise, "magnet_constant", "air_gap"))
 for what, found in (("law from lift-off", by_lift_off), ("law from the loop", by_loop)):
@@ -130,7 +130,7 @@ for name in ("KF", "EKF", "LO"):
     smooth = savgol_filter(record["y"], SMOOTH, 3)
     model = by_lift_off.model
     kalman = ambkit.ExtendedKalmanFilter(
-        model.bearing, noise=ambkit.FilterNoise(disturbance=model.load_growth)
+        model.bearing, noise=ambkit.FilterNoise(disturbance=model.disturbance_noise)
     )
     ours = kalman.run(model.corrected(record)).x
     inner = slice(500, -500)

@@ -180,7 +180,7 @@ print(*reading.account(), sep="\n")
 #
 # ```sh
 # ambkit design my.toml log.csv --channels rig.toml --validate other.csv \
-#   --free magnet_constant --free delay --free measurement_noise --free load_growth \
+#   --free magnet_constant --free delay --free measurement_noise --free disturbance_noise \
 #   --max-sensitivity inf --force --prefix grinder --out design/
 # ```
 
@@ -191,7 +191,7 @@ design = ambkit.design(
     place / "design",
     channels=place / "rig.toml",
     validate=[place / "other.csv"],
-    free=["magnet_constant", "delay", "measurement_noise", "load_growth"],
+    free=["magnet_constant", "delay", "measurement_noise", "disturbance_noise"],
     max_sensitivity=None,
     anyway=True,
     prefix="grinder",

@@ -210,7 +210,7 @@ class Bench:
         """Return the functions that a controller's program has of it; others do not fly."""
         called = ["init", "reset", "step"]
         if self.controlled:
-            called += ["control_init", "control_step", "control_take_over"]
+            called += ["control_init", "control_step", "control_transfer"]
         roots = [f"-Wl,-u,{self.name}_{what}" for what in called]
         sections = ("-ffunction-sections", "-fdata-sections")
         # What is inlined is a function of its own here, or nobody would find it.

@@ -247,7 +247,7 @@ def test_plant_in_fmpy_equals_the_library(
     scenario = disturbed(bearing)
     record = ambkit.simulate(bearing, scenario)
     n = len(record.t)
-    noise_u, _ = drawn(bearing, scenario, n)
+    noise_u, _ = (noise[:, 0] for noise in drawn(bearing, scenario, n))
     inputs = {"u": record["u"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": np.zeros(n)}
     found = simulated(made("plant", fmi, bearing), bearing.sampling_time, {}, **inputs)
     for name in ("x", "v", "x_m"):
@@ -316,7 +316,7 @@ def test_a_closed_loop_with_parts_in_fmpy_equals_the_library(
     scenario = disturbed(bearing)
     run = simulate_run(bearing, scenario)
     record = run.record
-    noise_u, noise_y = drawn(bearing, scenario, len(record.t))
+    noise_u, noise_y = (noise[:, 0] for noise in drawn(bearing, scenario, len(record.t)))
     inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
     path = export_fmu(
         bearing, None, tmp_path / "loop.fmu", kind="closed-loop", scenario=scenario
@@ -375,7 +375,7 @@ def test_a_closed_loop_with_more_states_in_fmpy_equals_the_library(
     scenario = disturbed(bearing).replace(reference=ambkit.Step(amplitude=5e-5, time=2e-3))
     run = simulate_run(bearing, scenario, estimator=REGISTRY["extended"].make(bearing))
     record = run.record
-    noise_u, noise_y = drawn(bearing, scenario, len(record.t))
+    noise_u, noise_y = (noise[:, 0] for noise in drawn(bearing, scenario, len(record.t)))
     inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
     made = export_fmu(
         bearing, None, tmp_path / "loop.fmu", kind="closed-loop", fmi=2, estimator="extended",
@@ -395,7 +395,7 @@ def test_a_force_map_is_plant_and_what_the_filter_knows(tmp_path: Path) -> None:
     scenario = disturbed(bearing)
     run = simulate_run(bearing, scenario, estimator=REGISTRY["extended"].make(bearing))
     record = run.record
-    noise_u, noise_y = drawn(bearing, scenario, len(record.t))
+    noise_u, noise_y = (noise[:, 0] for noise in drawn(bearing, scenario, len(record.t)))
     inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
     export_fmu(bearing, None, tmp_path / "map.fmu", kind="closed-loop", estimator="extended",
                scenario=scenario)  # fmt: skip
@@ -413,7 +413,7 @@ def test_closed_loop_in_fmpy_equals_the_library(
     scenario = disturbed(bearing)
     run = simulate_run(bearing, scenario)
     record = run.record
-    noise_u, noise_y = drawn(bearing, scenario, len(record.t))
+    noise_u, noise_y = (noise[:, 0] for noise in drawn(bearing, scenario, len(record.t)))
     inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
     found = simulated(made("closed-loop", fmi, bearing), bearing.sampling_time, {}, **inputs)
     for name in ("x", "v", "x_m"):
@@ -433,7 +433,7 @@ def test_a_scenario_s_controller_closes_the_loop(command: Command, tmp_path: Pat
     assert command(*words, "--estimator", "closed-law", "--out", str(out)).code == 0
     estimator = AdaptiveKalmanFilter(BEARING, ClosedLaw(BEARING))
     run = simulate_run(BEARING, scenario, estimator=estimator)
-    noise_u, noise_y = drawn(BEARING, scenario, len(run.record.t))
+    noise_u, noise_y = (noise[:, 0] for noise in drawn(BEARING, scenario, len(run.record.t)))
     inputs = {"r": run.record["r"], "f_d": run.record["f_d"]}
     inputs |= {"noise_u": noise_u, "noise_y": noise_y}
     found = simulated(out, BEARING.sampling_time, {}, **inputs)
@@ -552,7 +552,7 @@ def test_mass_and_magnet_constant_of_the_plant_are_the_library_s(
 ) -> None:
     other = ONE_SIDED.replace(rotor__mass=0.07, magnet__magnet_constant=1.1e-4)
     record = ambkit.simulate(other, disturbed(other))
-    noise_u, _ = drawn(other, disturbed(other), len(record.t))
+    noise_u, _ = (noise[:, 0] for noise in drawn(other, disturbed(other), len(record.t)))
     found = simulated(
         made("plant", 3, ONE_SIDED),
         other.sampling_time,

@@ -107,7 +107,7 @@ def test_the_closed_loop_is_what_simulate_flies(name: str, fmi: Any, tmp_path: P
     case = CASES[name]
     run, scenario = flown(case), scenario_of(case)
     record, n = run.record, len(run.record.t)
-    noise_u, noise_y = drawn(case.bearing, scenario, n)
+    noise_u, noise_y = (noise[:, 0] for noise in drawn(case.bearing, scenario, n))
     inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
     if case.sequence is not None:
         inputs["fly"] = case.sequence.fly(record.t)

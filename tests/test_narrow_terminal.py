@@ -49,7 +49,7 @@ def narrow(monkeypatch):
     ("words", "names"),
     [
         ("presets", ["zittau_axial", "tum_mlps_flexible", "hindawi_2011"]),
-        ("rotor tum_mlps", ["2045 rpm", "33.57 Hz"]),
+        ("rotor tum_mlps", ["2044.8 rpm", "33.57 Hz"]),
         (f"assess zittau_axial --verbose {EACH}", ["steady-state", "0.01272972"]),
         ("assess tum_mlps --verbose --filter linear", ["0.15813124", "2044.8 rpm", "416.7 g mm"]),
         ("simulate zittau_axial --duration 50ms", []),

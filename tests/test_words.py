@@ -146,7 +146,9 @@ def test_the_glossary_names_what_there_is():
     assert len(terms) >= 70
     for *_, where in terms:
         for path in re.findall(r"`([\w/]+(?:/|\.\w+))`", where):
-            base = ROOT if path.startswith(("core/", "sim/")) else ROOT / "src/ambkit"
+            base = (
+                ROOT if path.startswith(("core/", "sim/", "models/laws/")) else ROOT / "src/ambkit"
+            )
             assert (base / path).exists(), path
 
 

@@ -63,7 +63,7 @@ def scenarios(bearing: ambkit.Bearing) -> ambkit.Scenario:
         duration=0.2,
         reference=ambkit.Step(amplitude=1e-4, time=0.05),
         disturbance=ambkit.Sine(amplitude=1.0, frequency=20.0),
-        controller=ambkit.PID.for_bearing(bearing),
+        controller=ambkit.Control.for_bearing(bearing),
     )
     for load in (
         ambkit.Constant(value=1.0),
@@ -149,6 +149,7 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
     assert_type(online.magnet_constant, float)
     found = ambkit.identify(bearing, record, free=["magnet_constant"])
     assert_type(found.bearing, ambkit.Bearing)
+    print(ambkit.PID.for_bearing(bearing))
     for method in (ambkit.Adaline(bearing), ambkit.RecursiveLeastSquares(bearing)):
         print(method)
     print(ambkit.to_control(bearing))
@@ -158,6 +159,13 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
     assert_type(ambkit.assess_sweep(bearing, "none", amplitudes=["1 um"]).swept[0].deviation, float)
     injection = ambkit.design_injection(bearing, ambkit.Scenario(duration=1.0))
     assert_type(ambkit.assess_log(injection.record, bearing, "none").zone, str)
+
+
+def with_tools(bearing: ambkit.Bearing) -> None:
+    """What needs a cross compiler and qemu, or half a minute: for its types only."""
+    assert_type(ambkit.pil(bearing, "linear").passed, bool)
+    ambkit.excite(bearing, free=["magnet_constant"], duration="1 s").save("excite.csv")
+    ambkit.excite_sensitivity(bearing, "none", duration="1 s").save("injection.csv")
 
 
 class Raw:

@@ -293,9 +293,12 @@ def _flown(machine: Machine, filters: Estimator, seed: int, scenario: Scenario) 
     parts = walks.reshape(n, WITHIN, -1)
     record = simulate(machine, scenario, external_inputs=ExternalInputs(parts.mean(axis=1)))
     names = [signal("f_d", axis.name) for axis in machine.axes]
-    return replace(
-        record, signals={**record.signals, **dict(zip(names, parts[:, 0].T, strict=True))}
-    )
+    loads = dict(zip(names, parts[:, 0].T, strict=True))
+    if not machine.single:
+        return replace(record, signals={**record.signals, **loads})
+    along = {"s": record["x"], "speed": np.full(len(record), machine.speed)}
+    units = {**record.units, "s": "m", "speed": "rad/s"}
+    return replace(record, signals={**record.signals, **along, **loads}, units=units)
 
 
 def _quantities(estimator: Estimator) -> tuple[Array, tuple[str, ...]]:
