@@ -22,6 +22,7 @@ from ambkit.data.rig_units import Inputs, Scaling
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Status
 from ambkit.export.c import CExport, export_c
+from ambkit.simulation.blocks import LeadLag, Notch
 from ambkit.simulation.control import Controller
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate, simulate_run
@@ -36,6 +37,7 @@ PIDS = {
     "measured": Control(feedback="measurement", derivative_filter=2e-4),
     "ahead": PID(feed_forward=0.8),
     "lqg": Control(type="lqg"),
+    "blocks": PID(block=[Notch(frequency=2e3, depth=0.3), LeadLag(zero=900.0, pole=1200.0)]),
 }
 TIMES = LiftOff(start=5e-3, stop=0.16, wait=5e-3, lift=0.04, land=0.03, lost=0.02, overload=0.02)
 
@@ -306,7 +308,7 @@ def test_what_is_explained_stands_in_the_sources(folders: dict[str, CExport]) ->
 
 @pytest.mark.long
 def test_operators_that_became_others_are_seen(benches: dict[str, mutants.Bench]) -> None:
-    """A sample of all operators, each by the four kinds of controllers together."""
+    """A sample of all operators, each by all kinds of controllers together."""
     one = benches["pid"]
     found = [m for file in FLYING for m in mutants.of_operators(file, one.text(file))]
     some = random.Random(0).sample(found, 60)

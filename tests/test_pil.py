@@ -110,6 +110,13 @@ def test_other_bits_of_a_machine_would_be_seen(monkeypatch: pytest.MonkeyPatch) 
     assert min(found.unequal, found.selftest) > 100
 
 
+def test_the_stack_seen_and_its_bound_are_of_one_build() -> None:
+    """Where qemu can run it: a bound at -O2 holds for no build at -O3."""
+    of = {name: boards.in_qemu(board) for name, board in boards.BOARDS.items()}
+    assert of["stm32f4"] is boards.BOARDS["stm32f4"]
+    assert of["amdc"] is of["c2000"] is boards.QEMU_BOARD
+
+
 def test_the_deepest_call_is_found(tmp_path: Path) -> None:
     """By names, by pointers; not where a function calls itself or a frame has no bound."""
     text = """node: { title: "a" label: "a\\n16 bytes (static)" }

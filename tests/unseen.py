@@ -28,7 +28,7 @@ class Has(NamedTuple):
     fed: bool = False  # controllers see the estimate
     gains: bool = False  # states are fed back besides the PIDs
     let_turn: bool = False
-    alone: bool = False  # each axis has a PID of its own, and nothing else acts on it
+    isolated: bool = False  # each axis has a PID of its own, and nothing else acts on it
     tracking: bool = False  # integrals follow what is left of a demand
     rounded: bool = False  # the readings of a sensor come in steps
 
@@ -147,6 +147,10 @@ NOT_RUN = (
     NotRun(
         "controllers.c", "amb_controllers_step", "status |= AMB_SATURATED",
         "each PID has held its axis to its limits", lambda has: has.isolated,
+    ),
+    *(
+        NotRun("controller.c", function, "", "no blocks behind a PID", lambda _: True)
+        for function in ("settled", "filtered")
     ),
     *(
         NotRun("controllers.c", function, "", _TURN, lambda has: not has.let_turn)
@@ -363,6 +367,7 @@ MACHINE = (
     Unseen("control.c", "(a > most) ? most : -most", _TOO_FAR),
     Unseen("control.c", "works_by->copy[", _FLIPPED),
     Unseen("controller.c", "state->copy[", _FLIPPED),
+    Unseen("controller.c", "(pid->sections > 0) ?", "no blocks, by which nothing is filtered"),
     Unseen("sequence.c", "const bool there =", _FLIPPED),
     Unseen("envelope.c", "i < amb_states(&kf->model)", _GIVEN, "amb_envelope_within"),
     Unseen("envelope.c", "within = within &&", _GIVEN, "amb_envelope_within"),

@@ -40,6 +40,11 @@ BOARDS = {
 QEMU_BOARD = Board("Cortex-M4F in qemu", f"{ARM}gcc", (*M4F, "-O3"), _ARM_PACKAGES)
 
 
+def in_qemu(board: Board) -> Board:
+    """Return what qemu runs: the board's own build, where that is for a Cortex-M4F."""
+    return board if board.target[: len(M4F)] == M4F else QEMU_BOARD
+
+
 def check(board: Board, *, run: bool = True) -> None:
     """Refuse what there are no tools for."""
     missing, install = [], []

@@ -66,7 +66,8 @@ def pil(
             prefix=build.PREFIX, telemetry=True, force=force, scenario=lift_scenario,
         ).folder  # fmt: skip
         fields = [state.field for state in states(estimator.states)]
-        image = build.firmware(export, fields, boards.QEMU_BOARD, folder / "qemu", several)
+        runs = boards.in_qemu(for_board)
+        image = build.firmware(export, fields, runs, folder / "qemu", several)
         built = build.size(export, for_board, folder / "board", several)
         run = simulate_run(plant, lift_scenario, estimator=estimator)
         machine, record = run.machine, run.record
