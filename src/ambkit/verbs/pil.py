@@ -34,7 +34,7 @@ def pil(
     scenario : Scenario, str or path, optional
         What happens, and whose controller flies; by default a second with the rotor in the middle.
     board : str, optional
-        Flash, memory and stack for a board: stm32f4, whose own build flies in qemu, amdc or c2000.
+        Flash, memory and stack for a board: stm32f4, whose own build runs in qemu, amdc or c2000.
     force : bool, optional
         Export it also where it is judged that it must not fly.
 
