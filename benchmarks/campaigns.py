@@ -22,11 +22,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
-from ambkit.workflow.campaign import cluster
-from ambkit.workflow.campaign.compute import compute
-from ambkit.workflow.campaign.plan import Plan
-from ambkit.workflow.campaign.running import campaign
-from ambkit.workflow.campaign.study import Study
+from ambkit.campaigns import cluster
+from ambkit.campaigns.plan import Plan
+from ambkit.campaigns.run import campaign
+from ambkit.campaigns.study import Study
+from ambkit.campaigns.worker import compute
 
 STUDY = """
 name = "short runs"

@@ -24,7 +24,7 @@ from ambkit.identification.maximum_likelihood import MaximumLikelihood, maximum_
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter, named
-from ambkit.machine.parts import ColouredNoise
+from ambkit.machine.accessories import ColouredNoise
 
 Array = NDArray[np.float64]
 

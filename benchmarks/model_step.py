@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.export.c import data
+from ambkit.export.c import c_literals
 from ambkit.export.c.model import by_loops
 from ambkit.models import Model, compose, emit, machine_model
+from ambkit.models.declaration import Part
 from ambkit.models.parts import Amplifier, Delay, Disturbance, MagnetPlace, Rotor, Sensor
-from ambkit.models.plan import Part
 
 Array = NDArray[np.float64]
 
@@ -205,9 +205,9 @@ def _loops(model: Model) -> str:
     held = by_loops(model)
     listed = (
         f"static const {one['type']} {one['name']}[] = {{{one['text']}}};"
-        for one in data.declared(held.arrays, "double")
+        for one in c_literals.declared(held.arrays, "double")
     )
-    numbers = data.struct(held.numbers, "double", {})
+    numbers = c_literals.struct(held.numbers, "double", {})
     return "\n".join([*listed, f"static const amb_model model = {numbers};"])
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ambkit import Bearing, Record
 from ambkit.identification.maximum_likelihood import MaximumLikelihood, maximum_likelihood
-from ambkit.identification.maximum_likelihood.current import Coil, FlowingCurrent, through
+from ambkit.identification.maximum_likelihood.current_state import Coil, FlowingCurrent, through
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named

@@ -17,7 +17,7 @@ import numpy as np
 
 from ambkit import ExtendedKalmanFilter, Machine, Scenario, simulate_run
 from ambkit.estimate.estimate import Estimate
-from ambkit.machine.parts import Runout
+from ambkit.machine.accessories import Runout
 from ambkit.simulation.waveforms import Ramp
 
 MOST = 1.3

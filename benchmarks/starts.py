@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import ambkit
 from ambkit import Bearing, Record, Status
-from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import Precision, own_time
 

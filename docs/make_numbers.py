@@ -23,15 +23,15 @@ from paper.study import Study
 from scipy.stats import chi2, ttest_rel
 
 import ambkit
-from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.registry import KINDS
 from ambkit.identification.excitation import design
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.judge.comparison import criteria
-from ambkit.judge.comparison.bench import bench
 from ambkit.judge.comparison.candidates import candidates
 from ambkit.judge.comparison.cases import CASES, Trial, trials, walk_case
+from ambkit.judge.comparison.comparison import bench
 from ambkit.machine.magnets import own_time
 from ambkit.result.report.summary import ours, runs
 

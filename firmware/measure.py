@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ambkit import Bearing, Record, stiffness_map
-from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import cost, export_c
-from ambkit.export.tabulate import tabulate
+from ambkit.export.stiffness_table import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.magnets import MagnetModel
 from ambkit.simulation.run import simulate

@@ -19,7 +19,7 @@ from typing import Any
 from ambkit.base import files
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c, proof
-from ambkit.export.c.data import CPrecision
+from ambkit.export.c.c_literals import CPrecision
 from ambkit.simulation.scenario import Control, Scenario
 from firmware import measure
 

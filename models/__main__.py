@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 
 from ambkit.models import compose, emit
-from ambkit.models.axis import PAPER_CONSTANTS
+from ambkit.models.axis_parts import PAPER_CONSTANTS
+from ambkit.models.declaration import Part
 from ambkit.models.parts import Amplifier, Disturbance, MagnetPlace, Rotor, Sensor
-from ambkit.models.plan import Part
 from models.axial import axial
 from models.closed import initialisation
 from models.exponential import exponential_header

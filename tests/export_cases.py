@@ -10,10 +10,10 @@ from typing import Any
 import objects
 
 from ambkit import Bearing
-from ambkit.estimate.base import Estimator
+from ambkit.assessment.arguments import Chosen, export_given
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS as REGISTRY
 from ambkit.export.c import CExport, export_c
-from ambkit.workflow.given import Chosen, export_given
 
 BEARING = Bearing.preset("zittau_axial")
 # "tabulated" is the expert of "adaptive" as a table, in the same C as the map of "table"; what is

@@ -10,11 +10,11 @@ from filter_cases import BEARING, Array
 from model_oracles import Settings, random_model, random_settings
 
 from ambkit import ClosedLaw
-from ambkit.estimate.engine import arrays
+from ambkit.estimate.core_model import arrays
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from ambkit.models import Model, compose
+from ambkit.models.declaration import Part
 from ambkit.models.parts import Amplifier, Disturbance, MagnetPlace, Rotor, Sensor
-from ambkit.models.plan import Part
 
 CORE = core_module(any_model=True)
 T = BEARING.sampling_time

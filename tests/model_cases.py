@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ambkit.models import Model, compose
+from ambkit.models.declaration import Part
 from ambkit.models.parts import (
     Amplifier,
     ColouredNoise,
@@ -21,7 +22,6 @@ from ambkit.models.parts import (
     Rotor,
     Sensor,
 )
-from ambkit.models.plan import Part
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from ambkit.judge.load_following import least_process_noise, load_capacity
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
 from ambkit.machine.presets import machine_names
 from ambkit.simulation.scenario import Control, Scenario, Step
-from ambkit.workflow import design_candidates, identifying
+from ambkit.workflow import design_candidates, identify
 
 AXIS, BALL = Bearing.preset("zittau_axial"), Bearing.preset("inteco_ml")
 MLPS = Machine.preset("tum_mlps")
@@ -271,10 +271,10 @@ def test_check_and_simulate_say_the_same(
 
 
 def test_identify_writes_no_process_noise_that_follows_no_load() -> None:
-    made, raised = identifying._following_a_load(AXIS, 1.12e-3)  # as a log whose load rests has it
+    made, raised = identify._following_a_load(AXIS, 1.12e-3)  # as a log whose load rests has it
     assert sentences(judge_adequacy(made)) == []
-    assert raised == {"noise.disturbance": identifying.RAISED}
-    kept, raised = identifying._following_a_load(AXIS, 9620.0)
+    assert raised == {"noise.disturbance": identify.RAISED}
+    kept, raised = identify._following_a_load(AXIS, 9620.0)
     assert (kept.variances.disturbance, raised) == (9620.0, {})
 
 

@@ -8,9 +8,9 @@ import pytest
 
 import ambkit
 from ambkit.base.errors import ConfigError
+from ambkit.campaigns.keys import changed
 from ambkit.export.c import export_c
 from ambkit.export.fmu import export_fmu
-from ambkit.workflow.campaign.keys import changed
 
 VOLTS = ambkit.Bearing.preset("zittau_axial").replace(amplifier__gain="2 A/V")
 

@@ -15,13 +15,13 @@ from scipy.stats import chi2
 
 import ambkit
 from ambkit import ClosedLaw, Scenario, Status
-from ambkit.estimate import base
-from ambkit.estimate.base import Estimator
-from ambkit.estimate.engine import Engine, arrays
-from ambkit.estimate.model import LinearModel
+from ambkit.estimate import estimator as base
+from ambkit.estimate.core_model import Engine, arrays
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.linear_model import LinearModel
 from ambkit.estimate.registry import KINDS
+from ambkit.machine.accessories import ColouredNoise, Hum
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, core_module
-from ambkit.machine.parts import ColouredNoise, Hum
 
 # ---- the paper's axis: to the bit ----
 

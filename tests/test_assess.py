@@ -9,6 +9,7 @@ import pytest
 
 import ambkit
 from ambkit import PID, Bearing, Control, Scenario
+from ambkit.assessment.assess import MEASUREMENT
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.loop.bounds import least_peaks
@@ -17,12 +18,11 @@ from ambkit.machine import presets
 from ambkit.models import machine_parts
 from ambkit.models.linear import LinearSystem, Signal, linearised
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.control import compensator, controller
-from ambkit.simulation.linear.pieces import OperatingPoint, plant
-from ambkit.simulation.linear.settled import estimator_at
+from ambkit.simulation.linear.closed_loop import Loop
+from ambkit.simulation.linear.linear_controller import compensator, controller
+from ambkit.simulation.linear.linear_plant import OperatingPoint, plant
+from ambkit.simulation.linear.steady_state_filter import estimator_at
 from ambkit.simulation.run import simulate
-from ambkit.workflow.assessing import MEASUREMENT
 
 ZITTAU = Bearing.preset("zittau_axial")
 LATE = ZITTAU.replace(delay=1.5e-4, amplifier__bandwidth=2000.0)

@@ -7,14 +7,14 @@ import pytest
 
 import ambkit
 from ambkit import PID, Bearing, KalmanFilter, Machine
+from ambkit.assessment.amplitude_sweep import _MachineRig
+from ambkit.assessment.assess import MEASUREMENT
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.rotordynamics.campbell import stiffnesses
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Control, Scenario
-from ambkit.workflow.assessing import MEASUREMENT
-from ambkit.workflow.campbell import stiffnesses
-from ambkit.workflow.sweeping import _MachineRig
 
 TUM = Machine.preset("tum_mlps")
 TILT = Control(type="translation and tilt")

@@ -9,17 +9,17 @@ from machine_cases import PRESETS, made, uncoupled
 
 import ambkit
 from ambkit import Machine
+from ambkit.assessment.assess import MEASUREMENT
+from ambkit.assessment.speed_sweep import assess_over_speed
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.result.page import write_result
-from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.pieces import OperatingPoint
-from ambkit.simulation.linear.settled import estimator_at
+from ambkit.rotordynamics.balance_grades import unbalance_forces
+from ambkit.simulation.linear.closed_loop import Loop
+from ambkit.simulation.linear.linear_plant import OperatingPoint
+from ambkit.simulation.linear.steady_state_filter import estimator_at
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
-from ambkit.workflow.assessing import MEASUREMENT
-from ambkit.workflow.balance import unbalance_forces
-from ambkit.workflow.over_speed import assess_over_speed
 
 RPM = math.pi / 30
 UFU = Machine.preset("ufu_rig")

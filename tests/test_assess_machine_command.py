@@ -3,7 +3,7 @@
 import pytest
 from machine_cases import injected
 
-from ambkit.workflow.assessing import MEASUREMENT
+from ambkit.assessment.assess import MEASUREMENT
 
 
 @pytest.mark.parametrize(("arguments", "said"), [

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter, Status
-from ambkit.estimate.base import Estimator
 from ambkit.estimate.batch import Batch, instruction_sets, run_many
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import MagnetModel, core_module
 

@@ -19,7 +19,7 @@ from ambkit.machine import presets
 from ambkit.machine.bearing import GRAVITY, MU_0, Amplifier, Magnet, Rotor, Sensor, magnet_constant
 from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import magnet_of
-from ambkit.workflow.simulating import simulate_run
+from ambkit.workflow.simulate import simulate_run
 
 SIX_MISTAKES = """\
 name = "mine"

@@ -12,21 +12,21 @@ from scipy.stats import chi2
 
 import ambkit
 from ambkit import AmbkitError, Bearing
-from ambkit.estimate.own import OwnEstimator
-from ambkit.estimate.view import View
+from ambkit.estimate.machine_model import View
+from ambkit.estimate.user_filter import OwnEstimator
 from ambkit.judge.comparison import cases, criteria
-from ambkit.judge.comparison.bench import Sweep, bench, sweep
 from ambkit.judge.comparison.candidates import candidates, expand
 from ambkit.judge.comparison.cases import CASES, Load, trials, walk_case
-from ambkit.judge.comparison.spread import CERTAIN, Spread
+from ambkit.judge.comparison.comparison import Sweep, bench, sweep
 from ambkit.judge.comparison.study import learned, pieces_of, study
+from ambkit.judge.comparison.tolerance import CERTAIN, Spread
 from ambkit.judge.comparison.tuning import errors, tune
-from ambkit.machine.forces.points import ForcePoints
-from ambkit.machine.forces.surface import ForceSurface
+from ambkit.machine.forces.force_points import ForcePoints
+from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.magnets import own_time
 from ambkit.show.plots.study import cases_figure, matrix_figure, sweep_figure
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.workflow.comparing import compare_in_case
+from ambkit.workflow.compare_steps import compare_in_case
 
 BEARING = Bearing.preset("zittau_axial")
 VIEW = View(BEARING.long)

@@ -18,9 +18,9 @@ from machine_cases import machine
 from ambkit import KalmanFilter, Scenario
 from ambkit.estimate.registry import learned_magnet
 from ambkit.export.c import CExport, export_c
-from ambkit.simulation.control import settling_of
+from ambkit.simulation.controller_states import settling_of
+from ambkit.simulation.lift_off_sequence import LiftOff
 from ambkit.simulation.scenario import PID, Control
-from ambkit.simulation.sequence import LiftOff
 from ambkit.simulation.waveforms import Ramp
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")

@@ -27,7 +27,7 @@ from ambkit.simulation.blocks import (
     gain_at_rest,
 )
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.simulation.linear.control import controller
+from ambkit.simulation.linear.linear_controller import controller
 
 T = 1e-4
 THIRD = np.array([[-900.0, 0, 0], [400.0, -700.0, 2000.0], [0, -2000.0, -700.0]])

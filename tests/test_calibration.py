@@ -21,10 +21,10 @@ from ambkit.cli.main import main
 from ambkit.export import a2l
 from ambkit.export.c import CExport, export_c
 from ambkit.export.c.calibration import PARAMETERS
-from ambkit.simulation.control import Controller
+from ambkit.simulation.controller_states import Controller
+from ambkit.simulation.lift_off_sequence import LiftOff
 from ambkit.simulation.run import simulate
 from ambkit.simulation.scenario import Control
-from ambkit.simulation.sequence import LiftOff
 
 BEARING = Bearing.preset("zittau_axial")
 TIMES = LiftOff(wait=2e-3, lift=0.02, land=0.02)

@@ -18,21 +18,21 @@ from scipy.stats import binomtest, norm
 
 import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.campaigns import run, store
+from ambkit.campaigns.campaign import Campaign
+from ambkit.campaigns.distributions import Choice, Normal, Truncated, Uniform
+from ambkit.campaigns.keys import changed, nested
+from ambkit.campaigns.margins import peaks
+from ambkit.campaigns.plan import Plan
+from ambkit.campaigns.salib import problem_of, vary_from
+from ambkit.campaigns.statistics import clopper_pearson, looks
+from ambkit.campaigns.study import Study
+from ambkit.campaigns.study_tables import UNITS
+from ambkit.campaigns.worker import compute
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.simulation import many
-from ambkit.simulation.linear.pieces import OperatingPoint, plant, plants
-from ambkit.simulation.linear.settled import estimator_at, estimators_at
-from ambkit.workflow.campaign import running, store
-from ambkit.workflow.campaign.compute import compute
-from ambkit.workflow.campaign.keys import changed, nested
-from ambkit.workflow.campaign.margins import peaks
-from ambkit.workflow.campaign.parts import UNITS
-from ambkit.workflow.campaign.plan import Plan
-from ambkit.workflow.campaign.result import Campaign
-from ambkit.workflow.campaign.salib import problem_of, vary_from
-from ambkit.workflow.campaign.statistics import clopper_pearson, looks
-from ambkit.workflow.campaign.study import Study
-from ambkit.workflow.campaign.varied import Choice, Normal, Truncated, Uniform
+from ambkit.simulation.linear.linear_plant import OperatingPoint, plant, plants
+from ambkit.simulation.linear.steady_state_filter import estimator_at, estimators_at
 
 ROOT = Path(__file__).parent.parent
 
@@ -391,7 +391,7 @@ def test_rows_are_the_same_to_the_last_bit_however_they_came(
     tmp_path: Path, monkeypatch: Any
 ) -> None:
     """All at once; interrupted while a part is written, and gone on with in another order."""
-    whole = running.campaign(study(), tmp_path / "a")
+    whole = run.campaign(study(), tmp_path / "a")
     assert len(whole) == 60
     real, calls = os.replace, []
 
@@ -403,35 +403,35 @@ def test_rows_are_the_same_to_the_last_bit_however_they_came(
 
     monkeypatch.setattr(os, "replace", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        running.campaign(study(), tmp_path / "b", threads=1)
+        run.campaign(study(), tmp_path / "b", threads=1)
     monkeypatch.undo()
-    half = running.status(tmp_path / "b")
+    half = run.status(tmp_path / "b")
     assert not half.complete
     assert 0 < half.parts < 4
     kept = {p: p.stat().st_mtime_ns for p in (tmp_path / "b/runs").glob("part-*")}
-    again = running.campaign(study(), tmp_path / "b")
+    again = run.campaign(study(), tmp_path / "b")
     assert files(tmp_path / "a") == files(tmp_path / "b")
     assert {p: p.stat().st_mtime_ns for p in kept} == kept  # finished parts are left alone
-    assert running.status(tmp_path / "b").complete
+    assert run.status(tmp_path / "b").complete
     of = {"folder", "worst", "worst_by"}  # which say where it lies
     one, other = again.to_dict(), whole.to_dict()
     assert {k: v for k, v in one.items() if k not in of} == {
         k: v for k, v in other.items() if k not in of
     }
     (tmp_path / "b/runs/part-000002.parquet").unlink()
-    running.campaign(study(), tmp_path / "b")
+    run.campaign(study(), tmp_path / "b")
     assert files(tmp_path / "a") == files(tmp_path / "b")
 
 
 def test_runs_do_not_depend_on_the_parts(tmp_path: Path) -> None:
-    a = running.campaign(study(), tmp_path / "a")
-    b = running.campaign(study(part=7), tmp_path / "b")
+    a = run.campaign(study(), tmp_path / "a")
+    b = run.campaign(study(part=7), tmp_path / "b")
     for name in a.columns:
         np.testing.assert_array_equal(a.column(name), b.column(name))
 
 
 def test_a_replay_is_the_run_of_the_rows(tmp_path: Path) -> None:
-    a = running.campaign(study(), tmp_path / "a")
+    a = run.campaign(study(), tmp_path / "a")
     found = a.replay(17)
     for name, value in found.row.items():
         there = a.column(name)[17]
@@ -506,18 +506,18 @@ def test_a_full_disk_is_said_and_leaves_what_there_was(call: Any, monkeypatch: A
 def test_two_campaigns_do_not_work_in_one_folder(tmp_path: Path) -> None:
     place = store.Folder(tmp_path / "o", plan())
     with place.held(), pytest.raises(AmbkitError, match="another campaign is at work in it"):
-        running.campaign(study(), tmp_path / "o")
-    running.campaign(study(), tmp_path / "o")
+        run.campaign(study(), tmp_path / "o")
+    run.campaign(study(), tmp_path / "o")
 
 
 def test_a_study_stops_where_its_interval_is_narrow_enough(tmp_path: Path) -> None:
     stop = {"width": 0.08, "least": 40}
     text = STUDY.replace("runs = 60", "runs = 400")
     made = Study.from_toml(text + f"\n[stop]\nwidth = {stop['width']}\nleast = {stop['least']}\n")
-    found = running.campaign(made, tmp_path / "o")
+    found = run.campaign(made, tmp_path / "o")
     assert 40 <= len(found) < 400
     assert found.good.width <= 0.08
-    assert running.status(tmp_path / "o").complete
+    assert run.status(tmp_path / "o").complete
     assert len(Campaign.load(tmp_path / "o")) == len(found)
 
 
@@ -536,7 +536,7 @@ def test_ctrl_c_says_that_it_can_be_gone_on_with(call: Any, monkeypatch: Any) ->
 
 def test_the_folder_is_read_as_it_lies_by_others(tmp_path: Path) -> None:
     duckdb, pandas, polars = (pytest.importorskip(n) for n in ("duckdb", "pandas", "polars"))
-    found = running.campaign(study(), tmp_path / "o")
+    found = run.campaign(study(), tmp_path / "o")
     runs = tmp_path / "o" / "runs"
     mean = found.column("f_d_rms").mean()
     assert pandas.read_parquet(runs)["f_d_rms"].mean() == pytest.approx(mean, rel=1e-12)
@@ -576,11 +576,11 @@ def test_extras_that_are_not_there_are_named(tmp_path: Path, monkeypatch: Any) -
 
     for name in ("distributed", "SALib", "SALib.analyze", "optuna"):
         monkeypatch.setitem(sys.modules, name, None)
-    found = running.campaign(study(), tmp_path / "o")
+    found = run.campaign(study(), tmp_path / "o")
     with pytest.raises(AmbkitError, match=r"ambkit\[campaign\]"):
         found.indices()
     with pytest.raises(AmbkitError, match=r"needs distributed: pip install 'ambkit\[campaign\]'"):
-        running.campaign(study(), tmp_path / "p", cluster="local")
+        run.campaign(study(), tmp_path / "p", cluster="local")
     with pytest.raises(AmbkitError, match=r"needs optuna"):
         ambkit.tune_robust(study())
 

@@ -9,23 +9,23 @@ import numpy as np
 import pytest
 
 import ambkit
+from ambkit.assessment.arguments import of_machine
 from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.campaigns.campaign import Campaign
+from ambkit.campaigns.keys import changed, key_in, nested
+from ambkit.campaigns.margins import peak_of
+from ambkit.campaigns.plan import Plan
+from ambkit.campaigns.run import campaign
+from ambkit.campaigns.study import Study
+from ambkit.campaigns.worker import compute
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.show.plots.campaign import in_words
-from ambkit.simulation.figures import OF_SEVERAL, figures_of
+from ambkit.simulation.lift_off_sequence import LiftOff
 from ambkit.simulation.run import simulate_run
+from ambkit.simulation.run_figures import OF_SEVERAL, figures_of
 from ambkit.simulation.scenario import Control
-from ambkit.simulation.sequence import LiftOff
 from ambkit.simulation.waveforms import Constant, Ramp
-from ambkit.workflow.campaign.compute import compute
-from ambkit.workflow.campaign.keys import changed, key_in, nested
-from ambkit.workflow.campaign.margins import peak_of
-from ambkit.workflow.campaign.plan import Plan
-from ambkit.workflow.campaign.result import Campaign
-from ambkit.workflow.campaign.running import campaign
-from ambkit.workflow.campaign.study import Study
-from ambkit.workflow.given import of_machine
 
 ROOT = Path(__file__).parent.parent
 

@@ -12,14 +12,14 @@ from scipy.special import ndtr
 
 import ambkit
 from ambkit.base.errors import AmbkitError
-from ambkit.workflow.campaign import robust
-from ambkit.workflow.campaign.machines import Machines
-from ambkit.workflow.campaign.plan import Plan
-from ambkit.workflow.campaign.rare import rare_failure, subset
-from ambkit.workflow.campaign.robust import pareto
-from ambkit.workflow.campaign.sensitivities import indices
-from ambkit.workflow.campaign.study import Study
-from ambkit.workflow.campaign.varied import Choice, Uniform
+from ambkit.campaigns.distributions import Choice, Uniform
+from ambkit.campaigns.plan import Plan
+from ambkit.campaigns.results import Machines
+from ambkit.campaigns.sobol_indices import indices
+from ambkit.campaigns.study import Study
+from ambkit.campaigns.subset_simulation import rare_failure, subset
+from ambkit.workflow import robust_tuning
+from ambkit.workflow.robust_tuning import pareto
 
 KEYS = ("rotor.mass", "magnet.air_gap", "sensor.lag")
 
@@ -122,7 +122,7 @@ def test_rare_failures_of_machines() -> None:
     limit = 1.85
     found = rare_failure(plan, "peak_S", limit, runs=100)
     many = Plan(Study.from_toml(STUDY.replace("runs = 24", "runs = 400")))
-    from ambkit.workflow.campaign.compute import compute
+    from ambkit.campaigns.worker import compute
 
     share = np.mean(compute(many, 0, 400).runs.column("peak_S").to_numpy() >= limit)
     assert 0.002 < share < 0.5
@@ -170,7 +170,7 @@ def test_the_size_of_the_expert_is_searched_and_is_that_of_the_filter(
     tmp_path: Path, monkeypatch: Any
 ) -> None:
     pytest.importorskip("optuna")
-    monkeypatch.setattr(robust, "SIZES", (3, 5))
+    monkeypatch.setattr(robust_tuning, "SIZES", (3, 5))
     study = Study.from_toml(STUDY).model_copy(update={"estimator": "adaptive", "runs": 4})
     found = ambkit.tune_robust(study, free=["expert.rules"], budget=4, max_sensitivity=4.0)
     tried = {each.values["expert.rules"]: each.error for each in found.tried}

@@ -7,7 +7,7 @@ import pytest
 from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
 
 from ambkit import AmbkitError, ConstantStiffness, Machine, campbell
-from ambkit.machine.bank import isolated_axes
+from ambkit.machine.force_laws import isolated_axes
 from ambkit.result.report import static
 from ambkit.simulation.scenario import PID
 

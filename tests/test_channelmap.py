@@ -7,7 +7,7 @@ from scipy.io import savemat
 import ambkit
 from ambkit.base.errors import ConfigError, RecordError
 from ambkit.data import recordings
-from ambkit.data.channelmap import ChannelMap, inputs_of
+from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.data.record import Record
 
 MAP = """\

@@ -19,7 +19,7 @@ from scipy.io import savemat
 
 import ambkit
 from ambkit.data import recordings
-from ambkit.data.reading.guess import guess
+from ambkit.data.reading.propose import guess
 from ambkit.export.pil import boards
 from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.identification.forces.lift_off import load_points

@@ -11,8 +11,8 @@ from ambkit import AmbkitError, Bearing, KalmanFilter, Machine, compare
 from ambkit.cli.main import main
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import CASES, trials
-from ambkit.simulation.holding import holding
 from ambkit.simulation.run import simulate_run
+from ambkit.simulation.stabilising_controller import holding
 
 MACHINE = Machine.preset("tum_mlps")
 

@@ -18,16 +18,16 @@ from export_cases import SAME_BITS, STRICT, program, understood
 from ambkit import Bearing, ExtendedKalmanFilter, KalmanFilter, Scenario, Step
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
-from ambkit.data.rig_units import Inputs, Scaling
-from ambkit.estimate.base import Estimator
+from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.estimate.estimate import Status
+from ambkit.estimate.estimator import Estimator
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.blocks import LeadLag, Notch
-from ambkit.simulation.control import Controller
+from ambkit.simulation.controller_states import Controller
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
+from ambkit.simulation.lift_off_sequence import LiftOff, Mode
 from ambkit.simulation.run import simulate, simulate_run
 from ambkit.simulation.scenario import PID, Control
-from ambkit.simulation.sequence import LiftOff, Mode
 
 BEARING = Bearing.preset("zittau_axial")
 GAINED = BEARING.replace(sensor__gain=0.8, amplifier__gain=1.6)

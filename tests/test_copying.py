@@ -83,7 +83,7 @@ def test_a_learner_is_copied_with_what_it_has_learned(bearing, record, of):
 
 def test_the_state_of_another_version_is_refused(bearing, monkeypatch):
     kept = pickle.dumps(ambkit.KalmanFilter(bearing))
-    monkeypatch.setattr("ambkit.base.copying.own_version", lambda: "99.0")
+    monkeypatch.setattr("ambkit.base.pickling.own_version", lambda: "99.0")
     with pytest.raises(ValueError, match=r"pickled by ambkit .*, this is 99\.0; make it anew"):
         pickle.loads(kept)
 

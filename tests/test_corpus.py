@@ -26,8 +26,8 @@ from ambkit.identification.corpus.corpus import (
     identify_corpus,
     predict,
 )
-from ambkit.identification.corpus.cutting import cut, flights
 from ambkit.identification.corpus.pooling import pool
+from ambkit.identification.corpus.segmentation import cut, flights
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
 

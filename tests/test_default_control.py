@@ -21,9 +21,9 @@ from ambkit.simulation.default_control import (
     default_control,
     settled_scenario,
 )
-from ambkit.simulation.holding import ENOUGH
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Control, Scenario
+from ambkit.simulation.stabilising_controller import ENOUGH
 from ambkit.simulation.waveforms import Ramp
 from ambkit.workflow.design_control import control_for
 

@@ -14,13 +14,13 @@ from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.cli.main import main
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine import presets
-from ambkit.machine.bank import slowest_time
-from ambkit.simulation.holding import overshoot
+from ambkit.machine.force_laws import slowest_time
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import PID, Control, Reference, Scenario
+from ambkit.simulation.stabilising_controller import overshoot
 from ambkit.simulation.waveforms import Step
+from ambkit.workflow.design import FILES, design
 from ambkit.workflow.design_candidates import objections_to
-from ambkit.workflow.designing import FILES, design
 
 TUM = Machine.preset("tum_mlps")
 

@@ -24,8 +24,8 @@ from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.export.c import export_c
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.continuous import Behind
-from ambkit.simulation import parts
-from ambkit.simulation.linear.pieces import OperatingPoint, plant
+from ambkit.simulation import plant_parts
+from ambkit.simulation.linear.linear_plant import OperatingPoint, plant
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Control
 
@@ -40,7 +40,7 @@ MOVED = Scenario(duration=0.3, reference=Sine(amplitude=2e-4, frequency=40.0))
 
 
 def test_the_force_of_a_held_rotor_follows_as_a_first_order_lag() -> None:
-    fields = parts.parts_of(LATE)
+    fields = plant_parts.parts_of(LATE)
     run = driven(np.full(40, 0.5), fields, m=HEAVY, substeps=16)
     expected = 10.05 * 0.5 * (1 - np.exp(-1e-4 * np.arange(40) / LAG))
     np.testing.assert_allclose(run["force"], expected, atol=1e-7)
@@ -50,7 +50,9 @@ def test_a_chain_of_states_is_what_its_matrices_say() -> None:
     """The next part needs no C: two lags and a share that acts at once."""
     A, b = np.array([[-2e3, 0.0], [5e3, -5e3]]), np.array([2e3, 0.0])
     chain = Behind(("a", "b"), A, b, np.array([0.3, 0.5]), 0.2)
-    run = driven(np.full(30, 0.5), parts.behind_fields(chain, "float64"), m=HEAVY, substeps=16)
+    run = driven(
+        np.full(30, 0.5), plant_parts.behind_fields(chain, "float64"), m=HEAVY, substeps=16
+    )
     response = control.ss(A, b[:, None], chain.c[None], [[chain.d]])
     _, y = control.step_response(response, 1e-4 * np.arange(30))
     np.testing.assert_allclose(run["force"], 10.05 * 0.5 * y, atol=1e-7)
@@ -70,7 +72,7 @@ def test_the_rotor_moves_as_another_solver_says() -> None:
     T = 1e-4
     exact = solve_ivp(slope, (0, (n - 1) * T), [0.0] * 4, t_eval=T * np.arange(n),
                       method="DOP853", rtol=1e-12, atol=1e-18).y  # fmt: skip
-    run = driven(np.full(n, demanded), parts.parts_of(bearing), f_d=1.0, substeps=16)
+    run = driven(np.full(n, demanded), plant_parts.parts_of(bearing), f_d=1.0, substeps=16)
     assert exact[0].max() > 5e-5
     np.testing.assert_allclose(run["x"], exact[0], rtol=0, atol=1e-14)
     np.testing.assert_allclose(run["iu"], exact[2], rtol=0, atol=1e-8)

@@ -23,7 +23,7 @@ import ambkit
 from ambkit import PID, Bearing, Machine, Scenario
 from ambkit.base import escaping
 from ambkit.base.errors import AmbkitError, ConfigError
-from ambkit.cli import output
+from ambkit.cli import printing
 from ambkit.cli.main import main
 from ambkit.data.reading import read
 from ambkit.export.c import export_c
@@ -297,9 +297,9 @@ def test_pictures_of_a_log_bear_any_name(text: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", NOT_PRINTABLE)
 def test_errors_and_tables_do_not_move_the_cursor(text: str, capsys: Any, tmp_path: Path) -> None:
     assert escaping.lines(text) == str(AmbkitError(text))
-    output.note(text)
-    output.show([output.table(text, [text, text], [[text, "[red]1[/red]"]]), text])
-    output.deliver({"name": text}, [], as_json=True)
+    printing.note(text)
+    printing.show([printing.table(text, [text, text], [[text, "[red]1[/red]"]]), text])
+    printing.deliver({"name": text}, [], as_json=True)
     said = capsys.readouterr()
     for stream in said:
         assert all(map(str.isprintable, stream.split("\n")))

@@ -17,7 +17,7 @@ from machine_cases import machine
 
 import ambkit
 from ambkit import AmbkitError, FilterNoise, KalmanFilter
-from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimator import Estimator
 from ambkit.export.c import CExport, export_c
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")

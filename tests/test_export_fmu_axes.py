@@ -18,8 +18,8 @@ import pytest
 from ambkit import KalmanFilter, Machine, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.export.fmu import export_fmu
+from ambkit.simulation.lift_off_sequence import LiftOff
 from ambkit.simulation.run import Run, simulate_run
-from ambkit.simulation.sequence import LiftOff
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")

@@ -19,10 +19,10 @@ from ambkit import PID, Bearing, Control, KalmanFilter, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.registry import KINDS
 from ambkit.export.fmu import export_fmu, export_ssp
-from ambkit.simulation.control import Controller
+from ambkit.simulation.controller_states import Controller
+from ambkit.simulation.lift_off_sequence import LiftOff, Mode
 from ambkit.simulation.noise import drawn
 from ambkit.simulation.run import Run, simulate_run
-from ambkit.simulation.sequence import LiftOff, Mode
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")

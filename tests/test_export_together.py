@@ -14,7 +14,7 @@ from machine_cases import machine
 
 from ambkit import Scenario
 from ambkit.base.errors import AmbkitError
-from ambkit.export import core
+from ambkit.export import core_sources
 from ambkit.export.c import CExport, export_c, prefix
 from ambkit.export.fmu import export_fmu
 
@@ -67,12 +67,12 @@ def symbols(objects: list[Path]) -> set[str]:
 def of_another_version(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """From here on, another text of the core: a struct has its fields in another order."""
     changed = tmp_path / "another core"
-    shutil.copytree(core.folder(), changed)
+    shutil.copytree(core_sources.folder(), changed)
     header = changed / "include" / "ambkit" / "kalman.h"
     last, lines = "  amb_kalman_settings set;\n", header.read_text()
     assert lines.count(last) == 1
     header.write_text(lines.replace(last, "").replace("} amb_kalman;", f"{last}}} amb_kalman;"))
-    monkeypatch.setattr(core, "folder", lambda: changed)
+    monkeypatch.setattr(core_sources, "folder", lambda: changed)
 
 
 @pytest.mark.long
@@ -144,7 +144,7 @@ def test_a_main_in_c_plus_plus_links(tmp_path: Path, kind: str) -> None:
 
 
 def test_includes_stand_outside_of_extern_c() -> None:
-    for header in sorted((core.folder() / "include" / "ambkit").glob("*.h")):
+    for header in sorted((core_sources.folder() / "include" / "ambkit").glob("*.h")):
         text = header.read_text()
         block = re.search(r'extern "C" \{(.*)', text, re.DOTALL)
         if block is not None:

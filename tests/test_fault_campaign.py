@@ -13,9 +13,9 @@ import ambkit
 from ambkit import AmbkitError, Bearing, Scenario, Sine, Status
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.faults import FAULTS, FaultCampaign, inject_faults
-from ambkit.judge.faults.campaign import BASELINE, recovery_text
-from ambkit.judge.faults.declared import CLEAN, Channel
-from ambkit.judge.faults.flight import Flight
+from ambkit.judge.faults.fault_run import Flight
+from ambkit.judge.faults.fault_test import BASELINE, recovery_text
+from ambkit.judge.faults.faults import CLEAN, Channel
 from ambkit.show.plots.faults import faults_figure
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate_run

@@ -5,8 +5,8 @@ import pytest
 
 from ambkit import AmbkitError, KalmanFilter, Machine
 from ambkit.judge.faults import inject_faults
-from ambkit.judge.faults.declared import FAULTS
-from ambkit.judge.faults.flight import Flight
+from ambkit.judge.faults.fault_run import Flight
+from ambkit.judge.faults.faults import FAULTS
 
 TUM = Machine.preset("tum_mlps")
 READINGS = [each.name for each in TUM.readings]

@@ -10,10 +10,10 @@ import pytest
 import ambkit
 from ambkit import Bearing, Estimator, FilterNoise, Record
 from ambkit.base.errors import AmbkitError, ConfigError
-from ambkit.data.rig_units import Inputs, Scaling
+from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
-from ambkit.machine.forces.points import ForcePoints
-from ambkit.machine.forces.surface import ForceSurface
+from ambkit.machine.forces.force_points import ForcePoints
+from ambkit.machine.forces.force_surface import ForceSurface
 
 BEARING = Bearing.preset("zittau_axial")
 OPTIONS = {

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ambkit import Record
-from ambkit.identification.maximum_likelihood.current import Coil, flowing
+from ambkit.identification.maximum_likelihood.current_state import Coil, flowing
 from ambkit.identification.maximum_likelihood.joint import Joint
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named

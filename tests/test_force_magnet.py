@@ -19,20 +19,20 @@ from magnet_at import differences, force, tangent, through_origin
 import ambkit
 from ambkit import Bearing, ClosedLaw, Scenario, magnet_of, train
 from ambkit.base.errors import AmbkitError, ConfigError
-from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
-from ambkit.fuzzy.choice import measured_map
-from ambkit.fuzzy.left_out import LAW, NETWORK, REFITTED, SURFACE, choose_model, refitted
+from ambkit.fuzzy.cross_validation import LAW, NETWORK, REFITTED, SURFACE, choose_model, refitted
+from ambkit.fuzzy.rule_selection import measured_map
 from ambkit.identification.maximum_likelihood.information import expect
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import usual
-from ambkit.judge.comparison.bench import bench
 from ambkit.judge.comparison.candidates import candidates
 from ambkit.judge.comparison.cases import CASES, saturating
-from ambkit.machine.forces.patches import ACCURACY, patches
-from ambkit.machine.forces.points import ForcePoints
-from ambkit.machine.forces.surface import ForceSurface
+from ambkit.judge.comparison.comparison import bench
+from ambkit.machine.forces.force_points import ForcePoints
+from ambkit.machine.forces.force_surface import ForceSurface
+from ambkit.machine.forces.spline import ACCURACY, patches
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import PID

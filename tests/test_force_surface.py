@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ambkit import AmbkitError, Bearing, ClosedLaw, train
-from ambkit.fuzzy.choice import measured_map
-from ambkit.machine.forces.points import ForcePoints
-from ambkit.machine.forces.surface import MOST, ForceSurface
+from ambkit.fuzzy.rule_selection import measured_map
+from ambkit.machine.forces.force_points import ForcePoints
+from ambkit.machine.forces.force_surface import MOST, ForceSurface
 
 BEARING = Bearing.preset("zittau_axial")
 LAW = ClosedLaw(BEARING).force

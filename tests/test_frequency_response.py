@@ -87,19 +87,19 @@ def test_small_matrices_are_computed_in_one_thread_and_the_callers_number_comes_
 
 
 def test_margins_of_a_campaign_are_computed_in_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    from ambkit.workflow.campaign import compute
-    from ambkit.workflow.campaign.plan import Plan
-    from ambkit.workflow.campaign.study import load
+    from ambkit.campaigns import worker
+    from ambkit.campaigns.plan import Plan
+    from ambkit.campaigns.study import load
 
     seen: set[int] = set()
-    old = compute.peaks_of
+    old = worker.peaks_of
 
     def spy(*given: Any) -> Any:
         blas = [each for each in threadpoolctl.threadpool_info() if each["user_api"] == "blas"]
         seen.update(each["num_threads"] for each in blas)
         return old(*given)
 
-    monkeypatch.setattr(compute, "peaks_of", spy)
+    monkeypatch.setattr(worker, "peaks_of", spy)
     with threadpoolctl.threadpool_limits(2):
-        compute.compute(Plan(load("examples/machines.toml")), 0, 4)
+        worker.compute(Plan(load("examples/machines.toml")), 0, 4)
     assert seen == {1}

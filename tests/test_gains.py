@@ -7,10 +7,10 @@ from scipy import signal
 from ambkit import Bearing, KalmanFilter, Machine, Scenario, Step
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
-from ambkit.simulation.holding import chosen, weight_of
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import PID, Control
+from ambkit.simulation.stabilising_controller import chosen, weight_of
 from ambkit.simulation.waveforms import Constant
 
 

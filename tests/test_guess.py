@@ -8,11 +8,8 @@ from scipy.io import savemat
 from scipy.signal import lfilter
 
 from ambkit.base.errors import RecordError
-from ambkit.data.channelmap import ChannelMap
-from ambkit.data.reading.guess import guess
-from ambkit.data.reading.levitation import bands
-from ambkit.data.reading.reader import read
-from ambkit.data.reading.relatives import (
+from ambkit.data.channel_map import ChannelMap
+from ambkit.data.reading.derived_channels import (
     filters_of_others,
     is_formula,
     same_numbers,
@@ -20,7 +17,10 @@ from ambkit.data.reading.relatives import (
     twins,
     velocities,
 )
-from ambkit.data.reading.rotor import rotor
+from ambkit.data.reading.levitation_test import bands
+from ambkit.data.reading.position_search import rotor
+from ambkit.data.reading.propose import guess
+from ambkit.data.reading.reader import read
 from tests import disguises
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"

@@ -10,8 +10,8 @@ import pytest
 from test_machine_synchronous import BOTH, RUN_UP, SERVICE, spoilt, steady
 
 from ambkit import ExtendedKalmanFilter, Machine, Scenario, harmonics, simulate_run
+from ambkit.rotordynamics.harmonics import Harmonic
 from ambkit.simulation.waveforms import Ramp
-from ambkit.workflow.harmonics import Harmonic
 
 TRUE = 20 / SERVICE**2
 

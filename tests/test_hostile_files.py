@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from ambkit import Bearing
-from ambkit.base import budget
+from ambkit.base import memory_limit
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.cli.main import main
 from ambkit.data.files.formats import read_log
@@ -129,7 +129,7 @@ def test_an_attachment_of_an_mdf_is_not_read(
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(budget.VARIABLE, "5 MB")
+    monkeypatch.setenv(memory_limit.VARIABLE, "5 MB")
 
 
 def zeros_in(name: str) -> Callable[[Path], None]:
@@ -198,23 +198,23 @@ def test_a_file_that_unpacks_to_too_much_is_refused_before_it_is(name: str, tmp_
         rf"{re.escape(str(path))}: would take (more than )?[\d.]+ [MG]B of memory to read", said
     )
     assert "the limit is 5 MB" in said
-    assert f"set {budget.VARIABLE}" in said
+    assert f"set {memory_limit.VARIABLE}" in said
 
 
 def test_the_limit_can_be_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     zeros_in("a.h5")(tmp_path / "a.h5")
-    monkeypatch.setenv(budget.VARIABLE, "63 MB")
+    monkeypatch.setenv(memory_limit.VARIABLE, "63 MB")
     with pytest.raises(RecordError, match="would take 64 MB"):
         read_log(tmp_path / "a.h5")
-    monkeypatch.setenv(budget.VARIABLE, "64 MB")
+    monkeypatch.setenv(memory_limit.VARIABLE, "64 MB")
     assert read_log(tmp_path / "a.h5").arrays["pos"].size == 4_000_000
 
 
 @pytest.mark.parametrize("given", ["5", "-1 GB", "0 GB", "lots", "3 mm"])
 def test_a_limit_is_a_size(given: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     zeros_in("a.h5")(tmp_path / "a.h5")
-    monkeypatch.setenv(budget.VARIABLE, given)
-    with pytest.raises(AmbkitError, match=f"^{budget.VARIABLE}: "):
+    monkeypatch.setenv(memory_limit.VARIABLE, given)
+    with pytest.raises(AmbkitError, match=f"^{memory_limit.VARIABLE}: "):
         read_log(tmp_path / "a.h5")
 
 

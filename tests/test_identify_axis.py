@@ -14,7 +14,7 @@ from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.expert import train
-from ambkit.workflow.identifying import identified_filter, identify
+from ambkit.workflow.identify import identified_filter, identify
 
 MACHINE = Machine.preset("tum_mlps")  # rotates; each bearing has a sensor to either side
 AXIS = "A1"

@@ -8,12 +8,12 @@ import pytest
 
 import ambkit
 from ambkit import Bearing, Record, Scenario, Sine, simulate
-from ambkit.identification.late import acting, delayed, lagged
+from ambkit.identification.dead_time import acting, delayed, lagged
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.online.adaline import Adaline
-from ambkit.machine.forces.points import ForcePoints
-from ambkit.workflow.found_toml import annotated_toml, carried_over
+from ambkit.machine.forces.force_points import ForcePoints
+from ambkit.workflow.identified_toml import annotated_toml, carried_over
 
 BEARING = Bearing.preset("zittau_axial")
 SEEDS = (0, 1, 2)

@@ -12,13 +12,13 @@ from test_machine_bending import ROSS, ufu
 
 from ambkit import ConfigError, KalmanFilter, Machine, campbell
 from ambkit.base.errors import RecordError
-from ambkit.machine.rotors.file import read_matrices
+from ambkit.machine.rotors.matrix_file import read_matrices
 from ambkit.machine.rotors.modes import reduced
 from ambkit.models.continuous import continuous, open_loop
-from ambkit.models.machine import machine_model
-from ambkit.simulation.holding import holding
+from ambkit.models.machine_parts import machine_model
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Control, Scenario
+from ambkit.simulation.stabilising_controller import holding
 
 FIRST = 2 * np.pi * 100
 OUTER, INNER = 0.004, 0.016

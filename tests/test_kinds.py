@@ -14,7 +14,7 @@ from filter_cases import core_model, core_settings, made
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, KalmanFilter, Record, Scenario, Status
-from ambkit.estimate.model import LinearModel
+from ambkit.estimate.linear_model import LinearModel
 from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
 from ambkit.estimate.registry import KINDS, Kind, in_core_of
 from ambkit.machine.magnets import ConstantStiffness, core_module

@@ -16,7 +16,7 @@ from ambkit.base import installed
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.cli.main import main
 from ambkit.data import recordings
-from ambkit.data.channelmap import ChannelMap
+from ambkit.data.channel_map import ChannelMap
 from ambkit.data.record import Record
 from ambkit.identification.forces.lift_off import LiftOff, find_lift_off, load_points, save_points
 from ambkit.identification.forces.lift_off_fit import fit_lift_off

@@ -10,8 +10,8 @@ from scipy.io import savemat
 
 from ambkit import read
 from ambkit.base.errors import RecordError
-from ambkit.data.channelmap import ChannelMap
-from ambkit.data.reading.guess import guess
+from ambkit.data.channel_map import ChannelMap
+from ambkit.data.reading.propose import guess
 
 
 @pytest.fixture(scope="module")

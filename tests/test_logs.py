@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import ambkit
 from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError
-from ambkit.data.channelmap import ChannelMap
+from ambkit.data.channel_map import ChannelMap
 from ambkit.data.files import csv_dialect, mat
 from ambkit.data.files.formats import read_log
 from ambkit.data.record import Record

@@ -12,10 +12,10 @@ from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
 from ambkit import Bearing, ConfigError, ConstantStiffness, Machine
 from ambkit.base.config import Document
 from ambkit.machine import geometry, presets
-from ambkit.machine.loading import load_machine
+from ambkit.machine.disturbance_force import load_machine
 from ambkit.models.continuous import open_loop
-from ambkit.workflow.campbell import stiffnesses
-from ambkit.workflow.inspection import inspect
+from ambkit.rotordynamics.campbell import stiffnesses
+from ambkit.workflow.check import inspect
 
 RPM = math.pi / 30
 

@@ -19,10 +19,10 @@ from ambkit import AmbkitError, ConfigError, Machine, mode_shapes
 from ambkit.base.errors import RecordError
 from ambkit.machine import presets
 from ambkit.machine.rotors import beam
-from ambkit.machine.rotors.file import read_matrices
+from ambkit.machine.rotors.matrix_file import read_matrices
 from ambkit.machine.rotors.modes import body_of, reduced
 from ambkit.result.report import static
-from ambkit.workflow.inspection import inspect
+from ambkit.workflow.check import inspect
 
 ROSS = Path(__file__).parents[1] / "examples" / "flexible" / "ross_amb.npz"
 STEEL = {"density": 7850.0, "youngs": 2.1e11, "poisson": 0.3}

@@ -19,11 +19,11 @@ from ambkit import AmbkitError, KalmanFilter, Machine, Record, Scenario, harmoni
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.external_inputs import ExternalInputs
+from ambkit.simulation.lift_off_sequence import LiftOff, Mode
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Control, Disturbance
-from ambkit.simulation.sequence import LiftOff, Mode
 from ambkit.simulation.waveforms import Ramp, Step
-from ambkit.workflow.filtering import filter as filter_record
+from ambkit.workflow.filter import filter as filter_record
 
 COMPILER = shutil.which("gcc") or shutil.which("clang")
 compiled = pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc or clang) here")

@@ -24,11 +24,11 @@ from ambkit import (
 )
 from ambkit.estimate.estimate import Estimate
 from ambkit.export.c import export_c
-from ambkit.machine.parts import Runout
+from ambkit.machine.accessories import Runout
 from ambkit.models.continuous import continuous
-from ambkit.models.machine import machine_model
+from ambkit.models.machine_parts import machine_model
+from ambkit.rotordynamics.campbell import stiffnesses
 from ambkit.simulation.waveforms import Ramp
-from ambkit.workflow.campbell import stiffnesses
 
 BOTH = ("unbalance", "runout")
 SERVICE = 12_000 * np.pi / 30

@@ -25,10 +25,10 @@ from ambkit import (
 from ambkit.estimate.batch import instruction_sets
 from ambkit.estimate.registry import KINDS
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
-from ambkit.simulation.figures import FIGURES, FLAGS
 from ambkit.simulation.many import windows
 from ambkit.simulation.noise import Stream
 from ambkit.simulation.run import Run
+from ambkit.simulation.run_figures import FIGURES, FLAGS
 
 BEARING = Bearing.preset("zittau_axial")
 PID = ambkit.PID.for_bearing(BEARING)

@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 from ambkit import PID, AmbkitError, Bearing, Record, Scenario, Sine, Step, simulate
 from ambkit.base.units import engineering
 from ambkit.data import recordings
-from ambkit.identification.late import delayed, lagged
+from ambkit.identification.dead_time import delayed, lagged
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood
@@ -28,7 +28,7 @@ from ambkit.identification.maximum_likelihood.parameters import (
     Coordinates,
     named,
 )
-from ambkit.identification.maximum_likelihood.restricted import restricted
+from ambkit.identification.maximum_likelihood.restricted_likelihood import restricted
 from ambkit.identification.maximum_likelihood.search import climb, hold, narrowed, with_room
 from benchmarks.identification import START, TRUTH, TRUTHS, closed_loops, judged
 

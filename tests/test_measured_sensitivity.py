@@ -9,11 +9,11 @@ import pytest
 
 import ambkit
 from ambkit import PID, Bearing, Control, Record, Recorded, Scenario
+from ambkit.assessment.injection_experiment import design_injection
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.identification.excitation.signals import multisine, prbs, sparse_multisine
-from ambkit.judge.loop.measured import _magnitudes, _period, measured_sensitivity
+from ambkit.judge.loop.measured_sensitivity import _magnitudes, _period, measured_sensitivity
 from ambkit.simulation.run import simulate
-from ambkit.workflow.injecting import design_injection
 
 LATE = Bearing.preset("zittau_axial").replace(delay=1.5e-4, amplifier__bandwidth=2000.0)
 ON_ESTIMATE = Control(feedback="estimate")

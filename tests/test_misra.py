@@ -20,8 +20,8 @@ from machine_cases import machine
 
 from ambkit import PID, Scenario
 from ambkit.export.c import CExport, export_c
+from ambkit.simulation.lift_off_sequence import LiftOff
 from ambkit.simulation.scenario import Control
-from ambkit.simulation.sequence import LiftOff
 from ambkit.simulation.waveforms import Ramp
 
 BIN = Path(sys.executable).parent

@@ -14,7 +14,8 @@ from model_oracles import random_model, random_settings
 from numpy.typing import NDArray
 
 from ambkit.models import NUMBER, ONE, ZERO, compose, machine_model
-from ambkit.models import machine as compositions
+from ambkit.models import machine_parts as compositions
+from ambkit.models.declaration import UNIT, Part, Plan
 from ambkit.models.model import compressed_rows
 from ambkit.models.parts import (
     PARTS,
@@ -25,7 +26,6 @@ from ambkit.models.parts import (
     Rotor,
     Sensor,
 )
-from ambkit.models.plan import UNIT, Part, Plan
 
 Array = NDArray[np.float64]
 

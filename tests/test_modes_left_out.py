@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from ambkit import KalmanFilter, Machine, campbell
+from ambkit.assessment.assess import assess
+from ambkit.assessment.assessment import Assessment
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.machine.rotors.described import ShaftRotor
+from ambkit.machine.rotors.descriptions import ShaftRotor
 from ambkit.machine.rotors.whirl import (
     SHARP,
     above,
@@ -20,13 +22,11 @@ from ambkit.machine.rotors.whirl import (
     whirl,
     whirl_error,
 )
+from ambkit.rotordynamics.campbell import CriticalSpeed
+from ambkit.rotordynamics.modal_reduction import Reduction, reduction
+from ambkit.rotordynamics.separation_margins import Separation, separations
 from ambkit.simulation.scenario import Control
-from ambkit.workflow.assessing import assess
-from ambkit.workflow.assessment import Assessment
-from ambkit.workflow.campbell import CriticalSpeed
-from ambkit.workflow.inspection import inspect
-from ambkit.workflow.reduction import Reduction, reduction
-from ambkit.workflow.separation import Separation, separations
+from ambkit.workflow.check import inspect
 
 RPM = math.pi / 30
 

@@ -17,8 +17,8 @@ from machine_cases import gained
 from ambkit import KalmanFilter, Scenario
 from ambkit.export.c import export_c
 from ambkit.simulation.default_control import settled_scenario
+from ambkit.simulation.lift_off_sequence import LiftOff
 from ambkit.simulation.scenario import Control
-from ambkit.simulation.sequence import LiftOff
 
 pytestmark = [
     pytest.mark.long,

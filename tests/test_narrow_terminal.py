@@ -4,7 +4,7 @@ import pytest
 from rich.console import Console
 
 from ambkit.base.units import engineering
-from ambkit.cli import output
+from ambkit.cli import printing
 from ambkit.result.report.terminal import print_summary
 
 FILTERS = "linear,steady-state,observer,low-pass,extended"
@@ -30,7 +30,7 @@ def _wide(tables):
 def narrow(monkeypatch):
     """Let the terminal have so many columns; return the tables that come to be shown."""
     shown = []
-    show = output.show
+    show = printing.show
 
     def keep(tables):
         tables = list(tables)
@@ -38,8 +38,8 @@ def narrow(monkeypatch):
         show(tables)
 
     def to(width):
-        monkeypatch.setattr(output, "stdout", lambda: Console(width=width, highlight=False))
-        monkeypatch.setattr(output, "show", keep)
+        monkeypatch.setattr(printing, "stdout", lambda: Console(width=width, highlight=False))
+        monkeypatch.setattr(printing, "show", keep)
         return shown
 
     return to
@@ -75,7 +75,7 @@ def test_columns_that_have_no_room_come_below(narrow, capsys):
     narrow(44)
     heads = ["", *(f"a-long-name-{k}" for k in range(5))]
     row = [engineering(k / 7, "m", digits=6) for k in range(5)]
-    output.show([output.table("Errors", heads, [["first row", *row], ["second", *row]])])
+    printing.show([printing.table("Errors", heads, [["first row", *row], ["second", *row]])])
     out = capsys.readouterr().out
     assert max(map(len, out.splitlines())) <= 44
     for word in (*heads, *row):

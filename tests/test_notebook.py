@@ -17,14 +17,14 @@ import pytest
 
 import ambkit
 from ambkit import Bearing, Estimate, Expert, KalmanFilter, Record
-from ambkit.base.asked import in_si
 from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import in_si
 from ambkit.judge.comparison import compare
-from ambkit.judge.comparison.standing import Benches
+from ambkit.judge.comparison.score import Benches
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Heatmap
 from ambkit.simulation.scenario import Control
-from ambkit.workflow.comparing import LoopScores, compare_in_case
+from ambkit.workflow.compare_steps import LoopScores, compare_in_case
 from ambkit.workflow.design_candidates import TunedCandidate
 from ambkit.workflow.designed import Design
 from tests.hostile import NOT_PRINTABLE, PRINTABLE, Page, called
@@ -39,8 +39,8 @@ ESTIMATE = KalmanFilter(BEARING).run(RECORD, covariance=True)
 def shown() -> dict[str, Any]:
     """One of each that a notebook shows, under the name of its class."""
     from ambkit.identification.forces.lift_off import LiftOff
-    from ambkit.identification.online.side_by_side import learn_online
-    from ambkit.workflow.identifying import identify_by_lift_off
+    from ambkit.identification.online.comparison import learn_online
+    from ambkit.workflow.identify import identify_by_lift_off
 
     scores = compare(BEARING, SCENARIO, {"linear": lambda: KalmanFilter(BEARING)}, [0])
     study = compare_in_case(BEARING, "paper", ["linear"], runs=1)
@@ -188,7 +188,7 @@ def test_own_axes_get_a_panel_and_keep_their_look() -> None:
 def test_a_map_in_own_axes_has_its_colour_bar() -> None:
     from matplotlib.figure import Figure as Canvas
 
-    from ambkit.result.drawing import plot
+    from ambkit.result.axes import plot
 
     line, canvas = np.linspace(0, 1, 5), Canvas(layout="constrained")
     heat = Heatmap(line, line, np.add.outer(line, line), Axis("force", "N"))

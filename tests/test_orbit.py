@@ -7,15 +7,15 @@ import pytest
 
 import ambkit
 from ambkit import Bearing, Machine
+from ambkit.assessment.assess import MEASUREMENT
+from ambkit.assessment.orbit import on_orbit
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import magnet_of
-from ambkit.simulation.linear.pieces import OperatingPoint, Orbit, plant
+from ambkit.simulation.linear.linear_plant import OperatingPoint, Orbit, plant
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
-from ambkit.workflow.assessing import MEASUREMENT
-from ambkit.workflow.orbiting import on_orbit
 
 TUM = Machine.preset("tum_mlps").replace(speed="6000 rpm")
 GAP = TUM.bearing[0].magnet.air_gap

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 import ambkit
 from ambkit import AmbkitError, Bearing, Machine, Scenario
-from ambkit.estimate.own import OwnEstimator
+from ambkit.estimate.user_filter import OwnEstimator
 from ambkit.simulation.many import Planned
 
 AXIS, MACHINE = Bearing.preset("zittau_axial"), Machine.preset("tum_mlps")

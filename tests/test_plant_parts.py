@@ -17,10 +17,10 @@ from scipy.optimize import brentq
 import ambkit
 from ambkit import Bearing
 from ambkit.machine import presets
+from ambkit.machine.accessories import ColouredNoise, Hum
 from ambkit.machine.magnets import core_module
-from ambkit.machine.parts import ColouredNoise, Hum
 from ambkit.simulation import noise as plant_noise
-from ambkit.simulation import parts as plant_parts
+from ambkit.simulation import plant_parts as plant_parts
 from ambkit.simulation.noise import Stream
 from ambkit.simulation.run import Loop
 

@@ -10,7 +10,7 @@ import ambkit
 from ambkit.data import recordings
 from ambkit.data.record import Record
 from ambkit.judge.plausibility import SURE, evaluate_record, mirror_correlation
-from ambkit.workflow.inspection import inspect
+from ambkit.workflow.check import inspect
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
 BEARING = ambkit.Bearing.preset("zittau_axial")

@@ -13,13 +13,13 @@ from ambkit.identification.forces.lift_off import load_points
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
 from ambkit.judge.comparison import compare
 from ambkit.judge.evaluation import evaluate
-from ambkit.machine.forces.file import load_force_points
+from ambkit.machine.forces.force_file import load_force_points
 from ambkit.result.report import style
 from ambkit.result.report.items import Band, Bars, Heatmap, Line, Note, Points
 from ambkit.result.report.style import SIGNALS
 from ambkit.show import plots
-from ambkit.show.plots.looks import looks
 from ambkit.show.plots.rules import with_surface
+from ambkit.show.plots.signal_styles import looks
 from ambkit.workflow.training import measured_force
 
 

@@ -16,9 +16,9 @@ from quick import quick
 
 from ambkit import Machine, Scenario
 from ambkit.export.c import CExport, export_c, proof
-from ambkit.export.c.data import CPrecision
+from ambkit.export.c.c_literals import CPrecision
+from ambkit.simulation.lift_off_sequence import LiftOff
 from ambkit.simulation.scenario import PID
-from ambkit.simulation.sequence import LiftOff
 from firmware import proof as prover
 
 Exported = Callable[..., CExport]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.estimate.noise import FilterNoise
+from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.observer import unstable_pole
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison import criteria

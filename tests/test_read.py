@@ -16,16 +16,16 @@ from hypothesis import strategies as st
 import ambkit
 from ambkit.base.errors import ConfigError, RecordError
 from ambkit.data import recordings
-from ambkit.data.channelmap import ChannelMap
+from ambkit.data.channel_map import ChannelMap
 from ambkit.data.reading import Refused, faults, grid, read
 from ambkit.data.reading.clock import examine
-from ambkit.data.reading.guess import guess
-from ambkit.data.reading.suspects import suspects
+from ambkit.data.reading.plausibility import suspects
+from ambkit.data.reading.propose import guess
 from ambkit.data.record import Record
 from ambkit.judge.plausibility import evaluate_record
 from ambkit.show import plots
 from ambkit.show.plots.reading import reading_figure
-from ambkit.show.plots.refused import refused_figure
+from ambkit.show.plots.rejected_log import refused_figure
 from benchmarks import reading as reading_benchmark
 from tests import disguises, logs
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from ambkit.base.errors import RecordError
-from ambkit.data.channelmap import ChannelMap
+from ambkit.data.channel_map import ChannelMap
 from ambkit.data.files.formats import read_log
 from ambkit.data.reading import read
-from ambkit.data.reading.guess import guess
+from ambkit.data.reading.propose import guess
 from tests import logs
 
 N, T = 400, 1e-3

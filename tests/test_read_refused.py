@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from ambkit.base.errors import RecordError
-from ambkit.data.channelmap import ChannelMap
+from ambkit.data.channel_map import ChannelMap
 from ambkit.data.reading import Refused, read
 from ambkit.result.report.items import Line, Rule, Span
 from ambkit.show import plots
 from ambkit.show.plots.reading import reading_figure
-from ambkit.show.plots.refused import refused_figure
+from ambkit.show.plots.rejected_log import refused_figure
 from tests import logs
 
 MAP = logs.MAP

@@ -110,7 +110,7 @@ def test_a_guess_invents_no_sampling_time(capsys, refused, tmp_path):
 
 
 def test_samples_missing_in_a_gap_are_counted(tmp_path):
-    from ambkit.data.reading.guess import guess
+    from ambkit.data.reading.propose import guess
     from ambkit.data.reading.reader import read
 
     log, proposed = tmp_path / "log.csv", tmp_path / "map.toml"

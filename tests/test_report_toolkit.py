@@ -45,12 +45,12 @@ from ambkit.result.report import (
     Span,
     TableBlock,
     Text,
+    delta_coding,
     formula,
     interactive,
     interactive_items,
     markup,
     static,
-    steps,
     style,
     summary,
     write_report,
@@ -60,7 +60,7 @@ from ambkit.result.report.page import render_page
 from ambkit.result.report.terminal import print_summary
 from ambkit.show.plots import save_figure
 from ambkit.show.plots.reading import reading_figure
-from ambkit.show.plots.refused import refused_figure
+from ambkit.show.plots.rejected_log import refused_figure
 
 TIME = Axis("time $t$", "s")
 
@@ -656,12 +656,12 @@ def test_page_is_small_and_has_plotly_with_its_licence(page):
 )
 def test_lines_in_steps_are_within_half_a_step(y, gaps):
     y, t = np.array(y), np.cumsum(gaps)
-    coded = steps.values(y)
+    coded = delta_coding.values(y)
     if coded:
         far = np.abs(summed(coded) - y)
         np.testing.assert_array_equal(np.isnan(far), np.isnan(y))
         assert np.nanmax(far) <= 0.51 * coded["step"]
-    clock = steps.times(t)
+    clock = delta_coding.times(t)
     if clock:
         np.testing.assert_allclose(summed(clock), t, atol=0.51 * clock["step"] + 1e-12)
 

@@ -8,10 +8,10 @@ from typer.testing import CliRunner
 
 from ambkit import AmbkitError, Bearing, ClosedLaw
 from ambkit.cli.app import app
-from ambkit.fuzzy.choice import Candidate, RuleChoice, choose_rules, measured_map
+from ambkit.fuzzy.rule_selection import Candidate, RuleChoice, choose_rules, measured_map
 from ambkit.fuzzy.training import train
-from ambkit.machine.forces.points import ForcePoints
-from ambkit.machine.forces.surface import ForceSurface
+from ambkit.machine.forces.force_points import ForcePoints
+from ambkit.machine.forces.force_surface import ForceSurface
 
 BEARING = Bearing.preset("zittau_axial")
 FEW = ((2, 2), (3, 3), (4, 4))

@@ -13,7 +13,7 @@ from ambkit import AmbkitError, Bearing
 from ambkit.base import units
 from ambkit.estimate.filter_file import FORMAT
 from ambkit.estimate.registry import KINDS
-from ambkit.workflow.inspection import inspect
+from ambkit.workflow.check import inspect
 
 ZITTAU = Bearing.preset("zittau_axial")
 
@@ -185,7 +185,7 @@ def test_parts_of_a_campaign_say_what_they_were_made_from(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("name", ["ambkit", "numpy", "python"])
 def test_a_worker_of_other_versions_is_refused(name: str) -> None:
-    from ambkit.workflow.campaign.compute import part_of, versions
+    from ambkit.campaigns.worker import part_of, versions
 
     with pytest.raises(AmbkitError, match=rf"worker .* has {name} .*, and this is {name} 0\.0\.1"):
         part_of(b"", 0, versions() | {name: "0.0.1"})

@@ -10,8 +10,8 @@ from filter_cases import full
 
 import ambkit
 from ambkit import Bearing, Estimate, Record, Scenario, Status
-from ambkit.estimate.base import Estimator
-from ambkit.estimate.model import LinearModel
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.linear_model import LinearModel
 from ambkit.estimate.registry import KINDS
 
 BEARING = Bearing.preset("zittau_axial")

@@ -6,9 +6,9 @@ from scipy.signal import max_len_seq
 
 import ambkit
 from ambkit import Record
-from ambkit.data.channelmap import ChannelMap
+from ambkit.data.channel_map import ChannelMap
 from ambkit.data.reading import faults, read
-from ambkit.data.reading.spike_free import spike_free, without_spikes
+from ambkit.data.reading.despike import spike_free, without_spikes
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.show.plots.reading import reading_figure
 from tests import logs

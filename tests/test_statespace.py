@@ -16,7 +16,7 @@ from ambkit import (
 )
 from ambkit.base.errors import AmbkitError
 from ambkit.export import statespace
-from ambkit.simulation.linear.pieces import OperatingPoint
+from ambkit.simulation.linear.linear_plant import OperatingPoint
 
 LOOPS = [
     Control(kp=3000.0, ki=20000.0, kd=12.0, setpoint_weight=0.7, feedback="estimate"),

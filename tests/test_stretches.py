@@ -21,7 +21,7 @@ CUTS = (0.0123, 0.05, 0.0777, None)
 PLAIN = ("linear", "closed-law", "extended", "unscented")
 
 
-def make(kind: str, k: float = 1.0) -> ambkit.estimate.base.Estimator:
+def make(kind: str, k: float = 1.0) -> ambkit.estimate.estimator.Estimator:
     constant = k * BEARING.magnet.magnet_constant
     return KINDS[kind].make(BEARING.replace(magnet__magnet_constant=constant), None)
 

@@ -10,11 +10,11 @@ import pytest
 
 import ambkit
 from ambkit import Bearing, Record
+from ambkit.assessment.plausibility import check_plausibility
 from ambkit.data import recordings
-from ambkit.data.reading.suspects import longest_run, suspects
+from ambkit.data.reading.plausibility import longest_run, suspects
 from ambkit.judge.plausibility import averaged, evaluate_record
-from ambkit.workflow.inspection import inspect
-from ambkit.workflow.plausibility import check_plausibility
+from ambkit.workflow.check import inspect
 
 BEARING = Bearing.preset("zittau_axial")
 RUN = ambkit.simulate(BEARING, step="0.3 mm", load="2 N")

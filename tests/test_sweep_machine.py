@@ -9,8 +9,8 @@ from quick import quick
 
 import ambkit
 from ambkit import Machine, Record
+from ambkit.assessment.assess import MEASUREMENT
 from ambkit.base.errors import AmbkitError, RecordError
-from ambkit.workflow.assessing import MEASUREMENT
 
 RPM = math.pi / 30
 UFU = Machine.preset("ufu_rig")

@@ -16,7 +16,7 @@ import ambkit
 from ambkit import Bearing
 from ambkit.base.errors import AmbkitError
 from ambkit.export.c import CExport
-from ambkit.export.tabulate import tabulate
+from ambkit.export.stiffness_table import tabulate
 from ambkit.machine.magnets import core_module, evaluate_force
 
 

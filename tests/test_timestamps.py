@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambkit.base.errors import ConfigError, RecordError
-from ambkit.data.channelmap import ChannelMap
+from ambkit.data.channel_map import ChannelMap
 from ambkit.data.files import timestamps
-from ambkit.data.files.time_layouts import layouts, pattern
+from ambkit.data.files.time_formats import layouts, pattern
 from ambkit.data.reading import read
-from ambkit.data.reading.guess import guess
+from ambkit.data.reading.propose import guess
 from ambkit.data.record import Record
 from tests import logs
 

@@ -9,16 +9,16 @@ import pytest
 
 import ambkit
 from ambkit import KalmanFilter, Machine
+from ambkit.assessment.loop import assessed
+from ambkit.assessment.rows import of_loop
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.simulation.controllers import controllers_of
-from ambkit.simulation.holding import holding
-from ambkit.simulation.let_turn import _Rotor
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Control, Scenario
+from ambkit.simulation.stabilising_controller import holding
+from ambkit.simulation.synchronous_compensation import _Rotor
 from ambkit.simulation.waveforms import Constant, Ramp, Sum
-from ambkit.workflow.assessed_loop import assessed
-from ambkit.workflow.assessment_rows import of_loop
 
 OVERHUNG = Path(__file__).parent / "data" / "overhung.toml"
 """An overhung compressor of 50,000 rpm with a forward critical speed of the free rotor near it."""

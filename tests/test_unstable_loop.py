@@ -11,10 +11,10 @@ import pytest
 from machine_cases import machine
 
 from ambkit import Bearing, assess
+from ambkit.assessment.assess import MEASUREMENT
+from ambkit.assessment.assessment import Assessment
 from ambkit.result.report import static
 from ambkit.simulation.scenario import PID
-from ambkit.workflow.assessing import MEASUREMENT
-from ambkit.workflow.assessment import Assessment
 
 PLANTS = {
     "axis": lambda: assess(Bearing.preset("zittau_axial"), "linear", SHAKY),

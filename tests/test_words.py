@@ -123,9 +123,9 @@ def test_words_that_go_only_become_less():
 
 CONCEPTS = {
     "levitation current": "src/ambkit/machine/levitation.py",
-    "operating point": "src/ambkit/simulation/linear/pieces.py",
+    "operating point": "src/ambkit/simulation/linear/linear_plant.py",
     "observer poles": "src/ambkit/estimate/observer.py",
-    "collocation": "src/ambkit/workflow/bending.py",
+    "collocation": "src/ambkit/rotordynamics/flexible_rotor_checks.py",
     "sensitivity peak": "src/ambkit/judge/loop/margins.py",
     "dead time": "src/ambkit/models/parts/delay.py",
     "process noise": "src/ambkit/models/parts/disturbance.py",

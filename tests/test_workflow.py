@@ -8,19 +8,19 @@ import pytest
 import ambkit
 from ambkit.cli.kinds import NAMES
 from ambkit.cli.main import main
-from ambkit.cli.output import plain
+from ambkit.cli.printing import plain
 from ambkit.estimate.named import USUAL, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.fuzzy.training import train
 from ambkit.judge.comparison.study import study
-from ambkit.machine.forces.file import load_force_points
-from ambkit.workflow import comparing, training
-from ambkit.workflow.anomalies import missing_control
-from ambkit.workflow.filtering import filter as filter_record
-from ambkit.workflow.filtering import stretch_to_tune_on
-from ambkit.workflow.identifying import identify, identify_by_lift_off, noise_at_rest
-from ambkit.workflow.simulating import experiment_duration, scenario_for
+from ambkit.machine.forces.force_file import load_force_points
+from ambkit.workflow import compare_steps, training
+from ambkit.workflow.filter import filter as filter_record
+from ambkit.workflow.filter import stretch_to_tune_on
+from ambkit.workflow.identify import identify, identify_by_lift_off, noise_at_rest
+from ambkit.workflow.simulate import experiment_duration, scenario_for
 from ambkit.workflow.tuning import default_disturbance, tune_disturbance
+from ambkit.workflow.warnings import missing_control
 
 BEARING = ambkit.Bearing.preset("zittau_axial")
 
@@ -232,7 +232,9 @@ def test_compare_in_a_case(command):
         "compare", "zittau_axial", "--case", "step", "--estimators", "linear,extended", "--runs", 3,
         "--spread", "5 %",
     )  # fmt: skip
-    found = comparing.compare_in_case(BEARING, "step", ["linear", "extended"], runs=3, spread=0.05)
+    found = compare_steps.compare_in_case(
+        BEARING, "step", ["linear", "extended"], runs=3, spread=0.05
+    )
     other = same(found.bench.to_dict())
     for data in (told, other):
         for one in data["default"].values():
@@ -247,20 +249,20 @@ def test_compare_in_own_loops(command):
         "compare", "zittau_axial", "--estimators", "linear,closed-law", "--seeds", 2,
         "--duration", "0.1 s", "--load", "3 N", "--seed", 5,
     )  # fmt: skip
-    what = comparing.loop_cases(BEARING, duration=0.1, load=3.0)
-    found = comparing.compare_in_loops(BEARING, what, ["linear", "closed-law"], runs=2, seed=5)
+    what = compare_steps.loop_cases(BEARING, duration=0.1, load=3.0)
+    found = compare_steps.compare_in_loops(BEARING, what, ["linear", "closed-law"], runs=2, seed=5)
     assert without(told, "files", "adequacy") == same(found.to_dict())
     travel = BEARING.rotor.clearance
-    assert found.steps == [share * travel for share in comparing.HEIGHTS]
+    assert found.steps == [share * travel for share in compare_steps.HEIGHTS]
 
 
 def test_cases_are_by_name():
-    assert list(comparing.cases_called()) == ["paper"]
-    assert len(comparing.cases_called("all", 0.1)) > 5
+    assert list(compare_steps.cases_called()) == ["paper"]
+    assert len(compare_steps.cases_called("all", 0.1)) > 5
     with pytest.raises(ambkit.AmbkitError, match='no case "none"'):
-        comparing.cases_called("none")
+        compare_steps.cases_called("none")
     with pytest.raises(ValueError, match="spread must be from 0 to below 100 %, is 120 %"):
-        comparing.cases_called("paper", 1.2)
+        compare_steps.cases_called("paper", 1.2)
 
 
 # --- simulate, excite, train

@@ -13,7 +13,7 @@ from ambkit.data.recordings import folder
 from ambkit.estimate.constant_velocity import tune
 from ambkit.estimate.innovations import Whiteness, prediction_error, whiteness
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.estimate.noise import FilterNoise
+from ambkit.estimate.noise_model import FilterNoise
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import train
 from ambkit.identification.forces.lift_off import LiftOff, load_points

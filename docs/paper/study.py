@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.estimate.noise import FilterNoise
+from ambkit.estimate.noise_model import FilterNoise
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import train
 from ambkit.machine.machine import Bearing

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import ambkit
-from ambkit.data.channelmap import ChannelMap
+from ambkit.data.channel_map import ChannelMap
 from ambkit.data.record import Record
 from ambkit.identification.forces.lift_off import find_lift_off, save_points
 

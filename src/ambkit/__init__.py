@@ -12,32 +12,36 @@ from ambkit.base import late_binding
 
 TYPE_CHECKING = False  # as type checkers know it, without importing typing before a command starts
 if TYPE_CHECKING:
+    from ambkit.assessment.injection_experiment import design_injection as design_injection
     from ambkit.base.errors import AmbkitError as AmbkitError
     from ambkit.base.errors import ConfigError as ConfigError
     from ambkit.base.errors import RecordError as RecordError
+    from ambkit.campaigns.campaign import Campaign as Campaign
+    from ambkit.campaigns.run import campaign as campaign
+    from ambkit.campaigns.study import Study as Study
     from ambkit.data.reading.reader import load as load
     from ambkit.data.reading.reader import read as read
     from ambkit.data.record import Record as Record
     from ambkit.data.telemetry import read_telemetry as read_telemetry
     from ambkit.estimate.adaptive_noise import AdaptiveNoise as AdaptiveNoise
-    from ambkit.estimate.base import Estimator as Estimator
+    from ambkit.estimate.augmented import AugmentedKalmanFilter as AugmentedKalmanFilter
+    from ambkit.estimate.augmented import MultipleModelFilter as MultipleModelFilter
     from ambkit.estimate.batch import run_many as run_many
     from ambkit.estimate.constant_velocity import ConstantVelocity as ConstantVelocity
     from ambkit.estimate.estimate import Estimate as Estimate
     from ambkit.estimate.estimate import Status as Status
+    from ambkit.estimate.estimator import Estimator as Estimator
     from ambkit.estimate.filter_file import FilterFile as FilterFile
     from ambkit.estimate.kalman import AdaptiveKalmanFilter as AdaptiveKalmanFilter
     from ambkit.estimate.kalman import ExtendedKalmanFilter as ExtendedKalmanFilter
     from ambkit.estimate.kalman import KalmanFilter as KalmanFilter
     from ambkit.estimate.kalman import UDKalmanFilter as UDKalmanFilter
     from ambkit.estimate.low_pass import LowPass as LowPass
-    from ambkit.estimate.magnet_scale import AugmentedKalmanFilter as AugmentedKalmanFilter
-    from ambkit.estimate.magnet_scale import MultipleModelFilter as MultipleModelFilter
-    from ambkit.estimate.noise import FilterNoise as FilterNoise
+    from ambkit.estimate.noise_model import FilterNoise as FilterNoise
     from ambkit.estimate.observer import ExtendedStateObserver as ExtendedStateObserver
     from ambkit.estimate.observer import SteadyStateKalmanFilter as SteadyStateKalmanFilter
-    from ambkit.estimate.own import EstimatorProtocol as EstimatorProtocol
     from ambkit.estimate.unscented import UnscentedKalmanFilter as UnscentedKalmanFilter
+    from ambkit.estimate.user_filter import EstimatorProtocol as EstimatorProtocol
     from ambkit.export.statespace import to_control as to_control
     from ambkit.fuzzy.expert import Expert as Expert
     from ambkit.identification.online.adaline import Adaline as Adaline
@@ -54,6 +58,8 @@ if TYPE_CHECKING:
     from ambkit.machine.stiffness import StiffnessMap as StiffnessMap
     from ambkit.machine.stiffness import stiffness_map as stiffness_map
     from ambkit.result.result import Result as Result
+    from ambkit.rotordynamics.harmonics import harmonics as harmonics
+    from ambkit.rotordynamics.spectrogram import waterfall as waterfall
     from ambkit.simulation.many import Planned as Planned
     from ambkit.simulation.many import simulate_many as simulate_many
     from ambkit.simulation.scenario import PID as PID
@@ -81,20 +87,14 @@ if TYPE_CHECKING:
     from ambkit.verbs.tune import tune as tune
     from ambkit.verbs.tune import tune_robust as tune_robust
     from ambkit.verbs.tune import tune_trade_off as tune_trade_off
-    from ambkit.workflow.campaign.result import Campaign as Campaign
-    from ambkit.workflow.campaign.running import campaign as campaign
-    from ambkit.workflow.campaign.study import Study as Study
     from ambkit.workflow.comparison import compare as compare
-    from ambkit.workflow.designing import design as design
+    from ambkit.workflow.design import design as design
     from ambkit.workflow.expert import train as train
-    from ambkit.workflow.filtering import filter as filter
-    from ambkit.workflow.harmonics import harmonics as harmonics
-    from ambkit.workflow.identifying import identify as identify
-    from ambkit.workflow.injecting import design_injection as design_injection
-    from ambkit.workflow.simulating import scenario_for as scenario_for
-    from ambkit.workflow.simulating import simulate as simulate
-    from ambkit.workflow.simulating import simulate_run as simulate_run
-    from ambkit.workflow.waterfall import waterfall as waterfall
+    from ambkit.workflow.filter import filter as filter
+    from ambkit.workflow.identify import identify as identify
+    from ambkit.workflow.simulate import scenario_for as scenario_for
+    from ambkit.workflow.simulate import simulate as simulate
+    from ambkit.workflow.simulate import simulate_run as simulate_run
 
     __version__: str
 
@@ -104,7 +104,7 @@ _HOME = {
     "data.record": ["Record"],
     "data.telemetry": ["read_telemetry"],
     "estimate.adaptive_noise": ["AdaptiveNoise"],
-    "estimate.base": ["Estimator"],
+    "estimate.estimator": ["Estimator"],
     "estimate.batch": ["run_many"],
     "estimate.constant_velocity": ["ConstantVelocity"],
     "estimate.estimate": ["Estimate", "Status"],
@@ -116,10 +116,10 @@ _HOME = {
         "UDKalmanFilter",
     ],
     "estimate.low_pass": ["LowPass"],
-    "estimate.magnet_scale": ["AugmentedKalmanFilter", "MultipleModelFilter"],
-    "estimate.noise": ["FilterNoise"],
+    "estimate.augmented": ["AugmentedKalmanFilter", "MultipleModelFilter"],
+    "estimate.noise_model": ["FilterNoise"],
     "estimate.observer": ["ExtendedStateObserver", "SteadyStateKalmanFilter"],
-    "estimate.own": ["EstimatorProtocol"],
+    "estimate.user_filter": ["EstimatorProtocol"],
     "estimate.unscented": ["UnscentedKalmanFilter"],
     "export.statespace": ["to_control"],
     "fuzzy.expert": ["Expert"],
@@ -150,17 +150,17 @@ _HOME = {
     "verbs.rotor": ["campbell", "mode_shapes", "unbalance_response"],
     "verbs.pil": ["pil"],
     "verbs.tune": ["tune", "tune_robust", "tune_trade_off"],
-    "workflow.campaign.result": ["Campaign"],
-    "workflow.campaign.running": ["campaign"],
-    "workflow.campaign.study": ["Study"],
-    "workflow.designing": ["design"],
+    "campaigns.campaign": ["Campaign"],
+    "campaigns.run": ["campaign"],
+    "campaigns.study": ["Study"],
+    "workflow.design": ["design"],
     "workflow.expert": ["train"],
-    "workflow.filtering": ["filter"],
-    "workflow.harmonics": ["harmonics"],
-    "workflow.identifying": ["identify"],
-    "workflow.injecting": ["design_injection"],
-    "workflow.waterfall": ["waterfall"],
-    "workflow.simulating": ["scenario_for", "simulate", "simulate_run"],
+    "workflow.filter": ["filter"],
+    "rotordynamics.harmonics": ["harmonics"],
+    "workflow.identify": ["identify"],
+    "assessment.injection_experiment": ["design_injection"],
+    "rotordynamics.spectrogram": ["waterfall"],
+    "workflow.simulate": ["scenario_for", "simulate", "simulate_run"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
@@ -174,7 +174,7 @@ _BEHIND = {
     "result.card": {
         "image": "image",
     },
-    "result.drawing": {
+    "result.axes": {
         "plot": "plot",
     },
     "show.plots.maximum_likelihood": {
@@ -203,8 +203,8 @@ _BEHIND = {
     },
     "show.plots.filters": {"filter_figure": "filter_figure"},
     "judge.evaluation": {"errors_along": "errors_along"},
-    "workflow.separation": {"separations": "separations", "sentence": "separation"},
-    "workflow.reduction": {"reduction": "reduction"},
+    "rotordynamics.separation_margins": {"separations": "separations", "sentence": "separation"},
+    "rotordynamics.modal_reduction": {"reduction": "reduction"},
     "show.notebook.things": {
         "record": "data.record.Record",
         "estimate": "estimate.estimate.Estimate",

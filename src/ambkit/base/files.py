@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ambkit.base import budget
+from ambkit.base import memory_limit
 from ambkit.base.errors import AmbkitError
 
 
@@ -41,7 +41,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
 def sha256(path: str | os.PathLike[str]) -> str:
     """Return the hash of what a file holds, in hexadecimal digits."""
     try:
-        return hashlib.sha256(budget.read_bytes(path)).hexdigest()
+        return hashlib.sha256(memory_limit.read_bytes(path)).hexdigest()
     except OSError as error:
         raise AmbkitError(f"{path}: cannot be read: {error.strerror or error}") from None
 
@@ -86,7 +86,7 @@ def replacing_in(path: str | os.PathLike[str], first: str = "") -> Iterator[Path
 def read_text(path: str | os.PathLike[str]) -> str:
     """Read UTF-8 text."""
     try:
-        text = budget.read_bytes(path).decode("utf-8-sig")
+        text = memory_limit.read_bytes(path).decode("utf-8-sig")
         return text.replace("\r\n", "\n").replace("\r", "\n")
     except OSError as error:
         raise AmbkitError(f"{path}: cannot be read: {error.strerror or error}") from error

@@ -29,7 +29,7 @@ from ambkit.cli.export_fmu import export_fmu, export_ssp
 from ambkit.cli.export_mat import export_mat
 from ambkit.cli.filter import filter_record
 from ambkit.cli.identify import identify
-from ambkit.cli.options import keep_inputs
+from ambkit.cli.parameters import keep_inputs
 from ambkit.cli.presets import presets
 from ambkit.cli.read import read
 from ambkit.cli.reproduce import reproduce

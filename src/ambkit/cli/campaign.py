@@ -9,10 +9,10 @@ import typer
 from typer.core import TyperGroup
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.options import RECORDS, Json, Plot, Verbose, file_option
+from ambkit.cli.parameters import RECORDS, Json, Plot, Verbose, file_option
 
 if TYPE_CHECKING:
-    from ambkit.workflow.campaign.running import Status
+    from ambkit.campaigns.run import Status
 
 RUN = "run"
 """The command that is meant where a study follows at once."""
@@ -91,24 +91,24 @@ def campaign_run(
       ambkit campaign run tolerances.toml --out out --report out.html
       ambkit campaign run tolerances.toml --out out --cluster local
     """
-    from ambkit.cli import output
-    from ambkit.workflow.campaign.running import begun_in
-    from ambkit.workflow.campaign.running import campaign as simulated
-    from ambkit.workflow.campaign.study import load
+    from ambkit.campaigns.run import begun_in
+    from ambkit.campaigns.run import campaign as simulated
+    from ambkit.campaigns.study import load
+    from ambkit.cli import printing
 
     known = load(study)
     folder = out or Path(study.with_suffix("").name)
     begun, of = begun_in(known, folder)
     again = f"finished parts are kept in {folder}, the same command goes on"
     with (
-        output.interrupted_says(again),
-        output.progress(known.name, of, unit="runs", begun=begun) as done,
+        printing.interrupted_says(again),
+        printing.progress(known.name, of, unit="runs", begun=begun) as done,
     ):
         result = simulated(
             known, folder, cluster=cluster, workers=workers, threads=threads, done=done
         )
-    output.deliver_result(result, as_json=json, verbose=verbose, plot=plot, report=report)
-    output.note(f"rows in {result.runs}")
+    printing.deliver_result(result, as_json=json, verbose=verbose, plot=plot, report=report)
+    printing.note(f"rows in {result.runs}")
 
 
 def campaign_report(
@@ -125,11 +125,11 @@ def campaign_report(
     For example:
       ambkit campaign report out --out report.html
     """
-    from ambkit.cli import output
-    from ambkit.workflow.campaign.result import Campaign
+    from ambkit.campaigns.campaign import Campaign
+    from ambkit.cli import printing
 
     result = Campaign.load(folder)
-    output.deliver_result(result, as_json=json, verbose=verbose, plot=plot, report=out)
+    printing.deliver_result(result, as_json=json, verbose=verbose, plot=plot, report=out)
 
 
 def campaign_status(folder: FolderName, json: Json = False) -> None:
@@ -138,12 +138,12 @@ def campaign_status(folder: FolderName, json: Json = False) -> None:
     For example:
       ambkit campaign status out
     """
-    from ambkit.cli import output
-    from ambkit.workflow.campaign.running import status
+    from ambkit.campaigns.run import status
+    from ambkit.cli import printing
 
     result = status(folder)
     data = result._asdict() | {"good": result.good._asdict()}
-    output.deliver(data, [_of_status(result)], as_json=json)
+    printing.deliver(data, [_of_status(result)], as_json=json)
 
 
 def campaign_replay(
@@ -168,15 +168,15 @@ def campaign_replay(
     For example:
       ambkit campaign replay out 417 --out run-417.csv --plot run-417.png
     """
-    from ambkit.cli import output
-    from ambkit.workflow.campaign.result import Campaign
+    from ambkit.campaigns.campaign import Campaign
+    from ambkit.cli import printing
 
     of = Campaign.load(folder)
     result = of.replay(run)
     estimate = result.run.estimate
     if estimates is not None and estimate is None:
         raise AmbkitError(f"run {run} has no estimator, so there are no --estimates")
-    output.deliver_result(
+    printing.deliver_result(
         result,
         [
             (out, result.run.record.save),
@@ -208,10 +208,10 @@ def campaign_rare(
       ambkit campaign rare out --figure peak_S --above 5
     """
     from ambkit.base.units import parse
-    from ambkit.cli import output
-    from ambkit.workflow.campaign.parts import UNITS
-    from ambkit.workflow.campaign.rare import keep, rare_failure, sentence
-    from ambkit.workflow.campaign.store import Folder
+    from ambkit.campaigns.store import Folder
+    from ambkit.campaigns.study_tables import UNITS
+    from ambkit.campaigns.subset_simulation import keep, rare_failure, sentence
+    from ambkit.cli import printing
 
     plan = Folder.existing(folder).plan
     if figure not in UNITS:
@@ -220,11 +220,11 @@ def campaign_rare(
         limit = parse(above, UNITS[figure])
     except ValueError as error:
         raise AmbkitError(f"--above: {error}") from None
-    with output.progress("levels of rare failures", unit="runs") as done:
+    with printing.progress("levels of rare failures", unit="runs") as done:
         result = rare_failure(plan, figure, limit, runs=runs, seed=seed, threads=threads, done=done)
     keep(folder, figure, limit, result)
     data = {"figure": figure, "above": limit} | result._asdict()
-    output.deliver(data, [sentence(figure, limit, result)], as_json=json)
+    printing.deliver(data, [sentence(figure, limit, result)], as_json=json)
 
 
 def campaign_problem(study: StudyName) -> None:
@@ -233,12 +233,12 @@ def campaign_problem(study: StudyName) -> None:
     For example:
       ambkit campaign problem tolerances.toml > problem.json
     """
-    from ambkit.cli import output
-    from ambkit.workflow.campaign.plan import Plan
-    from ambkit.workflow.campaign.salib import problem_of
-    from ambkit.workflow.campaign.study import load
+    from ambkit.campaigns.plan import Plan
+    from ambkit.campaigns.salib import problem_of
+    from ambkit.campaigns.study import load
+    from ambkit.cli import printing
 
-    output.deliver(problem_of(Plan(load(study))), [], as_json=True)
+    printing.deliver(problem_of(Plan(load(study))), [], as_json=True)
 
 
 def _of_status(result: Status) -> str:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.options import Json, MapFile, find_axis
+from ambkit.cli.parameters import Json, MapFile, find_axis
 
 
 class Schema(StrEnum):
@@ -57,13 +57,13 @@ def check(
       ambkit check my.toml scenario.toml run.csv --bearing my.toml
       ambkit check --schema bearing > bearing.schema.json
     """
-    from ambkit.cli import output
-    from ambkit.workflow.inspection import inspect, schema_of
+    from ambkit.cli import printing
+    from ambkit.workflow.check import inspect, schema_of
 
     if (schema is None) == (not files):
         raise AmbkitError("give either FILES or --schema")
     if schema is not None:
-        output.deliver(schema_of(schema.value), [], as_json=True)
+        printing.deliver(schema_of(schema.value), [], as_json=True)
         return
     known = find_axis(bearing) if bearing is not None else None
     results = [inspect(path, channel_map, known) for path in files or ()]
@@ -79,11 +79,11 @@ def check(
         for item in results
     ]
     lines = [f"{item.path}: ok, {item.kind}: {item.about}" for item in results if item.ok]
-    output.deliver(data, lines, as_json=json)
+    printing.deliver(data, lines, as_json=json)
     for entry in results:
         for problem in entry.problems:
-            output.note(problem)
+            printing.note(problem)
         for remark in entry.remarks:
-            output.note(f"{entry.path}: note: {remark}")
+            printing.note(f"{entry.path}: note: {remark}")
     if not all(item.ok for item in results):
         raise typer.Exit(2)

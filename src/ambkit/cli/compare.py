@@ -9,7 +9,7 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.kinds import known, names
-from ambkit.cli.options import (
+from ambkit.cli.parameters import (
     RECORDS,
     BearingName,
     ExpertFile,
@@ -24,9 +24,9 @@ from ambkit.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from ambkit.machine.forces.surface import ForceSurface
+    from ambkit.machine.forces.force_surface import ForceSurface
     from ambkit.machine.machine import Machine
-    from ambkit.workflow.comparing import LoopScores
+    from ambkit.workflow.compare_steps import LoopScores
 
 CASES = (
     "paper", "uncertain", "wrong-k", "saturating", "coloured-noise", "step", "unbalance", "model",
@@ -175,7 +175,7 @@ def compare(
         raise AmbkitError(
             f"{loop_options[0]} is in place of a case, and does not go with {clash[0]}{hint}"
         )
-    from ambkit.machine.forces.map_of import surface_in
+    from ambkit.machine.forces.force_map import surface_in
 
     chosen = "linear,adaptive,closed-law" if estimators is None else estimators
     _in_own_loops(
@@ -212,9 +212,9 @@ def _in_own_loops(
     verbose: bool,
 ) -> None:
     """Each closes its own loop, against the same noise, with the same Q and R."""
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.cli.kinds import factories
-    from ambkit.workflow.comparing import compare_in_loops, loop_cases
+    from ambkit.workflow.compare_steps import compare_in_loops, loop_cases
 
     what = loop_cases(
         plant,
@@ -225,11 +225,11 @@ def _in_own_loops(
         name=str(scenario_file),
     )
     built = factories(chosen, plant, expert)
-    with output.progress("comparing", len(what) * len(built) * seeds) as done:
+    with printing.progress("comparing", len(what) * len(built) * seeds) as done:
         result = compare_in_loops(plant, what, built, runs=seeds, seed=seed, plant=true, done=done)
     out, plot = files
     rows = (out, lambda path: _save(path, result))
-    output.deliver_result(result, [rows], as_json=as_json, verbose=verbose, plot=plot)
+    printing.deliver_result(result, [rows], as_json=as_json, verbose=verbose, plot=plot)
 
 
 def _save(path: Path, result: LoopScores) -> None:

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.options import arguments_of_the_user, find_axis, find_machine
+from ambkit.cli.parameters import arguments_of_the_user, find_axis, find_machine
 
 if TYPE_CHECKING:
-    from ambkit.judge.comparison.standing import Benches
+    from ambkit.judge.comparison.score import Benches
     from ambkit.judge.comparison.study import Study
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
@@ -35,11 +35,11 @@ class Wanted(NamedTuple):
 
 def in_case(name: str, case_name: str, chosen: str, request: Wanted) -> None:
     """Compare in a case, or in all of them, and deliver; see ``ambkit compare --help``."""
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.judge.comparison.candidates import expand, suited
     from ambkit.judge.comparison.study import pieces_of
-    from ambkit.machine.forces.map_of import surface_in
-    from ambkit.workflow.comparing import cases_called, compare_in_all, compare_in_case
+    from ambkit.machine.forces.force_map import surface_in
+    from ambkit.workflow.compare_steps import cases_called, compare_in_all, compare_in_case
     from ambkit.workflow.saved_filters import adequacy_of, save_filters
 
     bearing = find_machine(name)
@@ -58,17 +58,17 @@ def in_case(name: str, case_name: str, chosen: str, request: Wanted) -> None:
     }
     if len(cases) > 1:
         work = len(cases) * pieces_of(len(names), request.budget, whole=False)
-        with output.progress("learning", work) as done:
+        with printing.progress("learning", work) as done:
             all_of = compare_in_all(bearing, names, **options, done=done)
         _deliver(all_of, request)
         return
     with_report = request.report is not None
-    with output.progress("learning", pieces_of(len(names), request.budget, with_report)) as done:
+    with printing.progress("learning", pieces_of(len(names), request.budget, with_report)) as done:
         result = compare_in_case(bearing, case_name, names, **options, whole=with_report, done=done)
     more = {}
     if request.save_filters is not None:
         judged = adequacy_of(result)
-        more = {"adequacy": {kind: output.say_adequacy(of, kind) for kind, of in judged.items()}}
+        more = {"adequacy": {kind: printing.say_adequacy(of, kind) for kind, of in judged.items()}}
     _deliver(result, request, more)
     if request.save_filters is not None:
         left_out = save_filters(
@@ -76,8 +76,8 @@ def in_case(name: str, case_name: str, chosen: str, request: Wanted) -> None:
             magnets={} if request.expert is None else {"adaptive": request.expert},
         )  # fmt: skip
         for why in left_out.values():
-            output.note(f"note: {why}")
-        output.note(f"wrote {request.save_filters}")
+            printing.note(f"note: {why}")
+        printing.note(f"wrote {request.save_filters}")
 
 
 def _magnets(bearing: Machine, names: Sequence[str], expert: Path | None) -> dict[str, MagnetModel]:
@@ -91,9 +91,9 @@ def _magnets(bearing: Machine, names: Sequence[str], expert: Path | None) -> dic
 
 
 def _deliver(result: Study | Benches, request: Wanted, more: dict[str, Any] | None = None) -> None:
-    from ambkit.cli import output
+    from ambkit.cli import printing
 
-    output.deliver_result(
+    printing.deliver_result(
         result,
         [(request.out, lambda path: _save(path, result))],
         as_json=request.as_json,

@@ -11,7 +11,7 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.kinds import NAMES, estimator_option, to_export
-from ambkit.cli.options import BearingOrFilter, Force, Json, Synchronous, Verbose, quantity
+from ambkit.cli.parameters import BearingOrFilter, Force, Json, Synchronous, Verbose, quantity
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -120,7 +120,7 @@ def export_c(
       ambkit export c filter.toml --controller scenario.toml --out out/
       ambkit export c tum_mlps --controller mlps.toml --out out/
     """
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.export import c
     from ambkit.export.c.cost import CLOCK
 
@@ -154,8 +154,8 @@ def export_c(
     )
     if cost or clock is not None:
         written = replace(written, clock=clock or CLOCK)
-    output.deliver_result(written, as_json=json, verbose=verbose)
-    output.note(f"wrote {written.folder}, {len(written.files) + 1} files")
+    printing.deliver_result(written, as_json=json, verbose=verbose)
+    printing.note(f"wrote {written.folder}, {len(written.files) + 1} files")
 
 
 def _flown(

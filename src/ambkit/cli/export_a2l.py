@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ambkit.cli.options import Force, Json, file_option
+from ambkit.cli.parameters import Force, Json, file_option
 
 
 def export_a2l(
@@ -31,10 +31,10 @@ def export_a2l(
     For example:
       ambkit export a2l rig/ --elf firmware.elf --symbol calibration --out rig.a2l
     """
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.export import a2l
 
     at = a2l.symbol(elf, symbol)
     written = a2l.export_a2l(folder, elf, symbol, out, force=force)
-    output.deliver({"path": str(written), "address": at.address}, [], as_json=json)
-    output.note(f"wrote {written}, {symbol} at 0x{at.address:08X}")
+    printing.deliver({"path": str(written), "address": at.address}, [], as_json=json)
+    printing.note(f"wrote {written}, {symbol} at 0x{at.address:08X}")

@@ -10,7 +10,7 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.kinds import NAMES, axis_to_export, estimator_option, to_export
-from ambkit.cli.options import BearingOrFilter, Force, Json, file_option
+from ambkit.cli.parameters import BearingOrFilter, Force, Json, file_option
 
 if TYPE_CHECKING:
     from ambkit.export.fmu.xml import Fmi
@@ -79,7 +79,7 @@ def export_fmu(
       ambkit export fmu zittau_axial --kind whole-controller --scenario lqg.toml --out flown.fmu
       ambkit export fmu tum_mlps --out filter.fmu
     """
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.export import fmu
     from ambkit.simulation.scenario import Scenario
 
@@ -112,8 +112,8 @@ def export_fmu(
         "token": written.token,
         "variables": list(written.variables),
     }
-    output.deliver(data, [], as_json=json)
-    output.note(f"wrote {written.path}, FMI {written.fmi}.0, {len(written.variables)} variables")
+    printing.deliver(data, [], as_json=json)
+    printing.note(f"wrote {written.path}, FMI {written.fmi}.0, {len(written.variables)} variables")
 
 
 def export_ssp(
@@ -138,7 +138,7 @@ def export_ssp(
     For example:
       ambkit export ssp zittau_axial --estimator closed-law --out loop.ssp
     """
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.export import fmu
     from ambkit.simulation.scenario import Scenario
 
@@ -154,5 +154,5 @@ def export_ssp(
         force=force,
     )
     data = {"path": str(out), "fmus": {one.kind: list(one.variables) for one in made}}
-    output.deliver(data, [], as_json=json)
-    output.note(f"wrote {out}, {len(made)} FMUs of FMI {fmi.value}.0")
+    printing.deliver(data, [], as_json=json)
+    printing.note(f"wrote {out}, {len(made)} FMUs of FMI {fmi.value}.0")

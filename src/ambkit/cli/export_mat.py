@@ -9,7 +9,7 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.kinds import axis_to_export
-from ambkit.cli.options import BearingOrFilter, Force, Json, file_option
+from ambkit.cli.parameters import BearingOrFilter, Force, Json, file_option
 
 
 def export_mat(
@@ -35,7 +35,7 @@ def export_mat(
     For example:
       ambkit export mat zittau_axial --estimator expert.json --out bearing.mat
     """
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.export import mat
     from ambkit.fuzzy.expert import Expert
 
@@ -48,5 +48,5 @@ def export_mat(
         )
     expert = chosen
     written = mat.export_mat(model, expert, out, filter_file=result.file, force=force)
-    output.deliver({"path": str(out), "variables": list(written)}, [], as_json=json)
-    output.note(f"wrote {out}, {len(written)} variables")
+    printing.deliver({"path": str(out), "variables": list(written)}, [], as_json=json)
+    printing.note(f"wrote {out}, {len(written)} variables")

@@ -10,7 +10,7 @@ import typer
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import percent
 from ambkit.cli.kinds import NAMES, known, names
-from ambkit.cli.options import (
+from ambkit.cli.parameters import (
     RECORDS,
     ExpertFile,
     From,
@@ -30,11 +30,11 @@ from ambkit.estimate.registry import FILTER_SUFFIX
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from ambkit.data.channelmap import ChannelMap
+    from ambkit.data.channel_map import ChannelMap
     from ambkit.data.record import Record
     from ambkit.estimate.filter_file import FilterFile
-    from ambkit.workflow.anomalies import OutsideOperatingRange
-    from ambkit.workflow.filtering import Filtered, Filtering, Stretch
+    from ambkit.workflow.filter import Filtered, Filtering, Stretch
+    from ambkit.workflow.warnings import OutsideOperatingRange
 
 
 def filter_record(
@@ -129,14 +129,14 @@ def filter_record(
     For example:
       ambkit filter run.csv --bearing zittau_axial --out estimates.csv --plot estimates.html
     """
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.cli.kinds import factories
-    from ambkit.cli.logs import load_log
     from ambkit.cli.plausibility import say_what_is_odd
+    from ambkit.cli.record_arguments import load_log
     from ambkit.estimate.filter_file import FilterFile
-    from ambkit.estimate.noise import FilterNoise
-    from ambkit.workflow.filtering import filter as filtered
-    from ambkit.workflow.filtering import stretch_to_tune_on
+    from ambkit.estimate.noise_model import FilterNoise
+    from ambkit.workflow.filter import filter as filtered
+    from ambkit.workflow.filter import stretch_to_tune_on
 
     if tune is not None and noise_d is not None:
         raise AmbkitError("--tune finds what --disturbance-noise gives: use one of them")
@@ -153,7 +153,7 @@ def filter_record(
         with arguments_of_the_user("--"):
             _say_what_is_tuned_on(stretch_to_tune_on(log, tune), log)
     built = factories(chosen, machine, expert, synchronous or ())
-    with arguments_of_the_user(), output.progress("filtering", len(built)) as done:
+    with arguments_of_the_user(), printing.progress("filtering", len(built)) as done:
 
         def tell(one: Filtered) -> None:
             _say_how_it_was_tuned(one)
@@ -173,7 +173,7 @@ def filter_record(
     adequacy = {name: _adequacy(name, one, built[name], machine)
                 for name, one in result.estimators.items()}  # fmt: skip
 
-    output.deliver_result(
+    printing.deliver_result(
         result,
         [(out, lambda path: result.to_record().save(path))],
         as_json=json,
@@ -185,7 +185,7 @@ def filter_record(
 
 def _channels(files: Mapping[str, FilterFile], channel_map: Path | None) -> ChannelMap | None:
     """Return the map of the log, with y and u as the filters' files have them."""
-    from ambkit.data.channelmap import ChannelMap
+    from ambkit.data.channel_map import ChannelMap
 
     if channel_map is None:
         return None
@@ -202,29 +202,29 @@ def _channels(files: Mapping[str, FilterFile], channel_map: Path | None) -> Chan
 
 def _say_what_is_tuned_on(stretch: Stretch | None, log: Record) -> None:
     """Say it where nobody asked for it."""
-    from ambkit.cli import output
+    from ambkit.cli import printing
 
     if stretch is not None and stretch.by_itself:
         start, stop = (log.t[0] + end for end in (stretch.start, stretch.stop))
-        output.note(f"tuned from {start:.3g} to {stop:.3g} s, judged on the rest")
+        printing.note(f"tuned from {start:.3g} to {stop:.3g} s, judged on the rest")
 
 
 def _say_how_it_was_tuned(one: Filtered) -> None:
     """Say what the stretch does not tell, and whether the rest of the record speaks against it."""
-    from ambkit.cli import output
+    from ambkit.cli import printing
 
     tuning = one.tuning
     if tuning is None:
         return
     if tuning.why:
-        output.note(f"{one.name}: {tuning.why}")
+        printing.note(f"{one.name}: {tuning.why}")
     if tuning.worse:
         then = (
             "so the tuning is the first suspect"
             if tuning.kept
             else "so the untuned one is used, chosen by what it is judged on"
         )
-        output.note(
+        printing.note(
             f"{one.name}: tuned load noise, {tuning.found.disturbance:.3g} N^2/s, fits the rest of "
             f"the record worse than the untuned, {tuning.untuned.disturbance:.3g} N^2/s (the load "
             f"moved otherwise there), {then}; --disturbance-noise sets it, --tune another stretch"
@@ -233,28 +233,28 @@ def _say_how_it_was_tuned(one: Filtered) -> None:
 
 def _adequacy(name: str, one: Filtered, build: Any, machine: Any) -> list[dict[str, Any]]:
     """Say whether a filter from a file may fly on a machine; of any other what NIS says."""
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.estimate.named import FromFile
     from ambkit.judge.adequacy import judge_adequacy
 
     saved = build() if isinstance(build, FromFile) else None
-    return output.say_adequacy(judge_adequacy(saved, machine, nis=one.evaluation.nis), name)
+    return printing.say_adequacy(judge_adequacy(saved, machine, nis=one.evaluation.nis), name)
 
 
 def _warn(result: Filtering, samples: int) -> None:
     """Say so where filter and record do not belong together, or what was asked is not known."""
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.data.signals import each_of
-    from ambkit.workflow.anomalies import missing_control
+    from ambkit.workflow.warnings import missing_control
 
     left = samples - len(result.record)
     if left:
-        output.note(
+        printing.note(
             f"{left} samples are left out, in which magnets have no current by the record's mode"
         )
     lost, in_a_row = missing_control(result.record)
     if lost:
-        output.note(
+        printing.note(
             f"the control signal is missing in {lost} of {len(result.record)} samples, at most "
             f"{in_a_row} in a row: the filters hold the last one, and are less sure for a while "
             "than they say"
@@ -262,18 +262,18 @@ def _warn(result: Filtering, samples: int) -> None:
     gap = max(placed.magnet.air_gap for placed in result.machine.bearings)
     for name, one in result.estimators.items():
         if any(max(each_of(e)) > gap for e in one.evaluation.prediction.values()):
-            output.note(
-                f"{name}: predicts beyond the air gap, {output.value(gap, 'm', 4)}: over so long a "
-                "time the rotor does not move as this machine says; it lies or is held in a part "
+            printing.note(
+                f"{name}: predicts beyond the air gap, {printing.value(gap, 'm', 4)}: over so long "
+                "a time the rotor does not move as this machine says; it lies or is held in a part "
                 "of the record, or the record is of another rig ('ambkit check' with --bearing)"
             )
         for axis, outside in one.outside.items():
-            output.note(_of_the_box(f"{name}, axis {axis}" if axis else name, outside))
+            printing.note(_of_the_box(f"{name}, axis {axis}" if axis else name, outside))
 
 
 def _of_the_box(name: str, outside: OutsideOperatingRange) -> str:
     """Say that the expert was asked beyond the box that it was trained for."""
-    from ambkit.cli.output import value
+    from ambkit.cli.printing import value
 
     current, displacement = (
         f"{value(low, unit, 3)} to {value(high, unit, 3)} ({percent(share)})"

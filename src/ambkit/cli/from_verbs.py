@@ -242,7 +242,7 @@ def called(arguments: Sequence[str]) -> tuple[str, Sequence[str]]:
 
 def run(name: str, arguments: Sequence[str]) -> int:
     """Call a verb with what a shell gives, deliver its result, and return the exit code."""
-    from ambkit.cli import output
+    from ambkit.cli import printing
 
     verb = verb_called(name)
     parser = parser_of(name, verb)
@@ -257,18 +257,18 @@ def run(name: str, arguments: Sequence[str]) -> int:
     _check_files("--plot", plots, PICTURES, options)
     result: Result = verb(**options)
     if not makes:
-        output.written.append(Path(options["out"]))
-    output.deliver_result(
+        printing.written.append(Path(options["out"]))
+    printing.deliver_result(
         result,
         [
             *((path, result.save) for path in out),
-            *((path, partial(output.save_figure, result)) for path in plots),
+            *((path, partial(printing.save_figure, result)) for path in plots),
         ],
         as_json=as_json,
         verbose=verbose,
     )
     if as_json:  # else it is among the notes
-        output.say_adequacy(getattr(result, "adequacy", ()))
+        printing.say_adequacy(getattr(result, "adequacy", ()))
     return 0 if getattr(result, "passed", True) else 1
 
 

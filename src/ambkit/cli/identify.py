@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.options import (
+from ambkit.cli.parameters import (
     CONSTANT,
     AxisName,
     From,
@@ -206,8 +206,8 @@ def identify(
     from ambkit.cli.identify_lift_off import by_lift_off
     from ambkit.cli.identify_likelihood import Options, by_likelihood
     from ambkit.cli.identify_online import learn_online
-    from ambkit.cli.logs import load_log
     from ambkit.cli.plausibility import say_what_is_odd
+    from ambkit.cli.record_arguments import load_log
 
     if coil:
         _for_a_coil(

@@ -28,15 +28,15 @@ def by_coil(
 
     from ambkit.base import files
     from ambkit.base.units import engineering
-    from ambkit.cli import output
-    from ambkit.cli.logs import load_log
+    from ambkit.cli import printing
+    from ambkit.cli.record_arguments import load_log
     from ambkit.identification.coil import fit_coil
 
     if out is not None and operating_point is None:
         raise AmbkitError("--out needs --operating-point: the lag depends on where the rotor is")
     records = [load_log(path, channel_map, begin, end) for path in paths]
     names = [path.name for path in paths]
-    with output.progress("fitting") as done:
+    with printing.progress("fitting") as done:
         fit = replace(
             fit_coil(records, names, note=done), known=known, operating_point=operating_point
         )
@@ -51,4 +51,4 @@ def by_coil(
             )
             files.write_text(path, header + bearing.to_toml(path.parent))
 
-    output.deliver_result(fit, [(out, write)], as_json=json, plot=plot)
+    printing.deliver_result(fit, [(out, write)], as_json=json, plot=plot)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli import output
+from ambkit.cli import printing
 
 if TYPE_CHECKING:
     from ambkit.cli.identify_likelihood import Options
@@ -18,11 +18,11 @@ LEAST = 3
 def by_corpus(options: Options, known: Bearing) -> None:
     """Cut, identify each, pool, predict each by the others, and deliver."""
     from ambkit.cli.identify_likelihood import refuse_parts
-    from ambkit.cli.logs import load_log
+    from ambkit.cli.record_arguments import load_log
     from ambkit.data.reading import load
     from ambkit.identification.corpus.corpus import identify_corpus
     from ambkit.judge.adequacy import judge_adequacy
-    from ambkit.workflow.identifying import corpus_filter, noise_at_rest, starting_model
+    from ambkit.workflow.identify import corpus_filter, noise_at_rest, starting_model
 
     refuse_parts(options)
     rest = {} if options.rest is None else noise_at_rest(load(options.rest, options.rest_map))
@@ -31,7 +31,7 @@ def by_corpus(options: Options, known: Bearing) -> None:
     names = [path.name for path in options.records]
     if len(set(names)) < len(names):
         raise AmbkitError("two logs of a corpus have the same name")
-    with output.progress("identifying") as done:
+    with printing.progress("identifying") as done:
         done("reading the logs")
         records = {
             path.name: load_log(path, options.channel_map, options.begin, options.end)
@@ -39,8 +39,8 @@ def by_corpus(options: Options, known: Bearing) -> None:
         }
         corpus = identify_corpus(records, start, free, note=done)
     bearing, made = corpus.bearing, corpus_filter(corpus)
-    adequacy = output.say_adequacy(judge_adequacy(made))
-    output.deliver_result(
+    adequacy = printing.say_adequacy(judge_adequacy(made))
+    printing.deliver_result(
         corpus,
         [
             (options.out, bearing.save),

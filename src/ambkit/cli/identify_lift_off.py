@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.options import read_quantities
+from ambkit.cli.parameters import read_quantities
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
@@ -26,17 +26,17 @@ def by_lift_off(
     json: bool,
 ) -> None:
     """Fit the law to points of a table, or to those found in recordings, one each."""
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.data.reading import load
     from ambkit.identification.forces.lift_off import find_lift_off, load_points
-    from ambkit.workflow.identifying import check_lifts_off, identify_by_lift_off
+    from ambkit.workflow.identify import check_lifts_off, identify_by_lift_off
 
     if out is not None and operating_point is None:
         raise AmbkitError("--out needs --operating-point: which distance is x = 0?")
     check_lifts_off(known)
     low, high = read_quantities(gap_range or "0 m,1 m", "m", "--gap-range", count=2)
     if recorded:
-        with output.progress("reading", len(paths)) as done:
+        with printing.progress("reading", len(paths)) as done:
             points = []
             for run, path in enumerate(paths, 1):
                 points.append(find_lift_off(load(path, channel_map), run))
@@ -50,4 +50,4 @@ def by_lift_off(
         operating_point=operating_point,
         names=[path.name for path in paths] if recorded else (),
     )
-    output.deliver_result(result, [(out, result.bearing.save)], as_json=json, plot=plot)
+    printing.deliver_result(result, [(out, result.bearing.save)], as_json=json, plot=plot)

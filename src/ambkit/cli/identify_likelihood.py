@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli import output
-from ambkit.cli.logs import load_log
-from ambkit.cli.options import arguments_of_the_user
+from ambkit.cli import printing
+from ambkit.cli.parameters import arguments_of_the_user
 from ambkit.cli.plausibility import say_what_is_odd
+from ambkit.cli.record_arguments import load_log
 
 if TYPE_CHECKING:
-    from ambkit.data.rig_units import Inputs
+    from ambkit.data.input_scaling import Inputs
     from ambkit.machine.machine import Machine
 
 
@@ -57,8 +57,8 @@ def by_likelihood(options: Options, known: Machine) -> None:
     from ambkit.base import files
     from ambkit.data.reading import load
     from ambkit.judge.adequacy import judge_adequacy
-    from ambkit.workflow.found_toml import annotated_toml, carried_over
-    from ambkit.workflow.identifying import (
+    from ambkit.workflow.identified_toml import annotated_toml, carried_over
+    from ambkit.workflow.identify import (
         RAISED,
         identified_filter,
         identify,
@@ -87,7 +87,7 @@ def by_likelihood(options: Options, known: Machine) -> None:
     for path, record in zip([*options.records, *options.validate], records + others, strict=True):
         say_what_is_odd(path, record, known)
     records, others = (records_of(start, item) for item in (records, others))
-    with arguments_of_the_user(), output.progress("identifying") as done:
+    with arguments_of_the_user(), printing.progress("identifying") as done:
         result = identify(
             known,
             records,
@@ -105,7 +105,7 @@ def by_likelihood(options: Options, known: Machine) -> None:
     source = ", ".join(record.name for record in options.records)
     made = identified_filter(result, inputs, source)
     likelihood, forces = result.likelihood, result.forces
-    output.deliver_result(
+    printing.deliver_result(
         result,
         [
             (options.out, lambda path: files.write_text(path,
@@ -117,17 +117,17 @@ def by_likelihood(options: Options, known: Machine) -> None:
         as_json=options.json,
         plot=options.plot,
         report=options.report,
-        more={"adequacy": output.say_adequacy(judge_adequacy(made))},
+        more={"adequacy": printing.say_adequacy(judge_adequacy(made))},
     )  # fmt: skip
     carried = carried_over(
         likelihood.model, delay=not likelihood.delay_counts, offsets=likelihood.offsets_count
     )
     if options.out is not None and any("[signals." in line for line in carried):
-        output.note(
+        printing.note(
             f"{options.out} says what to put into the channel map before filtering such a log"
         )
     if options.filter is not None and RAISED in made.origin.values():
-        output.note(
+        printing.note(
             f"noise.disturbance of {options.filter} is {made.variances.disturbance:.3g} N^2/s: the "
             f"records would have {likelihood.model.disturbance_noise:.3g} N^2/s, with which a "
             "disturbance force is followed too slowly"
@@ -136,6 +136,6 @@ def by_likelihood(options: Options, known: Machine) -> None:
 
 def _inputs(channel_map: Path) -> Inputs:
     """Return what the controller reads: the same numbers as the log has."""
-    from ambkit.data.channelmap import ChannelMap, inputs_of
+    from ambkit.data.channel_map import ChannelMap, inputs_of
 
     return inputs_of(ChannelMap.load(channel_map))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.options import arguments_of_the_user, quantity
+from ambkit.cli.parameters import arguments_of_the_user, quantity
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -31,20 +31,20 @@ def learn_online(
     json: bool,
 ) -> None:
     """Learn the magnet constant in all ways, and take that of one method for the result."""
-    from ambkit.cli import output
-    from ambkit.identification.online import side_by_side
+    from ambkit.cli import printing
+    from ambkit.identification.online import comparison
     from ambkit.identification.online.magnet_constant import ONLINE, identified
 
     if method == ALL and out is not None:
         raise AmbkitError(f"--out writes what one method found: --method {', '.join(ONLINE)}")
     load = _force(disturbance, record)
-    with arguments_of_the_user(), output.progress("identifying"):
-        learned = side_by_side.learn_online(record, known, start=start, disturbance=load)
+    with arguments_of_the_user(), printing.progress("identifying"):
+        learned = comparison.learn_online(record, known, start=start, disturbance=load)
     result, more = known, {"method": method}
     if method != ALL:
         result = identified(known, learned.results[method]).bearing
         more |= learned.to_dict()["learners"][method]
-    output.deliver_result(learned, [(out, result.save)], as_json=json, plot=plot, more=more)
+    printing.deliver_result(learned, [(out, result.save)], as_json=json, plot=plot, more=more)
 
 
 def _force(force_text: str | None, record: Record) -> ArrayLike | None:

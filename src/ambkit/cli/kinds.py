@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli import output
-from ambkit.cli.options import only_axis
+from ambkit.cli import printing
+from ambkit.cli.parameters import only_axis
 from ambkit.estimate.registry import KINDS, check_named, kind_called
 
 if TYPE_CHECKING:
+    from ambkit.assessment.arguments import Chosen
     from ambkit.estimate.named import Factory
     from ambkit.machine.machine import Bearing, Machine
-    from ambkit.workflow.given import Chosen
 
 NAMES = tuple(KINDS)
 
@@ -80,7 +80,7 @@ def factories(
     magnets = {"adaptive": experts(expert, machine)} if expert is not None else {}
     if "adaptive" not in chosen or magnets:
         return built(chosen, machine, magnets, synchronous)
-    with output.progress("training the expert"):
+    with printing.progress("training the expert"):
         return built(chosen, machine, synchronous=synchronous)
 
 
@@ -88,7 +88,7 @@ def to_export(
     target: str, estimator: str | None, choice: Sequence[str] = NAMES
 ) -> tuple[Machine, Chosen]:
     """Return the machine and the estimator that a user wants to export."""
-    from ambkit.workflow.given import export_given
+    from ambkit.assessment.arguments import export_given
 
     return export_given(target, estimator, choice)
 

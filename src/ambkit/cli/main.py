@@ -27,11 +27,11 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             sys.unraisablehook = _heed_interrupts
             # Pictures go into files; matplotlib will not start with a window that it lacks.
             os.environ.pop("MPLBACKEND", None)
-        from ambkit.cli import output, streams
+        from ambkit.cli import printing, stdio
 
-        streams.prepare()
-        output.written.clear()
-        output.heed_notes()
+        stdio.prepare()
+        printing.written.clear()
+        printing.heed_notes()
         argv = sys.argv[1:] if arguments is None else arguments
         debug = "--debug" in argv
         if alone and not debug:  # what overflows shows in the results
@@ -127,31 +127,31 @@ def _silenced() -> None:
 
 def _interrupted() -> None:
     """Say what was written so far, in a line."""
-    from ambkit.cli import output
+    from ambkit.cli import printing
 
-    left = output.left_by_interrupt()
+    left = printing.left_by_interrupt()
     if left is not None:
-        output.note(f"\ninterrupted; {left}")
+        printing.note(f"\ninterrupted; {left}")
         return
-    written = output.written
+    written = printing.written
     files = f"wrote {', '.join(map(str, written))}" if written else "nothing was written"
     if len(written) > 3:
         files = f"wrote {len(written)} files below {os.path.commonpath(written)}"
-    output.note(f"\ninterrupted; {files}")
+    printing.note(f"\ninterrupted; {files}")
 
 
 def _refused(message: str, command: str | None = None) -> int:
     """Print one message, and where the command's help is if the command was not understood."""
-    from ambkit.cli import output
+    from ambkit.cli import printing
 
     hint = f"\ntry {command} --help" if command is not None else ""
-    output.note(f"ambkit: {message}{hint}")
+    printing.note(f"ambkit: {message}{hint}")
     return 2
 
 
 def _unforeseen(error: Exception) -> int:
     """Say in a line what nobody foresaw, where it happened, and what to do with it."""
-    from ambkit.cli import output
+    from ambkit.cli import printing
 
     trace, place = error.__traceback__, ""
     while trace is not None:
@@ -161,8 +161,8 @@ def _unforeseen(error: Exception) -> int:
         trace = trace.tb_next
     message = str(error).strip().partition("\n")[0]
     what = f"{type(error).__name__}{f': {message[:200]}' if message else ''}{place}"
-    output.note(f"ambkit: {what}: this is an error of ambkit, please report it with the output of "
-                "--debug")  # fmt: skip
+    printing.note(f"ambkit: {what}: this is an error of ambkit, please report it with the output "
+                "of --debug")  # fmt: skip
     return 1
 
 

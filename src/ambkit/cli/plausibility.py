@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 def say_what_is_odd(path: Path, record: Record, machine: Machine) -> None:
     """Say on stderr what ``ambkit check RECORD --bearing`` would say is wrong with a record."""
-    from ambkit.cli import output
-    from ambkit.workflow.plausibility import check_plausibility
+    from ambkit.assessment.plausibility import check_plausibility
+    from ambkit.cli import printing
 
     try:
         odd = check_plausibility(record, machine)
     except RecordError as error:
         raise RecordError([f"{path}: {problem}" for problem in error.problems]) from None
     for text in odd:
-        output.note(f"{path}: {text}")
+        printing.note(f"{path}: {text}")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.options import Json, file_option
+from ambkit.cli.parameters import Json, file_option
 
 
 def presets(
@@ -28,7 +28,7 @@ def presets(
       ambkit presets zittau_axial > my.toml
     """
     from ambkit.base import files
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.machine import presets as collection
     from ambkit.machine.machine import Machine
 
@@ -42,8 +42,8 @@ def presets(
             for b in known
         ]  # fmt: skip
         rows = [[b["name"], b["kind"], b["description"]] for b in data]
-        preset_table = output.table("Presets", ["name", "of a", "what"], rows, wide=True)
-        output.deliver(data, [preset_table], as_json=json)
+        preset_table = printing.table("Presets", ["name", "of a", "what"], rows, wide=True)
+        printing.deliver(data, [preset_table], as_json=json)
         return
     text = collection.text(name)
     if json:
@@ -52,8 +52,8 @@ def presets(
         content = {"name": name, kind: result.model_dump(), "toml": text}
     write = [(out, lambda path: files.write_text(path, text))]
     if json:
-        output.deliver(content, [], write, as_json=True)
+        printing.deliver(content, [], write, as_json=True)
     elif out is not None:
-        output.deliver(None, [], write, as_json=False)
+        printing.deliver(None, [], write, as_json=False)
     else:
         print(text, end="")

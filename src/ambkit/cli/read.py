@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.options import RECORDS, Json, MapFile, Plot, file_option, quantity
+from ambkit.cli.parameters import RECORDS, Json, MapFile, Plot, file_option, quantity
 
 if TYPE_CHECKING:
     from ambkit.data.reading import Refused
@@ -66,9 +66,9 @@ def read(
       ambkit read log.csv --guess > map.toml
       ambkit read log.csv --channels map.toml --out log.parquet --plot log.png
     """
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.data.reading.reader import read as read_log
-    from ambkit.data.reading.refusals import Refused
+    from ambkit.data.reading.rejections import Refused
 
     if guess:
         if channel_map or out or plot:
@@ -79,7 +79,7 @@ def read(
         raise AmbkitError("--sampling-time is the step to resample to: add --resample")
     kinds = [kind.strip() for kind in missing.split(",") if kind.strip()]
     try:
-        with output.progress(f"reading {file.name}") as done:
+        with printing.progress(f"reading {file.name}") as done:
             reading = read_log(
                 file,
                 channel_map,
@@ -94,35 +94,37 @@ def read(
             raise
         _draw_refused(error, plot)
         raise typer.Exit(2) from None
-    output.deliver_result(reading, [(out, reading.record.save)], as_json=json, plot=plot)
+    printing.deliver_result(reading, [(out, reading.record.save)], as_json=json, plot=plot)
 
 
 def _draw_refused(error: Refused, plot: Path) -> None:
     """Say why a log is refused, and draw where."""
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.show import plots
-    from ambkit.show.plots.refused import refused_figure
+    from ambkit.show.plots.rejected_log import refused_figure
 
-    output.note(f"ambkit: {error}")
+    printing.note(f"ambkit: {error}")
     figure = refused_figure(error)
     if figure is None:
-        output.note(f"{plot} is not written: there is nothing to be drawn")
+        printing.note(f"{plot} is not written: there is nothing to be drawn")
         return
     plots.save_figure(figure, plot)
-    output.note(f"wrote {plot}: what could be read, and where the trouble is; no record is written")
+    printing.note(
+        f"wrote {plot}: what could be read, and where the trouble is; no record is written"
+    )
 
 
 def _print_guess(file: Path, *, as_json: bool) -> None:
-    from ambkit.cli import output
-    from ambkit.data.reading.guess import guess
+    from ambkit.cli import printing
+    from ambkit.data.reading.propose import guess
 
-    with output.progress(f"reading {file.name}") as done:
+    with printing.progress(f"reading {file.name}") as done:
         result = guess(file, progress=done)
     if as_json:
-        output.deliver({"map": result}, [], as_json=True)
+        printing.deliver({"map": result}, [], as_json=True)
     else:
         print(result, end="")
     if "\n[signals.t]\n" not in result:
-        output.note(
+        printing.note(
             f"{file}: the map has no time: fill in its sampling_time before a log is read by it"
         )

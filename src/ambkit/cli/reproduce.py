@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ambkit.cli.options import Json
+from ambkit.cli.parameters import Json
 
 
 def reproduce(
@@ -25,19 +25,19 @@ def reproduce(
     For example:
       ambkit reproduce --out out --open
     """
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.workflow.reproduction import reproduce as run
 
-    with output.progress("reproducing the paper") as done:
+    with printing.progress("reproducing the paper") as done:
         outcome = run(out, seed=seed, progress=done)
     report = outcome.folder / "report.html"
-    output.written.append(report)
+    printing.written.append(report)
     if json:
-        output.deliver(outcome.rows, [], as_json=True)
+        printing.deliver(outcome.rows, [], as_json=True)
     else:
         from ambkit.result.report.terminal import print_summary
 
-        print_summary(outcome.rows, output.stdout())
-        output.deliver(None, [], as_json=False)
+        print_summary(outcome.rows, printing.stdout())
+        printing.deliver(None, [], as_json=False)
     if show:
         typer.launch(str(report))

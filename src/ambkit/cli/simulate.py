@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.cli.kinds import NAMES, one_of
-from ambkit.cli.options import (
+from ambkit.cli.parameters import (
     PICTURES,
     RECORDS,
     BearingName,
@@ -26,11 +26,11 @@ from ambkit.cli.options import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Machine
+    from ambkit.rotordynamics.spectrogram import Waterfall
     from ambkit.simulation.run import Run
     from ambkit.simulation.scenario import Scenario
-    from ambkit.workflow.waterfall import Waterfall
 
 
 def simulate(
@@ -125,12 +125,12 @@ def simulate(
       ambkit simulate tum_mlps --plot orbits.png
     """
     from ambkit.base.errors import AmbkitError
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.cli.kinds import factories
     from ambkit.judge.adequacy import judge_adequacy
-    from ambkit.machine.forces.map_of import surface_in
+    from ambkit.machine.forces.force_map import surface_in
     from ambkit.show import plots
-    from ambkit.workflow.simulating import scenario_for, simulate_run
+    from ambkit.workflow.simulate import scenario_for, simulate_run
 
     plant = find_machine(bearing)
     if not plant.single:
@@ -151,34 +151,34 @@ def simulate(
     built = factories([estimator] if named else [], plant, expert, synchronous or ())
     kalman = built[estimator]() if built else "none"
     true = surface_in(magnet, plant.isolated_axis("")) if magnet and plant.single else None
-    with output.progress("simulating"):
+    with printing.progress("simulating"):
         run = simulate_run(plant, scenario, estimator=kalman, magnet=true, **settings)
-    adequacy = output.say_adequacy(judge_adequacy(kalman, plant, full_scenario, run.nis))
+    adequacy = printing.say_adequacy(judge_adequacy(kalman, plant, full_scenario, run.nis))
     of = None if isinstance(kalman, str) else kalman
     spectra = (waterfall, lambda path: plots.save_figure(_waterfall(run).figure(), path))
-    output.deliver_result(
+    printing.deliver_result(
         run, [(out, run.record.save), spectra], as_json=json, verbose=verbose, plot=plot,
         more={"adequacy": adequacy},
     )  # fmt: skip
     for text in _notes(run, full_scenario, of):
-        output.note(text)
+        printing.note(text)
 
 
 def _note_default(machine: Machine, scenario: Any) -> None:
     """Say which controllers were chosen, where nobody says them."""
-    from ambkit.cli import output
+    from ambkit.cli import printing
     from ambkit.simulation.default_control import default_for, is_default
 
     if is_default(scenario.controller):
         chosen = default_for(machine, scenario)
         if chosen.fastest:
-            output.note(chosen.summary)
+            printing.note(chosen.summary)
 
 
 def _notes(run: Run, scenario: Scenario, estimator: Estimator | None) -> Iterator[str]:
     """Yield what may help, where the rotor does not fly as it is to."""
-    from ambkit.simulation.holding import holding
-    from ambkit.workflow.simulating import plain_control
+    from ambkit.simulation.stabilising_controller import holding
+    from ambkit.workflow.simulate import plain_control
 
     machine, touched = run.plant, run.samples_at_the_stop
     if not machine.single:
@@ -195,8 +195,8 @@ def _notes(run: Run, scenario: Scenario, estimator: Estimator | None) -> Iterato
 
 def _of_the_stop(run: Run) -> str:
     """Say when the rotor touched a stop, and what may help."""
-    from ambkit.cli.output import value
-    from ambkit.machine.bank import isolated_axes
+    from ambkit.cli.printing import value
+    from ambkit.machine.force_laws import isolated_axes
 
     travel = min(isolated_axis.rotor.clearance for isolated_axis in isolated_axes(run.plant))
     at = run.first_touch
@@ -211,7 +211,7 @@ def _of_the_stop(run: Run) -> str:
 
 def _waterfall(run: Run) -> Waterfall:
     """Return the spectra of the first axis, in stretches of at most a tenth of a second."""
-    from ambkit.workflow.waterfall import waterfall
+    from ambkit.rotordynamics.spectrogram import waterfall
 
     t = run.record.t
     window = min(0.1, float(t[-1] - t[0]) / 4)

@@ -10,7 +10,7 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import percent
-from ambkit.cli.options import (
+from ambkit.cli.parameters import (
     AxisName,
     BearingName,
     Json,
@@ -23,7 +23,7 @@ from ambkit.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from ambkit.fuzzy.choice import Shape
+    from ambkit.fuzzy.rule_selection import Shape
     from ambkit.workflow.training import WrongSign
 
 
@@ -151,9 +151,9 @@ def train(
       ambkit train zittau_axial --out expert.json --plot expert.png
       ambkit train found.toml --force-map force.csv --rules auto --save-filter filter.toml
     """
-    from ambkit.cli import output, train_measured
+    from ambkit.cli import printing, train_measured
     from ambkit.judge.adequacy import judge_adequacy
-    from ambkit.machine.forces.file import load_force_points
+    from ambkit.machine.forces.force_file import load_force_points
     from ambkit.show import plots
     from ambkit.workflow.expert import FORMS, filter_of
     from ambkit.workflow.expert import save_filter as saved
@@ -195,7 +195,7 @@ def train(
     model = isolated(find_machine(bearing), axis)
     options = how_to_train(method.value, weights, normalised=not plain, scaling=scaling.value)
     measured = None
-    with output.progress("training") as done:
+    with printing.progress("training") as done:
         if force is not None:
             points = load_force_points(force, channels)
             with arguments_of_the_user("--force-map: "):
@@ -216,7 +216,7 @@ def train(
     if force is not None:
         tables = train_measured.tables(force, result, data, tables)
     for name, wrong in result.wrong_signs.items():
-        output.note(_of_wrong_sign(name, wrong, measured is not None))
+        printing.note(_of_wrong_sign(name, wrong, measured is not None))
 
     # What --out holds is what the filter asks only if it is what is taken.
     holds = out if out is not None and out.suffix.lower() in FORMS[result.taken] else None
@@ -224,13 +224,13 @@ def train(
         train_measured.say_what_is_taken(result, out, save_filter)
 
     if save_filter is not None:
-        data["adequacy"] = output.say_adequacy(judge_adequacy(filter_of(result)))
+        data["adequacy"] = printing.say_adequacy(judge_adequacy(filter_of(result)))
 
     def draw(path: Path) -> None:
         figure = plots.training_figure(result.expert, result.stiffness)
         plots.save_figure(train_measured.with_points(figure, result), path)
 
-    output.deliver(
+    printing.deliver(
         data,
         tables,
         [
@@ -264,7 +264,7 @@ def _shape(text: str) -> Shape | None:
 
 
 def _of_wrong_sign(name: str, wrong: WrongSign, measured: bool) -> str:
-    from ambkit.cli.output import value
+    from ambkit.cli.printing import value
 
     unit = "N/A" if name == "k_i" else "N/m"
     hint = "more points there, a smaller --law-error" if measured else "other --rules, --weights"
@@ -277,7 +277,7 @@ def _of_wrong_sign(name: str, wrong: WrongSign, measured: bool) -> str:
 
 
 def _table(data: dict[str, Any]) -> Any:
-    from ambkit.cli.output import table, value
+    from ambkit.cli.printing import table, value
 
     errors = data["force_error_rms"]
     trained = "widths and weights" if data["weights"] else "widths"

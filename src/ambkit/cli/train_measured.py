@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ambkit.cli import output
-from ambkit.cli.output import value
+from ambkit.cli import printing
+from ambkit.cli.printing import value
 
 if TYPE_CHECKING:
-    from ambkit.fuzzy.choice import RuleChoice
-    from ambkit.fuzzy.left_out import ModelChoice
+    from ambkit.fuzzy.cross_validation import ModelChoice
+    from ambkit.fuzzy.rule_selection import RuleChoice
     from ambkit.result.report.figure import Figure
     from ambkit.workflow.training import MeasuredForce, TrainedExpert
 
@@ -22,7 +22,7 @@ def tables(
     assert result.measured is not None  # there are points
     _say_what_is_hardly_measured(result)
     if result.error["trained"] > result.error["untrained"]:
-        output.note("the trained expert's error is larger than the untrained one's")
+        printing.note("the trained expert's error is larger than the untrained one's")
     choice = result.measured.choice
     return [
         *([] if choice is None else _choice_table(choice)),
@@ -34,7 +34,7 @@ def tables(
 
 def save(path: Path, result: TrainedExpert) -> None:
     """Write the network, the points, or the bearing with the law refitted, by the ending."""
-    from ambkit.fuzzy.left_out import LAW, refitted
+    from ambkit.fuzzy.cross_validation import LAW, refitted
 
     ending = path.suffix.lower()
     if result.measured is None or ending == ".json":
@@ -50,7 +50,7 @@ def save(path: Path, result: TrainedExpert) -> None:
 
 def say_what_is_taken(result: TrainedExpert, out: Path | None, save_filter: Path | None) -> None:
     """Say where a file that was asked for holds another model than the one that is taken."""
-    from ambkit.fuzzy.left_out import NETWORK, SURFACE
+    from ambkit.fuzzy.cross_validation import NETWORK, SURFACE
 
     chosen_name = result.taken
     if chosen_name == NETWORK or (out is not None and out.suffix.lower() != ".json"):
@@ -58,12 +58,12 @@ def say_what_is_taken(result: TrainedExpert, out: Path | None, save_filter: Path
     writes = "--out force.csv" if chosen_name == SURFACE else "--out bearing.toml"
     if out is not None:
         asks = "" if save_filter is None else f" and {save_filter.name} asks that"
-        output.note(
+        printing.note(
             f"{out.name} holds the network, but {chosen_name} is better at points left out{asks}: "
             f"{writes} writes it, --as network takes the network all the same"
         )
     elif save_filter is None:
-        output.note(f"{chosen_name} is better at points left out: {writes} writes it")
+        printing.note(f"{chosen_name} is better at points left out: {writes} writes it")
 
 
 def with_points(figure: Figure, result: TrainedExpert) -> Figure:
@@ -83,14 +83,14 @@ def _models_table(of: ModelChoice, chosen_name: str) -> Any:
     """Say how the models do at points left out; warn of a network that is worse than a law."""
     models, chosen = of.models, of.chosen
     if warning := of.against(chosen_name):
-        output.note(warning)
+        printing.note(warning)
     rows = [
         [m.name, value(m.random, "N", 3), value(m.blocks, "N", 3),
          ", ".join(["best"] * (m == chosen) + ["taken"] * (m.name == chosen_name))]
         for m in models
     ]  # fmt: skip
     title = "Error at points left out, rms: here and there, and whole blocks of them"
-    return output.table(title, ["", "points", "blocks", ""], rows)
+    return printing.table(title, ["", "points", "blocks", ""], rows)
 
 
 def _choice_table(choice: RuleChoice) -> list[Any]:
@@ -112,7 +112,7 @@ def _choice_table(choice: RuleChoice) -> list[Any]:
             f"Chosen: {chosen_name}, the smallest within a standard error of {best} ({limit})."
         )
     title = "Error at points left out of the training; 1 is as good as can be"
-    return [output.table(title, ["rules", "", "error", "std. error", ""], rows), conclusion]
+    return [printing.table(title, ["rules", "", "error", "std. error", ""], rows), conclusion]
 
 
 def _points_table(path: Path, measured: MeasuredForce, data: dict[str, Any]) -> Any:
@@ -140,7 +140,7 @@ def _points_table(path: Path, measured: MeasuredForce, data: dict[str, Any]) -> 
     ]  # fmt: skip
     if surface.scatter is not None:
         rows.insert(1, ["their scatter, found", f"{value(surface.scatter, 'N', 3)} rms"])
-    return output.table(f"{path.name}: {data['points']} points", ["", ""], rows)
+    return printing.table(f"{path.name}: {data['points']} points", ["", ""], rows)
 
 
 def _say_what_is_hardly_measured(result: TrainedExpert) -> None:
@@ -155,7 +155,7 @@ def _say_what_is_hardly_measured(result: TrainedExpert) -> None:
     ]
     more = f" and {len(nodes) - 6} more" if len(nodes) > 6 else ""
     worst = engineering(max(error for *_, error in poor), "N", digits=2)
-    output.note(
+    printing.note(
         f"hardly measured at {len(nodes)} of {result.stiffness.k_i.size} rules: there the expert "
         f"stays near the bearing's law, its force known to {worst} at worst: "
         f"{', '.join(nodes[:6])}{more}"

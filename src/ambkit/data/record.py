@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.base.asked import Given, in_si
 from ambkit.base.errors import RecordError, shortened
+from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.showing import Shown
 from ambkit.data import frames
 from ambkit.data import signals as names

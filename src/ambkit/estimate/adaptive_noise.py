@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any, Literal
 
-from ambkit.base.asked import Given, in_si, of_type
-from ambkit.estimate.base import Estimator
-from ambkit.estimate.noise import Variances
+from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.noise_model import Variances
 
 METHODS = ("innovation", "sage-husa")
 ADAPTS = ("measurement", "disturbance", "both")

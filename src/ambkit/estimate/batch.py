@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
-from ambkit.base.asked import of_type
-from ambkit.estimate.base import Estimator
+from ambkit.base.quantity_arguments import of_type
+from ambkit.estimate.estimator import Estimator
 from ambkit.machine.magnets import Precision, core_module
 
 Array = NDArray[Any]

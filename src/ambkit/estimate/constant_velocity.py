@@ -16,17 +16,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.base.asked import Given, in_si
+from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.bank import bank_of, isolated_axes
 from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.force_laws import bank_of, isolated_axes
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.models.parts.free import free_parts
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.models.plan import Part
+    from ambkit.models.declaration import Part
 
 Array = NDArray[np.float64]
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert
-from ambkit.machine.bank import bank_of, isolated_axes
-from ambkit.machine.forces.map_of import surface_in
+from ambkit.machine.force_laws import bank_of, isolated_axes
+from ambkit.machine.forces.force_map import surface_in
 
 if TYPE_CHECKING:
-    from ambkit.machine.forces.surface import ForceSurface
+    from ambkit.machine.forces.force_surface import ForceSurface
     from ambkit.machine.machine import Bearing, Machine
     from ambkit.machine.magnets import MagnetModel
 

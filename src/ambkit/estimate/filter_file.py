@@ -43,22 +43,22 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base import units
-from ambkit.base.asked import in_si
 from ambkit.base.config import Document, Read, unknown_key
 from ambkit.base.config.quantities import Quantity
-from ambkit.base.config.texts import Description, Line, Name
+from ambkit.base.config.text_types import Description, Line, Name
 from ambkit.base.errors import AmbkitError
-from ambkit.data.rig_units import Inputs
+from ambkit.base.quantity_arguments import in_si
+from ambkit.data.input_scaling import Inputs
 from ambkit.estimate.filter_parts import Assumed, PlantOf, Reference
-from ambkit.estimate.noise import FilterNoise
+from ambkit.estimate.machine_model import View
+from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
-from ambkit.estimate.view import View
-from ambkit.machine.bank import bank_of, isolated_axes
-from ambkit.machine.forces.map_of import surface_in
+from ambkit.machine.force_laws import bank_of, isolated_axes
+from ambkit.machine.forces.force_map import surface_in
 from ambkit.machine.machine import Bearing, Machine
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.machine.magnets import MagnetModel, Precision
 
 Limit = Annotated[int, Field(ge=0, strict=True)]

@@ -14,15 +14,15 @@ from ambkit.base.config.quantities import InOther
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.filter_file import FilterFile, written
 from ambkit.estimate.filter_parts import Assumed, PlantOf, Reference
-from ambkit.estimate.noise import UNITS
+from ambkit.estimate.noise_model import UNITS
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
 from ambkit.machine import presets
-from ambkit.machine.bank import Bank
-from ambkit.machine.loading import load_machine
+from ambkit.machine.disturbance_force import load_machine
+from ambkit.machine.force_laws import Bank
 from ambkit.machine.machine import Machine
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.machine.magnets import MagnetModel, Precision
 
 
@@ -169,7 +169,7 @@ def _each_beside(path: Path, machine: Machine, magnet: MagnetModel) -> dict[str,
 def _written_beside(path: Path, magnet: MagnetModel) -> Path:
     """Write what a filter asks beside its file, and return where."""
     from ambkit.fuzzy.expert import Expert
-    from ambkit.machine.forces.surface import ForceSurface
+    from ambkit.machine.forces.force_surface import ForceSurface
 
     if isinstance(magnet, Expert):
         magnet.save(beside := path.with_suffix(".expert.json"))

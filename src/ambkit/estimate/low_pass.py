@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.base.asked import Given, in_si
-from ambkit.estimate.base import Estimator
-from ambkit.estimate.engine import Engine
+from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.estimate.core_model import Engine
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.observer import unstable_pole
 from ambkit.machine.magnets import MagnetModel
 from ambkit.models.linear import LinearSystem, Signal

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ambkit.base.asked import names_in
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import MARK, load_class
+from ambkit.base.quantity_arguments import names_in
 from ambkit.estimate.experts import EXPERTS, experts
 from ambkit.estimate.filter_file import FilterFile
-from ambkit.estimate.own import own_factory
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, learned_magnet
+from ambkit.estimate.user_filter import own_factory
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
-    from ambkit.estimate.noise import FilterNoise
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.estimate.noise_model import FilterNoise
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel, Precision
 

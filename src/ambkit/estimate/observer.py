@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.asked import Given, in_si
-from ambkit.estimate.base import Estimator
-from ambkit.estimate.engine import Engine
-from ambkit.estimate.model import LinearModel
-from ambkit.estimate.noise import held_rounding
-from ambkit.machine.bank import isolated_axes
+from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.estimate.core_model import Engine
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.linear_model import LinearModel
+from ambkit.estimate.noise_model import held_rounding
+from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel
 from ambkit.models import compose
-from ambkit.models.machine import machine_parts
+from ambkit.models.machine_parts import machine_parts
 from ambkit.models.model import Descriptor, Model
 from ambkit.models.parts import Hum
 

@@ -19,8 +19,8 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import MARK
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
-    from ambkit.machine.laws import MagnetModel
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.machine.force_law import MagnetModel
     from ambkit.machine.machine import Bearing, Machine
 
 
@@ -159,13 +159,13 @@ MEMORY = Tunable("memory", "s", lambda _bearing: 0.5, decades=1.0)
 
 
 def _constant(bearing: Machine) -> MagnetModel:
-    from ambkit.machine.bank import constants_of
+    from ambkit.machine.force_laws import constants_of
 
     return constants_of(bearing)
 
 
 def _law(bearing: Machine) -> MagnetModel:
-    from ambkit.machine.bank import laws_of
+    from ambkit.machine.force_laws import laws_of
 
     return laws_of(bearing)
 
@@ -244,7 +244,7 @@ KINDS = {
         ),
         Kind(
             "augmented", "augmented-state extended Kalman filter",
-            "magnet_scale.AugmentedKalmanFilter",
+            "augmented.AugmentedKalmanFilter",
             InCore(
                 "Augmented", has_state=True, base="base.", covariance="cov", calls=("excitation",)
             ),
@@ -254,7 +254,7 @@ KINDS = {
         ),
         Kind(
             "multiple-model", "interacting multiple models",
-            "magnet_scale.MultipleModelFilter",
+            "augmented.MultipleModelFilter",
             InCore("MultipleModel", has_state=True, base="base.", calls=("excitation",)), _law,
             (*NOISE, Tunable("sojourn", "s", lambda _: 1.0, decades=1.0)),
             ratios=("scales", "excitation"),
@@ -311,7 +311,7 @@ def in_core_of(estimator: Estimator) -> InCore | None:
 def kind_of(estimator: Estimator) -> str:
     """Return the name of an estimator's kind."""
     # Of the kinds that share a class, what the estimator knows of its magnet tells which it is.
-    from ambkit.machine.bank import Bank
+    from ambkit.machine.force_laws import Bank
 
     inner = getattr(estimator, "inner", estimator)
     of = f"{type(inner).__module__.rpartition('.')[2]}.{type(inner).__name__}"
@@ -329,7 +329,7 @@ def kind_of(estimator: Estimator) -> str:
 
 def learned_magnet(name: str, bearing: Machine) -> MagnetModel | None:
     """Return what a kind that must be given its magnet knows of it where nobody says otherwise."""
-    from ambkit.machine.bank import bank_of
+    from ambkit.machine.force_laws import bank_of
 
     if KINDS[name].magnet is not None:
         return None

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from ambkit.estimate.base import Estimator
-from ambkit.estimate.engine import Engine
-from ambkit.machine.bank import laws_of
+from ambkit.estimate.core_model import Engine
+from ambkit.estimate.estimator import Estimator
+from ambkit.machine.force_laws import laws_of
 from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:

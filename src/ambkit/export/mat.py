@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from ambkit.base import files
 from ambkit.base.config import Part
 from ambkit.estimate.kalman import AdaptiveKalmanFilter, KalmanFilter
-from ambkit.export.tabulate import tabulate
+from ambkit.export.stiffness_table import tabulate
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.bearing import FILES
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from ambkit.machine.stiffness import stiffness_map
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.fuzzy.expert import Expert
     from ambkit.machine.machine import Bearing

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.base import Estimator
+from ambkit.base.quantity_arguments import of_type
+from ambkit.estimate.estimator import Estimator
 from ambkit.models.linear import LinearSystem, Signal
-from ambkit.simulation.linear import control as control_of
-from ambkit.simulation.linear import pieces, settled
-from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.pieces import OperatingPoint
+from ambkit.simulation.linear import linear_controller as control_of
+from ambkit.simulation.linear import linear_plant, steady_state_filter
+from ambkit.simulation.linear.closed_loop import Loop
+from ambkit.simulation.linear.linear_plant import OperatingPoint
 from ambkit.simulation.scenario import as_control
 
 if TYPE_CHECKING:
@@ -93,7 +93,9 @@ def estimator(filter: Estimator, *, point: OperatingPoint | None = None) -> cont
     """Sampled estimator with the gain that it settles to at an operating point."""
     of_type(Estimator, filter=filter)
     point = point or OperatingPoint.equilibrium(filter.bearing)
-    return _state_space(settled.estimator_at(filter, point), f"{_name(filter.bearing)}_estimator")
+    return _state_space(
+        steady_state_filter.estimator_at(filter, point), f"{_name(filter.bearing)}_estimator"
+    )
 
 
 def closed_loop(
@@ -113,12 +115,12 @@ def closed_loop(
     if not _is_sampled(bearing, sampled, filter):
         return _state_space(_continuous_loop(bearing, law, point), name)
     point = point or OperatingPoint.equilibrium(bearing)
-    linear_estimator = None if filter is None else settled.estimator_at(filter, point)
+    linear_estimator = None if filter is None else steady_state_filter.estimator_at(filter, point)
     transform = np.array([[1 / bearing.sensor.gain]])
     K = control_of.compensator(
         control_of.controller(law, bearing, measured=filter is None), linear_estimator, transform
     )
-    return _state_space(Loop(pieces.plant(bearing, point), K).closed, name)
+    return _state_space(Loop(linear_plant.plant(bearing, point), K).closed, name)
 
 
 def _is_sampled(bearing: Bearing, sampled: bool | None, filter: Estimator | None) -> bool:
@@ -130,7 +132,7 @@ def _is_sampled(bearing: Bearing, sampled: bool | None, filter: Estimator | None
 
 
 def _plant(bearing: Bearing, continuous: bool, point: OperatingPoint | None) -> LinearSystem:
-    return pieces.plant(
+    return linear_plant.plant(
         bearing, point or OperatingPoint.equilibrium(bearing), continuous=continuous
     )
 

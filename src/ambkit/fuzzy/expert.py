@@ -22,7 +22,7 @@ from ambkit.base import files
 from ambkit.base.arrays import real
 from ambkit.base.config import Part, Read
 from ambkit.base.config.problems import Problem, dotted
-from ambkit.base.config.texts import Description, Line
+from ambkit.base.config.text_types import Description, Line
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.base.json_lines import line_of
 from ambkit.base.showing import Shown

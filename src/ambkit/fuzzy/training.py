@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import of_type
 from ambkit.fuzzy.expert import Expert, Method, Training
 from ambkit.fuzzy.network import Scaling
 from ambkit.fuzzy.training_set import Outputs, TrainingSet, rms

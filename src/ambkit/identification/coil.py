@@ -27,7 +27,7 @@ from ambkit.base.units import figure
 from ambkit.data.record import Record
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
-from ambkit.result.stated import Section
+from ambkit.result.sections import Section
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing

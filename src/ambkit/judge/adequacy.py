@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
-from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimator import Estimator
 from ambkit.judge import adequacy_criteria as criteria
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module

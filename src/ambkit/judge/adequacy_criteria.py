@@ -12,8 +12,8 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.estimate.noise import FilterNoise, Variances
-from ambkit.estimate.view import View
+from ambkit.estimate.machine_model import View
+from ambkit.estimate.noise_model import FilterNoise, Variances
 from ambkit.judge.load_following import (
     LONGEST,
     STEP,
@@ -24,15 +24,15 @@ from ambkit.judge.load_following import (
 )
 from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
 from ambkit.judge.loop.margins import grid
-from ambkit.machine.bank import isolated_axes, weights_of
 from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
-from ambkit.simulation.linear.settled import tangents_known
+from ambkit.simulation.linear.steady_state_filter import tangents_known
 from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Bearing
     from ambkit.simulation.scenario import Scenario
     from ambkit.simulation.waveforms import Waveform

@@ -18,7 +18,7 @@ from ambkit.result.row import Row
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Machine
 
 Array = NDArray[np.float64]

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ambkit.estimate.kalman import ExtendedKalmanFilter
-from ambkit.estimate.noise import FilterNoise
-from ambkit.machine.bank import isolated_axes, weights_of
+from ambkit.estimate.noise_model import FilterNoise
+from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.magnets import magnet_of, own_time
-from ambkit.simulation.linear.pieces import OperatingPoint
-from ambkit.simulation.linear.settled import settled_gain, tangents_known, tells
+from ambkit.simulation.linear.linear_plant import OperatingPoint
+from ambkit.simulation.linear.steady_state_filter import settled_gain, tangents_known, tells
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Machine
     from ambkit.models.model import Array
 

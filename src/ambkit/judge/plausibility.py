@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ambkit.base.units import engineering, percent
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.faults import noise
-from ambkit.data.reading.roles import LOOKED_AT, filled
-from ambkit.data.reading.rotor import NO_NOISE, in_steps, rotor
-from ambkit.data.reading.suspects import longest_run, suspects
+from ambkit.data.reading.plausibility import longest_run, suspects
+from ambkit.data.reading.position_search import NO_NOISE, in_steps, rotor
+from ambkit.data.reading.signal_roles import LOOKED_AT, filled
 from ambkit.machine.magnets import ConstantStiffness, own_time
 
 if TYPE_CHECKING:

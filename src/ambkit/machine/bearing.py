@@ -19,8 +19,8 @@ from ambkit.base.config.paths import FilePath
 from ambkit.base.config.quantities import InOther, Quantity, WordOrQuantity
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
+from ambkit.machine.accessories import ColouredNoise, Hum, Runout
 from ambkit.machine.magnets import MU_0, magnet_of
-from ambkit.machine.parts import ColouredNoise, Hum, Runout
 
 GRAVITY = 9.81
 """Acceleration of free fall [m/s^2], as both rigs of the presets were calculated with."""
@@ -150,7 +150,7 @@ class Magnet(Part):
             if read(key) is not None and path is None:
                 yield key, "is of a force_map, and there is none"
         if isinstance(path, str) and (channels is None or isinstance(channels, str)):
-            from ambkit.machine.forces.map_of import points_of
+            from ambkit.machine.forces.force_map import points_of
 
             try:
                 points_of(path, channels)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ambkit.machine.bearing import along_x
 
 if TYPE_CHECKING:
-    from ambkit.machine.placed import Body, PlacedBearing, PlacedSensor
+    from ambkit.machine.components import Body, PlacedBearing, PlacedSensor
     from ambkit.machine.rotors.modes import Bending
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambkit.machine.laws import MagnetModel, core_module
+from ambkit.machine.force_law import MagnetModel, core_module
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing

@@ -15,11 +15,20 @@ from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_ser
 
 from ambkit.base.config import Document, Read, reader, toml_text
 from ambkit.base.config.quantities import Quantity
-from ambkit.base.config.texts import Description, Name
+from ambkit.base.config.text_types import Description, Name
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
 from ambkit.machine import geometry, presets
+from ambkit.machine.accessories import (
+    SHORTEST_LAG,
+    Coil,
+    Stop,
+    delay_contradictions,
+    gap_contradictions,
+    line_contradictions,
+    parts_contradictions,
+)
 from ambkit.machine.bearing import (
     GRAVITY,
     Amplifier,
@@ -30,18 +39,7 @@ from ambkit.machine.bearing import (
     current_limits,
     levitation_current_of,
 )
-from ambkit.machine.geometry import Axis, Line, Reading, Shaft
-from ambkit.machine.magnets import magnet_of
-from ambkit.machine.parts import (
-    SHORTEST_LAG,
-    Coil,
-    Stop,
-    delay_contradictions,
-    gap_contradictions,
-    line_contradictions,
-    parts_contradictions,
-)
-from ambkit.machine.placed import (
+from ambkit.machine.components import (
     ROTORS,
     AnyRotor,
     Body,
@@ -50,8 +48,10 @@ from ambkit.machine.placed import (
     PlacedSensor,
     Unbalance,
 )
-from ambkit.machine.placing import beyond_the_rotor, loose, unseen
-from ambkit.machine.rotors.described import OfMatrices
+from ambkit.machine.geometry import Axis, Line, Reading, Shaft
+from ambkit.machine.magnets import magnet_of
+from ambkit.machine.placement_checks import beyond_the_rotor, loose, unseen
+from ambkit.machine.rotors.descriptions import OfMatrices
 from ambkit.machine.rotors.modes import Bending
 
 

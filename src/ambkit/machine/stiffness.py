@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
-from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.machine.forces.table import check_nodes
 from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import equally_far, magnet_of

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ambkit.models.declaration import Part, Plan
 from ambkit.models.model import Model
-from ambkit.models.plan import Part, Plan
 from ambkit.models.sampling import Sampling
 
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.models import exponential
+from ambkit.models.declaration import Part, Plan
 from ambkit.models.model import Array
-from ambkit.models.plan import Part, Plan
 from ambkit.models.sampling import Sampling
 
 Complex = NDArray[np.complex128]

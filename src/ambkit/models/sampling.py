@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from ambkit.models import exponential
+from ambkit.models.declaration import UNIT, Plan, Row
 from ambkit.models.model import NUMBER, ONE, ZERO, Array, Model
-from ambkit.models.plan import UNIT, Plan, Row
 from ambkit.models.structure import Flags, Kinds, pattern_of, set_one, structured
 
 

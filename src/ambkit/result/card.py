@@ -13,7 +13,7 @@ from ambkit.base.units import figure, typeset
 from ambkit.result.report.figure import Figure
 from ambkit.result.report.static import light
 from ambkit.result.report.static_items import WIDTH
-from ambkit.result.stated import Stated
+from ambkit.result.sections import Stated
 from ambkit.result.table import table
 from ambkit.result.tables import tables
 

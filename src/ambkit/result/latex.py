@@ -6,7 +6,7 @@ import re
 
 from ambkit.base.escaping import one_line
 from ambkit.base.units import typeset
-from ambkit.result.stated import Stated
+from ambkit.result.sections import Stated
 from ambkit.result.table import Table
 from ambkit.result.tables import tables
 

@@ -13,7 +13,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Drawn
 from ambkit.result.plain import plain
 from ambkit.result.row import Row, singles
-from ambkit.result.stated import Stated
+from ambkit.result.sections import Stated
 
 if TYPE_CHECKING:
     import pandas

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from ambkit.result.row import Row, singles
-from ambkit.result.stated import Section, Stated, by_section
+from ambkit.result.sections import Section, Stated, by_section
 from ambkit.result.table import LINE, Table, table
 
 MISSED = "✗"

@@ -16,15 +16,15 @@ from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
+from ambkit.simulation.axis_sensitivity import shown_along_axes
 from ambkit.simulation.controllers import Controllers, controllers_of
-from ambkit.simulation.holding import ENOUGH, two_digits, weight_of
-from ambkit.simulation.holding_margins import shown_along_axes
-from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.control import compensator, controllers, fed
-from ambkit.simulation.linear.pieces import OperatingPoint, plant
-from ambkit.simulation.linear.settled import estimator_at
+from ambkit.simulation.linear.closed_loop import Loop
+from ambkit.simulation.linear.linear_controller import compensator, controllers, fed
+from ambkit.simulation.linear.linear_plant import OperatingPoint, plant
+from ambkit.simulation.linear.steady_state_filter import estimator_at
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import GAINS, PID, Control
+from ambkit.simulation.stabilising_controller import ENOUGH, two_digits, weight_of
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing, Machine

@@ -14,15 +14,20 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import geometry
 from ambkit.machine.magnets import ConstantStiffness
+from ambkit.simulation.axis_sensitivity import shown_along_axes
 from ambkit.simulation.blocks import gain_at_rest
-from ambkit.simulation.holding import holding
-from ambkit.simulation.holding_margins import shown_along_axes
-from ambkit.simulation.let_turn import LetTurn, check_unbalance, let_turn, let_turn_fields
 from ambkit.simulation.regulator import regulator, scheduled
 from ambkit.simulation.scenario import GAINS, PID, Control
+from ambkit.simulation.stabilising_controller import holding
+from ambkit.simulation.synchronous_compensation import (
+    LetTurn,
+    check_unbalance,
+    let_turn,
+    let_turn_fields,
+)
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Machine
     from ambkit.simulation.plant import Plant
 

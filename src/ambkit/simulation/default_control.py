@@ -20,8 +20,8 @@ from ambkit.simulation.control_candidates import (
     Feedback,
     name_of,
 )
-from ambkit.simulation.holding import ENOUGH
 from ambkit.simulation.scenario import PID, Control
+from ambkit.simulation.stabilising_controller import ENOUGH
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine

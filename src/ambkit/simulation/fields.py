@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from ambkit.machine.levitation import levitation_current
 from ambkit.machine.magnets import Law, MagnetModel, magnet_of
-from ambkit.simulation import parts
-from ambkit.simulation.control import Controller
+from ambkit.simulation import plant_parts
+from ambkit.simulation.controller_states import Controller
 from ambkit.simulation.controllers import Controllers, arrays, controllers_of, gains_of
 from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Bearing, Machine
     from ambkit.simulation.scenario import PID, Scenario
 
@@ -34,7 +34,7 @@ class StraightLine:
         self.machine, self.scenario = bearing, scenario
         self.law = magnet if isinstance(magnet, Law) else magnet_of(bearing)
         self.magnet = self.law if magnet is None else magnet
-        self.coil = parts.coil_fields(bearing) if magnet is None else None
+        self.coil = plant_parts.coil_fields(bearing) if magnet is None else None
         hover = scenario.start == "hover"
         self.place = at if hover else 0.0
         balance = bearing.weight + self.law.bias_force + load
@@ -96,8 +96,8 @@ class StraightLine:
             "K_sen": bearing.sensor.gain,
             "T_sen": bearing.sensor_lag,
             "travel": bearing.rotor.clearance,
-            "substeps": parts.substeps(bearing, self.scenario.substeps),
-            "parts": parts.parts_of(bearing, precision),
+            "substeps": plant_parts.substeps(bearing, self.scenario.substeps),
+            "parts": plant_parts.parts_of(bearing, precision),
             "coil": None if self.coil is None else core.Law(**self.coil),
         }
 

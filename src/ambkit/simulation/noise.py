@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:
+    from ambkit.machine.accessories import ColouredNoise, Hum
     from ambkit.machine.bearing import Sensor
     from ambkit.machine.machine import Bearing, Machine
-    from ambkit.machine.parts import ColouredNoise, Hum
     from ambkit.simulation.scenario import Scenario
 
 Array = NDArray[np.float64]

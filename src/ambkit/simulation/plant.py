@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from ambkit.data.signals import signal
 from ambkit.machine import geometry
-from ambkit.machine.bank import weights_of
 from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.force_laws import weights_of
 from ambkit.machine.geometry import Axis
 from ambkit.machine.levitation import levitation_current
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
 from ambkit.models.continuous import Continuous, behind_magnets, continuous
 from ambkit.models.model import compressed_rows
-from ambkit.simulation import parts
+from ambkit.simulation import plant_parts
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -112,13 +112,13 @@ class Plant:
             "g": g.tolist(), **rotation,
             "second": [second.get(k, -1) for k in range(len(self.axes))],
             "amplifiers": [
-                parts.amplifier_of(isolated) | parts.behind_fields(behind, dtype)
+                plant_parts.amplifier_of(isolated) | plant_parts.behind_fields(behind, dtype)
                 for isolated, behind in zip(self.isolated, self.behind, strict=True)
             ],
             "behind": [[index[name] for name in behind.states] for behind in self.behind],
             "coils": [
                 None if fields is None else core.Law(**fields)
-                for fields in map(parts.coil_fields, self.isolated)
+                for fields in map(plant_parts.coil_fields, self.isolated)
             ],
             "base": [place.get(way, -1) for way in "xyz"],
             "current": [-1 if item is None else index[item] for item in model.current],
@@ -130,7 +130,7 @@ class Plant:
             "lag": [machine.lag_of(r.sensor) for r in readings],
             "sensor_parts": self._sensors(dtype),
             "rings": self._rings(),
-            **({"delay": 0, "delay_rest": 0.0} | parts.delay_of(machine)),
+            **({"delay": 0, "delay_rest": 0.0} | plant_parts.delay_of(machine)),
             "substeps": self._substeps(substeps, max_speed),
         }  # fmt: skip
 
@@ -149,7 +149,7 @@ class Plant:
         for r in self.machine.readings:
             second = r.sensor.type == "radial" and r.name == f"{r.sensor.name}2"
             around = math.pi / 2 if second else 0.0
-            sensors.append(parts.of_sensor(r.sensor, r.sensor.runout, precision, around))
+            sensors.append(plant_parts.of_sensor(r.sensor, r.sensor.runout, precision, around))
         return sensors
 
     def _rings(self) -> list[dict[str, Any]]:
@@ -183,7 +183,7 @@ class Plant:
         needed += [
             4 * T * 2 * math.pi * bandwidth for bandwidth in bandwidths if bandwidth is not None
         ]
-        needed += [4 * T * parts.fastest(behind) for behind in self.behind]
+        needed += [4 * T * plant_parts.fastest(behind) for behind in self.behind]
         if machine.bending is not None:
             needed.append(8 * T * float(machine.bending.frequency.max()))
         return max(least, *(math.ceil(item) for item in needed))

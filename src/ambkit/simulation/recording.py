@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.copying import own_version
+from ambkit.base.pickling import own_version
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 

@@ -13,8 +13,8 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.magnets import ConstantStiffness
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
-    from ambkit.estimate.model import LinearModel
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.estimate.linear_model import LinearModel
     from ambkit.machine.machine import Bearing
     from ambkit.simulation.plant import Plant
 

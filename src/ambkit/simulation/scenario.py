@@ -18,16 +18,16 @@ from pydantic import (
     model_validator,
 )
 
-from ambkit.base.asked import of_type
 from ambkit.base.config import Document, Part, Read
 from ambkit.base.config.problems import ONE_OR_MORE
 from ambkit.base.config.quantities import Quantity, SignalIn
-from ambkit.base.config.texts import Name
+from ambkit.base.config.text_types import Name
 from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import of_type
 from ambkit.machine.machine import Bearing
 from ambkit.simulation.blocks import AnyBlock, gain_at_rest, sections_of
-from ambkit.simulation.holding import Gains, chosen, textbook, two_digits, weight_of
-from ambkit.simulation.sequence import LiftOff
+from ambkit.simulation.lift_off_sequence import LiftOff
+from ambkit.simulation.stabilising_controller import Gains, chosen, textbook, two_digits, weight_of
 from ambkit.simulation.waveforms import (
     Constant,
     Impulse,

@@ -22,10 +22,10 @@ from ambkit.verbs.words import (
 )
 
 if TYPE_CHECKING:
-    from ambkit.workflow.assessing_log import AssessedLog
-    from ambkit.workflow.assessment import Assessment
-    from ambkit.workflow.over_speed import OverSpeed
-    from ambkit.workflow.sweeping import Sweep
+    from ambkit.assessment.amplitude_sweep import Sweep
+    from ambkit.assessment.assess_log import AssessedLog
+    from ambkit.assessment.assessment import Assessment
+    from ambkit.assessment.speed_sweep import OverSpeed
 
 
 def assess(
@@ -89,11 +89,11 @@ def assess(
     $ ambkit assess tum_mlps --out verdict.html
     $ ambkit assess filter.toml --disturbance "5 N" --json
     """
-    from ambkit.workflow import assessing
-    from ambkit.workflow.given import given_orbit, loop_given
+    from ambkit.assessment import assess
+    from ambkit.assessment.arguments import given_orbit, loop_given
 
     loop = loop_given(machine, filter, controller, position, disturbance)
-    return assessing.assess(
+    return assess.assess(
         loop.machine, loop.filters, loop.controller, x=loop.position, load=loop.disturbance,
         lqg="lqg" in beside, hinf="hinf" in beside, orbit=given_orbit(orbit),
     )  # fmt: skip
@@ -146,13 +146,13 @@ def assess_sweep(
     --------
     $ ambkit assess sweep my.toml --amplitudes "1 um" --amplitudes "20 um" --plot sweep.png
     """
+    from ambkit.assessment import amplitude_sweep
+    from ambkit.assessment.arguments import given_orbit, loop_given
     from ambkit.base.progress import progress
-    from ambkit.workflow import sweeping
-    from ambkit.workflow.given import given_orbit, loop_given
 
     loop = loop_given(machine, filter, controller, position, disturbance).one()
     with progress("sweeping"):
-        return sweeping.sweep(
+        return amplitude_sweep.sweep(
             loop.machine, loop.filters, loop.controller, amplitudes=amplitudes or None, kind=kind,
             axis=axis, x=loop.position, load=loop.disturbance, orbit=given_orbit(orbit),
         )  # fmt: skip
@@ -202,13 +202,13 @@ def assess_speed(
     --------
     $ ambkit assess speed tum_mlps --fastest "30000 rpm" --plot over-speed.png
     """
+    from ambkit.assessment import speed_sweep
+    from ambkit.assessment.arguments import loop_given
     from ambkit.base.progress import progress
-    from ambkit.workflow import over_speed
-    from ambkit.workflow.given import loop_given
 
     loop = loop_given(machine, filter, controller, 0.0, disturbance).one()
     with progress("looking at one speed after the other"):
-        return over_speed.assess_over_speed(
+        return speed_sweep.assess_over_speed(
             loop.machine, loop.filters, loop.controller, fastest=fastest, count=count,
             load=loop.disturbance, orbit=orbit is not None,
         )  # fmt: skip
@@ -260,16 +260,16 @@ def assess_log(
     --------
     $ ambkit assess log injected.csv --machine my.toml --plot measured.png
     """
-    from ambkit.workflow import assessing_log
-    from ambkit.workflow.given import given_record, loop_given
+    from ambkit.assessment import assess_log
+    from ambkit.assessment.arguments import given_record, loop_given
 
     log_record = given_record(record, channels, window)
     if machine is None:
         if filter is not None or controller is not None:
             raise AmbkitError("machine says what filter and controller are of: give it too")
-        return assessing_log.assess_log(log_record, logged=logged)
+        return assess_log.assess_log(log_record, logged=logged)
     loop = loop_given(machine, filter, controller, position, disturbance)
-    return assessing_log.assess_log(
+    return assess_log.assess_log(
         log_record, loop.machine, loop.filters, loop.controller, logged=logged, x=loop.position,
         load=loop.disturbance,
     )  # fmt: skip

@@ -81,13 +81,13 @@ def design(
     """
     import math
 
-    from ambkit.base.asked import names_in
+    from ambkit.assessment.arguments import given_machine
     from ambkit.base.progress import progress
-    from ambkit.workflow import designing
-    from ambkit.workflow.given import given_machine
+    from ambkit.base.quantity_arguments import names_in
+    from ambkit.workflow import design
 
     with progress("designing") as done:
-        return designing.design(
+        return design.design(
             given_machine(machine), names_in(records=records), out, channels=channels,
             validate=validate, kinds=None if filter is None else names_in(filter=filter), free=free,
             max_sensitivity=max_sensitivity if math.isfinite(max_sensitivity) else None,

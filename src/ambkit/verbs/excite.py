@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from ambkit.verbs.words import Axis, Band, Filter, Limit, Machine, Scenario, Time, Wander
 
 if TYPE_CHECKING:
+    from ambkit.assessment.injection import Injection
     from ambkit.identification.excitation import Design
-    from ambkit.workflow.injection import Injection
 
 
 def excite(
@@ -68,12 +68,12 @@ def excite(
     $ ambkit excite my.toml --duration "1 s" --out excitation.csv --plot excitation.png
     $ ambkit excite tum_mlps --axis A1 --out excitation.csv
     """
-    from ambkit.base.asked import in_si
+    from ambkit.assessment.arguments import given_band, given_limits, given_machine
     from ambkit.base.progress import progress
+    from ambkit.base.quantity_arguments import in_si
     from ambkit.identification.excitation import Limits, design
     from ambkit.machine.axes import isolated
-    from ambkit.workflow.given import given_band, given_limits, given_machine
-    from ambkit.workflow.simulating import experiment_duration, scenario_for
+    from ambkit.workflow.simulate import experiment_duration, scenario_for
 
     plant = isolated(given_machine(machine), axis)
     if duration is None and scenario is None:
@@ -141,10 +141,10 @@ def excite_sensitivity(
     $ ambkit excite sensitivity my.toml --out injection.csv
     $ ambkit excite sensitivity tum_mlps --axis A1 --out injection.csv
     """
+    from ambkit.assessment.arguments import NONE, given_band, given_limits, given_machine
+    from ambkit.assessment.injection_experiment import DURATION, design_injection
     from ambkit.base.progress import progress
-    from ambkit.workflow.given import NONE, given_band, given_limits, given_machine
-    from ambkit.workflow.injecting import DURATION, design_injection
-    from ambkit.workflow.simulating import scenario_for
+    from ambkit.workflow.simulate import scenario_for
 
     plant, without = given_machine(machine), isinstance(filter, str) and filter == NONE
     happening: Any = scenario_for(

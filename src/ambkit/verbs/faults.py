@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from ambkit.verbs.words import Filters, Machine
 
 if TYPE_CHECKING:
-    from ambkit.judge.faults.campaign import FaultCampaign
+    from ambkit.judge.faults.fault_test import FaultCampaign
 
 
 def inject_faults(
@@ -65,10 +65,10 @@ def inject_faults(
     $ ambkit faults zittau_axial --filter linear --filter extended --plot faults.png
     $ ambkit faults tum_mlps --filter linear --reading Lb1
     """
-    from ambkit.judge.faults import campaign
-    from ambkit.workflow.given import given_machine
+    from ambkit.assessment.arguments import given_machine
+    from ambkit.judge.faults import fault_test
 
-    return campaign.inject_faults(
+    return fault_test.inject_faults(
         given_machine(machine), None if filter in ("all", ["all"]) else filter, reading=reading,
         faults=faults or None, seeds=range(first_seed, first_seed + seeds), steps=samples,
         precisions=("float64", "float32") if precision == "both" else (precision,),

@@ -54,8 +54,8 @@ def pil(
     $ ambkit pil filter.toml --scenario scenario.toml --board stm32f4 --out pil.html
     $ ambkit pil tum_mlps --scenario mlps.toml
     """
+    from ambkit.assessment.arguments import export_given, given_scenario
     from ambkit.export import pil as loop
-    from ambkit.workflow.given import export_given, given_scenario
 
     model, chosen = export_given(machine, filter)
     return loop.pil(

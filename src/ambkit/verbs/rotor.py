@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from ambkit.verbs.words import Machine, Speed
 
 if TYPE_CHECKING:
-    from ambkit.workflow.campbell import Campbell
-    from ambkit.workflow.mode_shapes import ModeShapes
-    from ambkit.workflow.unbalance_response import UnbalanceResponse
+    from ambkit.rotordynamics.campbell import Campbell
+    from ambkit.rotordynamics.mode_shapes import ModeShapes
+    from ambkit.rotordynamics.unbalance_response import UnbalanceResponse
 
 
 def campbell(machine: Machine, fastest: Speed | None = None, *, count: int = 121) -> Campbell:
@@ -42,8 +42,8 @@ def campbell(machine: Machine, fastest: Speed | None = None, *, count: int = 121
     --------
     $ ambkit rotor ufu_flexible --fastest "12000 rpm" --plot campbell.png
     """
-    from ambkit.workflow import campbell as of
-    from ambkit.workflow.given import given_machine
+    from ambkit.assessment.arguments import given_machine
+    from ambkit.rotordynamics import campbell as of
 
     return of.campbell(given_machine(machine), fastest, count=count)
 
@@ -70,8 +70,8 @@ def mode_shapes(machine: Machine) -> ModeShapes:
     --------
     $ ambkit rotor modes ufu_flexible --plot modes.png
     """
-    from ambkit.workflow import mode_shapes as of
-    from ambkit.workflow.given import given_machine
+    from ambkit.assessment.arguments import given_machine
+    from ambkit.rotordynamics import mode_shapes as of
 
     return of.mode_shapes(given_machine(machine))
 
@@ -104,7 +104,7 @@ def unbalance_response(
     --------
     $ ambkit rotor unbalance tum_mlps --fastest "6000 rpm" --plot response.png
     """
-    from ambkit.workflow import unbalance_response as of
-    from ambkit.workflow.given import given_machine
+    from ambkit.assessment.arguments import given_machine
+    from ambkit.rotordynamics import unbalance_response as of
 
     return of.unbalance_response(given_machine(machine), fastest, count=count)

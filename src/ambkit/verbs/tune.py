@@ -17,9 +17,9 @@ from ambkit.verbs.words import (
 )
 
 if TYPE_CHECKING:
-    from ambkit.workflow.campaign.robust import Robust
-    from ambkit.workflow.trading_off import TradeOff
-    from ambkit.workflow.tuned_filter import Tuned
+    from ambkit.workflow.robust_tuning import Robust
+    from ambkit.workflow.trade_off import TradeOff
+    from ambkit.workflow.tune import Tuned
 
 
 def tune(
@@ -90,13 +90,13 @@ def tune(
     $ ambkit tune my.toml run.csv --validate other.csv --out filter.toml --plot tune.png
     $ ambkit tune my.toml run.csv --max-sensitivity 2.5 --out filter.toml
     """
+    from ambkit.assessment.arguments import tuning_given
     from ambkit.base.progress import progress
-    from ambkit.workflow import tuned_filter
-    from ambkit.workflow.given import tuning_given
+    from ambkit.workflow import tune
 
     task = tuning_given(machine, records, filter, controller, channels)
     with progress("tuning", budget) as done:
-        result = tuned_filter.tune(
+        result = tune.tune(
             task.machine, task.records, task.kind, validate=task.others(validate),
             max_sensitivity=max_sensitivity, controller=task.controller, free=free,
             magnet=task.magnet, inputs=task.inputs, source=task.source, runs=runs,
@@ -145,13 +145,13 @@ def tune_trade_off(
     --------
     $ ambkit tune trade-off tum_mlps --filter linear --peaks 1.7 --peaks 2.5 --plot trade.png
     """
+    from ambkit.assessment.arguments import tuning_given
     from ambkit.base.progress import progress
-    from ambkit.workflow import trading_off
-    from ambkit.workflow.given import tuning_given
+    from ambkit.workflow import trade_off
 
     task = tuning_given(machine, records, filter, controller, channels)
     with progress("tuning", budget * len(peaks)) as done:
-        return trading_off.trade_off(
+        return trade_off.trade_off(
             task.machine, peaks, task.records, task.kind, controller=task.controller,
             magnet=task.magnet, runs=runs, budget=budget, seed=seed, done=done,
         )  # fmt: skip
@@ -208,10 +208,10 @@ def tune_robust(
     $ ambkit tune robust tolerances.toml --storage search.log --out filter.toml
     """
     from ambkit.base.progress import progress
-    from ambkit.workflow.campaign import robust
+    from ambkit.workflow import robust_tuning
 
     with progress("tuning over the tolerances", budget, unit="evaluations") as done:
-        return robust.tune_robust(
+        return robust_tuning.tune_robust(
             study, quantile=quantile, max_sensitivity=max_sensitivity, free=free,
             budget=budget, storage=storage, seed=seed, done=done,
         )  # fmt: skip

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from os import PathLike
 
     import ambkit
-    from ambkit.data.channelmap import ChannelMap
+    from ambkit.data.channel_map import ChannelMap
 
 Machine = Annotated["str | PathLike[str] | ambkit.Machine", "MACHINE"]
 Filter = Annotated["str | PathLike[str] | ambkit.Estimator", "FILTER"]

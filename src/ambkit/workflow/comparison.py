@@ -6,16 +6,16 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-from ambkit.base.asked import Given, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
+from ambkit.base.quantity_arguments import Given, of_type
 from ambkit.estimate.named import USUAL, factories
 from ambkit.judge.comparison.cases import Case
-from ambkit.machine.forces.map_of import surface_in
-from ambkit.machine.forces.surface import ForceSurface
+from ambkit.machine.forces.force_map import surface_in
+from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine
 from ambkit.simulation.scenario import Scenario
-from ambkit.workflow.comparing import (
+from ambkit.workflow.compare_steps import (
     RUNS,
     LoopScores,
     compare_in_all,
@@ -26,8 +26,8 @@ from ambkit.workflow.comparing import (
 from ambkit.workflow.saved_filters import save_filters as write_filters
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
-    from ambkit.judge.comparison.standing import Benches
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.judge.comparison.score import Benches
     from ambkit.judge.comparison.study import Study
     from ambkit.machine.magnets import MagnetModel
 

@@ -13,26 +13,26 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.filter_file import FilterFile
+from ambkit.estimate.machine_model import several
 from ambkit.estimate.registry import KINDS
-from ambkit.estimate.view import several
 from ambkit.judge.adequacy import judge_adequacy
 from ambkit.judge.adequacy_criteria import Finding
-from ambkit.judge.comparison.bench import bench
 from ambkit.judge.comparison.candidates import Candidate
 from ambkit.judge.comparison.cases import CASES, load_case, trials
+from ambkit.judge.comparison.comparison import bench
 from ambkit.judge.comparison.criteria import SETTLING
 from ambkit.judge.comparison.tuning import SIGNALS, errors
 from ambkit.judge.load_following import STEP, load_capacity
 from ambkit.judge.loop.loop_of import OutOfReachError
-from ambkit.machine.bank import slowest_time
+from ambkit.machine.force_laws import slowest_time
 from ambkit.simulation.scenario import Scenario
-from ambkit.workflow.stages import read_json
-from ambkit.workflow.tuned_filter import Tuned, tune
+from ambkit.workflow.resumable import read_json
+from ambkit.workflow.tune import Tuned, tune
 from ambkit.workflow.tuning import default_disturbance
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED, RAW, By
 
 if TYPE_CHECKING:
-    from ambkit.estimate.noise import Variances
+    from ambkit.estimate.noise_model import Variances
     from ambkit.export.c import CExport
     from ambkit.machine.machine import Machine
     from ambkit.simulation.scenario import Scenario

@@ -14,7 +14,7 @@ from ambkit.simulation.scenario import GAINS, PID, Control
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ambkit.workflow.assessed_loop import AssessedLoop
+    from ambkit.assessment.loop import AssessedLoop
 
 DIGITS = 3
 """Of the gains that are written down."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering, percent
-from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.criteria import EVALUATED
@@ -18,7 +18,7 @@ from ambkit.judge.evaluation import evaluate
 from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
-from ambkit.result.stated import Part, Section
+from ambkit.result.sections import Part, Section
 from ambkit.show.plots.design import design_figure
 from ambkit.show.plots.filters import filter_figure
 from ambkit.simulation.control_candidates import name_of
@@ -27,11 +27,11 @@ from ambkit.workflow.design_candidates import TunedCandidate, evidence_for
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
 
 if TYPE_CHECKING:
+    from ambkit.assessment.assessment import Assessment
+    from ambkit.assessment.loop import AssessedLoop
     from ambkit.data.record import Record
     from ambkit.export.c import CExport
     from ambkit.result.report.figure import Figure
-    from ambkit.workflow.assessed_loop import AssessedLoop
-    from ambkit.workflow.assessment import Assessment
 
 UNITS = {"kp": "A/m", "ki": "A/(m s)", "kd": "A s/m", "derivative_filter": "s", "anti_windup": "s"}
 """Of gains; the others have none."""

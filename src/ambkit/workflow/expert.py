@@ -7,23 +7,23 @@ import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal
 
-from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import shown_in_notebooks
+from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.estimate.filter_saving import made_by
 from ambkit.estimate.kalman import AdaptiveKalmanFilter
-from ambkit.fuzzy.left_out import LAW, NETWORK, REFITTED, SURFACE, choose_model
+from ambkit.fuzzy.cross_validation import LAW, NETWORK, REFITTED, SURFACE, choose_model
 from ambkit.fuzzy.training import train as train_network
 from ambkit.machine.axes import isolated
-from ambkit.machine.forces.file import load_force_points
-from ambkit.machine.forces.points import ForcePoints
+from ambkit.machine.forces.force_file import load_force_points
+from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import StiffnessMap
 from ambkit.workflow.training import RULES, how_to_train, measured_force, stiffness_of_law
 
 if TYPE_CHECKING:
-    from ambkit.fuzzy.choice import Shape
     from ambkit.fuzzy.expert import Expert, Method
+    from ambkit.fuzzy.rule_selection import Shape
     from ambkit.workflow.training import TrainedExpert
 
 

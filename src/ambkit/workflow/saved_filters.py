@@ -11,10 +11,10 @@ from ambkit.base.errors import AmbkitError
 from ambkit.estimate.filter_saving import NoFile, made_by, origin_of, preset_of
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.adequacy import judge_adequacy
-from ambkit.judge.comparison.bench import TRAINING
+from ambkit.judge.comparison.comparison import TRAINING
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.judge.adequacy_criteria import Finding
     from ambkit.judge.comparison.study import Study
 

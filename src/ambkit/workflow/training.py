@@ -11,9 +11,7 @@ import numpy as np
 
 from ambkit.base.progress import shown_in_notebooks
 from ambkit.base.units import engineering
-from ambkit.fuzzy.choice import RuleChoice, Shape, choose_rules, measured_map
-from ambkit.fuzzy.expert import Expert
-from ambkit.fuzzy.left_out import (
+from ambkit.fuzzy.cross_validation import (
     LAW,
     NETWORK,
     REFITTED,
@@ -22,16 +20,18 @@ from ambkit.fuzzy.left_out import (
     choose_model,
     refitted,
 )
+from ambkit.fuzzy.expert import Expert
+from ambkit.fuzzy.rule_selection import RuleChoice, Shape, choose_rules, measured_map
 from ambkit.fuzzy.training import train
 from ambkit.fuzzy.training_set import rms
-from ambkit.machine.forces.surface import ForceSurface
+from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.magnets import ConstantStiffness, evaluate_stiffness, magnet_of
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ambkit.machine.forces.points import ForcePoints
+    from ambkit.machine.forces.force_points import ForcePoints
     from ambkit.machine.machine import Bearing
     from ambkit.machine.magnets import MagnetModel
 

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.data.reading.spike_free import spike_free
-from ambkit.estimate.base import Estimator
+from ambkit.data.reading.despike import spike_free
 from ambkit.estimate.estimate import Estimate, Status
-from ambkit.machine.bank import isolated_axes
+from ambkit.estimate.estimator import Estimator
 from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.force_laws import isolated_axes
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record

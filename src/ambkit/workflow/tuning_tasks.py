@@ -11,21 +11,21 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
-from ambkit.data.reading.spike_free import without_spikes
+from ambkit.data.reading.despike import without_spikes
 from ambkit.data.signals import each_of, signal
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.judge.comparison.bench import raw_error
 from ambkit.judge.comparison.cases import CASES, Trial, loaded, trials
+from ambkit.judge.comparison.comparison import raw_error
 from ambkit.judge.comparison.tuning import SIGNALS, Tried, errors
 from ambkit.judge.evaluation import evaluate
 from ambkit.judge.load_following import least_process_noise
-from ambkit.machine.bank import slowest_time
+from ambkit.machine.force_laws import slowest_time
 from ambkit.workflow.tuning import MUCH_LESS_LIKELY, TOO_LARGE, log_likelihood
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.estimate.base import Estimator
     from ambkit.estimate.estimate import Estimate
+    from ambkit.estimate.estimator import Estimator
     from ambkit.judge.comparison.candidates import Candidate, Range
     from ambkit.machine.machine import Machine
 

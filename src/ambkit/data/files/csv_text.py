@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base import budget
+from ambkit.base import memory_limit
 from ambkit.base.errors import RecordError, shortened
 from ambkit.base.escaping import one_line
 from ambkit.data.files import csv_dialect
@@ -76,7 +76,7 @@ def read(
 ) -> Log:
     """Read a text file with columns; see `ambkit.data.files.formats.read_log`."""
     try:
-        content = budget.read_bytes(path, budget.TEXT_SHARE)
+        content = memory_limit.read_bytes(path, memory_limit.TEXT_SHARE)
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from error
     text, encoding = _decode(content, os.fspath(path))

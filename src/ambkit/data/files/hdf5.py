@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base import budget
+from ambkit.base import memory_limit
 from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError, shortened
 from ambkit.base.escaping import one_line
 from ambkit.data.files.log import Log, check_readable, damaged, whole_numbers
@@ -45,7 +45,7 @@ def read(
             result = _data_sets(file, h5py)
             known = selection is not None and set(selection) <= set(result)
             chosen = {k: v for k, v in result.items() if not known or k in (selection or ())}
-            budget.check(path, sum(memory_of(*item) for item in chosen.values()), _LESS)
+            memory_limit.check(path, sum(memory_of(*item) for item in chosen.values()), _LESS)
             for name, (data, part) in chosen.items():
                 progress(f"reading {name}")
                 values = data[()] if part is None else data[part]

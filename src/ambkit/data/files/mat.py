@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base import budget
+from ambkit.base import memory_limit
 from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError
 from ambkit.base.escaping import one_line
 from ambkit.data.files.hdf5 import check_within, memory_of
@@ -113,8 +113,8 @@ def _content(path: str | os.PathLike[str]) -> dict[str, Any]:
 
     try:
         packed = _unpacked(Path(path))
-        budget.check(path, packed, whole=False)
-        budget.check(path, _memory_of(path, packed))
+        memory_limit.check(path, packed, whole=False)
+        memory_limit.check(path, _memory_of(path, packed))
         return dict(loadmat(os.fspath(path)))
     except AmbkitError:
         raise
@@ -134,7 +134,7 @@ def _memory_of(path: str | os.PathLike[str], unpacked: int) -> int:
 
 def _unpacked(path: Path) -> int:
     """Length of a MATLAB 5 file with its elements unpacked; not counted on beyond the limit."""
-    total, most = 0, budget.limit()
+    total, most = 0, memory_limit.limit()
     with path.open("rb") as file:
         order = {b"IM": "<", b"MI": ">"}.get(file.read(_HEADER)[-2:])
         while order and len(tag := file.read(8)) == 8 and total <= most:
@@ -166,7 +166,7 @@ def _content_of_7_3(path: str | os.PathLike[str]) -> dict[str, Any]:
             file.visititems(
                 lambda _, item: sizes.append(memory_of(item)) if hasattr(item, "dtype") else None
             )
-            budget.check(path, sum(sizes))
+            memory_limit.check(path, sum(sizes))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of objects that hold no numbers
             return dict(read_mat(os.fspath(path)))

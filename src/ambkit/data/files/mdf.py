@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base import budget
+from ambkit.base import memory_limit
 from ambkit.base.errors import AmbkitError, ExtraMissing
 from ambkit.base.escaping import one_line
 from ambkit.data.files.log import Log, check_readable, damaged
@@ -81,7 +81,9 @@ def _read(
         for place, label in labels.items()
         if selection is None or not all_known or label in requests or times[place[0]] in requests
     }
-    budget.check(name, _memory_of(file, chosen), " a channel map that names fewer takes less;")
+    memory_limit.check(
+        name, _memory_of(file, chosen), " a channel map that names fewer takes less;"
+    )
     for (g, c), label in chosen.items():
         clock = times[g]
         progress(f"reading {label}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base import budget, files
+from ambkit.base import files, memory_limit
 from ambkit.base.errors import RecordError
 from ambkit.base.escaping import one_line
 from ambkit.data.files.log import Log, check_readable, column_names, damaged, whole_numbers
@@ -69,7 +69,7 @@ def read(
             text_columns = column_names(tuple(places), texts, os.fspath(path))
             chosen = column_names(tuple(places), selection, os.fspath(path))
             read = {schema.names[places[name].column] for name in chosen}
-            budget.check(path, _memory_of(file.metadata, read), _LESS)
+            memory_limit.check(path, _memory_of(file.metadata, read), _LESS)
             for name in chosen:
                 progress(f"reading column {name}")
                 column = _column(file, path, places[name])
@@ -149,7 +149,7 @@ def _column(file: "ParquetFile", path: str | os.PathLike[str], place: _Place) ->
         column = packed.read([name], use_threads=True).column(place.twin)
     words = (pc.max(pc.binary_length(chunk.dictionary)).as_py() for chunk in column.chunks)
     longest = max((length or 0 for length in words), default=0)
-    budget.check(path, len(column) * longest, _LESS)
+    memory_limit.check(path, len(column) * longest, _LESS)
     return column.cast(pa.string())
 
 

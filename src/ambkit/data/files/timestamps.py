@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import RecordError, shortened
-from ambkit.data.files.time_layouts import MONTHS, layouts, pattern
+from ambkit.data.files.time_formats import MONTHS, layouts, pattern
 
 Array = NDArray[np.float64]
 Ticks = NDArray[np.int64]

@@ -3,6 +3,6 @@
 from ambkit.data.reading.clock import Clock
 from ambkit.data.reading.faults import Channel, Fault
 from ambkit.data.reading.reader import Reading, load, load_filled, read
-from ambkit.data.reading.refusals import Refused
+from ambkit.data.reading.rejections import Refused
 
 __all__ = ["Channel", "Clock", "Fault", "Reading", "Refused", "load", "load_filled", "read"]

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import late_binding
-from ambkit.base.asked import Given, in_si
 from ambkit.base.errors import RecordError, shortened
+from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.units import engineering, figure
 from ambkit.data.files.formats import read_log
 from ambkit.data.files.log import DamagedLog, Log
@@ -22,15 +22,15 @@ from ambkit.data.reading import faults as channel_faults
 from ambkit.data.reading import grid
 from ambkit.data.reading.clock import Clock, examine, instant
 from ambkit.data.reading.faults import Channel, Fault
-from ambkit.data.reading.refusals import Refused, check_times, refuse_uneven, segments_of
-from ambkit.data.reading.suspects import suspects
+from ambkit.data.reading.plausibility import suspects
+from ambkit.data.reading.rejections import Refused, check_times, refuse_uneven, segments_of
 from ambkit.data.record import Record, time_problems
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
-from ambkit.result.stated import Section
+from ambkit.result.sections import Section
 
 if TYPE_CHECKING:
-    from ambkit.data.channelmap import ChannelMap, Mapped
+    from ambkit.data.channel_map import ChannelMap, Mapped
     from ambkit.result.report.figure import Figure
 
 Array = NDArray[np.float64]
@@ -312,7 +312,7 @@ def _mapped(
     progress: Callable[[str], object],
 ) -> tuple[Log, Mapped]:
     """Read a log, and pick its signals out of it; a table with names and units needs no map."""
-    from ambkit.data.channelmap import ChannelMap, Mapped
+    from ambkit.data.channel_map import ChannelMap, Mapped
     from ambkit.data.files.tables import to_table
 
     if channel_map is not None:

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.export.c import data
+from ambkit.export.c import c_literals
+from ambkit.export.c.c_literals import CPrecision, Name
 from ambkit.export.c.crc import Constants
-from ambkit.export.c.data import CPrecision, Name
 from ambkit.export.c.limits import Limits, limits
 from ambkit.machine.magnets import bias_force_of
 
 if TYPE_CHECKING:
-    from ambkit.simulation.control import Controller
+    from ambkit.simulation.controller_states import Controller
 
 SOURCES = ("src/calibration.c",)
 TEMPLATES = {"{}_calibration.h": "calibration.h", "{}_calibration.c": "calibration.c"}
@@ -50,7 +50,7 @@ PARAMETERS = (
 def check(controller: Controller) -> None:
     """Refuse what cannot be calibrated."""
     estimator = controller.estimator
-    called = data.called(estimator)
+    called = c_literals.called(estimator)
     if not estimator.engine.built_in or called.has_own or called.has_state:
         raise AmbkitError(
             f"{estimator.machine.name}, {estimator.name}: what it works by is made of more than "
@@ -95,7 +95,7 @@ def _fields(controller: Controller, name: str) -> dict[str, Any]:
 
 def context(controller: Controller, name: str, precision: CPrecision) -> str:
     """Return the base as an initialiser."""
-    return data.struct_with_arrays(_fields(controller, name), precision)
+    return c_literals.struct_with_arrays(_fields(controller, name), precision)
 
 
 def constants(controller: Controller, name: str, crc: Constants) -> None:

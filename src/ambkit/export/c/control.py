@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.export.c import control_scenes, data, selftest
+from ambkit.export.c import c_literals, controller_test_cases, selftest
+from ambkit.export.c.c_literals import CPrecision, Name
 from ambkit.export.c.crc import Constants
-from ambkit.export.c.data import CPrecision, Name
 from ambkit.machine.magnets import own_time
-from ambkit.simulation.control import Controller
+from ambkit.simulation.controller_states import Controller
 from ambkit.simulation.controllers import controllers_of
 from ambkit.simulation.default_control import settled_scenario
 from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.simulation.scenario import Scenario
 
 SOURCES = ("src/control.c", "src/controllers.c", "src/controller.c", "src/sequence.c")
@@ -56,7 +56,7 @@ def controller_of(estimator: Estimator, scenario: Scenario) -> Controller:
         return Controller.of_axis(estimator.bearing, estimator, pid, scenario.sequence)
     settled = settled_scenario(machine, scenario)
     feeding = estimator if settled.feedback == "estimate" else None
-    plant, speeds = Plant(machine), control_scenes.speeds_of(machine, settled)
+    plant, speeds = Plant(machine), controller_test_cases.speeds_of(machine, settled)
     max_speed = machine.speed if speeds is None else max(map(abs, speeds))
     result = controllers_of(plant, settled.controller, feeding, fastest=max_speed)
     return Controller(plant, estimator, result, settled.sequence, feeding is not None)
@@ -114,11 +114,11 @@ def _behind(pids: list[dict[str, Any]], gains: Sequence[list[float]]) -> dict[st
 
 def _in_c(of: Structs, precision: CPrecision) -> dict[str, Any]:
     return {
-        "arrays": data.declared(of.arrays, precision),
-        "pids": [data.struct(pid, precision, {}) for pid in of.pids],
-        "law": data.struct(of.law, precision, {}),
-        "sequence": data.struct(of.sequence, precision, {}),
-        "control": data.struct(of.control, precision, {}),
+        "arrays": c_literals.declared(of.arrays, precision),
+        "pids": [c_literals.struct(pid, precision, {}) for pid in of.pids],
+        "law": c_literals.struct(of.law, precision, {}),
+        "sequence": c_literals.struct(of.sequence, precision, {}),
+        "control": c_literals.struct(of.control, precision, {}),
     }
 
 
@@ -135,13 +135,15 @@ def context(
         "law_said": f"{scenario.controller.type}, fed by the {scenario.feedback}" if several
         else _said(controller),
         "controller": _in_c(of, precision) | {
-            "bias": data.array(bias, precision) if several else data.number(bias[0], precision),
+            "bias": c_literals.array(bias, precision)
+            if several
+            else c_literals.number(bias[0], precision),
             "two_sided": ", ".join(str(item).lower() for item in two_sided),
-            "let_turn": data.struct(of.let_turn, precision, {}) if of.let_turn else "",
+            "let_turn": c_literals.struct(of.let_turn, precision, {}) if of.let_turn else "",
         },
         "coils": controller.coils,
         "own_time": f"{1e3 * own_time(controller.bearing):.3g} ms",
-        "speed": data.number(machine.speed, precision),
+        "speed": c_literals.number(machine.speed, precision),
         "times": controller.sequence,
         "in_flight": _in_flight(controller, scenario, precision),
     }  # fmt: skip
@@ -149,14 +151,14 @@ def context(
 
 def _in_flight(controller: Controller, scenario: Scenario, precision: CPrecision) -> dict[str, Any]:
     """Return what the files of the self-test say."""
-    tested = control_scenes.vectors(controller, scenario)
-    quick, estimator = control_scenes.quick(controller), controller.estimator
+    tested = controller_test_cases.vectors(controller, scenario)
+    quick, estimator = controller_test_cases.quick(controller), controller.estimator
     most = float(np.finfo(estimator.precision).max)
 
     def listed(values: NDArray[np.float64]) -> str:
-        result = control_scenes.also_infinite(values)
+        result = controller_test_cases.also_infinite(values)
         stood_in = np.nan_to_num(result, nan=most, posinf=most / 2, neginf=-most / 2)
-        return data.array(stood_in.ravel(), precision)
+        return c_literals.array(stood_in.ravel(), precision)
 
     between, beyond = selftest.stops(estimator)
     middle = np.ravel(estimator.inputs.y.numbers(0.0))[0]
@@ -167,18 +169,18 @@ def _in_flight(controller: Controller, scenario: Scenario, precision: CPrecision
         "amplified": int(tested.amplified.sum()),
         "y": listed(tested.y),
         "r": listed(tested.r),
-        "u": data.array(tested.u.ravel(), precision),
-        "speed": data.array(tested.speed, precision),
-        "status": data.array(tested.status, precision),
-        "mean": data.array(control_scenes.in_turn(tested.mean), precision),
-        "taken_with": data.array(tested.taken_with, precision),
-        "marks": data.array(control_scenes.marks_of(tested), precision),
-        "quick": data.struct({key: quick[key] for key in _COUNTS}, precision, {}),
+        "u": c_literals.array(tested.u.ravel(), precision),
+        "speed": c_literals.array(tested.speed, precision),
+        "status": c_literals.array(tested.status, precision),
+        "mean": c_literals.array(controller_test_cases.in_turn(tested.mean), precision),
+        "taken_with": c_literals.array(tested.taken_with, precision),
+        "marks": c_literals.array(controller_test_cases.marks_of(tested), precision),
+        "quick": c_literals.struct({key: quick[key] for key in _COUNTS}, precision, {}),
         "settling": f"{quick['settling']}U",
-        "places": data.rows(np.vstack([between, beyond]), precision),
-        "middle": data.number(middle, precision),
+        "places": c_literals.rows(np.vstack([between, beyond]), precision),
+        "middle": c_literals.number(middle, precision),
         "runs": list(zip(kinds, np.diff(starts).tolist(), strict=True)),
-        "coverage": control_scenes.coverage(controller, tested),
+        "coverage": controller_test_cases.coverage(controller, tested),
     }
 
 

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.units import engineering
-from ambkit.export.c.data import arrays_of
+from ambkit.export.c.c_literals import arrays_of
 from ambkit.machine.magnets import core_module
 from ambkit.result.row import Row, put
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
 
 STORED = Path(__file__).with_name("cost.json")
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.export.c.data import CPrecision, Name
+from ambkit.export.c.c_literals import CPrecision, Name
 
 _COLUMNS = {2: ("k_i", "k_s"), 4: ("f", "f_i", "f_x", "f_ix")}
 """Fields of what stands in an array of structs (`data.type_of`)."""

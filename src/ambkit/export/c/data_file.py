@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.estimate.registry import PAPER
-from ambkit.export.c import calibration, control, data, model
+from ambkit.export.c import c_literals, calibration, control, model
+from ambkit.export.c.c_literals import CPrecision, Kind
 from ambkit.export.c.crc import Constants, Crc
-from ambkit.export.c.data import CPrecision, Kind
 from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.data.rig_units import Scaling
-    from ambkit.estimate.base import Estimator
-    from ambkit.simulation.control import Controller
+    from ambkit.data.input_scaling import Scaling
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.simulation.controller_states import Controller
 
 
 def data_context(
@@ -30,24 +30,24 @@ def data_context(
 ) -> dict[str, Any]:
     """Return what the data file says: the structs that the core holds, as initialisers."""
     fields = magnet.parameters
-    arrays = data.arrays_of(fields)
+    arrays = c_literals.arrays_of(fields)
     names = _names(magnet, None)
     named = of_model.arrays | {names[path]: values for path, values in arrays.items()}
     if estimator.whole is not None:
         named = dict(of_model.arrays)
         for k, item in enumerate(magnets_of(estimator)):
-            own = data.arrays_of(item.parameters)
+            own = c_literals.arrays_of(item.parameters)
             named |= {_names(item, k)[path]: values for path, values in own.items()}
     kalman = estimator.core.parameters | {"model": of_model.numbers}
     if editable:
         kalman = kalman["set"]
     return {
-        "kalman": data.struct_with_arrays(kalman, precision),
-        "std": data.array(np.asarray(estimator.default_std()), precision),
-        "magnet": data.struct(fields, precision, names),
+        "kalman": c_literals.struct_with_arrays(kalman, precision),
+        "std": c_literals.array(np.asarray(estimator.default_std()), precision),
+        "magnet": c_literals.struct(fields, precision, names),
         "magnet_type": kind.type,
         "magnet_methods": kind.methods,
-        "arrays": data.declared(named, precision),
+        "arrays": c_literals.declared(named, precision),
     }
 
 
@@ -62,13 +62,13 @@ def several(
         "axes": [axis.name for axis in machine_view.machine.axes],
         "readings": [r.name for r in machine_view.machine.readings],
         "headers": sorted({f"{kind.source}.h" for kind in kinds}),
-        "start": data.array(constant, precision),
-        "start_by": data.array(by_reading.ravel(), precision),
+        "start": c_literals.array(constant, precision),
+        "start_by": c_literals.array(by_reading.ravel(), precision),
         "magnets": [
             {
                 "type": kind.type,
                 "methods": kind.methods,
-                "text": data.struct(magnet.parameters, precision, _names(magnet, k)),
+                "text": c_literals.struct(magnet.parameters, precision, _names(magnet, k)),
             }
             for k, (magnet, kind) in enumerate(zip(magnets, kinds, strict=True))
         ],
@@ -83,8 +83,8 @@ def raw(name: str, reading: Scaling, precision: CPrecision) -> dict[str, str] | 
     zero = f" {sign} {abs(reading.zero):.9g}" if reading.zero else ""
     value = f"{reading.gain:.9g} * number{zero}"
     return {
-        "gain": data.number(reading.gain, precision),
-        "zero": data.number(reading.zero, precision),
+        "gain": c_literals.number(reading.gain, precision),
+        "zero": c_literals.number(reading.zero, precision),
         "unit": reading.unit,
         "said": f"{name} [{reading.si_unit}] = {value}, number in {reading.unit}",
     }
@@ -92,7 +92,9 @@ def raw(name: str, reading: Scaling, precision: CPrecision) -> dict[str, str] | 
 
 def levitation_current(estimator: Estimator, precision: CPrecision) -> str:
     """Return the current that holds the rotor at x, as `Estimator.equilibrium_state` has it."""
-    middle, per_metre = (data.number(value, precision) for value in estimator.levitation_current)
+    middle, per_metre = (
+        c_literals.number(value, precision) for value in estimator.levitation_current
+    )
     return f"{middle} + {per_metre} * x"
 
 
@@ -105,7 +107,7 @@ def magnets_of(estimator: Estimator) -> list[Magnet]:
 def _names(magnet: Magnet, k: int | None) -> dict[str, str]:
     """Return the C names of the arrays of the k-th magnet, by the paths of their fields."""
     of = "" if k is None else f"of_{k}_"
-    return {path: of + path.replace(".", "_") for path in data.arrays_of(magnet.parameters)}
+    return {path: of + path.replace(".", "_") for path in c_literals.arrays_of(magnet.parameters)}
 
 
 def crc(
@@ -126,7 +128,7 @@ def crc(
     magnets = magnets_of(estimator)
     for k, magnet in enumerate(magnets):
         names = _names(magnet, k if of_machine else None)
-        for path, values in data.arrays_of(magnet.parameters).items():
+        for path, values in c_literals.arrays_of(magnet.parameters).items():
             constants.array(names[path], values)
     kalman = estimator.core.parameters | {"model": of_model.numbers}
     if editable:
@@ -147,7 +149,7 @@ def crc(
             constants.fields(f"magnet_{k}", magnet.parameters, arrays=False)
     else:
         (magnet,) = magnets
-        paper = data.called(estimator) is PAPER and flown is None
+        paper = c_literals.called(estimator) is PAPER and flown is None
         constant_stiffness = paper and type(magnet).__name__ == "Constant"
         place = f"{name}_stiffness" if constant_stiffness else "magnet"
         constants.fields(place, magnet.parameters, arrays=False)

@@ -7,21 +7,21 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ambkit.estimate.registry import PAPER, InCore
-from ambkit.export import core
+from ambkit.export import core_sources
 from ambkit.export.c import (
+    c_literals,
     calibration,
     control,
-    control_scenes,
-    data,
+    controller_test_cases,
     data_file,
     model,
 )
-from ambkit.export.c.data import MAGNETS, CPrecision, Kind
+from ambkit.export.c.c_literals import MAGNETS, CPrecision, Kind
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.estimate.base import Estimator
-    from ambkit.simulation.control import Controller
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.simulation.controller_states import Controller
     from ambkit.simulation.scenario import Scenario
 
 
@@ -68,7 +68,7 @@ class Export:
     @cached_property
     def in_core(self) -> InCore | None:
         """How the core calls the estimator; None of the paper's filter alone."""
-        called = data.called(self.estimator)
+        called = c_literals.called(self.estimator)
         return None if called is PAPER and not self.several and not self.controller else called
 
     @property
@@ -81,7 +81,7 @@ class Export:
         """The speeds that its model follows."""
         if self.scenario is None or not self.several:
             return None
-        return control_scenes.speeds_of(self.estimator.machine, self.scenario)
+        return controller_test_cases.speeds_of(self.estimator.machine, self.scenario)
 
     @cached_property
     def of_model(self) -> model.InC:
@@ -105,12 +105,12 @@ class Export:
             stems = ("estimator", self.in_core.source, *self.in_core.calls)
             needed += [f"src/{stem}.c" for stem in stems]
             inner = getattr(self.estimator, "inner", None)
-            needed += [] if inner is None else [f"src/{data.called(inner).source}.c"]
+            needed += [] if inner is None else [f"src/{c_literals.called(inner).source}.c"]
         needed += self.of_model.sources
         needed += control.SOURCES if self.controller is not None else ()
         needed += calibration.SOURCES if self.calibrated else ()
         needed += ["src/telemetry.c"] if self.framed else []
-        result = core.closure(needed, instead=self.of_model.instead)
+        result = core_sources.closure(needed, instead=self.of_model.instead)
         return {f"core/{file}": text for file, text in result.items()}
 
     @property

@@ -11,25 +11,25 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import calibration, control, cost, data_file, folder, render
+from ambkit.export.c.c_literals import CPrecision, called
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION, Cost
-from ambkit.export.c.data import CPrecision, called
 from ambkit.export.c.exported import Export
 from ambkit.export.c.prefix import checked
-from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
+from ambkit.export.stiffness_table import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
-from ambkit.result.stated import Section
-from ambkit.simulation.control import Controller
+from ambkit.result.sections import Section
+from ambkit.simulation.controller_states import Controller
 from ambkit.simulation.default_control import settled_scenario
+from ambkit.simulation.lift_off_sequence import LiftOff
 from ambkit.simulation.scenario import Control, Scenario
-from ambkit.simulation.sequence import LiftOff
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.scenario import Scenario

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.estimate.noise import FilterNoise
+from ambkit.estimate.noise_model import FilterNoise
 from ambkit.machine.magnets import ConstantStiffness, own_time
-from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.control import compensator, controllers, fed
-from ambkit.simulation.linear.pieces import POSITION, VELOCITY, OperatingPoint, plant
-from ambkit.simulation.linear.settled import estimator_at
+from ambkit.simulation.linear.closed_loop import Loop
+from ambkit.simulation.linear.linear_controller import compensator, controllers, fed
+from ambkit.simulation.linear.linear_plant import POSITION, VELOCITY, OperatingPoint, plant
+from ambkit.simulation.linear.steady_state_filter import estimator_at
 
 if TYPE_CHECKING:
-    from ambkit.simulation.control import Controller
+    from ambkit.simulation.controller_states import Controller
 
 Array = NDArray[np.float64]
 

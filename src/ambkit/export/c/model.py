@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.engine import NUMBERS, Nodes, arrays
-from ambkit.export.c.data import Name
+from ambkit.estimate.core_model import NUMBERS, Nodes, arrays
+from ambkit.export.c.c_literals import Name
 from ambkit.models import emit
 from ambkit.models.model import Descriptor, Model
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
 
 MOST_UNROLLED = 12
 """States up to which straight-line code is smaller and faster than loops, or nearly so."""

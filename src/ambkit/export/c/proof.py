@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 from ambkit.export.c import cost
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
-    from ambkit.export.c.data import CPrecision
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.export.c.c_literals import CPrecision
     from ambkit.export.c.exported import Export
     from ambkit.simulation.scenario import Control
 

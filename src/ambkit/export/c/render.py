@@ -11,26 +11,26 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ambkit.base import escaping
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
-from ambkit.export import core
+from ambkit.export import core_sources
 from ambkit.export.c import (
+    c_literals,
     calibration,
     control,
-    data,
     data_file,
     model,
     proof,
     selftest,
     telemetry,
-    vectors,
+    test_vectors,
 )
-from ambkit.export.c.data import CPrecision, Kind
+from ambkit.export.c.c_literals import CPrecision, Kind
 from ambkit.export.c.exported import Export
 from ambkit.machine.bearing import FILES
 from ambkit.machine.machine import Machine
-from ambkit.simulation.control import bound_of, settling_of
+from ambkit.simulation.controller_states import bound_of, settling_of
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
 _PROVED = (
@@ -170,8 +170,8 @@ def _names(export: Export) -> dict[str, Any]:
         "sampled": sampled,
         "assumed": assumed,
         "facts": assumed | {"magnet": magnets, "between samples": sampled} | export.facts,
-        "symbols": core.external_names(),
-        "tag": export.precision[0] + core.hashed(*of_files),
+        "symbols": core_sources.external_names(),
+        "tag": export.precision[0] + core_sources.hashed(*of_files),
         "base": base,
         "covariance": (in_core.covariance if in_core else "") or f"{base}cov",
         "editable": export.editable,
@@ -186,14 +186,14 @@ def _tested(export: Export) -> dict[str, Any]:
     estimator, precision = export.estimator, export.precision
     settling, bound = settling_of(estimator), bound_of(estimator)
     if export.one is None:
-        tested = vectors.make(estimator, export.magnets, settling=settling, bound=bound)
+        tested = test_vectors.make(estimator, export.magnets, settling=settling, bound=bound)
         test_data = selftest.context(tested, estimator, precision)
     else:
         test_data = {key: export.flown["in_flight"][key] for key in ("runs", "coverage")}
     return {
         "bound": (_BOUNDS_OF_MACHINES if export.several else _BOUNDS)[precision],
         **test_data,
-        "diagonal": vectors.diagonal(len(estimator.states)),
+        "diagonal": test_vectors.diagonal(len(estimator.states)),
         "shown": selftest.first(estimator, "sensor"),
         "load": selftest.first(estimator, "disturbance force"),
         **selftest.of_roles(estimator),
@@ -229,9 +229,9 @@ def _numbers(export: Export) -> dict[str, Any]:
             editable=export.editable,
         ),
         "turning": _turning(export.of_model, export.speeds, precision),
-        "speed_own": data.number(bearing.speed, precision) if several else "",
-        "mass": "" if several else data.number(bearing.rotor.mass, precision),
-        "own": "" if export.in_core is None else data.own(estimator, precision),
+        "speed_own": c_literals.number(bearing.speed, precision) if several else "",
+        "mass": "" if several else c_literals.number(bearing.rotor.mass, precision),
+        "own": "" if export.in_core is None else c_literals.own(estimator, precision),
     }  # fmt: skip
 
 
@@ -245,7 +245,7 @@ def _turning(
     min_speed, max_speed = (f"{speed:.6g}" for speed in speeds)
     return {
         "numbers": fields["numbers"],
-        "text": data.struct(fields, precision, {}),
+        "text": c_literals.struct(fields, precision, {}),
         "slowest": min_speed,
         "fastest": max_speed,
     }

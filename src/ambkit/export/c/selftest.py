@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.export.c import data, vectors
-from ambkit.export.c.data import CPrecision
+from ambkit.export.c import c_literals, test_vectors
+from ambkit.export.c.c_literals import CPrecision
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
 
 
-def context(tested: vectors.Vectors, estimator: Estimator, precision: CPrecision) -> dict[str, Any]:
+def context(
+    tested: test_vectors.Vectors, estimator: Estimator, precision: CPrecision
+) -> dict[str, Any]:
     """Return what the self-test's files say."""
     starts = tested.starts.tolist()
     marks = tested.feed_back.copy()
@@ -23,14 +25,14 @@ def context(tested: vectors.Vectors, estimator: Estimator, precision: CPrecision
     return {
         "steps": len(tested.y),
         "columns": tested.expected.shape[1],
-        "y": data.array(_with_stand_ins(tested.y, precision), precision),
-        "u": data.array(_with_stand_ins(tested.u, precision), precision),
-        "told": data.array(tested.expected, precision),
-        "status": data.array(tested.status, precision),
-        "health": data.array(tested.health, precision),
-        "marks": data.array(marks, precision),
+        "y": c_literals.array(_with_stand_ins(tested.y, precision), precision),
+        "u": c_literals.array(_with_stand_ins(tested.u, precision), precision),
+        "told": c_literals.array(tested.expected, precision),
+        "status": c_literals.array(tested.status, precision),
+        "health": c_literals.array(tested.health, precision),
+        "marks": c_literals.array(marks, precision),
         "runs": list(zip(tested.runs, np.diff([*starts, len(tested.y)]).tolist(), strict=True)),
-        "coverage": vectors.coverage(tested, estimator),
+        "coverage": test_vectors.coverage(tested, estimator),
     }
 
 
@@ -44,7 +46,9 @@ def is_plain(estimator: Estimator) -> bool:
     """Whether it is the linear filter, of one axis or of a rotor that does not bend."""
     machine_view = estimator.whole
     bends = machine_view is not None and machine_view.H.shape[1] > machine_view.rigid
-    return estimator.name.startswith("linear") and not data.called(estimator).base and not bends
+    return (
+        estimator.name.startswith("linear") and not c_literals.called(estimator).base and not bends
+    )
 
 
 def of_roles(estimator: Estimator) -> dict[str, Any]:
@@ -86,5 +90,5 @@ def stops_in_c(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
     """Return the same as C."""
     results = dict(zip(("between", "beyond"), stops(estimator), strict=True))
     if estimator.whole is None:
-        return {name: data.array(at.ravel(), precision, "") for name, at in results.items()}
-    return {name: data.rows(at, precision) for name, at in results.items()}
+        return {name: c_literals.array(at.ravel(), precision, "") for name, at in results.items()}
+    return {name: c_literals.rows(at, precision) for name, at in results.items()}

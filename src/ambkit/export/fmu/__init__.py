@@ -6,6 +6,6 @@
 """
 
 from ambkit.export.fmu.exporter import FmuExport, export_fmu
-from ambkit.export.fmu.system import export_ssp
+from ambkit.export.fmu.ssp import export_ssp
 
 __all__ = ["FmuExport", "export_fmu", "export_ssp"]

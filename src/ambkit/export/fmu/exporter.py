@@ -10,18 +10,19 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
-from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.base import Estimator
+from ambkit.base.quantity_arguments import of_type
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import kind_called
-from ambkit.export.c import data
-from ambkit.export.c.data import CPrecision
-from ambkit.export.fmu import archive, compiler, flown, sources, variables, xml
+from ambkit.export.c import c_literals
+from ambkit.export.c.c_literals import CPrecision
+from ambkit.export.fmu import archive, compiler, sources, variables, xml
+from ambkit.export.fmu import controller as flown
 from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Bearing, Machine
-from ambkit.simulation.control import Controller
+from ambkit.simulation.controller_states import Controller
 from ambkit.simulation.scenario import Control, Scenario
 
 if TYPE_CHECKING:
@@ -157,8 +158,8 @@ def _pid(bearing: Bearing, scenario: Scenario) -> _Parts:
             "pid",
             pid=sources.pid_data(bearing, controller),
             feedback_estimate=estimate,
-            k_ui=data.number(bearing.amplifier.gain, "double"),
-            K_sen=data.number(1.0 if estimate else bearing.sensor.gain, "double"),
+            k_ui=c_literals.number(bearing.amplifier.gain, "double"),
+            K_sen=c_literals.number(1.0 if estimate else bearing.sensor.gain, "double"),
         ),
         None,
     )

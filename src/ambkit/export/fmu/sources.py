@@ -13,19 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import escaping
-from ambkit.export import core
-from ambkit.export.c import data, data_file
-from ambkit.export.c.data import MAGNETS, CPrecision
+from ambkit.export import core_sources
+from ambkit.export.c import c_literals, data_file
+from ambkit.export.c.c_literals import MAGNETS, CPrecision
 from ambkit.export.c.model import LOOPS, in_c
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.machine.magnets import core_module, magnet_of, own_time
-from ambkit.models.parts.typical import Typical
-from ambkit.simulation import parts
+from ambkit.models.parts.typical_sizes import Typical
+from ambkit.simulation import plant_parts
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import PID, Scenario
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Bearing
 
 _PRECISION = "include/ambkit/precision.h"
@@ -64,7 +64,7 @@ def library_files(texts: dict[str, str], estimator: Estimator | None) -> dict[st
         known = {"version": version("ambkit"), "room": room}
         values = known | {"float": precision_of(estimator) == "float"}
         instead = instead | {_PRECISION: rendered("precision.h.j2", values)}
-    simulation, sim = core.folder().parent / "sim", {}
+    simulation, sim = core_sources.folder().parent / "sim", {}
     stems = _included("sim", texts)
     while more := _beside(simulation, stems) - stems:
         stems |= more
@@ -73,9 +73,9 @@ def library_files(texts: dict[str, str], estimator: Estimator | None) -> dict[st
             if (simulation / name).is_file():
                 sim[f"sim/{name}"] = (simulation / name).read_text(encoding="utf-8")
     headers = {f"include/ambkit/{stem}.h" for stem in _included("ambkit", texts | sim)}
-    result = core.closure(headers, instead=instead)
+    result = core_sources.closure(headers, instead=instead)
     while more := _sources_of(result) - result.keys():
-        result = core.closure(headers := headers | more, instead=instead)
+        result = core_sources.closure(headers := headers | more, instead=instead)
     laid = {name.removeprefix("include/").replace("src/", "core/"): t for name, t in result.items()}
     return laid | sim
 
@@ -97,7 +97,7 @@ def _beside(folder: Path, stems: set[str]) -> set[str]:
 def _sources_of(names: Iterable[str]) -> set[str]:
     """Return the core's C files that have the names of headers."""
     files = {f"src/{Path(name).stem}.c" for name in names if name.endswith(".h")}
-    return {file for file in files if (core.folder() / file).is_file()}
+    return {file for file in files if (core_sources.folder() / file).is_file()}
 
 
 def model_files(model: str, fmi: Fmi) -> dict[str, str]:
@@ -149,7 +149,7 @@ def description_files(kind: str, model: Model) -> dict[str, str]:
         "blocks": [variable for variable in model.variables if variable.first],
         "version": model.version,
         "token": model.token,
-        "sampling_time": data.number(model.sampling_time, "double"),
+        "sampling_time": c_literals.number(model.sampling_time, "double"),
         "continuous_states": len(model.rates),
     }
     return {
@@ -160,20 +160,24 @@ def description_files(kind: str, model: Model) -> dict[str, str]:
 
 def filter_data(estimator: Estimator) -> dict[str, Any]:
     """Return what the data file says of an estimator."""
-    in_core, precision, of_model = data.called(estimator), precision_of(estimator), in_c(estimator)
+    in_core, precision, of_model = (
+        c_literals.called(estimator),
+        precision_of(estimator),
+        in_c(estimator),
+    )
     magnets = [
         magnet_data(held, f"magnet_{k}", precision)
         for k, held in enumerate(data_file.magnets_of(estimator))
     ]
     return {
         "magnets": magnets,
-        "settings": data.struct_with_arrays(estimator.core.parameters["set"], precision),
-        "arrays": data.declared(of_model.arrays, precision),
-        "model": data.struct(of_model.numbers, precision, {}),
+        "settings": c_literals.struct_with_arrays(estimator.core.parameters["set"], precision),
+        "arrays": c_literals.declared(of_model.arrays, precision),
+        "model": c_literals.struct(of_model.numbers, precision, {}),
         "in_core": in_core,
-        "own": data.own(estimator, precision),
-        "std": data.array(np.asarray(estimator.default_std()), precision),
-        **{name: data.array(start, precision) for name, start in _starts(estimator).items()},
+        "own": c_literals.own(estimator, precision),
+        "std": c_literals.array(np.asarray(estimator.default_std()), precision),
+        **{name: c_literals.array(start, precision) for name, start in _starts(estimator).items()},
     }
 
 
@@ -210,22 +214,24 @@ def _starts(estimator: Estimator) -> dict[str, NDArray[np.float64]]:
 def magnet_data(held: Any, name: str, precision: CPrecision = "double") -> dict[str, Any]:
     """Return what the data file says of a magnet of the core, which it calls `name`."""
     kind, fields = MAGNETS[type(held).__name__], held.parameters
-    arrays = data.arrays_of(fields)
+    arrays = c_literals.arrays_of(fields)
     names = {path: f"{name}_{path.replace('.', '_')}" for path in arrays}
     return {
         "magnet_name": name,
-        "magnet": data.struct(fields, precision, names),
+        "magnet": c_literals.struct(fields, precision, names),
         "magnet_type": kind.type,
         "magnet_methods": kind.methods,
         "magnet_header": f"ambkit/{kind.source}.h",
-        "arrays": data.declared({names[path]: array for path, array in arrays.items()}, precision),
+        "arrays": c_literals.declared(
+            {names[path]: array for path, array in arrays.items()}, precision
+        ),
     }
 
 
 def rig_data(bearing: Bearing) -> dict[str, Any]:
     """Return what the data file says of magnet, rotor, amplifier and sensor of a bearing."""
     # Steps and parts are those of :func:`ambkit.simulate`.
-    law, with_parts = magnet_of(bearing), parts.parts_of(bearing)
+    law, with_parts = magnet_of(bearing), plant_parts.parts_of(bearing)
     fields: dict[str, Any] = {
         "k": bearing.magnet.magnet_constant,
         "scale": 1.0,
@@ -236,24 +242,24 @@ def rig_data(bearing: Bearing) -> dict[str, Any]:
         "K_sen": bearing.sensor.gain,
         "T_sen": bearing.sensor_lag,
         "travel": bearing.rotor.clearance,
-        "substeps": parts.substeps(bearing, Scenario().substeps),
+        "substeps": plant_parts.substeps(bearing, Scenario().substeps),
         "k_ui": bearing.amplifier.gain,
         "iu_min": bearing.current_min,
         "iu_max": bearing.current_max,
     }
     if with_parts:
         fields |= {"with_parts": True, "parts": with_parts}
-        if (coil := parts.coil_fields(bearing)) is not None:
+        if (coil := plant_parts.coil_fields(bearing)) is not None:
             fields["coil"] = coil
     held = law.in_core(core_module("float64"))
-    return magnet_data(held, "rig") | {"text": data.struct_with_arrays(fields, "double")}
+    return magnet_data(held, "rig") | {"text": c_literals.struct_with_arrays(fields, "double")}
 
 
 def nominals(bearing: Bearing, states: Sequence[str]) -> list[float]:
     """Return the typical size of each state of a plant in continuous time, in its unit."""
     travel = bearing.rotor.clearance
     sizes = {"x": travel, "x_m": abs(bearing.sensor.gain) * travel, "v": travel / own_time(bearing)}
-    sizes |= dict.fromkeys(parts.between_magnet_and_rotor(bearing), Typical.of(bearing).force)
+    sizes |= dict.fromkeys(plant_parts.between_magnet_and_rotor(bearing), Typical.of(bearing).force)
     return [sizes.get(name, bearing.amplifier.current_limit) for name in states]
 
 
@@ -270,7 +276,7 @@ def pid_data(bearing: Bearing, controller: PID) -> str:
         "iu_min": bearing.current_min,
         "iu_max": bearing.current_max,
     }
-    return data.struct(fields, "double", {})
+    return c_literals.struct(fields, "double", {})
 
 
 def compiled_files(files: Iterable[str]) -> tuple[str, ...]:
@@ -296,5 +302,5 @@ def _templates(autoescape: bool) -> Any:
         autoescape=autoescape,
     )
     environment.filters |= escaping.FILTERS
-    environment.filters["number"] = lambda value: data.number(value, "double")
+    environment.filters["number"] = lambda value: c_literals.number(value, "double")
     return environment

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from ambkit.data.signals import signal
-from ambkit.estimate.view import several
+from ambkit.estimate.machine_model import several
 from ambkit.export.c.model import states
-from ambkit.simulation.parts import between_magnet_and_rotor
+from ambkit.simulation.plant_parts import between_magnet_and_rotor
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
-    from ambkit.export.fmu.flown import Flown
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.export.fmu.controller import Flown
     from ambkit.machine.machine import Bearing, Machine
     from ambkit.simulation.scenario import PID, Control
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import of_type
 from ambkit.data.signals import signal
 from ambkit.data.telemetry import read_telemetry
 from ambkit.export.c.exporter import export_c, made
@@ -19,13 +19,13 @@ from ambkit.export.pil import boards, build
 from ambkit.export.pil.processor import Processor
 from ambkit.export.pil.result import Pil, judged, others_sent
 from ambkit.machine.machine import Machine
-from ambkit.simulation.control import Controller
+from ambkit.simulation.controller_states import Controller
+from ambkit.simulation.lift_off_sequence import LiftOff, Mode
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
-from ambkit.simulation.sequence import LiftOff, Mode
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.run import Run

@@ -14,8 +14,8 @@ from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION
 from ambkit.export.pil import build
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
-from ambkit.result.stated import Section
-from ambkit.simulation.sequence import Mode
+from ambkit.result.sections import Section
+from ambkit.simulation.lift_off_sequence import Mode
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from ambkit.base import late_binding
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import engineering, figure
-from ambkit.data.reading.spike_free import without_spikes
+from ambkit.data.reading.despike import without_spikes
 from ambkit.estimate.constant_velocity import ConstantVelocityFilter, tune
 from ambkit.estimate.innovations import whiteness
-from ambkit.identification.corpus.amplitude import Weakened, weakened
 from ambkit.identification.corpus.arx import ORDER, fit_arx, normal_of
-from ambkit.identification.corpus.cutting import SMOOTHED, Stretch, cut, flights, noise_of
-from ambkit.identification.corpus.expected import fit_controls, normal_of_controls
+from ambkit.identification.corpus.magnet_strength import Weakened, weakened
 from ambkit.identification.corpus.pooling import Pooled, pool
+from ambkit.identification.corpus.predicted_control import fit_controls, normal_of_controls
+from ambkit.identification.corpus.segmentation import SMOOTHED, Stretch, cut, flights, noise_of
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.likelihood import settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_on_a_line
@@ -34,10 +34,10 @@ from ambkit.identification.maximum_likelihood.validation import (
     predictable,
 )
 from ambkit.identification.noise import with_steps
-from ambkit.machine.parts import Hum
+from ambkit.machine.accessories import Hum
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
-from ambkit.result.stated import Section
+from ambkit.result.sections import Section
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record

@@ -30,7 +30,7 @@ from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
-from ambkit.result.stated import Section
+from ambkit.result.sections import Section
 from ambkit.simulation.run import samples, simulate
 from ambkit.simulation.waveforms import Recorded
 

@@ -18,12 +18,12 @@ from ambkit.base.errors import RecordError
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.kalman import ExtendedKalmanFilter
-from ambkit.estimate.noise import FilterNoise
+from ambkit.estimate.noise_model import FilterNoise
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.machine.axes import reading_along, with_axis
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Bearing, Machine
     from ambkit.machine.magnets import MagnetModel
 

@@ -15,17 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError, RecordError
-from ambkit.data.reading.spike_free import without_spikes
-from ambkit.estimate.base import check_sampling
-from ambkit.identification.maximum_likelihood.current import (
+from ambkit.data.reading.despike import without_spikes
+from ambkit.estimate.estimator import check_sampling
+from ambkit.identification.maximum_likelihood.current_state import (
     TOO_QUIET,
     flowing,
     too_quiet,
 )
 from ambkit.identification.maximum_likelihood.information import doubtful
+from ambkit.identification.maximum_likelihood.initial_guess import best_start
 from ambkit.identification.maximum_likelihood.joint import Joint
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
-from ambkit.identification.maximum_likelihood.lines import with_lines
+from ambkit.identification.maximum_likelihood.line_noise import with_lines
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_on_a_line
 from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
@@ -37,8 +38,8 @@ from ambkit.identification.maximum_likelihood.parameters import (
     named,
     searchable,
 )
-from ambkit.identification.maximum_likelihood.profile import intervals
-from ambkit.identification.maximum_likelihood.restricted import restricted
+from ambkit.identification.maximum_likelihood.profile_likelihood import intervals
+from ambkit.identification.maximum_likelihood.restricted_likelihood import restricted
 from ambkit.identification.maximum_likelihood.result import CONFIDENCE, MaximumLikelihood
 from ambkit.identification.maximum_likelihood.search import (
     WALL,
@@ -50,7 +51,6 @@ from ambkit.identification.maximum_likelihood.search import (
     ran_away,
     with_room,
 )
-from ambkit.identification.maximum_likelihood.start import best_start
 from ambkit.identification.noise import position_step
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from ambkit.estimate.estimate import Status
 from ambkit.machine.magnets import ConstantStiffness, own_time
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Bearing
 
 Array = NDArray[np.float64]

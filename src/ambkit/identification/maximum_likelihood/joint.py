@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import ConfigError
 from ambkit.data.signals import CONTROL
-from ambkit.identification.maximum_likelihood.current import (
+from ambkit.identification.maximum_likelihood.current_state import (
     Coil,
     FlowingCurrent,
     through,

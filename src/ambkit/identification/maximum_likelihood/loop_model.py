@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from ambkit.data.record import Record
 from ambkit.data.signals import CONTROL
-from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Status
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import ExtendedKalmanFilter
-from ambkit.estimate.noise import FilterNoise
-from ambkit.identification.late import delayed, lag_of, lagged
+from ambkit.estimate.noise_model import FilterNoise
+from ambkit.identification.dead_time import delayed, lag_of, lagged
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
+from ambkit.machine.accessories import LONGEST_DELAY, SHORTEST_LAG
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, magnet_of
-from ambkit.machine.parts import LONGEST_DELAY, SHORTEST_LAG
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing

@@ -24,12 +24,12 @@ from ambkit.identification.maximum_likelihood.search import RULED_OUT
 from ambkit.identification.noise import with_steps
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
-from ambkit.result.stated import Section
+from ambkit.result.sections import Section
 
 if TYPE_CHECKING:
-    from ambkit.identification.maximum_likelihood.current import FlowingCurrent
+    from ambkit.identification.maximum_likelihood.current_state import FlowingCurrent
+    from ambkit.machine.accessories import Hum
     from ambkit.machine.machine import Bearing
-    from ambkit.machine.parts import Hum
     from ambkit.result.report.figure import Figure
 
 Array = NDArray[np.float64]

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
-from ambkit.base.asked import Given, in_si
-from ambkit.base.copying import Copyable
-from ambkit.identification.late import acting
-from ambkit.identification.online.ideal import as_ideal, is_ideal
+from ambkit.base.pickling import Copyable
+from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.identification.dead_time import acting
+from ambkit.identification.online.equivalent_current import as_ideal, is_ideal
 from ambkit.identification.online.result import OnlineResult, last_quarter, mean_error
 from ambkit.machine.magnets import core_module
 from ambkit.result.row import Row
@@ -55,7 +55,7 @@ class OnlineIdentifier(Copyable):
     """Learns the magnet constant sample by sample, in the C core.
 
     The C knows no delay and no lag of the current: along a record they are taken into account
-    before, see `ambkit.identification.late`; who calls `step` gives what acts.
+    before, see `ambkit.identification.dead_time`; who calls `step` gives what acts.
     """
 
     core: Any

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.estimate.augmented import AugmentedKalmanFilter
 from ambkit.estimate.estimate import Estimate, Status
-from ambkit.estimate.magnet_scale import AugmentedKalmanFilter
 from ambkit.identification.online.result import CONFIDENCE, OnlineResult
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from ambkit.base import late_binding
-from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import of_type
 from ambkit.base.units import figure
 from ambkit.data.record import Record
 from ambkit.identification.online.adaline import Adaline, AdalineResult
@@ -81,7 +81,7 @@ def identify_online(
     What can be told from one record is the ratio of k to the mass: a mass that is 10 % wrong moves
     k by as much. A constant load that is not known moves ADALINE's k by its share of the force,
     and does nothing to that of least squares and of the Kalman filter, which need motion in return.
-    :func:`~ambkit.identification.online.side_by_side.learn_online` runs all beside each other.
+    :func:`~ambkit.identification.online.comparison.learn_online` runs all beside each other.
 
     Parameters
     ----------

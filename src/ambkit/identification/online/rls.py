@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.base.asked import Given
+from ambkit.base.quantity_arguments import Given
 from ambkit.identification.online.adaline import AdalineResult, OnlineIdentifier, first_element
 from ambkit.machine.magnets import core_module
 

@@ -26,17 +26,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.threads import one_thread
 from ambkit.data.signals import signal
-from ambkit.estimate.view import View, several
-from ambkit.machine.bank import isolated_axes
+from ambkit.estimate.machine_model import View, several
+from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.magnets import magnet_of
 from ambkit.models import machine_model
-from ambkit.models.axis import PAPER_STATES
+from ambkit.models.axis_parts import PAPER_STATES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ambkit.data.record import Record
-    from ambkit.estimate.noise import Variances
+    from ambkit.estimate.noise_model import Variances
     from ambkit.machine.machine import Bearing, Machine
     from ambkit.models.model import Model
 

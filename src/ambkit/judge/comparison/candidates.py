@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.named import FromFile, factories
-from ambkit.estimate.noise import FilterNoise
-from ambkit.estimate.own import own_factory
+from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import KINDS, Tunable, check_named
+from ambkit.estimate.user_filter import own_factory
 from ambkit.machine.machine import Machine
 
 if TYPE_CHECKING:

@@ -18,22 +18,22 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
-from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.judge.comparison.spread import CERTAIN, Spread
-from ambkit.machine.bank import isolated_axes, slowest_time, weights_of
+from ambkit.judge.comparison.tolerance import CERTAIN, Spread
 from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.force_laws import isolated_axes, slowest_time, weights_of
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import magnet_of, own_time
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.simulation.holding import holding
 from ambkit.simulation.many import Many, Planned, simulate_many
 from ambkit.simulation.run import samples, simulate
 from ambkit.simulation.scenario import PID, Control, Disturbance, Reference, Scenario
+from ambkit.simulation.stabilising_controller import holding
 from ambkit.simulation.waveforms import Constant, Recorded, Sequence, Sine, Step
 
 if TYPE_CHECKING:
-    from ambkit.machine.forces.surface import ForceSurface
+    from ambkit.machine.forces.force_surface import ForceSurface
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.waveforms import Signal
 

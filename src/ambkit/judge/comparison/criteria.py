@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ambkit.data.signals import signal
 from ambkit.estimate.innovations import whiteness
-from ambkit.estimate.view import View
+from ambkit.estimate.machine_model import View
 from ambkit.judge.evaluation import true_signal
-from ambkit.machine.bank import models_of
+from ambkit.machine.force_laws import models_of
 from ambkit.machine.magnets import evaluate_force, magnet_of
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ OF_THE_LOOP = {
     "tracking": "tracking_rms", "effort": "effort", "overshoot": "overshoot",
     "settling": "settling",
 }  # fmt: skip
-"""What is judged in the loop, and what :data:`ambkit.simulation.figures.FIGURES` calls it."""
+"""What is judged in the loop, and what :data:`ambkit.simulation.run_figures.FIGURES` calls it."""
 
 
 def evaluate_run(

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import late_binding
-from ambkit.base.asked import of_type
-from ambkit.estimate.base import Estimator
+from ambkit.base.quantity_arguments import of_type
 from ambkit.estimate.estimate import Estimate
+from ambkit.estimate.estimator import Estimator
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, errors_along, rms
-from ambkit.judge.comparison.standing import least
+from ambkit.judge.comparison.score import least
 from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
-from ambkit.result.stated import Section
+from ambkit.result.sections import Section
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.asked import names_in, of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.data.signals import signal
-from ambkit.estimate.noise import FilterNoise
+from ambkit.estimate.machine_model import several
+from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import kind_called, learned_magnet
-from ambkit.estimate.view import several
 from ambkit.judge.comparison.criteria import normalised_errors, rows_along
-from ambkit.judge.comparison.finer import FINER, finer_filter, run_finer, settled_bound
+from ambkit.judge.comparison.reference_run import FINER, finer_filter, run_finer, settled_bound
 from ambkit.judge.evaluation import true_signal
-from ambkit.machine.bank import isolated_axes, weights_of
+from ambkit.machine.accessories import Runout
+from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
-from ambkit.machine.parts import Runout
 from ambkit.models.parts.synchronous import unbalance_planes
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate
@@ -29,7 +29,7 @@ from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimator import Estimator
     from ambkit.simulation.waveforms import Signal
 
 Array = NDArray[np.float64]

@@ -11,7 +11,6 @@ import numpy as np
 
 from ambkit.base import late_binding
 from ambkit.estimate.registry import KINDS, learned_magnet
-from ambkit.judge.comparison.bench import TRAINING, Sweep, bench, pieces, sweep
 from ambkit.judge.comparison.candidates import Candidate, candidates, suited
 from ambkit.judge.comparison.cases import (
     CASES,
@@ -24,13 +23,14 @@ from ambkit.judge.comparison.cases import (
     step_case,
     walk_case,
 )
+from ambkit.judge.comparison.comparison import TRAINING, Sweep, bench, pieces, sweep
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED
-from ambkit.judge.comparison.spread import CERTAIN
-from ambkit.judge.comparison.standing import Bench, Benches
-from ambkit.machine.bank import isolated_axes
+from ambkit.judge.comparison.score import Bench, Benches
+from ambkit.judge.comparison.tolerance import CERTAIN
+from ambkit.machine.force_laws import isolated_axes
 from ambkit.result.result import Result
 from ambkit.result.row import Row
-from ambkit.result.stated import Part, Section
+from ambkit.result.sections import Part, Section
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.estimate.base import Estimator
 from ambkit.estimate.batch import run_many
-from ambkit.estimate.view import View
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.machine_model import View
 from ambkit.judge.comparison.candidates import Candidate, Range
 from ambkit.judge.comparison.criteria import errors_along, rms
 

@@ -11,17 +11,17 @@ from typing import Any, Literal
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.estimate.view import View
+from ambkit.estimate.machine_model import View
 from ambkit.judge.loop.bounds import least_peaks
-from ambkit.judge.loop.demands import Turned, of_runout, of_unbalance
+from ambkit.judge.loop.capacity import Turned, of_runout, of_unbalance
 from ambkit.judge.loop.hinf import beside_each_other, hinf
 from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.judge.loop.margins import grid, highest
-from ambkit.machine.bank import isolated_axes
+from ambkit.machine.components import Unbalance
+from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
-from ambkit.machine.placed import Unbalance
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.model import Array
@@ -31,10 +31,10 @@ from ambkit.simulation.default_control import (
     is_default,
     settled,
 )
-from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.control import compensator, controllers, fed
-from ambkit.simulation.linear.pieces import OperatingPoint, plant
-from ambkit.simulation.linear.settled import estimator_at, tells
+from ambkit.simulation.linear.closed_loop import Loop
+from ambkit.simulation.linear.linear_controller import compensator, controllers, fed
+from ambkit.simulation.linear.linear_plant import OperatingPoint, plant
+from ambkit.simulation.linear.steady_state_filter import estimator_at, tells
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import PID, Control, as_control
 

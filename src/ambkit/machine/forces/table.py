@@ -15,9 +15,9 @@ class ForceTable:
     """Force function from a table, to be given to :func:`ambkit.stiffness_map` as ``force``."""
 
     # It goes through all values; for those that scatter there is
-    # :class:`~ambkit.machine.forces.surface.ForceSurface`. Bicubic between the nodes (not-a-knot
-    # spline). Outside, its last polynomial goes on for up to one node step, which is where the nine
-    # points of an edge node lie (paper, eq. 27).
+    # :class:`~ambkit.machine.forces.force_surface.ForceSurface`. Bicubic between the nodes
+    # (not-a-knot spline). Outside, its last polynomial goes on for up to one node step, which is
+    # where the nine points of an edge node lie (paper, eq. 27).
     # current (ni,) Nodes of the control current [A], ascending, at least 4.
     # displacement (nx,) Nodes of the displacement [m], ascending, at least 4.
     # values (nx, ni) Force [N], bias force included; rows are displacements.

@@ -7,8 +7,7 @@ import textwrap
 from collections.abc import Sequence
 
 from ambkit.models.emit.covariance import predict_covariance
-from ambkit.models.emit.names import Names
-from ambkit.models.emit.scalars import (
+from ambkit.models.emit.initialisation import (
     drives,
     equilibrium,
     firsts,
@@ -20,6 +19,7 @@ from ambkit.models.emit.scalars import (
     uncorrelated,
     variances,
 )
+from ambkit.models.emit.names import Names
 from ambkit.models.emit.sensors import shown, shown_variance, shown_with, update
 from ambkit.models.emit.steps import current, displacement, predict_mean
 from ambkit.models.model import MATRICES, Model

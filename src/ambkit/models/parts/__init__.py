@@ -7,7 +7,7 @@ from ambkit.models.parts.coloured_noise import ColouredNoise
 from ambkit.models.parts.delay import Delay
 from ambkit.models.parts.disturbance import Disturbance
 from ambkit.models.parts.eddy_current import EddyCurrents
-from ambkit.models.parts.hum import Hum
+from ambkit.models.parts.line_noise import Hum
 from ambkit.models.parts.magnet import MagnetPlace
 from ambkit.models.parts.rotor import Rotor
 from ambkit.models.parts.sensor import Sensor

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ambkit.data.signals import signal
-from ambkit.models.parts.typical import Typical
-from ambkit.models.plan import UNIT, Plan
+from ambkit.models.declaration import UNIT, Plan
+from ambkit.models.parts.typical_sizes import Typical
 
 
 @dataclass(frozen=True)

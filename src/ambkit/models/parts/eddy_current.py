@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from ambkit.data.signals import signal
-from ambkit.machine.parts import SHORTEST_LAG
-from ambkit.models.parts.typical import Typical
-from ambkit.models.plan import Plan
+from ambkit.machine.accessories import SHORTEST_LAG
+from ambkit.models.declaration import Plan
+from ambkit.models.parts.typical_sizes import Typical
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ambkit.data.signals import signal
+from ambkit.models.declaration import Part, Plan
 from ambkit.models.parts.amplifier import Amplifier
 from ambkit.models.parts.disturbance import Disturbance
 from ambkit.models.parts.magnet import MagnetPlace
 from ambkit.models.parts.rotor import Rotor
 from ambkit.models.parts.sensor import Sensor
-from ambkit.models.parts.typical import Typical
-from ambkit.models.plan import Part, Plan
+from ambkit.models.parts.typical_sizes import Typical
 
 FORGOTTEN = 0.5
 """After so long [s] a disturbance force that grows by twice the weight in 1/sqrt(s) is as large as

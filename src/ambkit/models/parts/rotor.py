@@ -10,8 +10,8 @@ import numpy as np
 
 from ambkit.machine.geometry import deflections, modal_positions
 from ambkit.machine.rotors.modes import Bending
-from ambkit.models.parts.typical import Typical
-from ambkit.models.plan import UNIT, Plan
+from ambkit.models.declaration import UNIT, Plan
+from ambkit.models.parts.typical_sizes import Typical
 
 Entries = Mapping[tuple[int, int], float]
 """Entries of a matrix by row and column; what is listed is in the pattern, zero or not."""

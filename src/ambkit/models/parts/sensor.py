@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ambkit.data.signals import signal
-from ambkit.models.parts.typical import Typical
-from ambkit.models.plan import UNIT, Place, Plan, place, row
+from ambkit.models.declaration import UNIT, Place, Plan, place, row
+from ambkit.models.parts.typical_sizes import Typical
 
 
 @dataclass(frozen=True)

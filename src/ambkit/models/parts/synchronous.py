@@ -8,7 +8,7 @@ from typing import Any
 
 from ambkit.data.signals import signal
 from ambkit.machine.geometry import Line
-from ambkit.models.plan import Place, Plan, place, row
+from ambkit.models.declaration import Place, Plan, place, row
 
 GRADE = 6.3e-3
 """Balance quality grade that an unknown unbalance is expected to have [m/s] (ISO 21940-11)."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 from ambkit.result.report import style
+from ambkit.result.report.delta_coding import shorten
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.formula import label_html
 from ambkit.result.report.interactive_items import (
@@ -23,7 +24,6 @@ from ambkit.result.report.interactive_items import (
     traces_of,
 )
 from ambkit.result.report.items import Axis, Cells, Heatmap, Item, Note, Vector
-from ambkit.result.report.steps import shorten
 
 SANS = "-apple-system, 'Segoe UI', Roboto, 'Noto Sans', Ubuntu, 'Liberation Sans', sans-serif"
 

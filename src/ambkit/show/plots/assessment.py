@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ambkit.judge.loop.margins import UnstablePole
     from ambkit.models.linear import Complex
     from ambkit.result.report.items import Vector
-    from ambkit.simulation.linear.closed import Loop
+    from ambkit.simulation.linear.closed_loop import Loop
 
 LOOKS = ("measurement", "estimate", "series 2", "series 3", "series 4")
 """Of the loops, in their order; further ones begin again."""

@@ -12,7 +12,7 @@ from ambkit.result.report.items import Axis, Item, Line, Points
 from ambkit.show.plots.assessment import LOOKS
 
 if TYPE_CHECKING:
-    from ambkit.judge.loop.demands import Capacity
+    from ambkit.judge.loop.capacity import Capacity
 
 
 def capacity_figure(

@@ -11,7 +11,7 @@ import numpy as np
 from ambkit.base.escaping import label as escaped
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Bars, Item, Rule
-from ambkit.show.plots.looks import looks
+from ambkit.show.plots.signal_styles import looks
 
 if TYPE_CHECKING:
     from ambkit.judge.comparison import Score

@@ -9,7 +9,7 @@ from ambkit.base.escaping import label, markdown
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Band, Item, Line
 from ambkit.show.plots.filters import innovation_panel, settled_samples, with_limits
-from ambkit.show.plots.looks import CURRENT, DISTURBANCE, POSITION, TIME, VELOCITY
+from ambkit.show.plots.signal_styles import CURRENT, DISTURBANCE, POSITION, TIME, VELOCITY
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimate import Estimate

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ambkit.base.escaping import markdown
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Rule
-from ambkit.show.plots.looks import CURRENT, POSITION, TIME
+from ambkit.show.plots.signal_styles import CURRENT, POSITION, TIME
 
 if TYPE_CHECKING:
     from ambkit.identification.excitation.design import Design

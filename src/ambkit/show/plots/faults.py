@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambkit.judge.faults.campaign import BASELINE, SETTINGS, recovery_text
+from ambkit.judge.faults.fault_test import BASELINE, SETTINGS, recovery_text
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Cells
 
 if TYPE_CHECKING:
-    from ambkit.judge.faults.campaign import FaultCampaign
-    from ambkit.judge.faults.flight import Outcome
+    from ambkit.judge.faults.fault_run import Outcome
+    from ambkit.judge.faults.fault_test import FaultCampaign
 
 SLOW = 1000.0
 """Samples until recovery from which on a cell is as dark as that of one that came back can be."""

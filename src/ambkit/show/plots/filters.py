@@ -18,7 +18,7 @@ from ambkit.judge.evaluation import true_signal
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Band, Item, Line, Note, Points
 from ambkit.result.report.style import style_of
-from ambkit.show.plots.looks import (
+from ambkit.show.plots.signal_styles import (
     CURRENT,
     DISTURBANCE,
     NOISE,

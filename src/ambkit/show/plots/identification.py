@@ -9,7 +9,7 @@ import numpy as np
 from ambkit.base.escaping import markdown
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Line, Points, Rule
-from ambkit.show.plots.looks import TIME
+from ambkit.show.plots.signal_styles import TIME
 
 if TYPE_CHECKING:
     from ambkit.identification.forces.lift_off_fit import LiftOffFit

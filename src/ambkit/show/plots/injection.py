@@ -9,12 +9,12 @@ import numpy as np
 from ambkit.base.escaping import markdown
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Band, Item, Line, Points, Rule
-from ambkit.show.plots.looks import CURRENT, POSITION, TIME
+from ambkit.show.plots.signal_styles import CURRENT, POSITION, TIME
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.identification.excitation import Limits
-    from ambkit.judge.loop.measured import MeasuredSensitivity
+    from ambkit.judge.loop.measured_sensitivity import MeasuredSensitivity
 
 
 def injection_figure(

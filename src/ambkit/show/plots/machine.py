@@ -14,10 +14,10 @@ from ambkit.base.escaping import label, markdown
 from ambkit.data.signals import signal
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Rule
-from ambkit.show.plots.looks import CURRENT, TIME
+from ambkit.show.plots.signal_styles import CURRENT, TIME
 
 if TYPE_CHECKING:
-    from ambkit.machine.placed import PlacedBearing
+    from ambkit.machine.components import PlacedBearing
     from ambkit.simulation.run import Run
 
 TURNS = 5

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from ambkit.base.escaping import markdown
 from ambkit.identification.online.adaline import AdalineResult
 from ambkit.identification.online.augmented import AugmentedResult
+from ambkit.identification.online.comparison import NAMES, SideBySide
 from ambkit.identification.online.result import CONFIDENCE, OnlineResult
-from ambkit.identification.online.side_by_side import NAMES, SideBySide
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Band, Item, Line, Points, Rule, Span
 

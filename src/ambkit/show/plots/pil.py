@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Points
-from ambkit.show.plots.looks import TIME
+from ambkit.show.plots.signal_styles import TIME
 
 
 def instructions_figure(t: NDArray[np.float64], instructions: NDArray[np.uint32]) -> Figure:

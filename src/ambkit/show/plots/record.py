@@ -11,8 +11,8 @@ import numpy as np
 from ambkit.base.escaping import label, markdown
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Item, Line
-from ambkit.show.plots.looks import TIME
 from ambkit.show.plots.reading import SHOWN, axis_of, missing_spans
+from ambkit.show.plots.signal_styles import TIME
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record

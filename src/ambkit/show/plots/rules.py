@@ -11,8 +11,8 @@ from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Heatmap, Item, Note, Points, Rule
 
 if TYPE_CHECKING:
-    from ambkit.fuzzy.choice import RuleChoice
-    from ambkit.machine.forces.surface import ForceSurface
+    from ambkit.fuzzy.rule_selection import RuleChoice
+    from ambkit.machine.forces.force_surface import ForceSurface
     from ambkit.machine.stiffness import StiffnessMap
 
 MOST_SHOWN = 400

@@ -10,8 +10,8 @@ from ambkit.base.escaping import markdown
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Item, Line, Rule
 from ambkit.show.plots.filters import whole_noise
-from ambkit.show.plots.looks import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY
 from ambkit.show.plots.machine import machine_figure
+from ambkit.show.plots.signal_styles import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY
 
 if TYPE_CHECKING:
     from ambkit.simulation.run import Run

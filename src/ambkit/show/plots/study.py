@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from ambkit.base.escaping import label
 from ambkit.data.signals import signal as name_of
+from ambkit.estimate.machine_model import View
 from ambkit.estimate.registry import KINDS
-from ambkit.estimate.view import View
-from ambkit.judge.comparison.bench import Sweep
+from ambkit.judge.comparison.comparison import Sweep
 from ambkit.judge.comparison.criteria import CRITERIA, Criterion
-from ambkit.judge.comparison.standing import Bench, Standing
+from ambkit.judge.comparison.score import Bench, Standing
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
 from ambkit.result.report.markup import symbols

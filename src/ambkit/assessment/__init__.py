@@ -1,0 +1,1 @@
+"""Stability margins of a closed loop: linear, by amplitude, over speed, from a log."""

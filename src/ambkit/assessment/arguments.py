@@ -1,0 +1,336 @@
+"""What a caller gives to a verb, as it is needed: objects for names, files and texts."""
+
+from __future__ import annotations
+
+import difflib
+import logging
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+from ambkit.assessment.plausibility import check_plausibility
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.base.quantity_arguments import in_si, names_in, of_type
+from ambkit.data.channel_map import ChannelMap, inputs_of
+from ambkit.data.reading import load_filled
+from ambkit.data.record import Record
+from ambkit.estimate.experts import experts
+from ambkit.estimate.filter_file import FilterFile
+from ambkit.estimate.named import AT, factories
+from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
+from ambkit.estimate.user_filter import OwnEstimator, is_own
+from ambkit.machine.disturbance_force import load_machine
+from ambkit.machine.machine import Machine
+from ambkit.simulation import default_control
+from ambkit.simulation.controllers import TYPES
+from ambkit.simulation.linear.steady_state_filter import tells
+from ambkit.simulation.scenario import Control, Scenario
+from ambkit.simulation.waveforms import Constant
+
+if TYPE_CHECKING:
+    from ambkit.data.input_scaling import Inputs
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.machine.magnets import MagnetModel
+    from ambkit.simulation.scenario import PID
+
+NOTES = logging.getLogger("ambkit")
+
+NONE = "none"
+"""Name of the filter of a loop that has none."""
+
+
+class LoopGiven(NamedTuple):
+    """What is in a closed loop that a caller named."""
+
+    machine: Machine
+    filters: dict[str, Estimator]
+    controller: PID | None
+    position: float  #: Along the axes [m].
+    disturbance: Mapping[str, float]  #: By the names of the axes [N].
+
+    def one(self) -> LoopGiven:
+        """Refuse several filters for what is of one loop."""
+        if len(self.filters) > 1:
+            raise AmbkitError(f"this is of one loop: give one filter, not {len(self.filters)}")
+        return self
+
+
+def loop_given(
+    machine: Any, filter: Any, controller: Any, position: Any, disturbance: Any
+) -> LoopGiven:
+    """Return machine, filters and controller; the file of a filter gives the first two."""
+    if is_filter(machine):
+        if filter is not None:
+            raise AmbkitError(f"{machine} is a filter already: leave out the other one")
+        filter, machine = machine, FilterFile.load(machine).plant
+    plant = given_machine(machine)
+    control, constant, measured = given_controller(plant, controller)
+    if filter is None:
+        filter = NONE if measured else "linear"
+    if isinstance(filter, (list, tuple)):  # fed by the measurement is assessed beside each
+        filter = [item for item in filter if item != NONE] or NONE
+    filters = {} if filter == NONE else given_estimators(filter, plant)
+    if filter in ("all", ["all"]):
+        for name in [name for name, filter_ in filters.items() if not tells(filter_)]:
+            NOTES.warning("%s is left out: it does not settle to a gain", name)
+            del filters[name]
+    forces = dict(constant)
+    if disturbance:
+        forces |= given_load(plant, disturbance)
+    return LoopGiven(plant, filters, control, in_si("position", position, "m"), forces)
+
+
+class TuningGiven(NamedTuple):
+    """What is tuned, and by what, as a caller named it."""
+
+    machine: Machine
+    records: list[Record]
+    kind: str
+    magnet: MagnetModel | None
+    controller: PID | Control | None
+    channels: Any
+    source: str  #: Names of the records' files.
+    machine_file: str | os.PathLike[str] | None
+    magnet_file: str | None
+
+    @property
+    def inputs(self) -> Inputs | None:
+        """What the controller reads: the same numbers as the log has."""
+        if self.channels is None:
+            return None
+        known = isinstance(self.channels, ChannelMap)
+        return inputs_of(self.channels if known else ChannelMap.load(self.channels))
+
+    def others(self, records: Any) -> list[Record]:
+        """Return further records."""
+        return given_records(records, self.machine, self.channels)
+
+
+def tuning_given(
+    machine: Any, records: Any, filter: Any, controller: Any, channels: Any
+) -> TuningGiven:
+    """Return machine, records and kind of filter; ``KIND@FILE`` names what its magnet asks."""
+    plant = given_machine(machine)
+    kind, _, file = filter.partition(AT) if isinstance(filter, str) else (filter, "", "")
+    kind_called(kind)
+    named = names_in(Record, records=records)
+    return TuningGiven(
+        plant,
+        given_records(named, plant, channels),
+        kind,
+        experts(Path(file), plant) if file else None,
+        given_controller(plant.long, controller)[0],
+        channels,
+        ", ".join(Path(item).name for item in named if not isinstance(item, Record)),
+        machine if isinstance(machine, str | os.PathLike) else None,
+        file or None,
+    )
+
+
+def given_records(records: Any, machine: Machine, channels: Any) -> list[Record]:
+    """Return records; where files do not look like those of the machine, that is noted."""
+    results = []
+    for item in names_in(Record, records=records):
+        results.append(given_record(item, channels))
+        if not isinstance(item, Record):
+            try:
+                odd = check_plausibility(results[-1], machine)
+            except RecordError as error:
+                raise RecordError([f"{item}: {problem}" for problem in error.problems]) from None
+            for text in odd:
+                NOTES.warning("%s: %s", item, text)
+    return results
+
+
+def given_machine(source: Any) -> Machine:
+    """Return the machine that is given or named."""
+    if isinstance(source, str | os.PathLike):
+        return load_machine(source)
+    of_type(Machine, machine=source)
+    return cast(Machine, source)
+
+
+def is_filter(source: Any) -> bool:
+    """Whether this is the TOML file of a filter: only these have a ``kind``."""
+    import tomllib
+
+    try:
+        if not isinstance(source, str | os.PathLike) or Path(source).suffix != FILTER_SUFFIX:
+            return False
+        return "kind" in tomllib.loads(Path(source).read_text(encoding="utf-8"))
+    except (OSError, ValueError):  # which is told by who reads it
+        return False
+
+
+def given_controller(machine: Machine, value: Any) -> tuple[PID | None, dict[str, float], bool]:
+    """Return the controllers, the constant disturbances, and whether a measurement feeds them."""
+    if not isinstance(value, str | os.PathLike):
+        return value, {}, False
+    if value in TYPES:
+        return Control.model_validate({"type": value}), {}, False
+    if Path(value).suffix != ".toml":
+        raise AmbkitError(
+            f"controller: {value!r} is none of {', '.join(TYPES)}, and no file that ends with .toml"
+        )
+    scenario, axes = Scenario.load(value), tuple(axis.name for axis in machine.axes)
+    wrong = list(scenario.wrong_for(axes, body=not machine.single))
+    if wrong:
+        raise AmbkitError(f"{value}: {'; '.join(wrong)}")
+    if machine.single:
+        return scenario.controller, {}, False
+    forces = {
+        axis: signal.value
+        for axis, signal in scenario.by_axis("disturbance", axes[0]) if isinstance(signal, Constant)
+    }  # fmt: skip
+    control = scenario.controller
+    if default_control.fastest_of(machine, scenario) > abs(machine.speed):
+        control = default_control.control_of(machine, scenario)
+    return control, forces, default_control.feedback_of(machine, scenario) == "measurement"
+
+
+def given_orbit(orbit: Any) -> Any:
+    """Return whether a loop is linearised along its orbit, or of which half axis that is [m]."""
+    if orbit in (None, "own"):
+        return orbit is not None
+    return in_si("orbit", orbit, "m")
+
+
+def given_record(source: Any, channels: Any = None, window: Any = None) -> Record:
+    """Return a record, filled where its log has gaps, or the part of it that is wanted."""
+    record: Record = source
+    if isinstance(source, str | os.PathLike):
+        record = load_filled(source, channels, NOTES.warning)
+    of_type(Record, record=record)
+    if window is None:
+        return record
+    ends = window.split(",") if isinstance(window, str) else list(window)
+    if len(ends) != 2:
+        raise AmbkitError(f'window must be two times such as "2 s,5 s", is {window!r}')
+    start, stop = (None if end in (None, "") else end for end in ends)
+    return record.between(start, stop)
+
+
+def given_load(bearing: Machine, load: Any) -> dict[str, float]:
+    """Return constant loads by the names of axes [N]; a number is of the first axis."""
+    if load is None or isinstance(load, Mapping):
+        return {
+            name: in_si(f"disturbance of {name}", item, "N") for name, item in (load or {}).items()
+        }
+    return {bearing.long.axes[0].name: in_si("disturbance", load, "N")}
+
+
+def given_estimators(filters: Any, bearing: Machine) -> dict[str, Estimator]:
+    """Return the estimators that were given or named, by their names."""
+    from ambkit.estimate.estimator import Estimator
+
+    if filters is None:
+        return {}
+    if is_own(filters):
+        filters = {filters.__name__: filters}
+    results: dict[str, Estimator] = {
+        name: OwnEstimator(bearing, entry, name) if is_own(entry) else entry
+        for name, entry in (filters.items() if isinstance(filters, Mapping) else ())
+    }
+    for item in results.values():
+        of_type(Estimator, filter=item)
+    for item in () if isinstance(filters, Mapping) else names_in(Estimator, filter=filters):
+        if isinstance(item, Estimator):
+            if item.name in results:
+                raise AmbkitError(f"two filters are called {item.name}: give them as a mapping")
+            results[item.name] = item
+        else:
+            results |= {name: make() for name, make in factories([item], bearing).items()}
+    for name, item in results.items():
+        T = item.bearing.sampling_time
+        if abs(T - bearing.sampling_time) > 1e-9 * T:
+            raise AmbkitError(
+                f"{name}: its sampling_time is {T:g} s, that of {bearing.name} "
+                f"{bearing.sampling_time:g} s"
+            )
+    return results
+
+
+def of_machine(
+    name: str, machine: Machine, *, synchronous: Sequence[str] = (), noise: Any = None
+) -> Estimator:
+    """Return an estimator for a machine, of a kind or in a file."""
+    return factories([name], machine, synchronous=synchronous)[name](noise)
+
+
+class Chosen(NamedTuple):
+    """A kind of estimator to export, and what it asks for k_i and k_s; None for the kind's own."""
+
+    kind: str
+    magnet: MagnetModel | None
+    file: FilterFile | None = None
+    """The filter whose kind and magnet these are, where it is in a file."""
+
+
+def export_given(
+    machine: Any, filter: Any, choice: Sequence[str] = tuple(KINDS)
+) -> tuple[Machine, Chosen]:
+    """Return the machine and the filter that are to be exported; a filter's file gives both."""
+    if is_filter(machine):
+        if filter is not None:
+            raise AmbkitError(f"{machine} is a filter already: leave out the other one")
+        filter, machine = machine, FilterFile.load(machine).plant
+    plant = given_machine(machine)
+    return plant, _chosen("linear" if filter is None else os.fspath(filter), plant, choice)
+
+
+def _chosen(text: str, machine: Machine, choice: Sequence[str]) -> Chosen:
+    """Return what is exported of a kind, a filter's file, an expert or a force map."""
+    if text in choice:
+        return Chosen(text, learned_magnet(text, machine))
+    if text in KINDS:
+        raise AmbkitError(f"filter: {text} cannot be exported yet; {', '.join(choice)} can")
+    path = Path(text.rpartition(AT)[2])
+    if path.suffix == FILTER_SUFFIX:
+        result = FilterFile.load_for(text, machine)
+        if result.kind not in choice:
+            raise AmbkitError(
+                f"{path}: {result.kind} cannot be exported so; {', '.join(choice)} can"
+            )
+        return Chosen(result.kind, result.asked(), result)
+    if not (path.suffix or path.exists() or os.sep in text):
+        near = difflib.get_close_matches(text, choice, 1)
+        hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(choice)}"
+        raise AmbkitError(f'filter: there is no filter and no file "{text}"; {hint}')
+    kind = text.partition(AT)[0] if AT in text else "adaptive"
+    return Chosen(kind_called(kind).name, experts(path, machine))
+
+
+def given_scenario(given: Any) -> Scenario | None:
+    """Return the scenario that is given or in a file."""
+    return Scenario.load(given) if isinstance(given, str | os.PathLike) else given
+
+
+def given_band(given: Any) -> tuple[float, float] | None:
+    """Return the ends of a band of frequencies [Hz]."""
+    if given is None:
+        return None
+    ends = given.split(",") if isinstance(given, str) else list(given)
+    if len(ends) != 2:
+        raise AmbkitError(f'band must be two frequencies such as "5 Hz,100 Hz", is {given!r}')
+    return in_si("band", ends[0], "Hz"), in_si("band", ends[1], "Hz")
+
+
+def given_limits(given: Sequence[str]) -> tuple[float | None, float | None]:
+    """Return limits of current [A] and displacement [m], each told by its unit."""
+    results: dict[str, float] = {}
+    for text in names_in(limit=given):
+        unit = next((unit for unit in ("A", "m") if _is_in(text, unit)), None)
+        if unit is None:
+            raise AmbkitError(f'limit must be a current or a length such as "2 A", is {text!r}')
+        results[unit] = in_si("limit", text, unit)
+    return results.get("A"), results.get("m")
+
+
+def _is_in(text: str, unit: str) -> bool:
+    """Whether a text is a quantity with this unit."""
+    try:
+        in_si("limit", text, unit)
+    except AmbkitError:
+        return False
+    return not text.strip()[-1].isdigit()

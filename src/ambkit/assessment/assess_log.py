@@ -1,0 +1,227 @@
+"""The verdict on a loop from a record with an injected signal, beside what the model says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.assessment.assess import assess
+from ambkit.assessment.assessment import Assessment
+from ambkit.assessment.rows import of_loop
+from ambkit.base.errors import RecordError
+from ambkit.base.quantity_arguments import Given, of_type
+from ambkit.base.units import engineering
+from ambkit.data.record import Record
+from ambkit.data.signals import signal
+from ambkit.estimate.machine_model import View
+from ambkit.judge.loop.loop_of import ZONES, zone_of
+from ambkit.judge.loop.measured_sensitivity import Logged, MeasuredSensitivity, measured_sensitivity
+from ambkit.machine.machine import Machine
+from ambkit.machine.rotors.whirl import end_of_range
+from ambkit.models.linear import Complex
+from ambkit.result.result import Result
+from ambkit.result.row import At, Row, put
+from ambkit.result.sections import Section
+
+if TYPE_CHECKING:
+    from ambkit.result.report.figure import Figure
+    from ambkit.simulation.scenario import PID, Control
+
+BASIS = (
+    "Zones after ISO 14839-3, of one record at the frequencies that it tells: an aid, not a "
+    "certificate."
+)
+
+
+MODELS = ("models",)
+"""Section of the loops of the model."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AssessedLog(Result):
+    """A measured sensitivity, and what is said of it."""
+
+    measured: MeasuredSensitivity  #: What the record tells.
+    top: float  #: End of the range that the zones are taken from [Hz].
+    peak: float  #: Greatest magnitude of S within it [1], and where [Hz].
+    peak_frequency: float
+    #: What holds the greatest magnitude at the measured frequencies, with 95 % or more [1].
+    interval: tuple[float, float]
+    model: Assessment | None  #: The linear loops of the bearing, where it is given.
+    axis: int = 0  #: Which axis of a machine.
+
+    @property
+    def zone(self) -> str:
+        """Zone of the measured peak; ``"A or B"`` where its interval does not tell."""
+        best, worst = (zone_of(end) for end in self.interval)
+        return best if best == worst else f"{best} or {worst}"
+
+    @property
+    def name(self) -> str:
+        """Of the bearing, or of the machine and its axis; empty where none is given."""
+        if self.model is None:
+            return ""
+        axes = self.model.of.axes
+        axis = f" {axes[self.axis]}" if len(axes) > 1 else ""
+        return f"{self.model.bearing.name}{axis}"
+
+    @property
+    def within(self) -> dict[str, float]:
+        """Share of the frequencies at which the interval holds each model's magnitude [1]."""
+        low, high = self.measured.interval()
+        return {
+            name: float(np.mean((low <= np.abs(S)) & (np.abs(S) <= high)))
+            for name, S in self._models()
+        }
+
+    @property
+    def deviation(self) -> dict[str, float]:
+        """Median distance of the measured S from each model's, of the model's magnitude [1]."""
+        result = self.measured.sensitivity
+        return {name: float(np.median(np.abs(result / S - 1))) for name, S in self._models()}
+
+    def _models(self) -> Iterator[tuple[str, Complex]]:
+        for name, item in () if self.model is None else self.model.loops.items():
+            yield name, item.loop.of_axis(self.axis, self.measured.frequency)
+
+    @property
+    def title(self) -> str:
+        """Of what."""
+        return f"Measured sensitivity{f' of {self.name}' if self.name else ''}"
+
+    @property
+    def finding(self) -> str:
+        """The zone, and the peak with its interval."""
+        low, high = self.interval
+        return (
+            f"Measured sensitivity: zone {self.zone}, peak {self.peak:.3f} ({low:.3f} to "
+            f"{high:.3f}) at {engineering(self.peak_frequency, 'Hz', 4)}."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        """What the record tells, and how the models meet it."""
+        m, top = self.measured, engineering(self.top, "Hz", 4)
+        results = [
+            Row("zone", "zone of ISO 14839-3", self.zone),
+            Row("peak", f"  peak of |S| to {top}", self.peak, "|S|", interval=self.interval,
+                at=At("peak_frequency", self.peak_frequency)),
+            Row("frequencies", "frequencies", len(m.frequency)),
+            Row("range_measured", "  of them", (float(m.frequency[0]), float(m.frequency[-1])),
+                "Hz", 3),
+            Row("periods", "periods (1 or none: local polynomials)", m.periods),
+            Row("least_coherence", "coherence, least", float(m.coherence.min())),
+        ]  # fmt: skip
+        loops = {} if self.model is None else self.model.loops
+        for name, loop in loops.items():
+            rest = [row for row in of_loop(loop) if row.key not in ("zone", "peak")]
+            results += put([
+                Row("zone", "zone", loop.zone),
+                Row("peak", "peak of |S|", loop.peak, "|S|"),
+                Row("deviation", "median distance", self.deviation[name], "%"),
+                Row("within", "within the 95 % intervals", self.within[name], "%"),
+                *put(rest, detail=True),
+            ], section=MODELS, of=name)  # fmt: skip
+        return results
+
+    SECTIONS = {(): Section("Measured sensitivity"), MODELS: Section("Models of {0.name}")}
+
+    @property
+    def notes(self) -> list[str]:
+        """What all of it is."""
+        return [BASIS]
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """The sensitivity, with its interval, over the frequency."""
+        m, (low, high) = self.measured, self.measured.interval()
+        L, spread = m.open_loop()
+        return {
+            "range": self.top,
+            "freedom": m.freedom,
+            "frequency": m.frequency.tolist(),
+            "sensitivity": np.abs(m.sensitivity).tolist(),
+            "low": low.tolist(),
+            "high": high.tolist(),
+            "coherence": m.coherence.tolist(),
+            "open_loop": [[float(at.real), float(at.imag)] for at in L],
+            "open_loop_std": spread.tolist(),
+        }
+
+    def figures(self) -> list[Figure]:
+        """Return the sensitivity."""
+        return [self.figure()]
+
+    def figure(self) -> Figure:
+        """Return S with its interval and zones, the open loop, and the coherence as a picture."""
+        from ambkit.show.plots.assessment import Curves
+        from ambkit.show.plots.sensitivity import measured_figure
+
+        models = [] if self.model is None else [
+            Curves(name, loop.loop, self.axis)
+            for name, loop in self.model.loops.items() if loop.stable
+        ]  # fmt: skip
+        name = "" if self.model is None else f"{self.name}: "
+        return measured_figure(
+            f"{name}measured sensitivity, zone {self.zone}", self.measured, models,
+            zones=ZONES, top=self.top,
+        )  # fmt: skip
+
+
+def assess_log(
+    record: Record,
+    bearing: Machine | None = None,
+    filter: Any = None,
+    controller: PID | Control | None = None,
+    *,
+    logged: Logged = "after",
+    x: Given = 0.0,
+    load: Given | Mapping[str, Given] = 0.0,
+) -> AssessedLog:
+    """Assess a loop by a record in which a signal was added to its measurement."""
+    of_type(Record, record=record)
+    axis = 0
+    if bearing is not None and not bearing.single:
+        axis, record = of_one_axis(record, bearing)
+    result = measured_sensitivity(record, logged)
+    speed = None if bearing is None else bearing.speed
+    top = end_of_range(result.sampling_time, speed)
+    model = None if bearing is None else assess(bearing, filter, controller, x=x, load=load)
+    inside = result.frequency <= top
+    size = np.where(inside, np.abs(result.sensitivity), -np.inf)
+    at = int(size.argmax())
+    return AssessedLog(
+        measured=result,
+        top=top,
+        peak=float(size[at]),
+        peak_frequency=float(result.frequency[at]),
+        interval=result.peak_interval(top=top),
+        model=model,
+        axis=axis,
+    )
+
+
+def of_one_axis(record: Record, machine: Machine) -> tuple[int, Record]:
+    """Which axis of a machine something was injected at, and the record of that axis alone."""
+    names = [axis.name for axis in machine.axes]
+    injected_axes = [name for name in names if signal("injected", name) in record]
+    if len(injected_axes) != 1:
+        there, has = (
+            ", ".join(signal("injected", name) for name in of) for of in (names, injected_axes)
+        )
+        raise RecordError(
+            f"the record must have what was injected at one axis of {machine.name}: one of "
+            f"{there}; has {has or 'none of them'}"
+        )
+    lacking = [signal("y", r.name) for r in machine.readings if signal("y", r.name) not in record]
+    if lacking:
+        raise RecordError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
+    axis, view = names.index(injected_axes[0]), View(machine)
+    y = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
+    position = y @ (view.H @ view.shown)[axis]
+    return axis, Record(
+        record.t, {"y": position, "injected": record[signal("injected", injected_axes[0])]}
+    )

@@ -1,0 +1,351 @@
+"""Loops of a machine, assessed beside each other: figures and pictures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.assessment import rows as rows
+from ambkit.assessment.loop import AssessedLoop
+from ambkit.base import units
+from ambkit.base.units import engineering
+from ambkit.data.signals import by_name
+from ambkit.judge.loop.loop_of import ZONES, LoopOf, ideal_pieces
+from ambkit.machine.machine import Machine
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.sections import Section
+from ambkit.rotordynamics.balance_grades import Grade, grade_of, of_grades, unbalance_forces
+from ambkit.rotordynamics.modal_reduction import reduction
+from ambkit.rotordynamics.separation_margins import BASIS as BASIS_OF_MARGINS
+from ambkit.rotordynamics.separation_margins import Separation, sentence, separations
+from ambkit.simulation.linear.linear_plant import OperatingPoint
+from ambkit.simulation.scenario import PID
+
+if TYPE_CHECKING:
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.result.report.figure import Figure
+
+BASIS = (
+    "Zones after ISO 14839-3, of a linear model: an aid, not a certificate, which asks for a "
+    "measurement on the machine."
+)
+
+
+NEEDED = (
+    "give the amplifier's resistance, and under [coil] its thermal_resistance and temperature_limit"
+)
+"""What the temperature of coils is computed from."""
+
+LQG, HINF = "LQG", "H-infinity"
+"""Names of the loops of controllers that are designed as an optimum."""
+
+CRITICAL, GRADES, PIECES = ("critical_speeds",), ("balance_grades",), ("pieces",)
+"""Sections of an assessment, beside its loops."""
+
+
+def _axes(loop: str) -> tuple[str, ...]:
+    return ("loops", loop, "axes")
+
+
+def _poles(loop: str) -> tuple[str, ...]:
+    return ("loops", loop, "unstable_poles")
+
+
+def _poles_and_orbit(loop: AssessedLoop) -> dict[str, Any]:
+    orbit = loop.of.point.orbit
+    poles = [[float(pole.real), float(pole.imag)] for pole in loop.loop.closed.poles()]
+    return {"poles": poles} | ({} if orbit is None else {"orbit": np.abs(orbit.x).tolist()})
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Assessment(Result):
+    """Loops of a machine and its controllers, assessed."""
+
+    signed = True
+
+    of: LoopOf  #: Plant, controllers and operating point.
+    estimators: dict[str, Estimator]  #: Those in the loops.
+    #: Peaks of S and T, by their largest singular values, that no controller can be below with this
+    #: plant.
+    least: tuple[float, float]
+    loops: dict[str, AssessedLoop]  #: By what the controllers are fed, the measurement first.
+
+    @property
+    def bearing(self) -> Any:
+        """The plant, of a single axis in its short form."""
+        return self.of.machine.short
+
+    @property
+    def machine(self) -> Machine:
+        """The plant."""
+        return self.of.machine
+
+    @property
+    def controllers(self) -> dict[str, PID]:
+        """Gains, with settings that were omitted tuned: by axis, or coordinate of the rotor."""
+        # As they are fed in the last of the loops.
+        return self.of.pids(self.estimators.get(list(self.loops)[-1]))
+
+    @property
+    def controller(self) -> PID:
+        """Those of the first axis or coordinate."""
+        return next(iter(self.controllers.values()))
+
+    @property
+    def point(self) -> OperatingPoint:
+        """Control current [A] and displacement [m] where it is linearised; of several (p,)."""
+        point = self.of.point
+        if len(self.of.axes) > 1:
+            return point
+        return point._replace(iu=float(point.iu[0]), x=float(point.x[0]))
+
+    @property
+    def top(self) -> float:
+        """End of the range that the zones are taken from [Hz]."""
+        return self.of.top
+
+    @property
+    def last(self) -> str:
+        """By what the controllers are fed in the last of the loops."""
+        return list(self.loops)[-1]
+
+    TITLE = "Verdict on the loop of {0.machine.name}"
+
+    @property
+    def finding(self) -> str:
+        """Zone and peak of each loop, and whether the last one keeps its limits."""
+        parts = ", ".join(
+            f"{name}: zone {one.verdict}, peak {one.peak:.3f} at "
+            f"{engineering(one.peak_frequency, 'Hz', 4)}" if one.stable else f"{name}: unstable"
+            for name, one in self.loops.items()
+        )  # fmt: skip
+        missed = [
+            row.name.strip() for row in self.rows
+            if row.kept is False and (row.of == self.last or row.section == CRITICAL)
+        ]  # fmt: skip
+        limit_text = f"not kept: {', '.join(missed)}" if missed else "all limits kept"
+        return f"{self.machine.name}, controller fed by {parts}; {limit_text}."
+
+    @cached_property
+    def rows(self) -> list[Row]:
+        """Figures of the loops, of each axis, of critical speeds and balance quality grades."""
+        results = []
+        for name, loop in self.loops.items():
+            results += put(rows.of_loop(loop), section=("loops",), of=name)
+        for name, loop in self.loops.items():
+            axes = loop.axes if len(loop.axes) > 1 else {}
+            for item, axis in axes.items():
+                results += put(
+                    rows.of_axis(axis, loop.of), section=_axes(name), of=item, detail=True
+                )
+            results += put(rows.of_unstable_poles(loop.unstable_poles), section=_poles(name))
+        for apart in self.separations:
+            results += apart.rows()
+        for grade in self.grades():
+            results += put(rows.of_grade(grade), section=GRADES)
+        for name in self.loops:
+            if name not in (LQG, HINF):
+                results += put(rows.of_pieces(self.shares(name)), section=PIECES, of=name)
+        return results
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        machine, speed_text = self.machine, units.rpm(self.machine.speed, 6)
+        several = len(self.of.axes) > 1
+        at = f"{speed_text}, the worst of its axes" if several else rows.held_at(self.of)
+        all_sections: dict[tuple[str, ...], Section] = {
+            ("loops",): Section(f"{machine.name} at {at}, controllers fed by"),
+            CRITICAL: Section(
+                f"Separation of {speed_text} from critical speeds ({BASIS_OF_MARGINS})", across=True
+            ),
+            GRADES: Section(
+                f"Unbalance of grades of ISO 21940-11 at {speed_text}, angles as bad as can be",
+                across=True,
+            ),
+            PIECES: Section("Peak of |S|, all else as it is, controllers fed by"),
+        }  # fmt: skip
+        for name in self.loops:
+            all_sections[_axes(name)] = Section(
+                f"Each axis with all other loops closed, controllers fed by {name}"
+            )
+            all_sections[_poles(name)] = Section(
+                f"Unstable poles of the closed loop, controllers fed by {name}", across=True
+            )
+        return all_sections
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What the last loop holds for."""
+        return rows.facts_of(self.loops[self.last], self.of, self.estimators.get(self.last))
+
+    @property
+    def notes(self) -> list[str]:
+        """The bound, what is not known, how the controllers were chosen, and what all of it is."""
+        notes, several = [], len(self.of.axes) > 1
+        S, T = ("the largest singular value of S", "that of T") if several else (
+            "the peak of |S|", "that of |T|"
+        )  # fmt: skip
+        if self.least[0] > 1:
+            notes.append(
+                f"No linear controller brings {S} below {self.least[0]:.3f} here, nor {T} below "
+                f"{self.least[1]:.3f}, for the unstable pole{'s' if several else ''} and the dead "
+                "time."
+            )
+        if any(one.demands.heating is None for o in self.loops.values() for one in o.axes.values()):
+            notes.append(f"The temperature of coils is not known: {NEEDED}.")
+        wrong = [name for name, loop in self.loops.items() if not loop.integral.holds]
+        if wrong:
+            notes.append(f"The check does not hold, as in an unstable loop: {', '.join(wrong)}.")
+        fed: list[Any] = [None] * ("measurement" in self.loops) + list(self.estimators.values())[:1]
+        notes += [fromkey for fromkey in dict.fromkeys(map(self.of.choice, fed)) if fromkey]
+        compared = None if self.machine.bending is None else reduction(self.machine)
+        if compared is not None and not compared.good:
+            notes.append(f"{compared.text()}.")
+        if self.machine.turns and not self.separations:
+            notes.append(f"{sentence([], self.machine.speed).capitalize()}.")
+        own = grade_of(self.machine)
+        if own is not None:
+            notes.append(f"The unbalance is of balance quality grade G {1e3 * own:.3g}.")
+        return [*notes, *self.plain(), BASIS]
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Poles, gains and the operating point."""
+        estimator = self.estimators.get(self.last)
+        pids = {name: pid.model_dump(mode="json") for name, pid in self.controllers.items()}
+        names = [axis.name for axis in self.machine.axes]
+        return {
+            "basis": BASIS,
+            "machine": self.machine.name,
+            "speed": self.machine.speed,
+            "range": self.top,
+            "half_the_sampling_rate": 0.5 / self.machine.sampling_time,
+            "least_peak": self.least[0],
+            "least_complementary_peak": self.least[1],
+            "plain_control": self.plain(),
+            "control": self.of.control_for(estimator).model_dump(mode="json"),
+            "controllers": pids,
+            "controller": next(iter(pids.values()), None),
+            "control_current": by_name(names, self.of.point.iu.tolist()),
+            "displacement": by_name(names, self.of.point.x.tolist()),
+            "loops": {name: _poles_and_orbit(one) for name, one in self.loops.items()},
+        }
+
+    def figures(self) -> list[Figure]:
+        """Return margins and loads of the last loop."""
+        stable = self.loops[self.last].stable
+        return [self.figure(), *([self.capacity_figure()] if stable else [])]
+
+    @cached_property
+    def separations(self) -> list[Separation]:
+        """How far the machine's speed is from each critical speed; none where it does not turn."""
+        machine = self.machine
+        if not machine.turns:
+            return []
+        own = [self.controllers.get(name) for name in self.of.axes]
+        known = [item for item in own if item is not None]
+        return separations(machine, pids=known if len(known) == len(own) else None)
+
+    def plain(self) -> list[str]:
+        """Return a sentence where unbalance control is plain control at the machine's speed."""
+        parts = {self.of.plain(estimator) for estimator in self.estimators.values()}
+        return sorted(one for one in parts if one is not None)
+
+    def grades(self, filter: str | None = None) -> list[Grade]:
+        """Return what unbalance of each balance quality grade would do at the machine's speed."""
+        loop = list(self.loops.values())[-1] if filter is None else self.loops[filter]
+        machine = self.machine
+        if not machine.turns or not loop.stable:
+            return []
+        return of_grades(loop.loop, machine, loop.of.point)
+
+    def shares(self, filter: str | None = None) -> dict[str, float]:
+        """Return the peak of abs(S) as it is, and with each piece of the loop ideal in turn [1]."""
+        # The worst axis within the standard's range; controllers, filter and operating point stay
+        # as they are, so that the change is the piece's own. Infinite where the loop is unstable
+        # then.
+        name = list(self.loops)[-1] if filter is None else filter
+        estimator = self.estimators.get(name)
+        results = {"as it is": self.loops[name].peak if self.loops[name].stable else math.inf}
+        there = self.loops[name].of
+        for piece, plant in ideal_pieces(self.machine).items():
+            results[piece] = there.with_plant(plant, estimator).peak(estimator)
+        if estimator is not None and not there.needs_estimate:
+            results["filter"] = there.peak()
+        return results
+
+    def figure(self, filter: str | None = None) -> Figure:
+        """Return Bode of S with the zones, Nyquist, compliance and noise as a picture."""
+        # Of one axis with all loops that are stable; of several with all axes of one loop,
+        # singular values, and the determinant of the return difference. Of a loop that is unstable
+        # Nyquist, loop gain and poles of just this loop.
+        from ambkit.show.plots.assessment import Curves, assessment_figure, unstable_figure
+
+        name = list(self.loops)[-1] if filter is None else filter
+        if not self.loops[name].stable:
+            return unstable_figure(
+                f"{self.bearing.name}: unstable loop, controller fed by {name}",
+                self.loops[name].loop, self.of.axes, self.loops[name].unstable_poles,
+            )  # fmt: skip
+        title = f"{self.bearing.name}: sensitivity with the filter in the loop"
+        stable = {item: one.loop for item, one in self.loops.items() if one.stable}
+        full_loop, feeding = None, None
+        if len(self.of.axes) == 1:
+            curves = [Curves(item, loop) for item, loop in stable.items()]
+        else:
+            full_loop, feeding = stable[name], self.estimators.get(name)
+            curves = [
+                Curves(" and ".join(same), full_loop, self.of.axes.index(same[0]))
+                for same in self.alike(name)
+            ]
+            title = f"{self.bearing.name}: sensitivity of each axis, controllers fed by {name}"
+        return assessment_figure(
+            title, curves, zones=ZONES, top=self.top, static=self.of.static_compliance(feeding),
+            gain=self.of.isolated[0].amplifier.gain, whole=full_loop,
+            left_out=[item for item, one in self.loops.items() if not one.stable],
+        )  # fmt: skip
+
+    def alike(self, filter: str) -> list[list[str]]:
+        """Return the names of a loop's axes, those together whose curves are the same."""
+        results: list[list[str]] = []
+        axes = self.loops[filter].axes
+        for name, axis in axes.items():
+            for same in results:
+                other = axes[same[0]]
+                if math.isclose(axis.peak, other.peak, rel_tol=1e-6) and math.isclose(
+                    axis.margins.crossover, other.margins.crossover, rel_tol=1e-6
+                ):
+                    same.append(name)
+                    break
+            else:
+                results.append([name])
+        return results
+
+    def capacity_figure(self, filter: str | None = None) -> Figure:
+        """Return the load that each loop, or each of several axes, bears over the frequency."""
+        from ambkit.show.plots.capacity import capacity_figure
+
+        demands: dict[str, tuple[float, float]] = {}
+        if len(self.of.axes) == 1:
+            parts = {name: loop.demands for name, loop in self.loops.items()}
+        else:
+            name = list(self.loops)[-1] if filter is None else filter
+            axes = self.loops[name].axes
+            parts = {" and ".join(same): axes[same[0]].demands for same in self.alike(name)}
+            forces = dict(zip(self.of.axes, unbalance_forces(self.machine), strict=True))
+            f = abs(self.machine.speed) / (2 * math.pi)
+            demands = {
+                " and ".join(same): (f, float(forces[same[0]]))
+                for same in self.alike(name) if forces[same[0]] > 0
+            }  # fmt: skip
+        return capacity_figure(
+            f"{self.bearing.name}: the load that the loop bears",
+            {name: demand.capacity for name, demand in parts.items() if demand},
+            demands,
+        )

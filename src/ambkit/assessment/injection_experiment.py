@@ -1,0 +1,332 @@
+"""The experiment that measures a loop's sensitivity: what to add to its measurement, how much."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.assessment.arguments import given_estimators
+from ambkit.assessment.assess import assess
+from ambkit.assessment.assess_log import of_one_axis
+from ambkit.assessment.injection import PERIODS, Injection
+from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.base.units import engineering
+from ambkit.data.record import Record
+from ambkit.data.signals import signal
+from ambkit.estimate.estimate import Estimate, Status
+from ambkit.identification.excitation import Limits
+from ambkit.identification.excitation.signals import Excitation, sparse_multisine
+from ambkit.judge.loop.measured_sensitivity import measured_sensitivity
+from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.rotors.whirl import end_of_range
+from ambkit.simulation.default_control import settled_scenario
+from ambkit.simulation.run import samples, simulate_run
+from ambkit.simulation.scenario import Injection as Added
+from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.waveforms import Recorded
+
+if TYPE_CHECKING:
+    from ambkit.assessment.assessment import Assessment
+
+Array = NDArray[np.float64]
+
+REST = 0.05
+"""Of the experiment, before the signal begins."""
+
+LINEAR = 0.05
+"""Of the air gap, how far the rotor goes where nobody says it: magnets are not linear."""
+
+TRIES, SEEDS = 12, 3
+"""Simulations in which the amplitude is brought to a limit, and noises under which it keeps it."""
+
+REFUSED = 1e-3
+"""Share of the measurements that a filter in the loop may take for outliers: one that refuses the
+signal is another loop."""
+
+FILLED = 0.97
+"""Part of a limit that is near enough to it."""
+
+DURATION = 5.0
+"""Of an experiment, where nobody says it [s]."""
+
+
+def design_injection(
+    bearing: Machine,
+    scenario: Scenario,
+    filter: Any = None,
+    *,
+    axis: str | None = None,
+    current: Given | None = None,
+    displacement: Given | None = None,
+    band: tuple[float, float] | None = None,
+) -> Injection:
+    """Design the signal whose answer tells the sensitivity, within limits on current and position.
+
+    A multisine of few lines, so that each has much power, again and again, so that the scatter
+    between its periods tells the error. Its lines are away from hum and from orders of the speed.
+    They are as high as the noise that comes to the same place, of sensor and amplifier: both are
+    passed on by S, and each line is told equally well. Above the peak of S, where current by signal
+    grows and S goes to 1, they fall as that current rises.
+
+    Parameters
+    ----------
+    bearing : Bearing or Machine
+        The plant.
+    scenario : Scenario
+        Duration, controller, reference, load, and seed of the noise.
+    filter : Estimator, str or path, optional
+        What feeds the controller, where the scenario lets an estimate do so.
+    axis : str, optional
+        Of a machine, by its name; by default that which decides its zone. All axes keep within
+        their limits.
+    current : float or str, optional
+        Greatest control current [A]; by default 80 % of what it can be.
+    displacement : float or str, optional
+        Greatest displacement from the centre [m]; by default 5 % of the air gap beyond where the
+        rotor is held, or half of the travel.
+    band : tuple of float, optional
+        Lowest and highest frequency [Hz]; by default from the lowest that a period tells to the end
+        of the range of ISO 14839-3.
+
+    Raises
+    ------
+    AmbkitError
+        The experiment is too short for the band, the loop is not stable, or exceeds a limit even
+        without a signal.
+    """
+    of_type(Machine, bearing=bearing)
+    current = in_si("current", current, "A")
+    displacement = in_si("displacement", displacement, "m")
+    of_type(Scenario, scenario=scenario)
+    if not bearing.single:
+        of: _Experiment = _OfMachine(bearing, scenario, filter, axis, current, displacement)
+    else:
+        if axis is not None:
+            raise AmbkitError(f"{bearing.name} has one axis: leave its name out")
+        of = _OfBearing(bearing.isolated_axis(""), scenario, filter, current, displacement)
+    return of.designed(band)
+
+
+class _Run(NamedTuple):
+    """One simulation: the record of the axis, what it takes of all limits, and the estimate."""
+
+    record: Record
+    level: float
+    estimate: Estimate | None
+
+
+class _Experiment:
+    """The simulated loop, with noise, and a signal that is added to its measurement."""
+
+    def __init__(
+        self,
+        result: Assessment,
+        n: int,
+        held: float,
+        axis: str | None,
+        limits: Sequence[float | None],
+    ) -> None:
+        self.bearing: Any = result.bearing
+        self.T, self.n = self.bearing.sampling_time, n
+        self.t = self.T * np.arange(n)
+        self.rest = math.ceil(REST * n)
+        self.period = (n - self.rest) // PERIODS
+        loop = list(result.loops.values())[-1]
+        if loop.worst is None:
+            raise AmbkitError(
+                f"{self.bearing.name}: the loop is not stable, there is nothing to measure"
+            )
+        self.loop, axes = loop, list(loop.axes)
+        chosen = loop.worst.name if axis is None else axis
+        if chosen not in axes:
+            raise AmbkitError(
+                f"{self.bearing.name} has no axis {chosen}; there are {', '.join(axes)}"
+            )
+        self.at = axes.index(chosen)
+        self.axis = chosen if len(result.of.axes) > 1 else ""
+        self.name = f"{self.bearing.name} {self.axis}".strip()
+        self.all_limits = [_limits(b, held, limits[0], limits[1]) for b in result.of.isolated]
+        self.limits = self.all_limits[self.at]
+
+    def designed(self, band: tuple[float, float] | None) -> Injection:
+        """Return the experiment in a band [Hz]."""
+        excitation = self.signal(self.checked(band))
+        added = self.at_the_limit(excitation)
+        record = self.run(added).record
+        ends = float(excitation.frequencies[0]), float(excitation.frequencies[-1])
+        expected = measured_sensitivity(record)
+        return Injection(
+            self.name, self.axis, excitation, added, ends, record, self.limits, expected
+        )
+
+    def checked(self, band: tuple[float, float] | None) -> tuple[float, float]:
+        """Return the band, given or not [Hz]."""
+        lowest, highest = 1 / (self.period * self.T), 0.45 / self.T
+        low, high = band or (lowest, min(end_of_range(self.T, self.bearing.speed), highest))
+        if not lowest * (1 - 1e-9) <= low < high <= highest * (1 + 1e-9):
+            raise AmbkitError(
+                f"the band must rise, from {engineering(lowest, 'Hz')}, one period of the signal "
+                f"that comes {PERIODS} times, to {engineering(highest, 'Hz')} at most; "
+                f"is {engineering(low, 'Hz')} to {engineering(high, 'Hz')}"
+            )
+        return low, high
+
+    def signal(self, band: tuple[float, float]) -> Excitation:
+        """Return one period in a band [Hz]."""
+        loop, of, k = self.loop.loop, self.loop.of, self.at
+        orders = (self.bearing.speed or 0.0) / (2 * math.pi) * np.arange(1, 21)
+        sensors = of.machine.sensor
+        hum = [line.frequency for sensor in sensors for line in sensor.hum]
+        peak = self.loop.axes[list(self.loop.axes)[k]].peak_frequency
+        m, p = loop.measurements, len(of.isolated)
+        seen, shaken = of.shown[k], of.added[:, k]
+        if not self.axis:  # the one reading, as it is
+            seen = shaken = np.ones(1)
+
+        def demanded(f: Array) -> Array:
+            return np.asarray(np.abs(loop.noise_to_control(f)[:, k] @ shaken))
+
+        of_y, of_u = (np.array(item) for item in of.noise())
+        there, sensed = float(demanded(np.array([peak]))[0]), float(seen**2 @ of_y)
+
+        def weight(f: Array) -> Array:
+            by_u = np.abs(seen @ loop.plant.response(f)[:, :m, :p]) ** 2 @ of_u
+            noise = 1 + by_u / (sensed or 1.0)
+            return np.asarray(
+                np.sqrt(noise) * np.where(f > peak, np.minimum(1.0, there / demanded(f)), 1.0)
+            )
+
+        result = sparse_multisine(
+            self.period, self.T, band, without=[*hum, *orders[orders > 0]], weight=weight
+        )
+        if len(result.frequencies) < 2:
+            raise AmbkitError(
+                "the band has no room for two lines: widen it, or make the run longer"
+            )
+        return result
+
+    def run(self, added: Array, other: int = 0) -> _Run:
+        """Simulate with a signal (n,) [m], and with other noise than the seed's."""
+        raise NotImplementedError
+
+    def level(self, added: Array) -> float:
+        """How far the loop goes towards its limits under several noises; 1: up to one."""
+        most = 0.0
+        for other in range(SEEDS):
+            run = self.run(added, other)
+            most = max(most, run.level)
+            if run.estimate is not None:
+                refused = float(np.mean((run.estimate.status & Status.OUTLIER) > 0))
+                most = max(most, refused / REFUSED)
+        return most
+
+    def taken(self, currents: Sequence[Array], displacements: Sequence[Array]) -> float:
+        """Return what a run takes of the limits of all axes; 1: up to one."""
+        parts = zip(currents, displacements, self.all_limits, strict=True)
+        return max(
+            max(float(np.abs(iu).max()) / of.current, float(np.abs(x).max()) / of.displacement)
+            for iu, x, of in parts
+        )
+
+    def at_the_limit(self, excitation: Excitation) -> Array:
+        """Return the signal as large as the limits allow, (n,) [m]."""
+        unit = np.zeros(self.n)
+        periods = np.tile(excitation.values, PERIODS)
+        unit[self.rest : self.rest + len(periods)] = periods
+        floor = self.level(np.zeros(self.n))
+        if not floor < FILLED:
+            raise AmbkitError(
+                f"even without a signal the loop goes to {100 * floor:.0f} % of a limit, "
+                f"{engineering(self.limits.current, 'A')} and "
+                f"{engineering(self.limits.displacement, 'm')}: there is no room for one"
+            )
+        amplitude, best = 0.2 * self.limits.displacement, 0.0
+        for _ in range(TRIES):
+            level = self.level(amplitude * unit)
+            if level <= 1:
+                best = max(best, amplitude)
+                if level >= FILLED:
+                    break
+            rise = max(level - floor, 1e-3)
+            amplitude *= min(max((0.985 - floor) / rise, 0.5), 4.0)
+        if best == 0:
+            raise AmbkitError("no signal was found that keeps within the limits")
+        return best * unit
+
+
+class _OfBearing(_Experiment):
+    """Of one axis."""
+
+    def __init__(
+        self, bearing: Bearing, scenario: Scenario, filter: Any, *limits: float | None
+    ) -> None:
+        self.scenario = scenario.replace(noise=True).of_one_axis(bearing)
+        pid = self.scenario.controller
+        self.filter = (filter or "linear") if pid.feedback == "estimate" else None
+        n = samples(bearing, scenario)
+        held = scenario.along("reference", ("",), bearing.sampling_time * np.arange(n))
+        far = float(np.abs(held).max())
+        super().__init__(assess(bearing, self.filter, pid), n, far, None, limits)
+
+    def run(self, added: Array, other: int = 0) -> _Run:
+        """Simulate the bearing."""
+        scenario = self.scenario.model_copy(
+            update={"seed": self.scenario.seed + other, "injection": _recorded(self.t, added)}
+        )
+        inner = next(iter(given_estimators(self.filter, self.bearing).values()), None)
+        run = simulate_run(self.bearing, scenario, estimator=inner)
+        level = self.taken([run.record["iu"]], [run.record["x"]])
+        return _Run(run.record, level, run.estimate)
+
+
+class _OfMachine(_Experiment):
+    """Of one axis of a machine, all others closed."""
+
+    def __init__(
+        self, machine: Machine, scenario: Scenario, filter: Any, axis: str | None,
+        *limits: float | None,
+    ) -> None:  # fmt: skip
+        scenario = self.flight = settled_scenario(machine, scenario.replace(noise=True))
+        self.filter = (filter or "linear") if scenario.feedback == "estimate" else None
+        n = max(2, round(scenario.duration / machine.sampling_time) + 1)
+        t = machine.sampling_time * np.arange(n)
+        names = tuple(axis.name for axis in machine.axes)
+        held = float(np.abs(scenario.along("reference", names, t)).max())
+        result = assess(machine, self.filter, scenario.controller)
+        super().__init__(result, n, held, axis, limits)
+
+    def run(self, added: Array, other: int = 0) -> _Run:
+        """Simulate the machine."""
+        there = Added.model_construct(axis=self.axis, position=_recorded(self.t, added))
+        others = (
+            Added.model_construct(axis=name, position=item)
+            for name, item in self.flight.by_axis("injection", self.bearing.axes[0].name)
+        )
+        run_scenario = self.flight.model_copy(
+            update={"seed": self.flight.seed + other, "injection": (*others, there)}
+        )
+        inner = next(iter(given_estimators(self.filter, self.bearing).values()), None)
+        run = simulate_run(self.bearing, run_scenario, estimator=inner)
+        names = list(self.loop.axes)
+        level = self.taken(*([run.record[f"{of}_{name}"] for name in names] for of in ("iu", "s")))
+        _, axis_record = of_one_axis(run.record, self.bearing)
+        own = {"iu": run.record[signal("iu", self.axis)], "x": run.record[signal("s", self.axis)]}
+        signals = {"y": axis_record["y"], "injected": axis_record["injected"]} | own
+        return _Run(Record(run.record.t, signals), level, run.estimate)
+
+
+def _limits(
+    bearing: Bearing, held: float, current: float | None, displacement: float | None
+) -> Limits:
+    """Return the limits of an axis; by default of displacements within which magnets are linear."""
+    far = min(held + LINEAR * bearing.magnet.air_gap, 0.5 * (held + bearing.rotor.clearance))
+    return Limits.of(bearing, current, far if displacement is None else displacement)
+
+
+def _recorded(t: Array, values: Array) -> Recorded:
+    return Recorded.model_construct(times=tuple(t.tolist()), values=tuple(values.tolist()))

@@ -1,0 +1,216 @@
+"""The figures of merit of a loop, each stated once: a new one is one line here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.base import units
+from ambkit.base.units import engineering
+from ambkit.judge.loop.capacity import ROOM
+from ambkit.judge.loop.loop_of import ZONE_A, LoopOf
+from ambkit.judge.loop.margins import UnstablePole
+from ambkit.result.row import At, Row, put
+from ambkit.rotordynamics.balance_grades import Grade
+
+if TYPE_CHECKING:
+    from ambkit.assessment.loop import AssessedAxis, AssessedLoop
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.simulation.scenario import Control
+
+VERDICT = "zone overall"
+"""Name of the row that judges a loop."""
+
+USUAL_GRADES = (2.5e-3, 6.3e-3)
+"""Balance quality grades of most rotors on magnetic bearings [m/s]."""
+
+PIECES = {
+    "as it is": "as it is",
+    "amplifier": "if the amplifier were without lag",
+    "sensor": "if the sensor were without lag",
+    "delay": "without dead time, but for the hold",
+    "filter": "fed by the measurement",
+}
+"""How a loop is called of which one piece is ideal."""
+
+LESS_IS_WORSE = frozenset((
+    "gain_margin_up", "phase_margin", "delay_margin", "disk_margin", "disk_gain", "disk_phase",
+    "least_load", "time_to_coil_temperature_limit",
+))  # fmt: skip
+"""Keys of the rows that are the worse the less they are."""
+
+
+def of_axis(axis: AssessedAxis, of: LoopOf) -> list[Row]:
+    """Return the figures of one axis of a stable loop, all other loops closed."""
+    m, d, top = axis.margins, axis.demands, engineering(of.top, "Hz", 4)
+    warm, load = d.heating, At("least_load_at", d.capacity.least[1])
+    hottest = None if warm is None else warm.temperature
+    bearing = of.isolated[of.axes.index(axis.name)]
+    wide = At("peak_to_half_the_sampling_rate_at", m.peak_frequency)
+    return [
+        Row("zone", "zone of ISO 14839-3", axis.zone),
+        Row("peak", f"  peak of |S| to {top}", axis.peak, "|S|", below=ZONE_A,
+            at=At("peak_frequency", axis.peak_frequency)),
+        Row("peak_to_half_the_sampling_rate", "peak of |S| to half the sampling rate", m.peak,
+            "|S|", at=wide, detail=True),
+        Row("complementary_peak", "peak of |T|", m.complementary_peak),
+        Row("gain_margin_up", "gain margin, up", m.gain_up, "dB"),
+        Row("gain_margin_down", "gain margin, down", m.gain_down, "dB"),
+        Row("phase_margin", "phase margin", m.phase, "deg"),
+        Row("delay_margin", "delay margin", m.delay, "s", 3),
+        Row("disk_margin", "disk margin", m.disk, detail=True),
+        Row("disk_gain", "  gain, both ways", m.disk_gain[1], "dB", detail=True),
+        Row("disk_phase", "  phase, both ways", m.disk_phase, "deg", detail=True),
+        Row("bandwidth", "|S| below -3 dB up to", m.bandwidth, "Hz", 3, detail=True),
+        Row("crossover", "highest crossover", m.crossover, "Hz", 3, detail=True),
+        Row("current_noise", "current by noise, rms", axis.current_noise, "A", 3),
+        Row("position_noise", "position by noise, rms", axis.position_noise, "m", 3),
+        Row("displacement_zone", "zone of ISO 14839-2", d.zone),
+        Row("displacement", "  greatest displacement", d.displacement, "m", 3,
+            below=ROOM[0][1] * d.clearance),
+        Row("clearance", "  clearance", d.clearance, "m", 3, detail=True),
+        Row("current", "greatest control current", d.current, "A", 3, below=bearing.current_max),
+        Row("static_load", "constant load that can be held", d.capacity.static, "N", 3),
+        Row("least_load", "least harmonic load that comes to a limit", d.capacity.least[0], "N", 3,
+            at=load),
+        Row("copper_loss", "copper loss", d.copper_loss, "W", 3),
+        Row("coil_temperature", "temperature of the hottest coil", hottest, "degC",
+            below=None if warm is None else warm.limit),
+        Row("time_to_coil_temperature_limit", "  until its limit, at the greatest current",
+            None if warm is None else warm.until_limit, "s", 3, detail=True),
+    ]  # fmt: skip
+
+
+def of_loop(loop: AssessedLoop) -> list[Row]:
+    """Return the figures of a loop: its own, and of each figure of its axes the worst."""
+    axes, check = [of_axis(axis, loop.of) for axis in loop.axes.values()], loop.integral
+    several: list[Row] = []
+    if loop.worst is not None and len(axes) > 1:
+        value, where = loop.largest
+        several = [
+            Row("worst_axis", "  axis of that peak", loop.worst.name),
+            Row("largest_singular_value", "largest singular value of S", value,
+                at=At("largest_singular_value_at", where)),
+        ]  # fmt: skip
+    worst = [_worst(same) for same in zip(*axes, strict=True)]
+    orbit = loop.of.point.orbit
+    with np.errstate(divide="ignore"):
+        slowest_pole = float((np.log(np.abs(loop.loop.closed.poles())) / loop.loop.T).max())
+    return [
+        Row("verdict", VERDICT, loop.verdict, below="A"),
+        Row("stable", "stable", loop.stable, detail=True),
+        *worst[:2], *several, *worst[2:],
+        Row("greatest_orbit", "linearised along an orbit of",
+            None if orbit is None else float(np.abs(orbit.x).max()), "m", 3, detail=orbit is None),
+        Row("slowest_pole", "slowest pole", slowest_pole, "1/s", detail=True),
+        Row("bode_integral", "check: Bode's integral of ln|det S|", check.integral, digits=9,
+            detail=True),
+        Row("bode_poles", "  ln|p| of the unstable poles", check.poles, digits=9, detail=True),
+        Row("bode_holds", "  they agree", check.holds, detail=True),
+    ]  # fmt: skip
+
+
+def _worst(same: Sequence[Row]) -> Row:
+    """Return the worst of one figure of several axes; of axes that are alike the first."""
+
+    def badness(row: Row) -> Any:
+        value: Any = row.value
+        if isinstance(value, str):
+            return value
+        size = value[0] - value[1] if isinstance(value, tuple) else value
+        share = size / row.below if isinstance(row.below, float) else size
+        rounded = float(f"{share:.9g}")  # rounding does not choose
+        return -rounded if row.key in LESS_IS_WORSE else rounded
+
+    known = [row for row in same if row.value is not None]
+    return max(known, key=badness) if known else same[0]
+
+
+def of_pieces(shares: dict[str, float]) -> list[Row]:
+    """Return the peak of a loop of which one piece after the other is ideal."""
+    if len(shares) < 2:
+        return []
+    return [Row(piece, PIECES[piece], peak, "|S|", detail=True) for piece, peak in shares.items()]
+
+
+def of_grade(grade: Grade) -> list[Row]:
+    """Return what the unbalance of a balance quality grade would do."""
+    return put([
+        Row("grade", "grade", grade.grade, "mm/s"),
+        Row("unbalance", "unbalance", grade.unbalance, "g mm"),
+        Row("force", "force", grade.force, "N", 3),
+        Row("displacement", "orbit", grade.displacement, "m", 3),
+        Row("clearance_share", "of the clearance", grade.clearance_share, "%"),
+        Row("current", "current", grade.current, "A", 3),
+    ], of=f"G {1e3 * grade.grade:g}", detail=grade.grade not in USUAL_GRADES)  # fmt: skip
+
+
+def of_unstable_poles(poles: Sequence[UnstablePole]) -> list[Row]:
+    """Return what grows in an unstable loop."""
+    return [
+        row
+        for place, pole in enumerate(poles, 1)
+        for row in put([
+            Row("frequency", "frequency", pole.frequency, "Hz"),
+            Row("growth", "growth rate", pole.growth, "1/s"),
+            Row("time_to_double", "doubles in",
+                pole.doubling if math.isfinite(pole.doubling) else None, "s", 3),
+        ], of=str(place))
+    ]  # fmt: skip
+
+
+def facts_of(loop: AssessedLoop, of: LoopOf, estimator: Estimator | None) -> dict[str, str]:
+    """Return what the figures of one loop hold for."""
+    machine = of.machine
+    facts = {"machine": machine.name, "controller fed by": loop.name, "held at": held_at(of)}
+    if machine.speed:
+        facts["speed"] = units.rpm(machine.speed)
+    orbit = loop.of.point.orbit
+    if orbit is not None:
+        facts["along the orbit of"] = ", ".join(
+            f"{engineering(float(abs(x)), 'm', 3)} ({name})"
+            for name, x in zip(of.axes, orbit.x, strict=True)
+        )
+    facts |= _control(of.control_for(estimator))
+    plain = of.plain(estimator)
+    facts |= {} if plain is None else {"plain control": plain}
+    gains: dict[str, list[str]] = {}
+    for name, pid in of.pids(estimator).items():
+        if pid.feed_forward:
+            facts["feed-forward"] = f"{pid.feed_forward:g} of the estimated disturbance force"
+        parts = ((pid.kp, "A/m"), (pid.ki, "A/(m s)"), (pid.kd, "A s/m"))
+        text = ", ".join(f"{value:g} {unit}" for value, unit in parts)
+        lag = engineering(pid.derivative_filter, "s", 3)
+        gains.setdefault(f"{text}, derivative filter {lag}", []).append(name)
+    times = (machine.sampling_time, machine.delay or 0.0)
+    return facts | {f"kp, ki, kd of {', '.join(axes)}": text for text, axes in gains.items()} | {
+        "sampling time, dead time": ", ".join(engineering(time, "s") for time in times),
+        "looked at up to": engineering(of.top, "Hz"),
+    }  # fmt: skip
+
+
+def held_at(of: LoopOf) -> str:
+    """Return displacement and control current of each axis at the operating point, as text."""
+    parts = [
+        f"{engineering(float(x), 'm')} by {engineering(float(iu), 'A', 3)}"
+        for x, iu in zip(of.point.x, of.point.iu, strict=True)
+    ]
+    if len(parts) == 1:
+        return parts[0]
+    return ", ".join(f"{name} {held}" for name, held in zip(of.axes, parts, strict=True))
+
+
+def _control(control: Control) -> dict[str, str]:
+    """Return how a machine is controlled, where it is not one PID an axis."""
+    facts: dict[str, str] = {}
+    if control.type not in (None, "decentralised"):
+        scheduled = ", gains scheduled by speed" if control.gain_scheduling else ""
+        facts["control"] = f"{control.type}{scheduled}"
+    if control.cross_feedback:
+        facts["cross feedback"] = f"{control.cross_feedback:g} of the gyroscopic torques"
+    if control.unbalance != "fought":
+        facts["unbalance"] = control.unbalance
+    return facts

@@ -1,0 +1,398 @@
+"""A machine's loop over the speed of rotation: margins, modes, and the run-up through unbalance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.assessment.arguments import given_estimators, given_load
+from ambkit.assessment.assess import MEASUREMENT
+from ambkit.assessment.orbit import on_orbit
+from ambkit.base import units
+from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.base.threads import one_thread
+from ambkit.judge.loop.capacity import (
+    ROOM,
+    SIGMAS,
+    Turned,
+    orbit,
+    pairs_of,
+    squares_of_coils,
+    voltage,
+)
+from ambkit.judge.loop.coil_temperature import heating
+from ambkit.judge.loop.loop_of import ZONE_A, ZONES, LoopOf, zone_of
+from ambkit.judge.loop.margins import BodeIntegral, bode_integral, grid, highest
+from ambkit.machine.components import Unbalance
+from ambkit.machine.machine import Machine
+from ambkit.result.result import Result
+from ambkit.result.row import At, Row, put
+from ambkit.result.sections import Section
+from ambkit.rotordynamics.separation_margins import separations
+from ambkit.simulation.scenario import PID
+
+if TYPE_CHECKING:
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.result.report.figure import Figure
+    from ambkit.simulation.linear.closed_loop import Loop
+
+Array = NDArray[np.float64]
+
+COUNT = 41
+"""Speeds, where nobody says how many."""
+
+COARSE, NEAR = 250, 9
+"""Points of a grid that finds a peak at one speed, and about each pole."""
+
+UNKNOWN = 1000.0
+"""Up to where a machine is looked at that does not turn [rad/s]."""
+
+
+GREATEST = ("greatest",)
+"""Section of the greatest figures."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OverSpeed(Result):
+    """A machine's loop at several speeds of rotation."""
+
+    signed = True
+
+    machine: Machine  #: The machine.
+    fed_by: str  #: What its controllers are fed by.
+    axes: tuple[str, ...]  #: Names of its p axes.
+    speed: Array  #: (n,) Speeds of rotation [rad/s], ascending.
+    #: (n, p) Peak of abs(S) of each axis within the range of ISO 14839-3 [1]; NaN where the loop is
+    #: unstable.
+    peaks: Array
+    largest: Array  #: (n,) Greatest singular value of S up to half the sampling rate [1].
+    #: (n,) Of the closed loop at each speed, as rates [1/s].
+    poles: tuple[NDArray[np.complex128], ...]
+    #: (n, p) How far the rotor goes from the middle: where it is held, unbalance, runout, and three
+    #: times the noise's rms [m].
+    orbit: Array
+    current: Array  #: (n, p) Greatest control current, likewise [A].
+    #: (n, p) Greatest voltage of a coil without noise, of its limit [1]; None where there is none.
+    voltage: Array | None
+    #: (n, p) Of the hottest coil, where the machine stays at the speed [K], infinite where it runs
+    #: away; None where it is not known how all of them warm.
+    temperature: Array | None
+    #: The check, at rest, at the machine's speed, and at the greatest.
+    integrals: dict[float, BodeIntegral]
+
+    @property
+    def clearance(self) -> Array:
+        """What the touch-down bearings leave to each axis (p,) [m]."""
+        return np.array([axis.bearing.clearance for axis in self.machine.axes])
+
+    @property
+    def current_limit(self) -> Array:
+        """Greatest control current of each axis (p,) [A]."""
+        return np.array([axis.bearing.amplifier.current_limit for axis in self.machine.axes])
+
+    @property
+    def hottest(self) -> tuple[float, float] | None:
+        """Greatest temperature of a coil [K], and at which speed [rad/s]; None: not known."""
+        return None if self.temperature is None else self._greatest(self.temperature)
+
+    @property
+    def temperature_limit(self) -> float | None:
+        """Least of the permitted temperatures of coils [K]; None: not known."""
+        coils = [axis.bearing.coil for axis in self.machine.axes]
+        limits = [coil.temperature_limit for coil in coils if coil is not None]
+        return min((limit for limit in limits if limit is not None), default=None)
+
+    @property
+    def worst(self) -> tuple[float, float]:
+        """Greatest peak of abs(S) [1], and at which speed [rad/s]; infinite if unstable there."""
+        parts = np.where(np.isnan(self.peaks), np.inf, self.peaks).max(axis=1)
+        at = int(np.argmax(parts))
+        return float(parts[at]), float(self.speed[at])
+
+    @property
+    def zone(self) -> str:
+        """Zone of ISO 14839-3 at the worst speed."""
+        return zone_of(self.worst[0])
+
+    @property
+    def farthest(self) -> tuple[float, float]:
+        """Greatest share of a clearance that the rotor takes [1], and at which speed [rad/s]."""
+        return self._greatest(self.orbit / self.clearance)
+
+    @property
+    def hardest(self) -> tuple[float, float]:
+        """Greatest share of a current limit that is asked [1], and at which speed [rad/s]."""
+        return self._greatest(self.current / self.current_limit)
+
+    def _greatest(self, share: Array) -> tuple[float, float]:
+        parts = np.where(np.isnan(share), -np.inf, share).max(axis=1)
+        at = int(np.argmax(parts))
+        return float(parts[at]), float(self.speed[at])
+
+    TITLE = "Loop of {0.machine.name} over speed"
+
+    @property
+    def finding(self) -> str:
+        """The zone, and the greatest peak."""
+        peak, at = self.worst
+        return (
+            f"{self.machine.name}, controllers fed by {self.fed_by}, to "
+            f"{units.rpm(float(self.speed[-1]))}: zone {self.zone}, peak {peak:.3f} at "
+            f"{units.rpm(at, 4)}."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        """The greatest figures over the speed, and the distance from critical speeds."""
+        (peak, at), (far, there), (used, where) = self.worst, self.farthest, self.hardest
+        worst_rows = [
+            Row("zone", "zone of ISO 14839-3", self.zone),
+            Row("peak", "  peak of |S|, worst axis", peak, "|S|", below=ZONE_A,
+                at=At("peak_speed", at, "rpm")),
+            Row("greatest_singular_value", "  largest singular value of S",
+                float(self.largest.max())),
+            Row("displacement_share", "displacement, of the clearance", far, "%",
+                below=ROOM[0][1], at=At("displacement_speed", there, "rpm")),
+            Row("current_share", "current, of its limit", used, "%", below=1.0,
+                at=At("current_speed", where, "rpm")),
+        ]  # fmt: skip
+        if self.hottest is not None:
+            kelvin, where = self.hottest
+            worst_rows.append(
+                Row("greatest_coil_temperature", "temperature of a coil", kelvin, "degC",
+                    below=self.temperature_limit, at=At("temperature_speed", where, "rpm"))
+            )  # fmt: skip
+        result = put(worst_rows, section=GREATEST, of=self.fed_by)
+        for speed, integral in self.integrals.items():
+            result += put([
+                Row("integral", "integral", integral.integral, digits=9),
+                Row("poles", "ln|p| of the unstable poles", integral.poles, digits=9),
+                Row("holds", "they agree", integral.holds),
+            ], section=("bode",), of=units.rpm(speed), detail=True)  # fmt: skip
+        for apart in separations(self.machine):
+            result += apart.rows()
+        return result
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        end, own = units.rpm(float(self.speed[-1])), units.rpm(self.machine.speed)
+        return {
+            GREATEST: Section(f"{self.machine.name}, a slow run-up from rest to {end}"),
+            ("bode",): Section("Check: Bode's integral of ln|det S|", across=True),
+            ("critical_speeds",): Section(f"Separation of {own} from critical speeds", across=True),
+        }
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """The figures over the speed."""
+        return {
+            "machine": self.machine.name,
+            "fed_by": self.fed_by,
+            "axes": list(self.axes),
+            "speed": self.speed.tolist(),
+            "peaks": self.peaks.tolist(),
+            "largest_singular_value": self.largest.tolist(),
+            "displacement": self.orbit.tolist(),
+            "clearance": self.clearance.tolist(),
+            "current": self.current.tolist(),
+            "current_limit": self.current_limit.tolist(),
+            "voltage_share": None if self.voltage is None else self.voltage.tolist(),
+            "coil_temperature": None if self.temperature is None else self.temperature.tolist(),
+            "poles": [[[float(p.real), float(p.imag)] for p in pole] for pole in self.poles],
+        }
+
+    def figures(self) -> list[Figure]:
+        """Return sensitivity over the speed, and the run-up."""
+        return [self.figure(), self.run_up_figure()]
+
+    def figure(self) -> Figure:
+        """Return sensitivity and modes of the closed loop over the speed as a picture."""
+        from ambkit.show.plots.speed_sweep import over_speed_figure
+
+        return over_speed_figure(self, ZONES)
+
+    def run_up_figure(self) -> Figure:
+        """Return displacement, current and voltage in a run-up, beside their limits."""
+        from ambkit.show.plots.speed_sweep import run_up_figure
+
+        return run_up_figure(self)
+
+
+@one_thread()
+def assess_over_speed(
+    machine: Machine,
+    filter: Any = None,
+    controller: PID | None = None,
+    *,
+    fastest: Given | None = None,
+    count: int = COUNT,
+    load: Mapping[str, Given] | None = None,
+    orbit: bool = False,
+) -> OverSpeed:
+    """Look at a machine's loop over its speed of rotation, whose gyroscopics change it."""
+    of_type(Machine, machine=machine)
+    if machine.rotor.type == "mass":
+        raise AmbkitError(f"{machine.name} does not turn: its rotor moves along one axis")
+    fastest = in_si("fastest", fastest, "rad/s")
+    fastest = (2 * abs(machine.speed) or UNKNOWN) if fastest is None else fastest
+    limit = math.pi / machine.sampling_time
+    if not 0 < fastest < limit:
+        raise AmbkitError(
+            f"fastest must be greater than 0 rad/s and less than {limit:.6g} rad/s, half a "
+            f"revolution within a sample; is {fastest:g} rad/s"
+        )
+    if count < 2:
+        raise AmbkitError(f"count must be 2 or more, is {count}")
+    estimators = given_estimators(filter, machine)
+    if len(estimators) > 1:
+        raise AmbkitError(
+            f"one loop is looked at over speed: give one filter, not {len(estimators)}"
+        )
+    ((name, estimator),) = estimators.items() or [(MEASUREMENT, None)]
+    run = _Run(machine, estimator, controller, given_load(machine, load), orbit, fastest)
+    speeds = np.linspace(0.0, fastest, count)
+    parts = [run.at(float(speed)) for speed in speeds]
+    checked = sorted({0.0, fastest, *([machine.speed] if 0 < machine.speed < fastest else [])})
+    volts = [one.voltage for one in parts if one.voltage is not None]
+    warm = [one.temperature for one in parts if one.temperature is not None]
+    return OverSpeed(
+        machine=machine,
+        fed_by=name,
+        axes=run.axes,
+        speed=speeds,
+        peaks=np.array([one.peaks for one in parts]),
+        largest=np.array([one.largest for one in parts]),
+        poles=tuple(one.poles for one in parts),
+        orbit=np.array([one.orbit for one in parts]),
+        current=np.array([one.current for one in parts]),
+        voltage=np.array(volts) if len(volts) == count else None,
+        temperature=np.array(warm) if len(warm) == count else None,
+        integrals={speed: bode_integral(run.loop(speed)[1]) for speed in checked},
+    )
+
+
+class _AtSpeed(NamedTuple):
+    """A loop at one speed; see `OverSpeed`."""
+
+    peaks: Array
+    largest: float
+    poles: NDArray[np.complex128]
+    orbit: Array
+    current: Array
+    voltage: Array | None
+    temperature: Array | None
+
+
+class _Run:
+    """A machine and its loop at one speed after the other."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        estimator: Estimator | None,
+        controller: PID | None,
+        load: Any,
+        orbit: bool,
+        max_speed: float,
+    ) -> None:
+        planes = tuple(
+            Unbalance(place=place, amount=amount, angle=angle)
+            for place, amount, angle in machine.unbalances()
+        )
+        self.machine = machine.model_copy(update={"unbalance": planes})
+        self.estimator, self.orbit = estimator, orbit
+        of = LoopOf(self.machine, controller, load=load)
+        self.point, self.axes, self.control = of.point, of.axes, of.control
+        self.flown = of.flown_by(estimator, max_speed)
+
+    def loop(self, speed: float) -> tuple[LoopOf, Loop]:
+        """Return the loop at a speed [rad/s], and what it is of."""
+        machine = self.machine.model_copy(update={"speed": speed})
+        of = LoopOf(machine, self.control, point=self.point, flown=self.flown)
+        inner = None if self.estimator is None else told_speed(self.estimator, machine)
+        if self.orbit and speed:
+            of = on_orbit(of, inner)
+        return of, of.loop(inner)
+
+    def at(self, speed: float) -> _AtSpeed:
+        """Return what there is at a speed [rad/s]."""
+        of, loop = self.loop(speed)
+        with np.errstate(divide="ignore"):
+            poles = np.asarray(np.log(loop.closed.poles()) / loop.T, complex)
+        p = loop.axes
+        if not loop.is_stable:
+            unknown = np.full(p, math.nan)
+            return _AtSpeed(unknown, math.nan, poles, unknown, unknown, unknown, unknown)
+        f = grid(loop, COARSE, NEAR)
+        f = np.unique(np.append(f, of.top))
+        S, counts = loop.along_axes(f), f <= of.top
+        peaks = [highest(partial(loop.of_axis, k), f[counts], S[counts, k, k])[0] for k in range(p)]
+        sizes = np.linalg.norm(S, 2, axis=(1, 2))
+        largest = highest(loop.largest_sensitivity, f, sizes)[0]
+        responses = of.turned(loop)
+        return _AtSpeed(np.array(peaks), largest, poles, *self.asked(of, loop, responses))
+
+    def asked(
+        self, of: LoopOf, loop: Loop, responses: list[Turned]
+    ) -> tuple[Array, Array, Array | None, Array | None]:
+        """Return of each axis displacement [m], current [A], voltage [1] and temperature [K]."""
+        p, pairs, point = loop.axes, pairs_of(of.machine), self.point
+        noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
+        gains = np.array([b.amplifier.gain for b in of.isolated])
+        far = orbit(point.x, pairs) + SIGMAS * noise[:p]
+        most = np.abs(point.iu) + SIGMAS * gains * noise[p:]
+        square = point.iu**2 + (gains * noise[p:]) ** 2
+        for response in responses:
+            far = far + orbit(response.x, pairs)
+            most = most + np.abs(response.i)
+            square = square + np.abs(response.i) ** 2 / 2
+        volts = [self.share(of, k, responses) for k in range(p)]
+        known = [volt for volt in volts if volt is not None]
+        warm = [
+            heating(b, squares_of_coils(b, float(iu), float(mean)))
+            for b, iu, mean in zip(of.isolated, point.iu, square, strict=True)
+        ]
+        temperatures = [item.temperature for item in warm if item is not None]
+        return (
+            far, most, np.array(known) if len(known) == p else None,
+            np.array(temperatures) if len(temperatures) == p else None,
+        )  # fmt: skip
+
+    def share(self, of: LoopOf, axis: int, responses: list[Turned]) -> float | None:
+        """Return the greatest voltage of an axis's coils, of its limit [1]."""
+        b, limit = of.isolated[axis], of.isolated[axis].amplifier.voltage_limit
+        iu, x = float(self.point.iu[axis]), float(self.point.x[axis])
+        f = np.array([of.machine.speed / (2 * math.pi)])
+        coil_voltages = [
+            voltage(b, iu, x, f, np.array([response.i[axis]]), np.array([response.x[axis]]))
+            for response in responses or [Turned(0 * self.point.x + 0j, 0 * self.point.x + 0j)]
+        ]
+        if limit is None or any(coil_voltage is None for coil_voltage in coil_voltages):
+            return None
+        coils = list(
+            zip(
+                *(coil_voltage for coil_voltage in coil_voltages if coil_voltage is not None),
+                strict=True,
+            )
+        )
+        used = [
+            limit - coil[0][0] + sum(float(volts[0]) for _room, volts in coil) for coil in coils
+        ]
+        return float(max(used) / limit)
+
+
+def told_speed(estimator: Estimator, machine: Machine) -> Estimator:
+    """Return an estimator anew, for a machine that turns at another speed."""
+    estimator = estimator.nominal
+    args, options = estimator._made
+    if args:
+        return type(estimator)(machine, *args[1:], **options)
+    return type(estimator)(**options | {"bearing": machine})

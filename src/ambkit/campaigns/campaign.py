@@ -1,0 +1,218 @@
+"""What a campaign came to: yield, worst machines, what drives them."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.escaping import markdown
+from ambkit.campaigns import pictures
+from ambkit.campaigns.results import Machines, Worst
+from ambkit.campaigns.statistics import Share
+from ambkit.campaigns.stopping_rule import Counted
+from ambkit.campaigns.store import Folder
+from ambkit.campaigns.study_tables import UNITS
+from ambkit.campaigns.subset_simulation import told
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.sections import Part, Section
+
+if TYPE_CHECKING:
+    from ambkit.campaigns.replay import Replayed
+    from ambkit.campaigns.sobol_indices import Indices
+    from ambkit.result.report.figure import Figure
+
+
+DRIVEN = 3
+"""Figures that are explained."""
+
+
+class Campaign(Result, Machines):
+    """The machines of a study that were simulated, and what is to be seen of them.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the campaign.
+    plan : Plan
+        The study.
+    parts : tuple of int
+        Those that count.
+    """
+
+    @classmethod
+    def load(cls, folder: str | os.PathLike[str]) -> Campaign:
+        """Return the campaign in a folder, finished or not.
+
+        Parameters
+        ----------
+        folder : path
+            Of ``ambkit campaign``.
+
+        Raises
+        ------
+        AmbkitError
+            There is none in it, or it is of another version of ambkit.
+        """
+        place = Folder.existing(folder)
+        return cls(place.path, place.plan, Counted(place).counting())
+
+    def replay(self, run: int) -> Replayed:
+        """Simulate a run again, with all its samples.
+
+        Parameters
+        ----------
+        run : int
+            Its number.
+
+        Raises
+        ------
+        AmbkitError
+            There is no such run, or no such machine can be.
+        """
+        from ambkit.campaigns.replay import replay
+
+        return replay(self.plan, run)
+
+    def indices(self, figure: str | None = None) -> Indices:
+        """Return what share of a figure's variance each quantity has, see `Indices`.
+
+        Parameters
+        ----------
+        figure : str, optional
+            By default as of `worst`.
+
+        Raises
+        ------
+        AmbkitError
+            SALib is not installed; there is no such figure; or nothing of it can be told.
+        """
+        from ambkit.campaigns.sobol_indices import indices
+
+        return indices(self, figure or ("peak_S" if "peak_S" in self.columns else "tracking_peak"))
+
+    @property
+    def title(self) -> str:
+        """Of what study, how many machines."""
+        return f"{self.plan.study.name}: {len(self):,} machines"
+
+    @property
+    def finding(self) -> str:
+        """Which share of the machines is good."""
+        if not len(self):
+            return f"{self.folder}: no part is finished yet."
+        return f"{self.title}; {self.good} are good."
+
+    @property
+    def rows(self) -> list[Row]:
+        """Yield, what machines fail by, quantiles of the figures, and the worst machines."""
+        result = put(_of_share(self.good), section=("yield",))
+        for name, shares in self.by_choice.items():
+            for value, of in shares.items():
+                result += put(_of_share(of), section=("by_choice", name), of=value)
+        result += [Row(n, n, count, section=("fails",)) for n, count in self.fails.items()]
+        result += [
+            Row(n, n or "not told", count, section=("zones",)) for n, count in self.zones.items()
+        ]
+        for name, at in self.quantiles.items():
+            result += [
+                Row(f"{q:g}", f"{100 * q:g} %", value, UNITS[name], section=("quantiles",), of=name)
+                for q, value in at.items()
+            ]  # fmt: skip
+        for place, name in enumerate(self.names_shown[:DRIVEN]):
+            for item in self.worst(name):
+                result += put(self._of_worst(item, place > 0), section=("worst_by", name),
+                             of=str(item.run))  # fmt: skip
+        return result
+
+    def _of_worst(self, of: Worst, detail: bool) -> list[Row]:
+        return [
+            Row(of.figure, of.figure, of.value, UNITS[of.figure], detail=detail),
+            *(Row(name, name, of.values[name], key.unit or "1", detail=True)
+              for name, key in zip(self.plan.names, self.plan.keys, strict=True)),
+            Row("command", "replay", of.command, detail=detail),
+        ]  # fmt: skip
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        level = f"{100 * self.plan.study.confidence:g} %"
+        results: dict[tuple[str, ...], Section] = {
+            ("yield",): Section(f"Yield, with its {level} interval"),
+            ("fails",): Section("Machines that fail by"),
+            ("zones",): Section("Machines in each zone of ISO 14839-3, by their linear loops"),
+            ("quantiles",): Section("That share is at or below", across=True),
+        }
+        results |= {("by_choice", n): Section(f"Yield by {n}", True) for n in self.by_choice}
+        return results | {("worst_by", n): Section(f"Worst by {n}", True) for n in self.names_shown}
+
+    @property
+    def chapters(self) -> list[Part]:
+        """What drives the figures, and the worst machines."""
+        if not len(self):
+            raise AmbkitError(f"{self.folder}: no part is finished yet")
+        cannot, figures = list[str](), [pictures.parallel(self)] if self.plan.names else []
+        for name in self.names_shown[:DRIVEN] if self.plan.names else ():
+            figures.append(pictures.tornado(self, name))
+            try:
+                figures.append(pictures.indices(self.indices(name)))
+            except AmbkitError as error:
+                cannot.append(f"No indices of {markdown(name)}: {markdown(str(error))}")
+        lead = "Each command simulates the machine again, with every sample."
+        drives = [Part("What drives it", "\n\n".join(cannot), None, figures)] if figures else []
+        return [*drives, Part("The worst machines", lead, ("worst_by",))]
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Of what study, and where its rows are."""
+        study = self.plan.study
+        return {
+            "machine": self.plan.nominal.name,
+            "runs": f"{len(self):,} of {self.plan.runs:,}",
+            "sampling": study.sampling,
+            "seed": str(study.seed),
+            "rows": str(self.runs),
+        }
+
+    @property
+    def notes(self) -> list[str]:
+        """What a good machine is, and what was found of rare failures."""
+        passes = self.plan.study.passes
+        criteria = [] if passes.zone is None else [f"zone {passes.zone} or better"]
+        criteria += [] if passes.contact else ["no contact"]
+        criteria += [f"{name} at most {limit}" for name, limit in passes.at_most.items()]
+        good = (
+            f"Good is a machine with {'; '.join(criteria)}. Intervals by Clopper and Pearson."
+            if criteria
+            else "Any machine counts as good: the study has no criterion."
+        )
+        about = self.plan.study.description
+        return [*([about] if about else []), good, *told(self.folder)]
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Of what study it is, and the worst machines with what varied."""
+        return {
+            "study": self.plan.study.name,
+            "bearing" if self.plan.study.machine is None else "machine": self.plan.nominal.name,
+            "folder": str(self.folder),
+            **{name: {} for name in ("by_choice", "fails", "zones", "quantiles")},
+            "runs": len(self),
+            "confidence": self.plan.study.confidence,
+            "worst": [item._asdict() for item in self.worst()],
+        }
+
+    def figures(self) -> list[Figure]:
+        """Return the figures' cumulative curves."""
+        return [pictures.cumulative(self)]
+
+
+def _of_share(of: Share) -> list[Row]:
+    return [
+        Row("share", "good", of.value, "%"),
+        Row("low", "at least", of.low, "%"),
+        Row("high", "at most", of.high, "%"),
+        Row("passed", "good machines", of.passed, detail=True),
+        Row("of", "machines", of.of),
+    ]

@@ -1,0 +1,319 @@
+"""A study made ready: from the number of a run to the machine that it is of."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from importlib.metadata import version
+from pathlib import PurePath
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base import files, units
+from ambkit.base.errors import AmbkitError
+from ambkit.base.escaping import json_text
+from ambkit.campaigns import sampling
+from ambkit.campaigns.distributions import Marginal, OneOf
+from ambkit.campaigns.keys import OF_RUN, Key, changed, nested
+from ambkit.campaigns.loop_cases import happening
+from ambkit.campaigns.study import Study
+from ambkit.campaigns.study_checks import key_of
+from ambkit.campaigns.study_tables import UNITS
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.registry import FILTER_SUFFIX
+from ambkit.machine.bearing import FILES
+from ambkit.machine.disturbance_force import load_machine
+from ambkit.simulation.many import Planned
+from ambkit.simulation.scenario import Control
+
+Array = NDArray[np.float64]
+
+
+class Drawn(NamedTuple):
+    """One machine of a study."""
+
+    run: int
+    """Its number."""
+    values: Mapping[str, Any]
+    """What varies, by key: in SI, of a choice what was chosen."""
+    planned: Planned
+    """Plant, run, estimator."""
+    wrong: str
+    """Why there can be no such machine; empty where there can."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A study with its machine, its distributions and what is made once for all runs."""
+
+    study: Study  #: Checked.
+
+    @cached_property
+    def nominal(self) -> Any:
+        """The machine that controllers and estimator know; of one axis its short form."""
+        return load_machine(self.study.nominal)
+
+    @cached_property
+    def _run(self) -> Any:
+        """What happens, and who controls it."""
+        return happening(self.nominal, self.study)
+
+    @property
+    def several(self) -> bool:
+        """Whether the machine has several axes."""
+        return not self.nominal.single
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Keys of what varies."""
+        return tuple(item.what for item in self.study.vary)
+
+    @cached_property
+    def keys(self) -> tuple[Key, ...]:
+        """What stands there: units, nominal values, limits."""
+        study = self.study
+        return tuple(
+            key_of(item, self.nominal, study.scenario, study.estimator) for item in study.vary
+        )
+
+    @cached_property
+    def marginals(self) -> tuple[Marginal, ...]:
+        """Their distributions."""
+        pairs = zip(self.study.vary, self.keys, strict=True)
+        return tuple(item.marginal(key) for item, key in pairs)
+
+    @cached_property
+    def levels(self) -> tuple[int, ...]:
+        """How many values a grid has of each."""
+        return tuple(
+            len(of.values) if isinstance(of, OneOf) else item.levels or 1
+            for item, of in zip(self.study.vary, self.marginals, strict=True)
+        )
+
+    @cached_property
+    def runs(self) -> int:
+        """How many at most."""
+        if self.study.sampling == "grid":
+            return math.prod(self.levels) * self.study.repeats
+        return self.study.runs or 0
+
+    @property
+    def parts(self) -> int:
+        """How many pieces they are computed in."""
+        return -(-self.runs // self.study.part)
+
+    def span(self, part: int) -> tuple[int, int]:
+        """Return the runs of a part, from the one to before the other."""
+        size = self.study.part
+        return part * size, min((part + 1) * size, self.runs)
+
+    @cached_property
+    def correlation(self) -> Array | None:
+        """Correlation matrix (k, k) of the normal scores; None where nothing is correlated."""
+        if not self.study.correlation:
+            return None
+        matrix = np.eye(len(self.names))
+        for item in self.study.correlation:
+            i, j = (self.names.index(name) for name in item.between)
+            matrix[i, j] = matrix[j, i] = item.coefficient
+        return matrix
+
+    @cached_property
+    def scenario(self) -> Any:
+        """The run, with the study's seed and controllers that are made for the nominal machine."""
+        unfed = "none" in self._estimator_names
+        return self._run.settled(unfed=unfed, chosen=bool(self._choices("controller")))
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of all that the rows follow from, files that the study names among it."""
+        named = [self.study.estimator, *map(str, self._choices("estimator"))]
+        described, named_there = self._described_nominal()
+        content = {
+            "study": self.described.model_dump(
+                mode="json", exclude={"name", "description", "stop", "bearing", "machine"}
+            ),
+            "bearing": described,
+            "filters": [files.sha256(name) for name in named if name.endswith(FILTER_SUFFIX)],
+            "force_map": [files.sha256(item) for item in named_there if item is not None],
+        }
+        text = json_text(_without_folders(content), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def _described_nominal(self) -> tuple[dict[str, Any], list[Any]]:
+        """Return the nominal machine without the files that it names, and these."""
+        of = self.nominal
+        files_of = {"magnet": {*FILES}}
+        without: Any = files_of | {"bearing": {"__all__": files_of}, "rotor": {"file"}}
+        magnets = [item.magnet for item in of.bearing] if self.several else [of.magnet]
+        named = [getattr(magnet, name) for magnet in magnets for name in FILES]
+        described = of.model_dump(mode="json", exclude=without)
+        return described, [*named, getattr(of.rotor, "file", None)]
+
+    @cached_property
+    def described(self) -> Study:
+        """The study as it can stand in a file: numbers that were given in SI have their units."""
+        study, passes = self.study, self.study.passes
+        vary = tuple(item.in_units(key) for item, key in zip(study.vary, self.keys, strict=True))
+        at_most = {
+            name: units.engineering(limit, UNITS[name], digits=None)
+            if type(limit) is float and UNITS[name] != "1" else limit
+            for name, limit in passes.at_most.items()
+        }  # fmt: skip
+        criteria = passes.model_copy(update={"at_most": at_most})
+        return study.model_copy(update={"vary": vary, "passes": criteria})
+
+    def _choices(self, what: str) -> tuple[Any, ...]:
+        of = dict(zip(self.names, self.marginals, strict=True)).get(what)
+        return of.values if isinstance(of, OneOf) else ()
+
+    def points(self, first: int, stop: int) -> Array:
+        """Return what runs get of each quantity (n, k), in SI, of choices their index."""
+        return sampling.values(self, sampling.uniforms(self, first, stop))
+
+    def noise(self, first: int, stop: int) -> NDArray[np.uint64]:
+        """Return the numbers (n,) of the noise of runs."""
+        return sampling.noise_of(self, first, stop)
+
+    def machines(self, points: Array, noise: NDArray[np.uint64], first: int) -> Iterator[Drawn]:
+        """Yield the machines at points, one after the other."""
+        # points (n, k); noise (n,)
+        allowed = self.allowed(points)
+        for at, row in enumerate(points):
+            yield self._drawn(first + at, self.valued(row), int(noise[at]), bool(allowed[at]))
+
+    def valued(self, row: Array) -> dict[str, Any]:
+        """Return a point (k,) by the keys: in SI, of a choice what was chosen."""
+        return {
+            name: of.values[int(value)] if isinstance(of, OneOf) else float(value)
+            for name, of, value in zip(self.names, self.marginals, row, strict=True)
+        }
+
+    def allowed(self, points: Array) -> NDArray[np.bool_]:
+        """Return at which points (n, k) each number is within the limits of its key (n,)."""
+        allowed = np.ones(len(points), bool)
+        for place, (key, of) in enumerate(zip(self.keys, self.marginals, strict=True)):
+            if not isinstance(of, OneOf) and key.unit:
+                column = points[:, place]
+                if key.above is not None:
+                    allowed &= column > key.above
+                if key.at_least is not None:
+                    allowed &= column >= key.at_least
+        return allowed
+
+    def _drawn(self, run: int, values: Mapping[str, Any], noise: int, allowed: bool) -> Drawn:
+        scenario = self._scenario(values)
+        estimator = self.estimators[str(values.get("estimator", self.study.estimator))]
+        own = {
+            name: value for name, value in values.items()
+            if name not in ("estimator", "controller") and not name.startswith(OF_RUN)
+        }  # fmt: skip
+        wrong = "" if allowed else self.beyond(values)
+        plant = self.nominal
+        if own and not wrong:
+            plant = changed(plant, nested(own))
+            wrong = next(iter(plant.contradictions(self.nominal)), "")
+        return Drawn(run, values, self._run.planned(plant, scenario, estimator, noise), wrong)
+
+    def beyond(self, values: Mapping[str, Any]) -> str:
+        """Say which value is out of its range."""
+        for name, key in zip(self.names, self.keys, strict=True):
+            if isinstance(values[name], float) and not key.allows(values[name]):
+                return f"{name} is {values[name]:.4g} {key.unit}"
+        return "a value is out of its range"
+
+    @cached_property
+    def _of_run(self) -> tuple[str, ...]:
+        return tuple(n for n in self.names if n == "controller" or n.startswith(OF_RUN))
+
+    def _scenario(self, values: Mapping[str, Any]) -> Any:
+        """Return the run; where nothing of it varies always the same object."""
+        run_values = tuple((name, values[name]) for name in self._of_run)
+        return self._scenarios(run_values) if run_values else self.scenario
+
+    @cached_property
+    def _scenarios(self) -> Any:
+        @lru_cache(maxsize=256)
+        def made(run_values: tuple[tuple[str, Any], ...]) -> Any:
+            values, run = dict(run_values), self.scenario
+            chosen = values.pop("controller", None)
+            if chosen is not None:
+                run = run.model_copy(update={"controller": self.controllers[str(chosen)]})
+            of_run = {name.removeprefix(OF_RUN): value for name, value in values.items()}
+            return changed(run, nested(of_run))
+
+        return made
+
+    @cached_property
+    def controllers(self) -> dict[str, Any]:
+        """The controllers to choose from, made for the nominal machine."""
+        result: dict[str, Any] = self._run.controllers(self.scenario)
+        return result
+
+    @property
+    def _estimator_names(self) -> list[str]:
+        return [str(name) for name in self._choices("estimator") or (self.study.estimator,)]
+
+    @cached_property
+    def estimators(self) -> dict[str, Estimator | None]:
+        """The estimators by name, each knowing the nominal machine; None for ``"none"``."""
+        from ambkit.estimate.named import factories
+
+        names = self._estimator_names
+        kinds = [name for name in names if name != "none"]
+        built = factories(kinds, self.nominal, synchronous=self.study.synchronous)
+        made: dict[str, Estimator | None] = {name: make() for name, make in built.items()}
+        return made | ({"none": None} if "none" in names else {})
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process cannot find again by itself: no file has to be there."""
+        return {name: getattr(self, name) for name in ("study", "nominal", "estimators")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+
+    def with_design(self, estimator: Estimator, controller: Control | None) -> Plan:
+        """Return the plan with another filter, and another controller if one is given."""
+        made: dict[str, Any] = {"estimators": {self.study.estimator: estimator}}
+        if controller is not None:
+            made["scenario"] = self.scenario.model_copy(update={"controller": controller})
+        other = type(self)(self.study)
+        vars(other).update(nominal=self.nominal, marginals=self.marginals, keys=self.keys, **made)
+        return other
+
+    def check(self) -> None:
+        """Make all that is made once, so that what cannot be is said before any run."""
+        axes = tuple(axis.name for axis in self.nominal.axes)
+        if wrong := list(self.scenario.wrong_for(axes, body=self.several)):
+            raise AmbkitError(f"{self.study.name}: scenario.{'; scenario.'.join(wrong)}")
+        if "none" in self.estimators and self.scenario.feedback == "estimate":
+            raise AmbkitError(
+                f"{self.study.name}: the controller is fed by the estimate, so the estimator "
+                'cannot be none; say feedback = "measurement"'
+            )
+        chosen = self._choices("controller")
+        for estimator in self.estimators.values():
+            for values in [{"controller": name} for name in chosen] or [{}]:
+                run = self._scenarios(tuple(values.items())) if values else self.scenario
+                self._run.planned(self.nominal, run, estimator, 0)
+        self.points(0, 1)
+
+    @property
+    def version(self) -> str:
+        """Of ambkit."""
+        return version("ambkit")
+
+
+def _without_folders(data: Any) -> Any:
+    """Return plain data with files by their names alone: a study may move with its files."""
+    if isinstance(data, dict):
+        return {key: _without_folders(item) for key, item in data.items()}
+    if isinstance(data, list):
+        return [_without_folders(item) for item in data]
+    is_file = isinstance(data, str) and data.endswith(FILTER_SUFFIX)
+    return PurePath(data).name if is_file else data

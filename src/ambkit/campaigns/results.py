@@ -1,0 +1,249 @@
+"""The machines of a campaign: yield, figures, the worst of them, read as they are asked for."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.campaigns.distributions import OneOf
+from ambkit.campaigns.plan import Plan
+from ambkit.campaigns.statistics import Share, clopper_pearson
+from ambkit.campaigns.store import RUNS, Folder, array_of
+from ambkit.campaigns.study_tables import UNITS, ZONES
+
+Array = NDArray[np.float64]
+
+SHOWN = ("peak_S", "f_d_rms", "x_rms", "tracking_peak", "displacement_peak", "recovery")
+"""Figures that summaries tell of, where they apply."""
+
+QUANTILES = (0.05, 0.5, 0.95, 0.99)
+"""Of each figure."""
+
+WORST = 5
+"""Machines that are told one by one."""
+
+
+class Worst(NamedTuple):
+    """A machine at the end of a list."""
+
+    run: int
+    """Its number."""
+    figure: str
+    """By which it is the worst."""
+    value: float
+    """Of that figure, in SI."""
+    values: dict[str, Any]
+    """What varied, in SI."""
+    command: str
+    """Which replays it."""
+
+
+class Machines:
+    """The runs of a study, as they lie in their folder.
+
+    Columns are read when they are asked for: a million runs need not be held at once.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the campaign.
+    plan : Plan
+        The study.
+    parts : tuple of int
+        Those that count.
+    """
+
+    def __init__(self, folder: Path, plan: Plan, parts: tuple[int, ...]) -> None:
+        self.folder, self.plan, self.parts = Path(folder), plan, parts
+
+    def __len__(self) -> int:
+        spans = map(self.plan.span, self.parts)
+        return sum(stop - first for first, stop in spans)
+
+    @property
+    def runs(self) -> Path:
+        """The folder that pandas, polars and DuckDB read as it lies."""
+        return self.folder / RUNS
+
+    @cached_property
+    def _place(self) -> Folder:
+        return Folder(self.folder, self.plan)
+
+    def column(self, name: str) -> NDArray[Any]:
+        """Return a column of all runs (n,), in its SI unit.
+
+        Parameters
+        ----------
+        name : str
+            Of a quantity that varies, or of a figure.
+
+        Raises
+        ------
+        AmbkitError
+            There is no such column.
+        """
+        if name not in self.columns:
+            raise AmbkitError(f"there is no column {name}; there are {', '.join(self.columns)}")
+        if name not in self._read:
+            # What summaries tell of is read at once: a file is opened for all of its columns.
+            usual = {"run", "passed", "fails", "zone", "touched", *SHOWN, *self.plan.names}
+            self._read |= self._columns_of(
+                [item for item in self.columns if item in usual] if name in usual else [name]
+            )
+        return self._read[name]
+
+    def _columns_of(self, names: list[str]) -> dict[str, NDArray[Any]]:
+        parts: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
+        for part in self.parts:
+            table = self._place.table(part, names)
+            for name in names:
+                parts[name].append(array_of(table.column(name)))
+        return {name: np.concatenate(item) if item else np.zeros(0) for name, item in parts.items()}
+
+    @cached_property
+    def _read(self) -> dict[str, NDArray[Any]]:
+        return {}
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """Names of all columns."""
+        from ambkit.campaigns.worker import schema
+
+        return tuple(schema(self.plan).names)
+
+    @cached_property
+    def good(self) -> Share:
+        """Yield: the share of machines that pass, with its interval."""
+        passed = self.column("passed")
+        return clopper_pearson(int(passed.sum()), len(passed), self.plan.study.confidence)
+
+    @cached_property
+    def by_choice(self) -> dict[str, dict[str, Share]]:
+        """Yield of each value of each choice."""
+        passed, result = self.column("passed"), {}
+        for name, of, key in zip(self.plan.names, self.plan.marginals, self.plan.keys, strict=True):
+            if not isinstance(of, OneOf):
+                continue
+            column = self.column(name)
+            shares = {}
+            for value in of.values:
+                these = passed[column == value]
+                text = f"{value} {key.unit}".rstrip() if key.unit not in ("", "1") else str(value)
+                shares[text] = clopper_pearson(
+                    int(these.sum()), len(these), self.plan.study.confidence
+                )
+            result[name] = shares
+        return result
+
+    @cached_property
+    def fails(self) -> dict[str, int]:
+        """How many machines fail by each criterion; one may fail by several."""
+        results: dict[str, int] = {}
+        reasons, counts = np.unique(self.column("fails").astype(str), return_counts=True)
+        for reason, count in zip(reasons, counts, strict=True):
+            for entry in filter(None, reason.split(",")):
+                results[entry] = results.get(entry, 0) + int(count)
+        return dict(sorted(results.items(), key=lambda item: -item[1]))
+
+    @cached_property
+    def zones(self) -> dict[str, int]:
+        """How many machines are in each zone of ISO 14839-3; empty without margins."""
+        if "zone" not in self.columns:
+            return {}
+        names, counts = np.unique(self.column("zone").astype(str), return_counts=True)
+        known = dict(zip(names.tolist(), counts.tolist(), strict=True))
+        return {name: known[name] for name in (*ZONES, "unstable", "") if name in known}
+
+    @cached_property
+    def quantiles(self) -> dict[str, dict[float, float]]:
+        """Quantiles of figures, by name; infinite where so many machines have no finite one."""
+        results = {}
+        for name in self.names_shown:
+            values = np.sort(self.column(name))
+            values = values[~np.isnan(values)]
+            # Of the values themselves: between a finite and an infinite one there is none.
+            at = {q: float(values[min(int(q * values.size), values.size - 1)]) for q in QUANTILES}
+            results[name] = at
+        return results
+
+    @cached_property
+    def names_shown(self) -> tuple[str, ...]:
+        """Figures that summaries tell of: they apply to some run."""
+        names = [name for name in SHOWN if name in self.columns]
+        names += [name for name in self.plan.study.passes.at_most if name not in names]
+        return tuple(name for name in names if not np.isnan(self.column(name)).all())
+
+    def worst(self, by: str | None = None, count: int = WORST) -> list[Worst]:
+        """Return the worst machines, the very worst first.
+
+        Parameters
+        ----------
+        by : str, optional
+            A figure; by default the peak of the sensitivity, or without margins the greatest
+            control error.
+        count : int
+            How many.
+
+        Raises
+        ------
+        AmbkitError
+            There is no such figure.
+        """
+        by = by or ("peak_S" if "peak_S" in self.columns else "tracking_peak")
+        if by not in UNITS:
+            raise AmbkitError(f"there is no figure {by}; there are {', '.join(UNITS)}")
+        values = self.column(by)
+        valid = ~np.isnan(self.column("touched"))  # a machine that cannot be was not
+        order = np.argsort(-np.where(np.isnan(values) | ~valid, -np.inf, values), kind="stable")
+        indices = [int(at) for at in order[:count] if valid[at] and not np.isnan(values[at])]
+        run = self.column("run")
+        varied = {name: self.column(name) for name in self.plan.names}
+        return [
+            Worst(
+                int(run[at]), by, float(values[at]),
+                {name: column[at : at + 1].tolist()[0] for name, column in varied.items()},
+                self.command(int(run[at])),
+            )
+            for at in indices
+        ]  # fmt: skip
+
+    def command(self, run: int) -> str:
+        """Return the command that replays a run with full traces.
+
+        Parameters
+        ----------
+        run : int
+            Its number.
+        """
+        return f"ambkit campaign replay {shlex.quote(str(self.folder))} {run} --out run-{run}.csv"
+
+    def frame(self, columns: Sequence[str] | None = None) -> Any:
+        """Return the rows as a pandas DataFrame.
+
+        Parameters
+        ----------
+        columns : sequence of str, optional
+            Which; by default all.
+
+        Raises
+        ------
+        AmbkitError
+            pandas is not installed.
+        """
+        import pyarrow as pa
+
+        from ambkit.base.errors import ExtraMissing
+
+        column_names = None if columns is None else list(columns)
+        tables = [self._place.table(part, column_names) for part in self.parts]
+        try:
+            return pa.concat_tables(tables).to_pandas()
+        except ModuleNotFoundError:
+            raise ExtraMissing("frame", "pandas", "pandas") from None

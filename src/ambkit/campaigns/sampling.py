@@ -1,0 +1,146 @@
+"""Points of what varies: each a pure function of the study's seed and the run's number.
+
+So runs can be computed in any order, in any number of pieces, on any machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.campaigns.distributions import LEAST, MOST, Marginal
+from ambkit.campaigns.study import Study
+
+Array = NDArray[np.float64]
+
+_WORDS = 4  # that Philox gives for one value of its counter (Salmon et al. 2011)
+_RANDOM, _STRATA = 1, 2  # streams of a seed
+
+
+class Wanted(Protocol):
+    """What is asked of a :class:`~ambkit.campaigns.plan.Plan` here."""
+
+    @property
+    def study(self) -> Study:
+        """How points are chosen, and the seed."""
+
+    @property
+    def runs(self) -> int:
+        """How many at most."""
+
+    @property
+    def marginals(self) -> Sequence[Marginal]:
+        """Distributions of what varies."""
+
+    @property
+    def levels(self) -> Sequence[int]:
+        """How many values a grid has of each."""
+
+    @property
+    def correlation(self) -> Array | None:
+        """Of the normal scores (k, k)."""
+
+
+def uniforms(plan: Wanted, first: int, stop: int) -> Array:
+    """Return the points of runs in the unit cube, before the distributions."""
+    # returns (stop - first, k)
+    way, k, seed = plan.study.sampling, len(plan.marginals), plan.study.seed
+    if k == 0:
+        return np.zeros((stop - first, 0))
+    if way == "random":
+        return counted(seed, k, first, stop)
+    if way == "latin-hypercube":
+        strata = np.column_stack([s[first:stop] for s in _strata(seed, k, plan.runs)])
+        return (strata + counted(seed, k, first, stop)) / plan.runs
+    if way == "sobol":
+        return _sobol(seed, k, first, stop)
+    if way == "saltelli":
+        return _saltelli(seed, k, first, stop)
+    return _grid(plan, first, stop)
+
+
+def counted(seed: int, k: int, first: int, stop: int, stream: int = _RANDOM) -> Array:
+    """Return even random numbers (stop - first, k) of runs, by their numbers (Philox)."""
+    blocks = -(-k // _WORDS)
+    philox = np.random.Philox(key=np.array([seed, stream], np.uint64)).advance(first * blocks)
+    numbers = np.random.Generator(philox).random((stop - first, blocks * _WORDS))
+    return np.ascontiguousarray(numbers[:, :k])
+
+
+@lru_cache(maxsize=1)
+def _strata(seed: int, k: int, runs: int) -> list[NDArray[np.uint32]]:
+    """Return in which stratum of each dimension each run lies (McKay, Beckman, Conover 1979)."""
+    rng = np.random.Generator(np.random.Philox(key=np.array([seed, _STRATA], np.uint64)))
+    return [rng.permutation(np.arange(runs, dtype=np.uint32)) for _ in range(k)]
+
+
+def _sobol(seed: int, k: int, first: int, stop: int) -> Array:
+    """Return scrambled Sobol points (Owen 1998)."""
+    from scipy.stats import qmc
+
+    points = qmc.Sobol(k, scramble=True, rng=np.random.default_rng([seed, 2]))
+    if first:
+        points.fast_forward(first)
+        return np.asarray(points.random(stop - first), float)
+    # SciPy warns of a first piece whose length is no power of 2, as if there were no other.
+    return np.asarray(points.random_base2(max(0, (stop - 1).bit_length()))[:stop], float)
+
+
+def _saltelli(seed: int, k: int, first: int, stop: int) -> Array:
+    """Return points for Sobol indices, in groups of k + 2 (Saltelli et al. 2010)."""
+    # Of each group the first is a point A, then A with one coordinate after the other from a point
+    # B, and at last B: as ``SALib.sample.sobol`` has them without second order.
+    group, place = np.divmod(np.arange(first, stop), k + 2)
+    both = _sobol(seed, 2 * k, int(group[0]), int(group[-1]) + 1)[group - group[0]]
+    A, B = both[:, :k], both[:, k:]
+    from_B = (place[:, None] - 1 == np.arange(k)) | (place == k + 1)[:, None]
+    return np.asarray(np.where(from_B, B, A), float)
+
+
+def _grid(plan: Wanted, first: int, stop: int) -> Array:
+    """Return the levels of a full grid as shares of their number, the last dimension fastest."""
+    at = np.arange(first, stop) // plan.study.repeats
+    result = np.empty((stop - first, len(plan.levels)))
+    for place in reversed(range(len(plan.levels))):
+        at, level = np.divmod(at, plan.levels[place])
+        result[:, place] = level / max(plan.levels[place] - 1, 1)
+    return result
+
+
+def values(plan: Wanted, u: Array) -> Array:
+    """Return what runs get of each quantity: a value in SI, of a choice its index."""
+    # u (n, k); returns (n, k)
+    from scipy.special import ndtr, ndtri
+
+    result = np.empty_like(u)
+    if plan.study.sampling == "grid":
+        for place, marginal in enumerate(plan.marginals):
+            result[:, place] = marginal.level(u[:, place])
+        return result
+    u = np.clip(u, LEAST, MOST)
+    if plan.correlation is not None:
+        scores = ndtri(u)
+        mixed = np.zeros_like(scores)
+        for i, row in enumerate(np.linalg.cholesky(plan.correlation)):
+            for j in range(i + 1):  # in this order whatever the number of rows
+                mixed[:, i] += row[j] * scores[:, j]
+        u = np.where(
+            (plan.correlation != np.eye(len(plan.correlation))).any(axis=1), ndtr(mixed), u
+        )
+    for place, marginal in enumerate(plan.marginals):
+        result[:, place] = marginal.quantile(u[:, place])
+    return result
+
+
+def noise_of(plan: Wanted, first: int, stop: int) -> NDArray[np.uint64]:
+    """Return which noise runs have, by its number."""
+    # Each its own; only the points of one group of Saltelli's have the same, so that they differ by
+    # what varies alone.
+    run = np.arange(first, stop, dtype=np.uint64)
+    if plan.study.sampling == "saltelli":
+        return run // np.uint64(len(plan.marginals) + 2)
+    return run

@@ -1,0 +1,125 @@
+"""What drives a figure: Sobol indices, by SALib."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError, ExtraMissing
+from ambkit.campaigns.distributions import OneOf
+from ambkit.campaigns.salib import problem_of
+from ambkit.campaigns.study_tables import UNITS
+
+if TYPE_CHECKING:
+    from ambkit.campaigns.results import Machines
+
+Array = NDArray[np.float64]
+
+ENOUGH = 20_000
+"""Runs of points that were not drawn for indices that are looked at."""
+
+LEAST = 64
+"""And so many at least; of points for indices so many groups."""
+
+RESAMPLES = 100
+"""Bootstrap samples, of which the confidence comes."""
+
+
+class Indices(NamedTuple):
+    """Shares of a figure's variance over the machines (Sobol 1993)."""
+
+    figure: str  #: Of which.
+    method: str  #: By which they were found.
+    names: tuple[str, ...]  #: What varies.
+    first: Array  #: (k,) Share that each has by itself, and half its confidence interval [1].
+    first_confidence: Array
+    #: (k,) With all its interactions; only points of ``sampling = "saltelli"`` tell.
+    total: Array | None
+    total_confidence: Array | None
+    used: int  #: Runs, and those without a finite figure.
+    left_out: int
+
+    @property
+    def order(self) -> NDArray[np.int_]:
+        """Places of the names, what drives most first."""
+        return np.argsort(-(self.first if self.total is None else self.total), kind="stable")
+
+
+def indices(campaign: Machines, figure: str) -> Indices:
+    """Return what share of a figure's variance each quantity has."""
+    # Of points of Saltelli's by his estimators, first order and total. Of other points the first
+    # order alone: by RBD-FAST (Tarantola, Gatelli, Mara 2006), of choices by the variance of the
+    # means. There the noise of the runs is in no quantity's share.
+    try:
+        import SALib.analyze.rbd_fast
+        import SALib.analyze.sobol
+    except ImportError:
+        raise ExtraMissing("indices", "SALib", "campaign") from None
+    if figure not in UNITS or figure not in campaign.columns:
+        raise AmbkitError(f"there is no figure {figure} to explain")
+    plan = campaign.plan
+    if not plan.names:
+        raise AmbkitError(f"{plan.study.name}: nothing varies")
+    problem, Y = problem_of(plan), campaign.column(figure)
+    if plan.study.sampling == "saltelli":
+        size = len(plan.names) + 2
+        groups = Y.reshape(-1, size)
+        finite_groups = groups[np.isfinite(groups).all(axis=1)]
+        _enough(figure, finite_groups.ravel(), len(finite_groups))
+        result = SALib.analyze.sobol.analyze(
+            problem, finite_groups.ravel(), calc_second_order=False, num_resamples=RESAMPLES,
+            conf_level=plan.study.confidence, seed=0,
+        )  # fmt: skip
+        return Indices(
+            figure, "Sobol indices", plan.names, np.asarray(result["S1"]),
+            np.asarray(result["S1_conf"]), np.asarray(result["ST"]), np.asarray(result["ST_conf"]),
+            finite_groups.size, Y.size - finite_groups.size,
+        )  # fmt: skip
+    Y = Y[:ENOUGH]
+    finite = np.isfinite(Y)
+    _enough(figure, Y[finite], int(finite.sum()))
+    X = _columns(campaign)[: len(Y)][finite]
+    result = SALib.analyze.rbd_fast.analyze(
+        problem, X, Y[finite], num_resamples=RESAMPLES, conf_level=plan.study.confidence, seed=0
+    )
+    first, half = np.array(result["S1"], float), np.array(result["S1_conf"], float)
+    for place, of in enumerate(plan.marginals):
+        if isinstance(of, OneOf):
+            first[place], half[place] = _of_choice(X[:, place], Y[finite], plan.study.confidence)
+    return Indices(
+        figure, "first-order indices", plan.names, first, half, None, None, int(finite.sum()),
+        int((~finite).sum()),
+    )  # fmt: skip
+
+
+def _enough(figure: str, values: Array, count: int) -> None:
+    if count < LEAST:
+        raise AmbkitError(f"{figure}: too few machines have a finite one, {count} of {LEAST}")
+    if not np.ptp(values) > 0:
+        raise AmbkitError(f"{figure}: is the same for all machines")
+
+
+def _columns(campaign: Machines) -> Array:
+    """Return what varied (n, k), of choices the index."""
+    parts = [campaign.plan.points(*campaign.plan.span(part)) for part in campaign.parts]
+    return np.concatenate(parts)
+
+
+def _of_choice(level: Array, Y: Array, confidence: float) -> tuple[float, float]:
+    """Return the share of the variance between levels, without what chance makes of it."""
+    from scipy.special import ndtri
+
+    def share(at: Any) -> float:
+        names, where, counts = np.unique(level[at], return_inverse=True, return_counts=True)
+        y = Y[at]
+        means = np.bincount(where, y) / counts
+        between = float(np.sum(counts * (means - y.mean()) ** 2))
+        total = float(np.sum((y - y.mean()) ** 2))
+        chance = (len(names) - 1) * (total - between) / max(y.size - len(names), 1)
+        return max(0.0, (between - chance) / total) if total > 0 else 0.0
+
+    rng = np.random.default_rng(0)
+    again = [share(rng.integers(0, Y.size, Y.size)) for _ in range(RESAMPLES)]
+    return share(slice(None)), float(ndtri(0.5 + confidence / 2) * np.std(again))

@@ -1,0 +1,162 @@
+"""STUDY.toml: which machine, what varies, what is recorded, how many runs, and when it is enough.
+
+::
+
+    name = "Zittau, tolerances of the drawing"
+    bearing = "zittau_axial"           # a preset, or a file
+    estimator = "linear"
+    runs = 2000
+    seed = 1
+
+    [scenario]
+    duration = "0.2 s"
+    disturbance = { type = "step", amplitude = "3 N", time = "50 ms" }
+
+    [[vary]]
+    what = "magnet.air_gap"
+    type = "normal"
+    std = "2 %"                        # of the nominal value
+
+    [passes]
+    zone = "A"
+    contact = false
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    SerializationInfo,
+    ValidationInfo,
+    model_validator,
+)
+
+from ambkit.base.config import Document, Read
+from ambkit.base.config.paths import from_folder, to_folder
+from ambkit.base.config.text_types import Description, Name
+from ambkit.base.errors import AmbkitError
+from ambkit.campaigns.distributions import Vary
+from ambkit.campaigns.study_tables import Correlated, Passes, Recorded, Stop
+from ambkit.simulation.scenario import Control, Scenario
+
+Way = Literal["sobol", "latin-hypercube", "random", "grid", "saltelli"]
+
+MOST_RUNS = 10**9
+"""Runs of a study: a Sobol sequence of 30 bits has no more."""
+
+
+def _preset_or_file(value: Any, info: ValidationInfo) -> Any:
+    from ambkit.machine import presets
+
+    known = (*presets.names(), *presets.machine_names())
+    return value if value in known else from_folder(value, info)
+
+
+def _written(value: str, info: SerializationInfo) -> str:
+    from ambkit.machine import presets
+
+    known = (*presets.names(), *presets.machine_names())
+    return value if value in known else to_folder(value, info)
+
+
+MachineName = Annotated[str, BeforeValidator(_preset_or_file), PlainSerializer(_written)]
+
+
+def _kind_or_file(value: Any, info: ValidationInfo) -> Any:
+    from ambkit.estimate.registry import FILTER_SUFFIX
+
+    is_file = isinstance(value, str) and value.endswith(FILTER_SUFFIX)
+    return from_folder(value, info) if is_file else value
+
+
+def _estimator_written(value: str, info: SerializationInfo) -> str:
+    from ambkit.estimate.registry import FILTER_SUFFIX
+
+    return to_folder(value, info) if value.endswith(FILTER_SUFFIX) else value
+
+
+EstimatorName = Annotated[str, BeforeValidator(_kind_or_file), PlainSerializer(_estimator_written)]
+
+
+class Study(Document):
+    """A study of many machines.
+
+    Frozen, and checked as a whole: from TOML (`load`, `from_toml`) or from Python, in SI.
+    """
+
+    name: Annotated[Name, Field(min_length=1)]
+    """Short name."""
+    description: Description = ""
+    """What it is to find out."""
+    bearing: MachineName | None = None
+    """The nominal machine: a preset, or a file. Controllers and estimator know it and no other."""
+    machine: MachineName | None = None
+    """The same, as studies of several axes call it."""
+    estimator: EstimatorName = "linear"
+    """In the loop, or beside it where the controller is fed by the measurement: a kind, a filter's
+    file, or none."""
+    synchronous: tuple[Literal["unbalance", "runout"], ...] = ()
+    """What turns with a machine's rotor and is estimated too."""
+    runs: Annotated[int, Field(ge=1, le=MOST_RUNS, strict=True)] | None = None
+    """How many at most; a grid has as many as it has points."""
+    repeats: Annotated[int, Field(ge=1, strict=True)] = 1
+    """Runs at each point of a grid, with noise of their own."""
+    seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
+    """Of points and noise."""
+    sampling: Way = "sobol"
+    """How points are chosen; "saltelli" for Sobol indices."""
+    confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
+    """Of the intervals."""
+    part: Annotated[int, Field(ge=1, le=100_000, strict=True)] = 1000
+    """Runs that are computed and written together."""
+    scenario: Scenario = Scenario()
+    """What happens in a run."""
+    controllers: dict[Name, Control] = Field(default_factory=dict)
+    """Controllers to choose from, by names; what is not said of one is tuned."""
+    vary: tuple[Vary, ...] = ()
+    """What varies from run to run."""
+    correlation: tuple[Correlated, ...] = ()
+    """What of that varies together."""
+    record: Recorded = Recorded()
+    """What is kept."""
+    passes: Passes = Passes()
+    """Which machines are good."""
+    stop: Stop | None = None
+    """When fewer runs are enough."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_on(cls, data: Any) -> Any:
+        """Read the key of earlier releases, ``controls``."""
+        if not isinstance(data, dict) or "controls" not in data:
+            return data
+        return {("controllers" if key == "controls" else key): data[key] for key in data}
+
+    @property
+    def nominal(self) -> str:
+        """What names the nominal machine."""
+        assert self.machine is not None or self.bearing is not None
+        return self.machine or self.bearing or ""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        from ambkit.campaigns import study_checks
+
+        yield from study_checks.contradictions(read)
+
+
+def load(study: Study | str | os.PathLike[str]) -> Study:
+    """Return a study that is given, or the one in a file."""
+    if isinstance(study, Study):
+        return study
+    path = Path(study)
+    if path.is_dir():
+        raise AmbkitError(f"{path}: is a folder; a study is a TOML file")
+    return Study.load(path)

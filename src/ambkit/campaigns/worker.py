@@ -1,0 +1,226 @@
+"""A part of a study computed: hundreds of machines drawn, flown, judged, and put into a table."""
+
+from __future__ import annotations
+
+import pickle
+import platform
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.threads import one_thread
+from ambkit.campaigns.distributions import OneOf
+from ambkit.campaigns.margins import peaks as peaks_of
+from ambkit.campaigns.plan import Drawn, Plan
+from ambkit.campaigns.study_tables import ZONES, figures_of, limit_of
+from ambkit.judge.loop.loop_of import zone_of
+from ambkit.simulation.many import Many, simulate_many
+from ambkit.simulation.run_figures import FLAGS
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from ambkit.simulation.run import Run
+
+Array = NDArray[np.float64]
+
+
+class Rows(NamedTuple):
+    """What a part gave."""
+
+    runs: pa.Table
+    """A row for each run."""
+    traces: pa.Table | None
+    """A row for each sample of those runs whose traces are kept."""
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what computes: on others the last digits may differ."""
+    own = {name: version(name) for name in ("ambkit", "numpy", "scipy")}
+    return own | {"python": platform.python_version()}
+
+
+def part_of(pickled: bytes, part: int, expected_versions: Mapping[str, str]) -> Rows:
+    """Compute a part in a worker of a cluster, in one thread."""
+    here = versions()
+    if other := [name for name in expected_versions if here.get(name) != expected_versions[name]]:
+        has, own = (
+            ", ".join(f"{n} {of.get(n)}" for n in other) for of in (here, expected_versions)
+        )
+        raise AmbkitError(f"a worker of the cluster has {has}, and this is {own}: install the same")
+    plan = _plan_in(pickled)
+    return compute(plan, *plan.span(part), threads=1)
+
+
+@lru_cache(maxsize=4)
+def _plan_in(pickled: bytes) -> Plan:
+    result: Plan = pickle.loads(pickled)
+    return result
+
+
+def compute(
+    plan: Plan,
+    first: int,
+    stop: int,
+    *,
+    threads: int | None = None,
+    done: Callable[[int], None] | None = None,
+) -> Rows:
+    """Compute runs of a study."""
+    points, noise = plan.points(first, stop), plan.noise(first, stop)
+    every = plan.study.record.every if plan.study.record.traces else 0
+    traced_runs = [run for run in range(first, stop) if every and run % every == 0]
+    results = fly(plan, points, noise, first, traced=traced_runs, threads=threads, done=done)
+    columns: dict[str, Any] = {"run": np.arange(first, stop)}
+    for name, of, column in zip(plan.names, plan.marginals, points.T, strict=True):
+        columns[name] = [of.values[int(at)] for at in column] if isinstance(of, OneOf) else column
+    columns |= results.columns
+    runs = table(plan, columns)
+    return Rows(runs, traces_table(plan, results.traces) if every else None)
+
+
+class Flown(NamedTuple):
+    """What became of machines."""
+
+    columns: dict[str, Any]
+    """Figures, counts, margins and verdict, by name."""
+    traces: Mapping[int, Run]
+    """By the numbers of the runs."""
+    wrong: list[str]
+    """Why a machine cannot be; empty where it can."""
+
+
+def fly(
+    plan: Plan,
+    points: Array,
+    noise: NDArray[np.uint64],
+    first: int = 0,
+    *,
+    traced: Sequence[int] = (),
+    threads: int | None = None,
+    done: Callable[[int], None] | None = None,
+) -> Flown:
+    """Draw machines at points, fly and judge them."""
+    # points (n, k); noise (n,)
+    samples: list[Drawn] = []
+    record = plan.study.record
+
+    def possible() -> Iterator[Any]:
+        for machine in plan.machines(points, noise, first):
+            samples.append(machine)
+            if not machine.wrong:
+                yield machine.planned
+
+    many = simulate_many(
+        possible(), settling=record.settling, band=record.band, threads=threads, done=done
+    )
+    can = [at for at, sample in enumerate(samples) if not sample.wrong]
+    columns = _spread(many, can, len(samples), figures_of(plan.nominal))
+    if record.margins:
+        peaks = np.full(len(samples), np.inf)
+        with one_thread():
+            peaks[can] = peaks_of([samples[at].planned for at in can], threads)
+        columns["peak_S"] = peaks
+        columns["zone"] = ["" if np.isnan(peak) else zone_of(float(peak)) for peak in peaks]
+    fails = _fails(plan, columns, samples)
+    columns["passed"] = np.array([not fail for fail in fails])
+    columns["fails"] = fails
+    traces = {
+        run: samples[run - first].planned.simulated()
+        for run in traced if not samples[run - first].wrong
+    }  # fmt: skip
+    return Flown(columns, traces, [sample.wrong for sample in samples])
+
+
+def _spread(many: Many, can: Sequence[int], n: int, figures: Iterable[str]) -> dict[str, Any]:
+    """Return the columns of all machines, where some cannot be."""
+    columns: dict[str, Any] = {}
+    known = many.columns() if can else Many.none(figures).columns()
+    for name, values in known.items():
+        empty: Any = np.zeros(n, values.dtype)
+        if values.dtype.kind == "f":
+            empty[:] = np.nan
+        empty[can] = values
+        columns[name] = empty
+    return columns
+
+
+def _fails(plan: Plan, columns: Mapping[str, Any], samples: Sequence[Drawn]) -> list[str]:
+    """Return by which of its criteria each machine fails, with commas between; empty: by none."""
+    passes = plan.study.passes
+    against: dict[str, NDArray[np.bool_]] = {
+        "impossible": np.array([bool(sample.wrong) for sample in samples], bool)
+    }
+    if passes.zone is not None:
+        allowed = ZONES[: ZONES.index(passes.zone) + 1]
+        against["zone"] = ~np.isin(columns["zone"], allowed)
+    if not passes.contact:
+        against["contact"] = ~(np.asarray(columns["touched"]) == 0)
+    for name, limit in passes.at_most.items():  # what does not apply is not below its limit
+        against[name] = ~(np.asarray(columns[name]) <= limit_of(name, limit, plan.nominal))
+    named = np.array(list(against))
+    return [",".join(named[row]) for row in np.column_stack(list(against.values()))]
+
+
+def schema(plan: Plan) -> pa.Schema:
+    """Return the columns of the rows, each with its unit."""
+    import pyarrow as pa
+
+    fields = [("run", pa.int64(), "")]
+    for name, of, key in zip(plan.names, plan.marginals, plan.keys, strict=True):
+        words = isinstance(of, OneOf) and not key.unit
+        fields.append((name, pa.string() if words else pa.float64(), key.unit))
+    figures = figures_of(plan.nominal)
+    fields += [(name, pa.float64(), figure.unit) for name, figure in figures.items()]
+    fields += [(f"samples_{name}", pa.int64(), "1") for name in FLAGS]
+    if plan.study.record.margins:
+        fields += [("peak_S", pa.float64(), "1"), ("zone", pa.string(), "")]
+    fields += [("passed", pa.bool_(), ""), ("fails", pa.string(), "")]
+    return pa.schema([pa.field(name, of, metadata={"unit": unit}) for name, of, unit in fields])
+
+
+def table(plan: Plan, columns: Mapping[str, Any]) -> pa.Table:
+    """Return columns as a table."""
+    import pyarrow as pa
+
+    table_schema = schema(plan)
+    arrays = [pa.array(columns[field.name], type=field.type) for field in table_schema]
+    return pa.Table.from_arrays(arrays, schema=table_schema)
+
+
+def traces_table(plan: Plan, runs: Mapping[int, Run]) -> pa.Table:
+    """Return chosen signals of runs as one table, a row for each sample."""
+    import pyarrow as pa
+
+    names = plan.study.record.traces
+    parts: dict[str, list[Any]] = {name: [] for name in ("run", "t", *names)}
+    for number, run in sorted(runs.items()):
+        t = run.record.t
+        parts["run"].append(np.full(len(t), number))
+        parts["t"].append(t)
+        for name in names:
+            parts[name].append(signal(run, name))
+    empty = {"run": np.zeros(0, np.int64)}
+    columns = {
+        name: np.concatenate(values) if values else empty.get(name, np.zeros(0))
+        for name, values in parts.items()
+    }
+    return pa.table(columns)
+
+
+def signal(run: Run, name: str) -> Array:
+    """Return a signal of a run by its name in a study."""
+    state = name.removesuffix("_estimate")
+    if state == name:
+        return np.asarray(run.record[name])
+    if run.estimate is None:
+        return np.full(len(run.record), np.nan)
+    try:
+        return np.asarray(run.estimate[state])
+    except KeyError as error:
+        raise AmbkitError(f"{name}: {error}") from None

@@ -1,0 +1,305 @@
+"""The channel map: which row or column of a log is which signal, and what its numbers mean.
+
+::
+
+    array = "logouts"              # the array in the .mat that holds the channels
+
+    [signals.t]
+    row = 0
+    unit = "s"
+
+    [signals.y]                    # y = 10 mm - z: distance from the magnet, turned around
+    row = 2
+    unit = "m"
+    sign = -1
+    offset = "10 mm"
+
+    [signals.u]                    # a current stands for the control signal at 1 V/A
+    row = 4
+    unit = "A"
+    scale = "1 V/A"
+    offset = "-0.94 V"
+
+Of each number in the log, ``value = sign * scale * number * unit + offset``, in SI. So what ties a
+log to a bearing, such as the point around which the bearing is described, is data, not code.
+
+A channel that the logger wrote too late has a ``delay``, and is shifted by it. A ``u`` that is the
+current as a sensor showed it is ``measured``, and is not held between samples. What drives it is
+the channel ``control``, in any unit: identification tells the sensor's noise by it, and a ``u``
+with a ``control`` beside it is measured. A channel with
+a clock of its own names that with ``time``; a log without times has ``sampling_time``.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from ambkit.base.config import Document, Read
+from ambkit.base.config.quantities import Quantity
+from ambkit.base.config.text_types import Description, Line, Name
+from ambkit.base.errors import RecordError
+from ambkit.data.files import timestamps
+from ambkit.data.files.log import Log
+from ambkit.data.files.time_formats import pattern
+from ambkit.data.input_scaling import Inputs, Scaling
+from ambkit.data.signals import CONTROL, UNITS, held_in
+
+Array = NDArray[np.float64]
+Index = Annotated[int, Field(ge=0, strict=True)]
+
+
+PLACES = ("r", "x_logged")
+"""Signals that are read off the same scale as y."""
+
+
+class Mapped(NamedTuple):
+    """The signals that a channel map found in a log."""
+
+    signals: Mapping[str, Array]
+    """Each signal (n,) in SI, without the clocks."""
+    units: Mapping[str, str]
+    """SI unit of each."""
+    clocks: Mapping[str, Array]
+    """The times of samples (n,) [s], by the name of the clock; ``t`` first, where it is there."""
+    clock_of: Mapping[str, str]
+    """The clock of each signal."""
+    delays: Mapping[str, float]
+    """How much too late the logger wrote a signal [s], where it did."""
+    meta: dict[str, Any]
+    """The map's name and source."""
+    remarks: tuple[str, ...] = ()
+    """How times were read that are text."""
+
+
+class Channel(Scaling):
+    """One signal: where it stands in the log, and what its numbers mean."""
+
+    row: Index | None = None
+    """Row of the array, from 0, where each sample is a column of it."""
+    column: Index | Annotated[Line, Field(min_length=1)] | None = None
+    """Column of the array, from 0, where each sample is a row; of a table its name or place."""
+    array: Line | None = None
+    """The array in the file, where it is not the map's own; alone, it must be a vector."""
+    delay: Annotated[float, Quantity("s", "0.25 ms")] = 0.0
+    """How much later than it was the logger wrote it [s]; the signal is shifted back by that."""
+    format: Line = ""
+    """Of times as text, how they are written, such as "%d.%m.%Y %H:%M:%S.%f"; most are known."""
+    measured: Annotated[bool, Field(strict=True)] = False
+    """Of u: whether it is the current as a sensor showed it, which goes on a line between two
+    samples, as it does where there is a ``control``; without it a control signal, which is held."""
+    time: Name | None = None
+    """The signal of this map that has the times of its samples, where that is not ``t``."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        if isinstance(read("row"), int) and isinstance(read("column"), int | str):
+            yield "column", "give either row or column"
+        yield from super()._contradictions(read)
+        layout = read("format")
+        if isinstance(layout, str) and layout:
+            if read("unit") != "s":
+                yield "format", 'is of times as text, which are read as seconds: unit = "s"'
+            try:
+                pattern(layout)
+            except ValueError as error:
+                yield "format", str(error)
+
+
+class ChannelMap(Document):
+    """What the channels of a log mean; read from TOML with `load` or `from_toml`."""
+
+    name: Name = ""
+    """What kind of log this is for."""
+    source: Description = ""
+    """Where such logs come from."""
+    array: Line | None = None
+    """The array in the file that holds the channels."""
+    sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)] | None = None
+    """Time between samples [s], of a log without times; or with times that mean nothing."""
+    signals: dict[Annotated[Name, Field(min_length=1)], Channel]
+    """The signals by name; ``t`` is the time."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        signals = read("signals")
+        if not isinstance(signals, dict):
+            return
+        even = isinstance(read("sampling_time"), float) and read("sampling_time") > 0
+        if "t" not in signals and not even:
+            yield "signals", "t, the time, is missing; without one, give sampling_time"
+        if "t" in signals and even:
+            yield "sampling_time", "give either sampling_time or signals.t"
+        for name, channel in signals.items():
+            if not isinstance(channel, Channel):
+                continue
+            place = f"signals.{name}"
+            if held_in(name, channel.si_unit) != channel.si_unit:
+                what = f"makes {name} a quantity in {channel.si_unit}, it is one in {UNITS[name]}"
+                yield f"{place}.unit", what
+            clock = signals.get(channel.time) if channel.time else None
+            if channel.time and (channel.time == name or not isinstance(clock, Channel)):
+                yield f"{place}.time", f"there is no other signal {channel.time} in this map"
+            elif clock and clock.si_unit != "s":
+                yield f"{place}.time", f"{channel.time} is a quantity in {clock.si_unit}, not in s"
+            elif channel.time and even:
+                yield f"{place}.time", "with sampling_time there is no other clock"
+
+    def with_inputs(self, inputs: Inputs) -> "ChannelMap":
+        """Return the map by which a log's y and u are what a filter reads."""
+        # What else is a place along with y, the reference and what the rig estimated, moves with
+        # it.
+        signals = dict(self.signals)
+        moved = inputs.y.zero - signals["y"].zero if "y" in signals else 0.0
+        for name in PLACES:
+            if name in signals:
+                signals[name] = signals[name].shifted(moved)
+        for name in ("y", "u"):
+            if name in signals:
+                scaling = getattr(inputs, name)
+                update = {key: getattr(scaling, key) for key in Scaling.model_fields}
+                signals[name] = signals[name].model_copy(update=update)
+        return self.model_copy(update={"signals": signals})
+
+    @property
+    def texts(self) -> tuple[str | int, ...]:
+        """The columns that hold times as text, in a format that the map says."""
+        formatted = [c for c in self.signals.values() if c.format]
+        result = (self.array if c.column is None else c.column for c in formatted if not c.array)
+        arrays = (c.array for c in formatted if c.array)
+        return tuple(item for item in (*result, *arrays) if item is not None)
+
+    @property
+    def wanted(self) -> tuple[str | int, ...]:
+        """What the map reads of a file: names of arrays or columns, and places of columns."""
+        results: list[str | int] = []
+        for channel in self.signals.values():
+            array = channel.array or self.array
+            if isinstance(channel.column, str):
+                results.append(channel.column)
+            elif array is not None:
+                results.append(array)
+            elif channel.column is not None:
+                results.append(channel.column)
+        return tuple(dict.fromkeys(results))
+
+    def apply(self, log: Log) -> Mapped:
+        """Pick the signals out of a log; see `pick`."""
+        mapped, problems = self.pick(log)
+        if problems:
+            raise RecordError(problems, log.name)
+        return mapped
+
+    def pick(self, log: Log) -> tuple[Mapped, list[str]]:
+        """Pick those signals out of a log that are there."""
+        values: dict[str, Array] = {}
+        remarks: list[str] = []
+        problems: list[str] = []
+        for name, channel in self.signals.items():
+            try:
+                values[name] = channel.value(self._numbers(channel, log, remarks))
+            except RecordError as error:
+                for problem in error.problems:
+                    placed = problem.startswith(f"{log.name}:")
+                    problems.append(problem if placed else f"{log.name}: signal {name}: {problem}")
+        clock_names = {"t", *(c.time for c in self.signals.values() if c.time)}
+        signals = {name: v for name, v in values.items() if name not in clock_names}
+        clock_of = {name: self.signals[name].time or "t" for name in signals}
+        clocks = {name: v for name, v in values.items() if name in clock_names}
+        if self.sampling_time is not None:
+            n = max((v.size for v in signals.values()), default=0)
+            clocks["t"] = self.sampling_time * np.arange(n, dtype=np.float64)
+        if not problems:
+            problems = list(self._of_other_clocks(log, signals, clocks, clock_of))
+        about = {"log": self.name, "origin": self.source}
+        mapped = Mapped(
+            signals,
+            {name: self.signals[name].si_unit for name in signals},
+            clocks,
+            clock_of,
+            {name: c.delay for name, c in self.signals.items() if c.delay and name in signals},
+            {key: text for key, text in about.items() if text}
+            | ({"measured": ["u"]} if self._shows_current(signals) else {}),
+            tuple(dict.fromkeys(remarks)),
+        )
+        return mapped, problems
+
+    def _shows_current(self, signals: Mapping[str, object]) -> bool:
+        """Whether u is a current that a sensor showed, and not the control that drives it."""
+        return "u" in signals and (self.signals["u"].measured or CONTROL in signals)
+
+    def _of_other_clocks(
+        self,
+        log: Log,
+        signals: Mapping[str, Array],
+        clocks: dict[str, Array],
+        clock_of: dict[str, str],
+    ) -> Iterator[str]:
+        """Say which signals have another clock than the map says, and give them their own."""
+        for name, values in signals.items():
+            clock = clock_of[name]
+            place = f"{log.name}: signal {name}"
+            own, used = log.clocks.get(self._name(name) or ""), self._name(clock)
+            if own is not None and own != used and self.sampling_time is None:
+                clocks[own], clock_of[name] = log.arrays[own], own
+                yield (
+                    f'{place}: has the clock "{own}" in the file, and {clock} is "{used}"; give it '
+                    f'a clock of its own: time = "t_{name}", and [signals.t_{name}] with column = '
+                    f'"{own}"'
+                )
+            elif values.shape != clocks[clock].shape:
+                yield (
+                    f"{place} has shape {values.shape}, its time {clock} has {clocks[clock].shape}"
+                )
+
+    def _name(self, signal: str) -> str | None:
+        """Name of the array or column in which a signal stands."""
+        channel = self.signals.get(signal)
+        if channel is None:
+            return None
+        return channel.column if isinstance(channel.column, str) else channel.array or self.array
+
+    def _numbers(self, channel: Channel, log: Log, remarks: list[str]) -> Array:
+        name = channel.column if isinstance(channel.column, str) else channel.array or self.array
+        if name is None and isinstance(channel.column, int) and log.order:
+            name = log.order[channel.column]
+            if name in log.arrays:
+                return log.arrays[name]
+        if name is not None and name in log.texts:
+            if channel.unit != "s":
+                raise RecordError(f'{name} holds times as text, which are seconds: unit = "s"')
+            moments = timestamps.read(log.texts[name], channel.format, name, log.place)
+            remarks += moments.remarks
+            return moments.seconds
+        if name is None:
+            raise RecordError("the channel map does not say which array, or which column by name")
+        if name not in log.arrays:
+            raise RecordError(f"there is no {name}; there is {', '.join(log.arrays) or 'nothing'}")
+        array = log.arrays[name]
+        if isinstance(channel.row, int):
+            return _pick(array, 0, channel.row, f"{name} has no row")
+        if isinstance(channel.column, int):
+            return _pick(array, 1, channel.column, f"{name} has no column")
+        if array.size != max(array.shape):
+            raise RecordError(f"{name} has shape {array.shape}: which row or column is it?")
+        return array.ravel()
+
+
+def inputs_of(channels: ChannelMap) -> Inputs:
+    """Return what a controller reads that has the same numbers as a log."""
+    keys = tuple(Scaling.model_fields)
+    return Inputs(**{
+        name: Scaling(**{key: getattr(channels.signals[name], key) for key in keys})
+        for name in ("y", "u")
+        if name in channels.signals
+    })  # fmt: skip
+
+
+def _pick(array: Array, axis: int, index: int, complaint: str) -> Array:
+    if array.ndim == 1 and index == 0:  # some readers drop the other dimension
+        return array
+    if array.ndim != 2 or index >= array.shape[axis]:
+        raise RecordError(f"{complaint} {index}, its shape is {array.shape} (counted from 0)")
+    return array[index] if axis == 0 else array[:, index]

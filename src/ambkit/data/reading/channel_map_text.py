@@ -1,0 +1,387 @@
+"""The lines of a channel map that is proposed, with comments that say why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.escaping import toml_string
+from ambkit.base.units import factor
+from ambkit.data.files.log import FIRST, Log
+from ambkit.data.reading.candidates import Candidate
+from ambkit.data.reading.clock import examine
+from ambkit.data.reading.faults import noise
+from ambkit.data.reading.position_search import Rotor
+from ambkit.data.reading.signal_roles import correlation, seen, slow
+from ambkit.data.reading.weight_scale import Hanging, hanging
+from ambkit.data.signals import si_unit
+
+Array = NDArray[np.float64]
+
+_OF_Y = {
+    "r": "which it is the reference of",
+    "x_logged": "which it is an estimate of",
+    "velocity": "whose rate it is",
+    "v_logged": "whose rate it is",
+}
+"""Signals that have the direction of y, and why."""
+
+_NAMES = {"i": "current", "v": "velocity"}  # not v: that is the truth of a simulation
+
+
+@dataclass(frozen=True)
+class Told:
+    """Channels of one length, and what tells the rotor among them."""
+
+    found: list[Candidate]  #: The channels, with their roles.
+    moves: Rotor | None  #: What tells position and control, where something floats.
+
+    def worth(self) -> tuple[int, int, bool, bool, int]:
+        """By physics, then by names, then by the length."""
+        named = sum(
+            any(c.role in roles and not c.estimated for c in self.found) for roles in ("y", "ui")
+        )
+        physics = 0 if self.moves is None else 1 + self.moves.fit.sure
+        time = any(c.role == "t" or c.clock for c in self.found)
+        by_name = any("by its name" in c.why for c in self.found)
+        return physics, named, time, by_name, self.found[0].values.size
+
+
+def toml_lines(name: str, log: Log, assignment: Told, others: Sequence[Told]) -> Iterator[str]:
+    """Write the map."""
+    result, moves = assignment.found, assignment.moves
+    yield f"# Proposed by 'ambkit read --guess' for {name}. Look at each line before you trust it."
+    yield "# Of each number in the log: value = sign * scale * number * unit + offset."
+    for remark in log.remarks:
+        yield f"# {remark[:1].upper()}{remark[1:]}."
+    chosen = _chosen(result, moves) | _from_others(result, others)
+    everything = [*result, *(c for group in others for c in group.found)]
+    array = _common_array(chosen.values())
+    if array:
+        yield f"array = {toml_string(array)}"
+    y, u = chosen.get("y"), chosen.get("u")
+    signs = _Signs.of(result, y, u, moves)
+    clock = _clock_name(log, chosen)
+    if clock is None:
+        yield ""
+        yield "# No channel rises like a time: fill in how far apart the samples are."
+        yield '# sampling_time = "... ms"'
+    yield from _time(log, clock, chosen.get("t"), array)
+    hangs = _hanging(log, chosen, signs, moves, result)
+    clocks = {clock: "t"}
+    for role, candidate in chosen.items():
+        if role == "t":
+            continue
+        own = candidate.clock
+        yield ""
+        yield from _comment(candidate)
+        if role == "y":
+            yield from _of_rotor(log, clock, chosen, moves)
+        apart = _own_time(candidate, chosen.get("t"), everything)
+        if apart is not None:
+            own = apart.label
+            if own not in clocks:
+                clocks[own] = f"t_{role}"
+                yield "# It has a clock of its own: 'ambkit read --resample' puts all on one grid."
+                yield f"[signals.{clocks[own]}]"
+                yield from _where(apart, array)
+                yield f"unit = {toml_string(apart.unit or _unit_of_time(log, apart))}"
+                yield ""
+        if own and own != clock and own not in clocks:
+            clocks[own] = f"t_{role}"
+            yield "# It has a clock of its own: 'ambkit read --resample' puts all on one grid."
+            yield f"[signals.{clocks[own]}]"
+            yield f"column = {toml_string(own)}"
+            yield 'unit = "s"'
+            yield ""
+        yield f"[signals.{role}]"
+        yield from _where(candidate, array)
+        yield from _meaning(role, candidate, signs, y, hangs)
+        if own and own != clock:
+            yield f"time = {toml_string(clocks[own])}"
+    if y is None:
+        yield "# Nothing looks like a position; a filter needs y."
+    if u is None:
+        yield "# Nothing looks like a control signal; a filter needs u."
+    chosen_ids = [id(candidate) for candidate in chosen.values()]
+    rest = [c for c in everything if id(c) not in chosen_ids and c.label not in clocks]
+    if rest:
+        yield ""
+        yield "# Not used:"
+    for group in others:
+        if group.moves is not None:
+            yield (
+                f"# Other channels, of {group.found[0].values.size} samples, move as a floating "
+                f"rotor too: {group.found[group.moves.position].label} with "
+                f"{group.found[group.moves.control].label}. Is it another run?"
+            )
+    for candidate in rest:
+        low, high = seen(candidate.values).min(), seen(candidate.values).max()
+        unit = f" {candidate.unit}" if candidate.unit else ""
+        why = f"; {', '.join(candidate.why)}" if candidate.why else ""
+        yield f"# {candidate.label}: {low:.4g} to {high:.4g}{unit}{why}"
+
+
+def _chosen(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidate]:
+    """Give each signal of a record its channel; the estimates of the rig are logged signals."""
+    chosen: dict[str, Candidate] = {}
+    if moves is not None and not results[moves.position].estimated:
+        chosen["y"] = results[moves.position]
+    for role in ("t", "y", "u", "i", "r", "v"):
+        for candidate in results:
+            if candidate.role == role and not candidate.estimated:
+                chosen.setdefault(role, candidate)
+    if "u" not in chosen and "i" in chosen:
+        chosen["u"] = chosen.pop("i")
+    elif "i" in chosen and chosen["i"].estimated:
+        del chosen["i"]
+    for role in ("y", "v"):
+        logged = [c for c in results if c.role == role and c.estimated]
+        if logged:
+            chosen[f"{'x' if role == 'y' else role}_logged"] = logged[0]
+    order = ("t", "y", "u", "r", "i", "v", "x_logged", "v_logged")
+    return {_NAMES.get(role, role): chosen[role] for role in order if role in chosen}
+
+
+def _from_others(results: list[Candidate], others: Sequence[Told]) -> dict[str, Candidate]:
+    """Return y or u of another length, with a time there, where these channels have none."""
+    lacking = {
+        "y": not any(c.role == "y" and not c.estimated for c in results),
+        "u": not any(c.role in ("u", "i") and not c.estimated for c in results),
+    }
+    timed = [other.found for other in others if any(c.role == "t" for c in other.found)]
+    if not any(c.role == "t" for c in results) or all(lacking.values()):
+        return {}
+    there = {}
+    for signal, roles in (("y", ("y",)), ("u", ("u", "i"))):
+        named = [
+            c for role in roles for group in timed for c in group
+            if c.role == role and not c.estimated and "by its name" in c.why
+        ]  # fmt: skip
+        if lacking[signal] and named:
+            there[signal] = named[0]
+    return there
+
+
+def _own_time(
+    candidate: Candidate, t: Candidate | None, everything: Sequence[Candidate]
+) -> Candidate | None:
+    """Return the time of a channel that is not that of the others: of its structure, or length."""
+    if t is None or candidate.clock:
+        return None
+    times = [c for c in everything if c.role == "t" and c.values.shape == candidate.values.shape]
+    inside = [c for c in times if _structure(c) == _structure(candidate) != ""]
+    if candidate.values.shape != t.values.shape:
+        return next(iter(inside or times), None)
+    same = _structure(t) == _structure(candidate)
+    apart = [c for c in inside if not same and not np.array_equal(c.values, t.values)]
+    return next(iter(apart), None)
+
+
+def _structure(candidate: Candidate) -> str:
+    """Return the name of the structure that a channel is in; empty where it is in none."""
+    struct_name, dot, _ = str(candidate.where.get("array", "")).partition(".")
+    return struct_name if dot else ""
+
+
+def _clock_name(log: Log, chosen: dict[str, Candidate]) -> str | None:
+    """Return what holds the times: a clock that the file names, or the channel found."""
+    first = next((c for role, c in chosen.items() if role != "t" and c.clock), None)
+    if first is not None:
+        return first.clock
+    return chosen["t"].label if "t" in chosen else None
+
+
+def _time(log: Log, clock: str | None, candidate: Candidate | None, array: str) -> Iterator[str]:
+    if clock is None:
+        return
+    yield ""
+    if candidate is None or clock in log.clocks.values():
+        yield f"# The clock of the channel group: {_rate(log.arrays[clock])}."
+        yield from ("[signals.t]", f"column = {toml_string(clock)}", 'unit = "s"')
+        return
+    unit, why = candidate.unit, ""
+    if not unit:
+        unit = _unit_of_time(log, candidate)
+        why = "  # guessed from its size and steps"
+    seconds = factor(unit, "s") if si_unit(unit) == "s" else 1.0
+    times = (-1 if candidate.turned else 1) * candidate.values * seconds
+    yield f"# {candidate.label}: {', '.join(candidate.why)}; {_rate(times)}."
+    yield "[signals.t]"
+    yield from _where(candidate, array)
+    yield f"unit = {toml_string(unit)}{why}"
+    if candidate.turned:
+        yield "sign = -1  # it falls"
+
+
+def _unit_of_time(log: Log, candidate: Candidate) -> str:
+    """Guess in what a time counts: since 1970, by its size; otherwise by its steps."""
+    times = seen(candidate.values)
+    matches = filter(None, (FIRST.match(remark) for remark in log.remarks))
+    first = next((float(m[2]) for m in matches if m[1] == candidate.label), float(times[0]))
+    for unit, scale in (("s", 1.0), ("ms", 1e3), ("µs", 1e6), ("ns", 1e9)):
+        if 5e8 < first / scale < 4.2e9:  # from 1985 to 2103
+            return unit
+    step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
+    return "s" if step < 0.1 else "ms" if step < 50 else "µs" if step < 2e4 else "ns"
+
+
+def _rate(times: Array) -> str:
+    there = times[np.isfinite(times)]
+    return examine("t", there).in_words() if there.size > 1 else "one sample"
+
+
+def _comment(candidate: Candidate) -> Iterator[str]:
+    there = seen(candidate.values)
+    unit = f" {candidate.unit}" if candidate.unit else ""
+    about = (
+        f"{there.min():.4g} to {there.max():.4g}{unit}, noise {noise(candidate.values):.2g}{unit}"
+    )
+    yield f"# {candidate.label}: {', '.join(candidate.why) or 'by elimination'}; {about}."
+
+
+def _common_array(chosen: Iterable[Candidate]) -> str:
+    """Return the array that holds all of them, where one does."""
+    held = {c.where.get("array") if len(c.where) > 1 else None for c in chosen}
+    only = held.pop() if len(held) == 1 else None
+    return only if isinstance(only, str) else ""
+
+
+def _where(candidate: Candidate, array: str) -> Iterator[str]:
+    for key, value in candidate.where.items():
+        if key == "array" and value == array:
+            continue
+        yield f"{key} = {value if isinstance(value, int) else toml_string(value)}"
+
+
+@dataclass(frozen=True)
+class _Signs:
+    """Which way position and control count in the log, against those of a bearing."""
+
+    y: bool
+    u: bool
+    why: str
+
+    @classmethod
+    def of(
+        cls, results: list[Candidate], y: Candidate | None, u: Candidate | None, moves: Rotor | None
+    ) -> _Signs:
+        """Turn y and u such that the force of u goes towards positive y."""
+        if y is None or u is None or y.values.shape != u.values.shape:
+            return cls(False, False, "")
+        falls = not u.unit and bool(np.mean(seen(u.values) < 0) > 0.99)  # a coil's is not below 0
+        if moves is not None and results[moves.position] is y and results[moves.control] is u:
+            is_inverted, why = moves.turned, "a greater u moves it towards smaller values"
+        else:
+            is_inverted = correlation(slow(u.values), slow(y.values)) > 0.3
+            why = "u grows with it; of an unstable plant it must fall (or turn u)"
+        return cls(is_inverted != falls, falls, why)
+
+
+def _hanging(
+    log: Log, chosen: dict[str, Candidate], signs: _Signs, moves: Rotor | None,
+    results: list[Candidate],
+) -> Hanging | None:  # fmt: skip
+    """Say where the magnet is, of a rotor that hangs below one whose current is never below 0."""
+    y, u, t = chosen.get("y"), chosen.get("u"), chosen.get("t")
+    if (
+        moves is None
+        or t is None
+        or y is not results[moves.position]
+        or u is not results[moves.control]
+    ):
+        return None
+    current = (-1 if signs.u else 1) * seen(u.values)
+    return hanging(moves, seen(y.values), current, _step(log, t))
+
+
+def _step(log: Log, t: Candidate) -> float:
+    """Return the usual time between two samples [s]."""
+    unit = t.unit or _unit_of_time(log, t)
+    seconds = factor(unit, "s") if si_unit(unit) == "s" else 1.0
+    return abs(float(np.nanmedian(np.diff(t.values)))) * seconds
+
+
+def _of_rotor(
+    log: Log, clock: str | None, chosen: dict[str, Candidate], moves: Rotor | None
+) -> Iterator[str]:
+    """Say how fast the rotor would fall, and by which channels that is told."""
+    if moves is None:
+        return
+    t = chosen.get("t")
+    per = f"{moves.fit.pole:.3g} per sample"
+    if t is not None:
+        step = _step(log, t)
+        per = f"{moves.fit.pole / step:.3g} rad/s" if step > 0 else per
+    yield f"# Unstable, as a rotor in a magnetic bearing is: its pole is near {per}."
+
+
+def _meaning(
+    role: str, candidate: Candidate, signs: _Signs, y: Candidate | None, hangs: Hanging | None
+) -> Iterator[str]:
+    """Write unit, scale, sign and, as a hint, the offset of a channel."""
+    unit, comment = candidate.unit, ""
+    if not unit:
+        unit, comment = _likely_unit(candidate), "  # guessed from its size"
+        if role == "y" and hangs is not None:
+            unit, comment = hangs.unit, "  # told by gravity"
+    yield f"unit = {toml_string(unit)}{comment}"
+    of_current = role == "u" and si_unit(unit) == "A"
+    if of_current:
+        yield 'scale = "1 V/A"  # the current stands for the control signal: amplifier gain 1 A/V'
+        yield "# measured = true  # if a sensor showed it: it is then not held between samples"
+    elif role == "u" and si_unit(unit) == "1":
+        yield 'scale = "1 V"  # volts at full duty'
+    is_inverted = signs.u if role in ("u", "current") else signs.y
+    falls = role in _OF_Y and y is not None and _likeness(role, candidate, y) < -0.3
+    if role in ("y", *_OF_Y) and y is not None and is_inverted != falls:
+        yield f"sign = -1  # {_why_turned(role, y, signs.why, falls=falls)}"
+    elif falls and y is not None:
+        yield f"# sign = 1, for it falls where {y.label} grows, which is turned"
+    elif role in ("u", "current") and is_inverted:
+        yield "sign = -1  # it is below 0 all the time, as no coil's current is"
+    middle = float(np.median(seen(candidate.values)))
+    if role in ("y", "r", "x_logged") and y is not None:
+        middle = middle if falls else float(np.median(seen(y.values)))
+        away = middle if is_inverted != falls else -middle
+        yield f'# offset = "{away:.4g} {unit}"  # if x = 0 is at its median'
+    elif of_current:
+        away = middle if is_inverted else -middle
+        yield f'# offset = "{away:.4g} V"  # if its median is the bias current'
+    if role == "y" and hangs is not None:
+        yield from (f"# {line}" for line in hangs.in_words(y.label if y else role, candidate.unit))
+    if role in ("y", "u"):
+        yield '# delay = "0 ms"  # how late the logger wrote it'
+
+
+def _likeness(role: str, candidate: Candidate, y: Candidate) -> float:
+    """Correlation of a reference or an estimate with y, of a velocity with the rate of y."""
+    if candidate.values.shape != y.values.shape or y.values.size < 3:
+        return 0.0
+    place = slow(y.values)
+    return correlation(
+        slow(candidate.values), np.gradient(place) if role.startswith("v") else place
+    )
+
+
+def _why_turned(role: str, y: Candidate, why: str, *, falls: bool) -> str:
+    if falls:
+        return f"it falls where {y.label} grows"
+    return why if role == "y" else f"as {y.label}, {_OF_Y[role]}"
+
+
+def _likely_unit(candidate: Candidate) -> str:
+    size = float(np.percentile(np.abs(seen(candidate.values)), 90))
+    match candidate.role:
+        case "y" | "r":
+            return "m" if size < 0.05 else "mm" if size < 50 else "µm"
+        case "v":
+            return "m/s" if size < 5 else "mm/s"
+        case "i":
+            return "A" if size < 100 else "mA"
+        case "u":
+            return "1" if size <= 1.0 and seen(candidate.values).min() >= 0 else "V"
+    return "1"

@@ -1,0 +1,173 @@
+"""What a log may be and should not: an estimate or a reference as y, a rotor that lies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.units import engineering
+from ambkit.data.reading.clock import instant
+from ambkit.data.reading.derived_channels import OFTEN, is_formula
+from ambkit.data.reading.faults import noise
+from ambkit.data.reading.position_search import NO_NOISE, in_steps
+from ambkit.data.reading.signal_roles import slow
+from ambkit.data.reading.standstill import NEAR, resting
+from ambkit.data.signals import TRUTH
+
+Array = NDArray[np.float64]
+
+LIES = 50
+"""Samples in a row in which nothing moves, that a rotor in flight does not have."""
+
+MOVES = 20.0
+"""Range of a position over its noise, from which on it moves at all."""
+
+RESTS = 6.0
+"""Standard deviations of its noise within which a position rests."""
+
+MOVED = 0.25
+"""Part of its range through which a control signal goes while a rotor that lies stays."""
+
+DRIVEN = 6.0
+"""How far it goes at least, over the noise of its means: what a loop makes of noise wanders too."""
+
+LEAST = 200
+"""Samples from which on the noise of a position says where it is from."""
+
+SELDOM = 0.01
+"""Part of the samples in which a reference of steps changes at most."""
+
+DIFFERENT = 0.95
+"""Different values in parts of the samples, of what was computed and not measured."""
+
+
+def suspects(t: Array, signals: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[str]:
+    """Say what is suspect about the measured position, in sentences."""
+    # t (n,) [s]
+    if "y" not in signals:
+        return
+    y = signals["y"]
+    for name, other in signals.items():
+        alike = name not in TRUTH and name != "y" and units.get(name) == units.get("y")
+        if alike and _same(y, other):
+            yield (
+                f"y and {name} hold the same numbers: is y what the sensor shows, or what was made "
+                "of it?"
+            )
+    if "u" in signals and _stands_still(signals["u"]) and not _stands_still(y):
+        yield "u stands still throughout: is it the control signal?"
+    elif "u" in signals:
+        lying = list(_lies(t, y, signals["u"], units.get("y", "m")))
+        yield from lying or _unmoved(y, signals["u"], units.get("y", "m"))
+    yield from _computed(y, signals)
+
+
+def _stands_still(values: Array) -> bool:
+    there = _finite(values)
+    return bool(there.size > 1 and np.ptp(there) == 0)
+
+
+def _same(a: Array, b: Array) -> bool:
+    there = np.isfinite(a) & np.isfinite(b)
+    if np.count_nonzero(there) < 2 or np.ptp(a[there]) == 0:
+        return False
+    return bool(np.abs(a - b)[there].max() <= 1e-9 * np.abs(a[there]).max())
+
+
+def _lies(t: Array, y: Array, u: Array, unit: str) -> Iterator[str]:
+    """Tell of a position that rests at its end while the control signal stands still."""
+    there = np.isfinite(y) & np.isfinite(u)
+    if np.count_nonzero(there) < LIES:
+        return
+    rough, seen = noise(y), y[there]
+    least, max_value = float(seen.min()), float(seen.max())
+    if not max_value - least > MOVES * rough:
+        return
+    still = np.r_[False, u[1:] == u[:-1]] & there
+    for end, near in ((least, y - least), (max_value, max_value - y)):
+        start, length = longest_run(still & (near < RESTS * rough))
+        if length >= LIES:
+            first, last = (
+                instant(float(t[k]), float(t[1] - t[0])) for k in (start, start + length - 1)
+            )
+            yield (
+                f"y rests at its end, {engineering(end, unit, digits=3)}, from {first} to {last}, "
+                "and u stands still: does the rotor lie on a stop there?"
+            )
+
+
+def _unmoved(y: Array, u: Array, unit: str) -> Iterator[str]:
+    """Tell of a position that stays at its end while the control signal goes elsewhere."""
+    there = np.isfinite(y) & np.isfinite(u)
+    if np.count_nonzero(there) < LIES or (rests := resting(y[there])) is None:
+        return
+    y_, u_ = slow(y[there]), slow(u[there])  # without their noise
+    near = abs(y_ - rests.end) < max(NEAR * float(np.ptp(y[there])), 4 * noise(y))
+    low, high = np.quantile(u[there], [0.01, 0.99])
+    # In one visit: a rotor that floats there takes another current too, once a load has pushed it
+    # away and its controller has brought it back.
+    visits = np.split(u_, np.flatnonzero(np.diff(near)) + 1)[0 if near[0] else 1 :: 2]
+    least = LIES * y_.size / y[there].size
+    ways = [(float(np.ptp(np.quantile(v, [0.05, 0.95]))), v) for v in visits if v.size >= least]
+    went = max((way for way, v in ways if way > DRIVEN * noise(v)), default=0.0)
+    if went > MOVED * (high - low) > 0:
+        yield (
+            f"y is {rests.in_words(unit)}, while u goes through "
+            f"{100 * went / (high - low):.0f} % of its range: does the rotor lie "
+            "on a stop there? Such a part tells nothing of the bearing: cut it out"
+        )
+
+
+def _computed(y: Array, signals: Mapping[str, Array]) -> Iterator[str]:
+    """Tell of a position that no sensor measured: a reference, or what a filter made of it."""
+    there = y[np.isfinite(y)]
+    if there.size < LEAST or np.ptp(there) == 0:
+        return
+    rough, changes = noise(there), np.diff(there)
+    seldom = rough == 0 and np.count_nonzero(changes) < SELDOM * changes.size
+    steps = abs(changes[changes != 0])
+    leaps = seldom and bool(steps.max() > 0.05 * np.ptp(there)) and _few_values(there)
+    bends = float(np.quantile(abs(np.diff(there, 2)), OFTEN))
+    if leaps or (not seldom and (bends < NO_NOISE * float(there.std()) or is_formula(there))):
+        yield (
+            "y has no noise at all: is it the controller's reference, or computed, where the "
+            "measurement should be?"
+        )
+        return
+    in_steps_too = [
+        name for name, other in signals.items()
+        if name in ("u", "current", "i", "iu") and _comes_in_steps(_finite(other))
+    ]  # fmt: skip
+    if in_steps_too and np.unique(there).size > DIFFERENT * there.size:
+        yield (
+            f"y never repeats a value, though {in_steps_too[0]} comes in the steps of a converter: "
+            "was y filtered before it was logged? Its noise is then no sensor's; log the raw "
+            "measurement"
+        )
+
+
+def _comes_in_steps(values: Array) -> bool:
+    """Whether a current repeats its values, apart from where it stands still as at its limit."""
+    changing = values[1:][np.diff(values) != 0]
+    return changing.size >= LEAST and in_steps(changing) and noise(values) > 0
+
+
+def _finite(values: Array) -> Array:
+    return values[np.isfinite(values)]
+
+
+def _few_values(values: Array) -> bool:
+    return np.unique(values).size < 0.01 * values.size
+
+
+def longest_run(where: NDArray[np.bool_]) -> tuple[int, int]:
+    """Return start and length of the longest stretch that is true (n,); length 0 without one."""
+    # where (n,)
+    edges = np.flatnonzero(np.diff(np.r_[False, where, False])).reshape(-1, 2)
+    if edges.size == 0:
+        return 0, 0
+    lengths = edges[:, 1] - edges[:, 0]
+    at = int(np.argmax(lengths))
+    return int(edges[at, 0]), int(lengths[at])

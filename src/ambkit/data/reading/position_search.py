@@ -1,0 +1,289 @@
+"""The rotor's position and its current, among channels without a name: physics, then rawness.
+
+Prediction alone is a trap: what a rig's own filter made of its measurements moves as the rotor
+does, and predicts better than they do. So of channels that tell the same motion the rawest is
+taken: what a converter measured comes in steps, and what was computed from it hardly ever repeats a
+value; where that does not tell them apart, the one with more noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.data.reading.derived_channels import (
+    filters_of_others,
+    is_formula,
+    is_white,
+    rough,
+    standardised,
+    twins,
+    velocities,
+)
+from ambkit.data.reading.faults import noise
+from ambkit.data.reading.instrumental_variables import instrumented
+from ambkit.data.reading.levitation_test import TINY, Band, Levitated, bands, levitated, turning
+
+Array = NDArray[np.float64]
+
+REPEATS = 0.6
+"""Different values in parts of the samples: a channel with fewer comes from a converter."""
+
+SIX_DIGITS = 1e-5
+"""Noise in parts of the standard deviation that six digits leave of a signal at most: one that has
+no more and repeats its values may be a reference that comes again, and no converter's."""
+
+NO_NOISE = 1e-6
+"""Noise in parts of the standard deviation below which a channel is computed, such as a sine."""
+
+TRIED = 12
+"""Channels that are tried with instruments, where plain regression tells nothing."""
+
+CLOSE = 0.98
+"""Correlation of a channel and an estimate of it, where slow bands have no noise."""
+
+DOUBT = 0.5
+"""Evidence that a channel is of the other kind, in parts of that for what it is taken for, from
+which on nothing is guessed."""
+
+LEAST = 0.5
+"""Evidence below which nothing is guessed, where no converter's steps speak for it."""
+
+CLEARLY = 1.5
+"""Ratio of the noise of a position to that of an estimate of it from which on the noise alone tells
+which is which."""
+
+SAME_POLE = 2.0
+"""Ratio of the poles that a channel and an estimate of it tell; noise moves them."""
+
+RELATED = 0.9
+"""The same, where two positions go with one current, or two currents move one position."""
+
+SWIFT = 0.75
+"""Correlation with another one's speed in a band from which on a channel may be its velocity."""
+
+SAME_GAIN = 1.25
+"""Ratio within which the gain between a channel and an estimate of it is the same in all bands."""
+
+
+@dataclass(frozen=True)
+class Rotor:
+    """Which channels are the position and the current of a levitated rotor."""
+
+    position: int  #: Rows of the array that was searched.
+    control: int
+    fit: Levitated  #: What told them; of an estimate perhaps, in whose place they are.
+    #: Acceleration of the position per control [units / sample²]: negative where a greater control
+    #: moves the rotor towards smaller positions.
+    gain: float
+    #: Further rows that tell the same motion, and the same current: estimates, the rawest first.
+    positions: tuple[int, ...]
+    controls: tuple[int, ...]
+    #: (int, int) Further positions with their controls, that move by themselves: another axis.
+    others: tuple[tuple[int, int], ...]
+
+    @property
+    def turned(self) -> bool:
+        """Whether a greater control moves the rotor towards smaller positions."""
+        return self.gain < 0
+
+    def renumbered(self, places: Sequence[int]) -> Rotor:
+        """Return the same with other numbers for the rows."""
+        return Rotor(
+            places[self.position], places[self.control], self.fit, self.gain,
+            tuple(places[k] for k in self.positions), tuple(places[k] for k in self.controls),
+            tuple((places[a], places[b]) for a, b in self.others),
+        )  # fmt: skip
+
+
+def in_steps(values: Array) -> bool:
+    """Whether a channel (n,) repeats its values, as what a converter measured does."""
+    return bool(np.unique(values).size < REPEATS * values.size)
+
+
+def rotor(channels: Array, position: int | None = None, control: int | None = None) -> Rotor | None:
+    """Find the position and the current of a levitated rotor."""
+    # channels (m, n)
+    unit = standardised(channels)
+    listed = list(bands(unit))
+    if not listed:
+        return None
+    hiss = [noise(values) for values in unit]
+    raw = [in_steps(v) and rough(u) > SIX_DIGITS for v, u in zip(channels, unit, strict=True)]
+    rates = velocities(unit) | filters_of_others(unit, raw)
+    rates -= {position, control}
+
+    formulas = {k for k, values in enumerate(unit) if is_formula(values)} - {control}
+
+    def fitting(listed: list[Levitated]) -> list[Levitated]:
+        return [
+            f for f in listed
+            if not {f.position, f.control} & rates and f.control not in formulas
+            and position in (None, f.position) and control in (None, f.control)
+        ]  # fmt: skip
+
+    plain = result = fitting(levitated(listed))
+    usable = [f for f in result if f.sure or raw[f.position] or raw[f.control]]
+    swift = _swift(listed)
+    level, slow = RELATED, _without(swift, result)
+    if any(f in usable for f in slow):
+        result, usable = slow, [f for f in usable if f in slow]
+    if not usable:
+        candidates = sorted(
+            (k for k in range(len(unit)) if k not in rates), key=lambda k: not raw[k]
+        )
+        plain += (result := fitting(instrumented(unit, sorted(candidates[:TRIED]))))
+        result = usable = _without(swift, result) or result
+        level = CLOSE
+    if not usable:
+        return None
+    near = {box: _families(listed, box) for box in {f.box for f in result}}
+    close = np.array([turning(band) for band in listed[-3:]]).max(0) > level
+
+    def same(f: Levitated, g: Levitated) -> bool:
+        """Whether two fits are of one rotor: one position with a current and its estimate, say."""
+        alike = near[f.box] | near[g.box] | close
+        return bool(
+            alike[f.position, g.position] and alike[f.control, g.control]
+            and f.pole / SAME_POLE < g.pole < f.pole * SAME_POLE
+        )  # fmt: skip
+
+    def worth(f: Levitated) -> float:
+        return sum(g.evidence for g in result if same(f, g))
+
+    both = [f for f in usable if raw[f.position] and raw[f.control]]
+    best = max(both or usable, key=lambda f: (f.sure, worth(f)))
+    family = near[best.box]
+    motion = [best, *(f for f in result if same(best, f))]
+    controls = list(dict.fromkeys(f.control for f in motion if f.control != best.position))
+    positions = [f.position for f in motion if f.position not in controls]
+    positions = list(dict.fromkeys(positions))
+    free = {*range(len(unit))} - {*positions, *controls, *rates}
+    positions += sorted(k for k in free if family[best.position, k])
+    if len(positions) == 1 and not raw[best.position] and position is None:
+        unlike = sorted({*range(len(unit))} - {*positions, *controls})
+        positions += twins(unit, listed, best.position, unlike)
+    controls += sorted(k for k in free if family[best.control, k] and k not in positions)
+    if not both and (
+        worth(best) < LEAST or any(_doubtful(fits, positions, controls) for fits in (result, plain))
+    ):
+        return None
+
+    def rawest(members: list[int], chosen: int, fitted_channels: set[int]) -> list[int]:
+        gain = gains(listed, chosen)
+
+        def rank(k: int) -> tuple[bool, bool, bool, float]:
+            is_informative = k in fitted_channels or raw[k]
+            return k in (position, control), is_informative, raw[k], hiss[k] / abs(gain[k])
+
+        return sorted(members, key=rank, reverse=True)
+
+    all_fits = [*result, *plain]
+    positions = rawest(positions, best.position, {f.position for f in all_fits})
+    controls = rawest(controls, best.control, {f.control for f in all_fits})
+    pair = positions[0], controls[0]
+    left = {*range(len(unit))} - {*positions, *controls, *rates}
+    estimated = not raw[pair[1]] and twins(unit, listed, pair[1], [pair[0]])
+    if control is None and estimated and any(raw[k] for k in left):
+        return None  # an estimate is no current, where a converter's channel is left
+    if {position, control} == {None} and not (raw[pair[0]] and raw[pair[1]]):
+        is_fitted = any((f.position, f.control) == pair for f in all_fits)
+        if not is_fitted or not (raw[pair[0]] or _clearest(positions, unit, listed)):
+            return None
+    used_channels = {*positions, *controls}
+    others: dict[int, int] = {}
+    for item in result:
+        if item.sure and not used_channels & {item.position, item.control}:
+            others.setdefault(item.position, item.control)
+    gain = best.gain * gains(listed, best.position)[positions[0]]
+    gain /= gains(listed, best.control)[controls[0]]
+    gain *= channels[positions[0]].std() / channels[controls[0]].std()
+    return Rotor(
+        positions[0], controls[0], best, float(gain),
+        tuple(positions[1:]), tuple(controls[1:]), tuple(others.items()),
+    )  # fmt: skip
+
+
+def _swift(listed: Sequence[Band]) -> NDArray[np.bool_]:
+    """Tell which channels go as the speed of which others (m, m), in some band."""
+    # A filter's velocity does; and the current of a quiet loop, in fast bands, where its controller
+    # answers to the speed.
+    most = np.zeros(listed[0].ss.shape[1:])
+    for band in listed:
+        own = np.einsum("bii->bi", band.ss)
+        weight = [
+            np.divide(1.0, item, out=np.zeros_like(item), where=item > TINY)
+            for item in (own + np.median(own, axis=0), band.vv + np.median(band.vv, axis=0))
+        ]
+        both = np.sqrt(weight[0])[:, :, None] * np.sqrt(weight[1])[:, None, :]
+        size = (both * own[:, :, None]).sum(0) * (both * band.vv[:, None, :]).sum(0)
+        shared = abs((both * band.vs.transpose(0, 2, 1)).sum(0))
+        most = np.maximum(most, shared / np.sqrt(np.maximum(size, TINY)))
+    return np.asarray(most > SWIFT)
+
+
+def _without(swift: NDArray[np.bool_], results: Sequence[Levitated]) -> list[Levitated]:
+    """Leave out fits of a velocity instead of the current, or of the position."""
+    places = {f.position for f in results}
+    return [
+        f for f in results
+        if not swift[f.control, f.position] and not swift[f.position, sorted(places)].any()
+    ]  # fmt: skip
+
+
+def _clearest(members: Sequence[int], unit: Array, listed: Sequence[Band]) -> bool:
+    """Whether the first of a channel and its estimates has clearly the most noise."""
+    # A filter that takes out the lag of a sensor makes more noise of it, not less; but no white
+    # one.
+    gain = gains(listed, members[0])
+    hiss = [noise(unit[k]) / abs(gain[k]) for k in members]
+    others = [item for item in hiss[1:] if item > NO_NOISE]
+    return not others or (hiss[0] > CLEARLY * max(others) and is_white(unit[members[0]]))
+
+
+def _doubtful(
+    results: Sequence[Levitated], positions: Sequence[int], controls: Sequence[int]
+) -> bool:
+    """Whether other fits speak against what is taken for the position and the control."""
+    # One channel is not both; and what moves a position is one current, or copies of it.
+    both = sum(f.evidence for f in results if f.position in positions and f.control in controls)
+    swapped_evidence = sum(
+        f.evidence for f in results if f.position in controls or f.control in positions
+    )
+    rivals = [f.evidence for f in results if (f.position in positions) != (f.control in controls)]
+    return max([swapped_evidence, *rivals]) > max(DOUBT * both, LEAST)
+
+
+def gains(listed: Sequence[Band], of: int) -> Array:
+    """Return how much each channel moves where one of them does (m,), with signs."""
+    # In the slowest band, where noise is least, and from the sizes of both: noise on what is
+    # regressed on would make a slope less.
+    band = listed[-1]
+    size = np.sqrt(np.maximum(np.median(np.einsum("bii->bi", band.ss), axis=0), TINY))
+    sign = np.where(np.median(band.ss[:, :, of], axis=0) < 0, -1.0, 1.0)
+    return np.asarray(sign * size / size[of])
+
+
+def _nearest(listed: Sequence[Band], box: int) -> Band:
+    return min(listed, key=lambda band: abs(np.log(band.box / box)))
+
+
+def _families(listed: Sequence[Band], box: int) -> NDArray[np.bool_]:
+    """Tell which channels move as one, with the same gain at all speeds around a band (m, m)."""
+    # A current goes with its position too; but the faster, the more of it. Of two the noise of one
+    # does not matter where it is regressed on the other, so one of the two slopes has to be steady.
+    near = [band for band in listed if box / 2 <= band.box <= 4 * box]
+    near = near or [_nearest(listed, box)]
+    slope = np.array(
+        [
+            np.median(band.ss / np.maximum(np.einsum("bii->bi", band.ss), TINY)[:, None, :], axis=0)
+            for band in near
+        ]
+    )  # of the channel in the row on that in the column
+    steady = abs(slope).max(0) < SAME_GAIN * abs(slope).min(0)
+    steady &= abs(np.sign(slope).sum(0)) == len(near)
+    close = np.array([turning(band) for band in near]).max(0) > CLOSE
+    return np.asarray((steady | steady.T) & close) | np.eye(len(close), dtype=bool)

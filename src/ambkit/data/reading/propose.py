@@ -1,0 +1,91 @@
+"""A channel map proposed for a log, with a comment on each line that says why."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import RecordError
+from ambkit.base.escaping import one_line
+from ambkit.data.files.formats import read_log
+from ambkit.data.reading.candidates import Candidate, candidates
+from ambkit.data.reading.channel_map_text import Told, toml_lines
+from ambkit.data.reading.signal_roles import correlation, find_roles, seen
+from ambkit.data.reading.standstill import resting
+
+Array = NDArray[np.float64]
+
+RATE = 0.7
+"""Correlation with a channel's difference from which on another one is its rate."""
+
+
+def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lambda _: None) -> str:
+    """Propose a channel map for a log."""
+    log = read_log(path, None, progress, lenient=True)
+    progress("comparing the channels")
+    groups = [group for group in candidates(log) if group]
+    if not groups:
+        most = max((array.size for array in log.arrays.values()), default=0)
+        what = (
+            f"only {most} sample{'s' * (most != 1)} of"
+            if log.arrays and most < 2
+            else "no channels:"
+        )
+        raise RecordError(f"{path}: holds {what} {log.contents}")
+    assignments = [Told(group, find_roles(group)) for group in groups]
+    best = max(assignments, key=Told.worth)
+    damage = next(
+        (c.damage for assignment in assignments for c in assignment.found if c.damage), None
+    )
+    if damage and not any(c.role == "t" for c in best.found):
+        raise damage
+    if not any(c.role in ("y", "u", "i") and not c.estimated for c in best.found):
+        raise RecordError(_refusal(os.fspath(path), best.found))
+    if (rises := _only_rises(best)) is not None:
+        raise RecordError(
+            f"{path}: refused: no channel is its time, and {rises.label}, by its name a position, "
+            f"does not move but goes from {rises.values[0]:.4g} to {rises.values[-1]:.4g} "
+            f"{rises.unit or 'of its units'} in {rises.values.size} samples, one after the other: "
+            "it holds no log of a rotor, but perhaps the calibration of a sensor, or a force map"
+        )
+    others = [assignment for assignment in assignments if assignment is not best]
+    return "\n".join(map(one_line, toml_lines(Path(path).name, log, best, others))) + "\n"
+
+
+def _only_rises(best: Told) -> Candidate | None:
+    """Return what is called a position and only rises, or only falls, in a log without a time."""
+    if any(c.role == "t" or c.clock for c in best.found) or best.moves is not None:
+        return None
+    for c in best.found:
+        steps = np.diff(c.values)
+        if c.role == "y" and steps.size and ((steps >= 0).all() or (steps <= 0).all()):
+            return c
+    return None
+
+
+def _refusal(path: str, results: list[Candidate]) -> str:
+    """Say why nothing is guessed, and what helps."""
+    lying = {c.label: rests for c in results if not c.role and (rests := resting(seen(c.values)))}
+    moving = [c for c in results if not c.role]
+    rates = {label for label in lying for c in moving if _is_rate_of(label, c, moving)}
+    descriptions = [
+        f"{label} is {lying[label].in_words()}" for label in lying if label in rates or not rates
+    ]
+    lies = f" ({'; '.join(descriptions[:2])}: does the rotor lie there?)" if descriptions else ""
+    return (
+        f"{path}: refused: nothing in it floats{lies}. Of its {len(results)} channels of "
+        f"{results[0].values.size} samples no two move as a rotor and its current do, and no name "
+        "says what is what: write y and u into a channel map by hand, or cut out a part in which "
+        "the rotor floats"
+    )
+
+
+def _is_rate_of(label: str, rate: Candidate, moving: Sequence[Candidate]) -> bool:
+    """Whether a channel is the difference of the one that is called so."""
+    (place,) = (c for c in moving if c.label == label)
+    alike = rate is not place and rate.values.shape == place.values.shape
+    return alike and abs(correlation(np.diff(place.values), rate.values[1:])) > RATE

@@ -1,0 +1,225 @@
+"""What each channel of a log may be: by names and units where it has them, else by physics.
+
+A rotor that floats is unstable: its acceleration grows with its position and follows its current.
+No other pair of channels moves so (`ambkit.data.reading.position_search`); and around that pair the
+others find their places: a velocity is the position's difference, a reference goes with the
+position without its noise, an estimate lies within that noise. So even an array without one name
+can be told apart; and where nothing moves so, nothing is guessed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.data.reading.candidates import TEXT, Candidate
+from ambkit.data.reading.derived_channels import same_numbers
+from ambkit.data.reading.faults import noise
+from ambkit.data.reading.names import by_name
+from ambkit.data.reading.position_search import Rotor, in_steps, rotor
+
+Array = NDArray[np.float64]
+
+COMPARED = 40
+"""Channels that are compared, each with each."""
+
+LOOKED_AT = 50_000
+"""Samples that the statistics are made of."""
+
+EVEN = 0.2
+"""Part of the usual step by which the steps of a time without a name differ at most."""
+
+
+def find_roles(results: list[Candidate]) -> Rotor | None:
+    """Give each candidate the role that its name, its unit or its motion speak for."""
+    for candidate in results:
+        candidate.values = np.where(np.isfinite(candidate.values), candidate.values, np.nan)
+        by_name(candidate)
+    _find_time(results)
+    for candidate in results:
+        if not candidate.role and np.ptp(seen(candidate.values)) == 0:
+            candidate.why.append(f"is {candidate.values[0]:g} all the time")
+            candidate.role = "-"
+    moves = _find_rotor(results)
+    y = next((c for c in results if c.role == "y" and not c.estimated), None)
+    if y is not None:
+        beside = [c for c in results if not c.role and c.values.shape == y.values.shape]
+        size = _size(y)
+        for candidate in beside:
+            _beside(candidate, y, size)
+        _find_velocity([c for c in beside if not c.role], y)
+    return moves
+
+
+def _find_time(results: list[Candidate]) -> None:
+    """Keep as time what rises; without a name, the first that rises evenly."""
+    for candidate in results:
+        rising = _rises(candidate.values)
+        if candidate.role == "t" and not rising:
+            text = candidate.why[0] == TEXT
+            candidate.role = "-" if text else ""  # no position either
+            candidate.why.append(f"{'' if text else 'named like a time, but '}does not rise")
+    if any(candidate.role == "t" for candidate in results):
+        return
+    even = [c for c in results if not c.role and _rises(c.values, evenly=True)]
+    even = even or [c for c in results if not c.role and _rises(-c.values, evenly=True)]
+    for candidate in even[:1]:
+        candidate.role = "t"
+        rises = _rises(candidate.values)
+        candidate.why.append("rises evenly" if rises else "falls evenly, as a time turned around")
+        candidate.turned = not rises
+    for other in even[1:]:
+        other.role = "-"
+        other.why.append(f"rises as evenly as {even[0].label}: which of them is the time?")
+
+
+def _rises(values: Array, *, evenly: bool = False) -> bool:
+    steps = np.diff(values[np.isfinite(values)])
+    if steps.size == 0 or np.mean(steps > 0) < 0.9:
+        return False
+    usual = np.median(steps)
+    return not evenly or bool(np.mean(np.abs(steps - usual) < EVEN * usual) > 0.9)
+
+
+def _find_rotor(results: list[Candidate]) -> Rotor | None:
+    """Find position and control by how they move; names, where there are any, come first."""
+    named = {
+        role: next((c for c in results if c.role == role and not c.estimated), None)
+        for role in "yui"
+    }
+    y, control = named["y"], named["u"] or named["i"]
+    open_ = [c for c in results if not c.role and not c.estimated]
+    if y is not None:
+        open_ = [c for c in open_ if c.values.shape == y.values.shape and c.clock == y.clock]
+    elif open_:
+        open_ = [c for c in open_ if c.values.shape == open_[0].values.shape]
+    compared = [c for c in (y, control) if c is not None] + open_
+    compared = [c for c in compared if c.values.shape == compared[0].values.shape][:COMPARED]
+    if len(compared) < 2:
+        return None
+    rows = np.array([filled(c.values[:LOOKED_AT]) for c in compared])
+    copies = same_numbers(rows)
+    for k, same in copies.items():
+        if not compared[k].role:
+            compared[k].role = "-"
+            compared[k].why.append(f"holds the same numbers as {compared[same].label}")
+    kept_indices = [k for k in range(len(compared)) if k not in copies and np.ptp(rows[k]) > 0]
+    places = {id(compared[k]): n for n, k in enumerate(kept_indices)}
+    moves = rotor(
+        rows[kept_indices],
+        places.get(id(y)) if y else None,
+        places.get(id(control)) if control else None,
+    )
+    misnamed = None
+    if moves is None and y is None and control is not None:  # a "command" may be the reference's
+        moves, misnamed = rotor(rows[kept_indices]), control
+    if moves is None:
+        return None
+    of = [compared[k] for k in kept_indices]
+    position, mover = of[moves.position], of[moves.control]
+    if misnamed is not None and misnamed is not mover and misnamed is not position:
+        misnamed.role = ""
+        moved = f"{position.label} moves with {mover.label}"
+        misnamed.why[-1] = f"named like a control signal, but {moved}"
+    how = f"{100 * moves.fit.explained:.0f} % of its acceleration explained"
+    how += "" if moves.fit.sure else ", in two bands of frequency only: look twice"
+    if not position.role:
+        position.role = "y"
+        position.why.append(f"moves as a floating rotor does, with {mover.label}: {how}")
+    if not mover.role:
+        mover.role = "i"
+        mover.why.append(f"moves {position.label} as the current of a floating rotor does")
+    for rows_of, first, role in (
+        (moves.positions, position, "y"), (moves.controls, mover, mover.role),
+    ):  # fmt: skip
+        for estimate in [of[k] for k in rows_of]:
+            referred = role == "y" and _is_reference(estimate, first, _size(first))
+            if not estimate.role and not referred:
+                estimate.role, estimate.estimated = role, True
+                rawer = "less in steps" if in_steps(first.values) else "with less noise"
+                estimate.why.append(f"moves as {first.label}, {rawer}: an estimate of it")
+    for a, b in moves.others:
+        for one, two in ((of[a], of[b]), (of[b], of[a])):
+            one.why.append(f"moves as a floating rotor does with {two.label}: another axis?")
+    index = {id(c): n for n, c in enumerate(results)}
+    return moves.renumbered([index[id(c)] for c in of])
+
+
+def _size(y: Candidate) -> tuple[float, float]:
+    """Return how much a channel moves, and its noise."""
+    there = y.values[np.isfinite(y.values)]
+    return max(float(there.std()) if there.size else 0.0, 1e-300), noise(y.values)
+
+
+def _is_reference(candidate: Candidate, y: Candidate, size: tuple[float, float]) -> bool:
+    """Whether a channel goes with the position, at its size (`_size`), without its noise."""
+    scale = float(np.nanstd(candidate.values)) / size[0]
+    if not scale > 0 or abs(correlation(candidate.values, y.values)) < 0.9:
+        return False
+    few = np.unique(seen(candidate.values)).size < 0.01 * seen(candidate.values).size
+    return few or noise(candidate.values) < min(0.1 * size[1], 1e-4 * size[0]) * scale
+
+
+def _beside(candidate: Candidate, y: Candidate, size: tuple[float, float]) -> None:
+    """See whether a channel is a reference, or an estimate of the position."""
+    likeness = correlation(candidate.values, y.values)
+    if abs(likeness) < 0.9:
+        return
+    if _is_reference(candidate, y, size):
+        candidate.role = "r"
+        candidate.why.append(f"follows {y.label} without its noise (correlation {likeness:.3f})")
+    elif np.nanmedian(np.abs(candidate.values - y.values)) < 3 * size[1]:
+        candidate.role, candidate.estimated = "y", True
+        candidate.why.append(f"lies within the noise of {y.label}: an estimate or a copy of it")
+
+
+def _find_velocity(open_: Sequence[Candidate], y: Candidate) -> None:
+    """Find what is the position's difference: the rawest, and an estimate of it."""
+    step, slope = np.diff(y.values, prepend=y.values[:1]), np.gradient(slow(y.values))
+    rated = []
+    for candidate in open_:
+        likeness = max(
+            abs(correlation(step, candidate.values)),
+            abs(correlation(slope, slow(candidate.values))),
+        )
+        if likeness > 0.7:
+            rated.append((in_steps(seen(candidate.values)), likeness, candidate))
+    rated.sort(key=lambda item: item[:2], reverse=True)
+    for n, (_, likeness, candidate) in enumerate(rated):
+        candidate.role, candidate.estimated = "v", n > 0
+        candidate.why.append(f"difference of {y.label} (correlation {likeness:.2f})")
+
+
+def filled(values: Array) -> Array:
+    """Return samples (n,) with straight lines where some are missing; zeros if all are."""
+    there = np.isfinite(values)
+    if there.all():
+        return values
+    at = np.arange(values.size)
+    return np.interp(at, at[there], values[there]) if there.any() else np.zeros(values.size)
+
+
+def seen(values: Array) -> Array:
+    """Return the finite samples (n,), at most `LOOKED_AT` of them; a zero if there is none."""
+    there = values[np.isfinite(values)][:LOOKED_AT]
+    return there if there.size else np.zeros(1)
+
+
+def slow(values: Array) -> Array:
+    """Return means of 20 samples each, which are hardly noise any more."""
+    size = values.size // 20 * 20
+    return values[:size].reshape(-1, 20).mean(axis=1) if size >= 400 else values
+
+
+def correlation(a: Array, b: Array) -> float:
+    """Correlation without the first tenth, where a rig is often still starting; 0 if undefined."""
+    first = a.size // 10
+    a, b = a[first : first + LOOKED_AT], b[first : first + LOOKED_AT]
+    there = np.isfinite(a) & np.isfinite(b)
+    if np.count_nonzero(there) < 3:
+        return 0.0
+    a, b = a[there] - a[there].mean(), b[there] - b[there].mean()
+    scale = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / scale if scale > 0 else 0.0

@@ -1,0 +1,174 @@
+"""Filters that estimate the magnet constant beside the states, as a scale of the known one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.estimate.core_model import Engine
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.observer import unstable_pole
+from ambkit.machine.force_laws import bias_forces_of, laws_of
+from ambkit.machine.magnets import MagnetModel
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+    from ambkit.machine.machine import Machine
+
+
+class AugmentedKalmanFilter(Estimator):
+    """Extended Kalman filter whose fifth state is the magnet constant, over the known one.
+
+    At rest the magnet constant and a constant load cannot be told apart. The filter holds the
+    constant there and says :attr:`Status.UNEXCITED`; as long as it has not learned anything it is
+    :class:`ExtendedKalmanFilter`, to the last bit. It learns from motion: a few steps of the
+    position are enough. A load that swings is answered by the controller with as much force, and
+    is not learned from either. The known constant must not be wrong by half.
+
+    Parameters
+    ----------
+    bearing : Bearing or Machine
+        What is filtered.
+    magnet : optional
+        What the filter knows of its magnet; by default the bearing's own law.
+    scale_std : float, optional
+        Standard deviation of the scale at the start, and the most that it grows to [1].
+    wander : float, optional
+        Growth of the scale's variance [1/s].
+    excitation : float, optional
+        The scale is learned where the measurements of one window, as long as the rotor takes to
+        fall out of the middle, would alone tell it to within this standard deviation [1]; infinity:
+        always, which drifts at rest.
+    least, most : float, optional
+        Limits of the scale [1].
+    **options
+        As for :class:`KalmanFilter`.
+
+    Raises
+    ------
+    ValueError
+        A parameter is out of its range.
+
+    References
+    ----------
+    Friedland, Treatment of bias in recursive filtering, 1969; Ljung, Asymptotic behavior of the
+    extended Kalman filter as a parameter estimator for linear systems, 1979.
+    """
+
+    name = "augmented-state extended Kalman filter"
+    steady = "tangent"
+
+    def __init__(
+        self,
+        bearing: Machine,
+        magnet: MagnetModel | None = None,
+        *,
+        scale_std: float = 0.2,
+        wander: float = 0.01,
+        excitation: float = 1 / 3,
+        least: float = 0.2,
+        most: float = 5.0,
+        **options: Any,
+    ) -> None:
+        if not (math.isfinite(scale_std) and scale_std > 0):
+            raise ValueError(f"scale_std must be greater than 0, got {scale_std!r}")
+        if not (math.isfinite(wander) and wander >= 0):
+            raise ValueError(f"wander must be 0 1/s or more, got {wander!r}")
+        if not (0 < least <= 1 <= most < math.inf):
+            raise ValueError(f"limits must be 0 < least <= 1 <= most, got {least!r}, {most!r}")
+        magnet = magnet or laws_of(bearing)
+        self._own: dict[str, Any] = {
+            "bias": bias_forces_of(magnet, bearing),
+            "std": scale_std,
+            "var_k": wander * bearing.sampling_time,
+            "min": least,
+            "max": most,
+            **_learning(bearing, excitation),
+        }
+        super().__init__(bearing, magnet, **options)
+
+    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        own = self._own | {"bias": np.array(self._own["bias"], self.precision)}
+        return engine.core.Augmented(magnet, engine.model_of_core, **own, **settings)
+
+
+class MultipleModelFilter(Estimator):
+    """Interacting multiple models: extended filters side by side, each with its own constant.
+
+    They are weighed by how well they predict the measurement; a magnet constant that jumps is
+    found within milliseconds of motion. At rest nothing is weighed, for the reason and with the
+    flag of :class:`AugmentedKalmanFilter`.
+
+    Parameters
+    ----------
+    bearing : Bearing or Machine
+        What is filtered.
+    magnet : optional
+        What the filters know of their magnet; by default the bearing's own law.
+    scales : sequence of float, optional
+        Magnet constants over the known one, 2 to 5 [1].
+    sojourn : float, optional
+        Mean time for which the constant keeps one of them, while there is motion [s].
+    excitation : float, optional
+        As for :class:`AugmentedKalmanFilter` [1].
+    **options
+        As for :class:`KalmanFilter`.
+
+    Raises
+    ------
+    ValueError
+        A parameter is out of its range.
+
+    References
+    ----------
+    Blom & Bar-Shalom, The interacting multiple model algorithm for systems with Markovian switching
+    coefficients, 1988.
+    """
+
+    name = "interacting multiple models"
+
+    def __init__(
+        self,
+        bearing: Machine,
+        magnet: MagnetModel | None = None,
+        *,
+        scales: Sequence[float] = (0.7, 0.85, 1.0, 1.15, 1.3),
+        sojourn: Given = 1.0,
+        excitation: float = 1 / 3,
+        **options: Any,
+    ) -> None:
+        T, sojourn = bearing.sampling_time, in_si("sojourn", sojourn, "s")
+        if not (2 <= len(scales) <= 5 and all(math.isfinite(s) and s > 0 for s in scales)):
+            raise ValueError(f"scales must be 2 to 5 positive numbers, got {tuple(scales)!r}")
+        if not (math.isfinite(sojourn) and sojourn >= 2 * T):
+            raise ValueError(f"sojourn must be two samples or more [s], got {sojourn!r}")
+        self.scales = tuple(float(s) for s in scales)
+        magnet = magnet or laws_of(bearing)
+        self._own: dict[str, Any] = {
+            "leave": T / sojourn,
+            "bias": bias_forces_of(magnet, bearing),
+            **_learning(bearing, excitation),
+        }
+        super().__init__(bearing, magnet, **options)
+
+    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        scales = np.array(self.scales, self.precision)
+        own = self._own | {"bias": np.array(self._own["bias"], self.precision)}
+        return engine.core.MultipleModel(magnet, engine.model_of_core, scales, **own, **settings)
+
+    @property
+    def weights(self) -> dict[float, float]:
+        """Probability of each of the scales."""
+        return dict(zip(self.scales, map(float, self.core.weights), strict=True))
+
+
+def _learning(bearing: Machine, excitation: float) -> dict[str, float]:
+    """Return when the scale is learned, as the core wants it (``ambkit/excitation.h``)."""
+    if not excitation > 0:
+        raise ValueError(f"excitation must be greater than 0, got {excitation!r}")
+    fresh = min(1.0, bearing.sampling_time * unstable_pole(bearing))
+    return {"fresh": fresh, "least": fresh / excitation**2}

@@ -1,0 +1,219 @@
+"""From a model as data to the build of the C core that computes with it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import Precision, core_module
+from ambkit.models.axis_parts import paper_pattern, printed
+from ambkit.models.compose import compose
+from ambkit.models.declaration import Part, Plan
+from ambkit.models.machine_parts import machine_parts
+from ambkit.models.model import Model, compressed_rows
+from ambkit.models.parts import SYNCHRONOUS
+from ambkit.models.roles import ENUMERATORS, ROLES
+
+Array = NDArray[np.float64]
+
+NODE = 0.02
+"""Radians a sample between the speeds at which a model that turns is computed."""
+GROWTH = 1e3
+"""Growth of the speed by which it is told what unbalance does across [rad/s^2]."""
+
+
+NUMBERS = ("L", "b", "B_u", "h", "e", "r", "d", "c", "N", "rest")
+"""What of a model are numbers, in the order of the core."""
+
+
+MOST_NUMBERS = 65536
+"""Numbers of a model that turns: their places are counted by 16 bits."""
+
+
+PAPER_ROLES = ("position", "velocity", "disturbance force", "sensor")
+"""Of the states that are built in: a look at these spares the sampling of most models."""
+
+
+class Nodes(NamedTuple):
+    """A machine's model at speeds one after the other, for ``core/include/ambkit/turning.h``."""
+
+    lowest: int
+    """The first is at so many steps."""
+    step: float
+    """From one to the next [rad/s]."""
+    still: Array
+    """All numbers of the model (N,) at the machine's own speed."""
+    which: NDArray[np.intp]
+    """Places of those that a speed changes (c,)."""
+    at: Array
+    """These at the nodes (nodes, c)."""
+    grown: NDArray[np.intp]
+    """Places of those that its growth changes (g,)."""
+    by_growth: Array
+    """What these gain at the nodes for each rad/s^2 (nodes, g)."""
+
+
+class Engine:
+    """A build of the core, and the model of a machine in it."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        precision: Precision,
+        *,
+        as_printed: bool = False,
+        noise: bool = True,
+        synchronous: Sequence[str] = (),
+        parts: Callable[..., list[Part]] = machine_parts,
+    ) -> None:
+        self.machine = machine
+        self.precision = precision
+        self._parts = partial(parts, noise=noise, synchronous=tuple(synchronous))
+        self.turned = False  # whether the core's model has been at another speed
+        self._nodes: dict[int, tuple[Array, Array]] = {}  # by number of steps
+        self.as_printed, self.noise, self.synchronous = as_printed, noise, tuple(synchronous)
+        unknown = [name for name in synchronous if name not in SYNCHRONOUS]
+        if unknown:
+            known = " and ".join(SYNCHRONOUS)
+            raise ValueError(f"synchronous must be some of {known}, got {unknown[0]!r}")
+        if synchronous and machine.rotor.type == "mass":
+            raise ValueError("synchronous states are of a rotor that turns; a mass does not")
+        if as_printed and not machine.single:
+            raise ValueError(f"eq. 19 as printed has one axis; {machine.name} has several")
+        plan = Plan(machine.sampling_time)
+        for part in self._parts(machine):
+            plan.add(part)
+        self.states, self.noises = tuple(plan.states), tuple(plan.noises)
+        self.built_in = self._built_in(plan)
+        self.core: ModuleType = core_module(precision, any_model=not self.built_in)
+        check_room(self.core, plan, machine.name)
+        if self.built_in:
+            axis = machine.isolated_axis("")
+            self.model_of_core: Any = self.core.Model(
+                axis.sampling_time, axis.rotor.mass, axis.sensor.gain, axis.sensor_lag, as_printed,
+            )  # fmt: skip
+        else:
+            self.model_of_core = self.core.Model(arrays(self.model))
+
+    def _built_in(self, plan: Plan) -> bool:
+        """Whether the model has the pattern that is built into the core as straight-line C."""
+        if tuple(state.role for state in plan.states) != PAPER_ROLES or len(plan.noises) != 1:
+            return False
+        built_in = paper_pattern()
+        return all(np.array_equal(built_in[n], item) for n, item in self.model.pattern.items())
+
+    def let_turn(self, min_speed: float, max_speed: float) -> None:
+        """Let the core's model take any speed of rotation between two [rad/s]."""
+        # Its numbers are computed at speeds `NODE` of a radian a sample apart, and interpolated by
+        # cubics in between: what turns then keeps its phase to some 1e-8 rad a sample. What
+        # unbalance does across while the speed grows is linear in that growth.
+        nodes = self.nodes(min_speed, max_speed)
+        node_arrays = {
+            name: np.ascontiguousarray(
+                values, np.uint16 if values.dtype == np.intp else self.precision
+            )
+            for name, values in nodes._asdict().items() if isinstance(values, np.ndarray)
+        }  # fmt: skip
+        self.model_of_core.nodes(nodes.lowest, nodes.step, **node_arrays)
+        self.turned = True
+
+    def nodes(self, min_speed: float, max_speed: float) -> Nodes:
+        """Return the model at the speeds between which it takes any other; see `let_turn`."""
+        step = NODE / self.machine.sampling_time
+        lowest, highest = math.floor(min_speed / step) - 1, math.floor(max_speed / step) + 2
+        results = [self._node(number, step) for number in range(lowest, highest + 1)]
+        at, by_growth = (np.stack(item) for item in zip(*results, strict=True))
+        grown = np.flatnonzero(by_growth.any(axis=0))
+        changing = (at != at[0]).any(axis=0)
+        changing[grown] = True
+        which = np.flatnonzero(changing)
+        still = numbers(self.model)
+        if len(still) > MOST_NUMBERS:
+            raise ValueError(
+                f"{self.machine.name}: a model that turns has {MOST_NUMBERS} numbers at most; has "
+                f"{len(still)}"
+            )
+        return Nodes(lowest, step, still, which, at[:, which], grown, by_growth[:, grown])
+
+    def _node(self, number: int, step: float) -> tuple[Array, Array]:
+        """Return the model's numbers at a node, and what growth of the speed does to them there."""
+        # They are kept, as one run of a campaign after the other asks for the same nodes.
+        if number not in self._nodes:
+            there = self.machine.model_copy(update={"speed": number * step})
+            still, faster = (self._model(there, speeding=speeding) for speeding in (0.0, GROWTH))
+            own = numbers(still)
+            by_growth = np.zeros_like(own)
+            grown = (faster.L - still.L)[still.pattern["L"] > 0] / GROWTH
+            by_growth[: len(grown)] = grown  # L is the first
+            self._nodes[number] = own, by_growth
+        return self._nodes[number]
+
+    def stand(self, estimator: Any) -> None:
+        """Let the core's model be of the machine's own speed again, and an estimator of it."""
+        if self.turned:
+            still = numbers(self.model).astype(self.precision)
+            self.core.stand(estimator, self.model_of_core, still)
+            self.turned = False
+
+    @cached_property
+    def model(self) -> Model:
+        """The model as data, sampled when it is first asked for."""
+        model = self._model(self.machine)
+        return printed(model) if self.as_printed else model
+
+    def _model(self, machine: Machine, **more: float) -> Model:
+        return compose(self._parts(machine, **more), machine.sampling_time, name="machine")
+
+
+def check_room(core: ModuleType, plan: Plan, name: str) -> None:
+    """Raise ValueError where a model is larger than the core has room for."""
+    if not hasattr(core, "MOST_STATES"):
+        return
+    for what, most in (
+        ("states", core.MOST_STATES), ("forces", core.MOST_FORCES),
+        ("measurements", core.MOST_SENSORS),
+    ):  # fmt: skip
+        count = len(getattr(plan, what))
+        if count > most:
+            raise ValueError(f"{name} has {count} {what}; estimators take {most} at most")
+
+
+def numbers(model: Model) -> Array:
+    """Return all numbers of a model one after the other, as the core keeps them."""
+    result = arrays(model)
+    parts = (result[name] for name in NUMBERS)
+    return np.concatenate([part[2] if isinstance(part, tuple) else part for part in parts])
+
+
+def arrays(model: Model) -> dict[str, Any]:
+    """Return a model as the core's loops want it (``ambkit/loops.h``)."""
+    unknown = [state.name for state in model.states if state.role not in ROLES]
+    if unknown:
+        raise ValueError(f"states of unknown roles: {', '.join(unknown)}")
+    on = (model.pattern["h"] | model.pattern["e"] | model.pattern["r"]) > 0
+    sensor_mask = np.array([state.role == "sensor" for state in model.states])
+    upper = np.triu_indices(len(model.states))
+    return {
+        "states": len(model.states),
+        "forces": len(model.forces),
+        "controls": len(model.controls),
+        "sensors": len(model.measurements),
+        "noises": len(model.noises),
+        **{
+            name: compressed_rows(getattr(model, name), model.pattern[name] > 0)
+            for name in ("L", "b", "B_u", "d", "c")
+        },
+        "h": compressed_rows(model.h, on),
+        "e": model.e[on].tolist(),
+        "r": model.r[on].tolist(),
+        "N": compressed_rows(model.N[:, *upper], (model.pattern["N"] > 0)[:, *upper]),
+        "rest": compressed_rows(model.rest, (model.pattern["rest"] > 0) & sensor_mask[:, None]),
+        "role": [float(ENUMERATORS.index(ROLES[state.role])) for state in model.states],
+    }

@@ -1,0 +1,384 @@
+"""A machine as its estimators see it: settings of the core, and where a filter starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.config.quantities import InOther
+from ambkit.base.errors import AmbkitError
+from ambkit.data.signals import signal
+from ambkit.estimate.noise_model import FilterNoise, Variances, check_variances, dwell
+from ambkit.machine import geometry
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.force_laws import bias_forces_of, isolated_axes, models_of, weights_of
+from ambkit.machine.levitation import levitation_current
+from ambkit.machine.magnets import own_time
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.machine.machine import Bearing, Machine
+    from ambkit.machine.magnets import MagnetModel
+    from ambkit.models.model import Descriptor
+
+Array = NDArray[np.float64]
+
+VAGUE = 3.0
+"""At the start unbalance and runout are anywhere within so many times what is expected: in a run-up
+the speeds tell them, and not the start."""
+
+
+class View:
+    """A machine as its estimators see it: numbers of a single axis, arrays of several."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine = machine
+        self.single = machine.single
+        self.isolated = isolated_axes(machine)
+        positions = machine.positions
+        self.H = geometry.matrix([axis.line for axis in machine.axes], positions)
+        self.C = geometry.matrix([r.line for r in machine.readings], positions)
+        self.gains = np.array([r.sensor.gain for r in machine.readings])
+        self.rigid = len(machine.rigid_positions)
+
+    @property
+    def speed(self) -> float | None:
+        """Of rotation, the machine's own [rad/s]; None where the model does not depend on it."""
+        return None if self.machine.rotor.type == "mass" else self.machine.speed
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """What an estimate is told of the names of axes and readings."""
+        if self.single:
+            return {}
+        return {
+            "axes": tuple(axis.name for axis in self.machine.axes),
+            "readings": tuple(r.name for r in self.machine.readings),
+        }
+
+    @cached_property
+    def travel(self) -> Array:
+        """What the touch-down bearings leave to each coordinate of the rigid body [m] or [rad]."""
+        limits = np.array([item.rotor.clearance for item in self.isolated])
+        return np.asarray(np.abs(np.linalg.pinv(self.H[:, : self.rigid])) @ limits)
+
+    @cached_property
+    def travel_seen(self) -> Array:
+        """And to each reading, without its gain (m,) [m]."""
+        limits = np.array([item.rotor.clearance for item in self.isolated])
+        H, C = self.H[:, : self.rigid], self.C[:, : self.rigid]
+        return np.asarray(np.abs(C @ np.linalg.pinv(H)) @ limits)
+
+    @cached_property
+    def seen(self) -> Array:
+        """Coordinates (q, m) that explain best what sensors look at, of a rotor that is rigid."""
+        result = np.zeros((self.C.shape[1], len(self.gains)))
+        result[: self.rigid] = np.linalg.pinv(self.C[:, : self.rigid])
+        return result
+
+    @cached_property
+    def steps(self) -> Array:
+        """Quantisation of each reading (m,) [m]; 0 where none is known."""
+        return np.array([r.sensor.quantisation or 0.0 for r in self.machine.readings])
+
+    @cached_property
+    def shown(self) -> Array:
+        """Coordinates (q, m) that explain readings best of a rotor that does not bend."""
+        result = np.zeros((self.C.shape[1], len(self.gains)))
+        result[: self.rigid] = np.linalg.pinv(self.gains[:, None] * self.C[:, : self.rigid])
+        return result
+
+    def along_axes(self, states: Sequence[Descriptor]) -> tuple[Array, Array]:
+        """Return displacements and velocities along the axes, by the states (p, n)."""
+        return self.along(self.H, states)
+
+    def along(self, lines: Array, states: Sequence[Descriptor]) -> tuple[Array, Array]:
+        """Return displacements and velocities along lines of coordinates, by the states."""
+        # lines (rows, q)
+        results = []
+        for roles in (("position", "bending"), ("velocity", "bending velocity")):
+            rows = np.zeros((len(lines), len(states)))
+            rows[:, [k for k, state in enumerate(states) if state.role in roles]] = lines
+            results.append(rows)
+        return results[0], results[1]
+
+    def variances(self, noise: FilterNoise) -> Variances:
+        """Return what a filter assumes, one number for each reading and axis."""
+        axes = self.isolated
+        own = Variances(
+            [r.sensor.noise_variance for r in self.machine.readings],
+            [b.amplifier.noise_variance for b in axes],
+            [(2 * (b.rotor.mass * GRAVITY)) ** 2 for b in axes],
+        )
+        for name, text in self.count_of(noise):
+            raise ValueError(f"{name} {text}")
+        full = Variances(*(self._each(name, noise, usual) for name, usual in own._asdict().items()))
+        check_variances(full)
+        return full
+
+    def count_of(self, noise: FilterNoise) -> Iterator[tuple[str, str]]:
+        """Yield which variances of a noise are too few or too many, by their keys."""
+        axes = len(self.isolated)
+        for name, count in zip(Variances._fields, (len(self.gains), axes, axes), strict=True):
+            variances = getattr(noise, name)
+            if isinstance(variances, tuple) and self.single:
+                yield f"noise.{name}", "must be one number for one axis, is a list"
+            elif isinstance(variances, tuple) and len(variances) != count:
+                yield f"noise.{name}", f"must be one number or {count}, is {len(variances)}"
+        control = noise.control if isinstance(noise.control, tuple) else (noise.control,)
+        if self.machine.control_unit == "V" and any(isinstance(v, InOther) for v in control):
+            yield "noise.control", "is in A^2; the control signal is in V"
+
+    def _each(self, name: str, noise: FilterNoise, own: Sequence[float]) -> Any:
+        """Return the variances that a noise states, or the machine's own."""
+        variances = getattr(noise, name)
+        if variances is None:
+            variances = tuple(own)
+        return self.plain(variances if isinstance(variances, tuple) else (variances,) * len(own))
+
+    def plain(self, values: Sequence[Any]) -> Any:
+        """Return a tuple, or of a single axis its number."""
+        return values[0] if self.single else tuple(values)
+
+    def growth(self, variances: Variances, noises: Sequence[Descriptor]) -> list[float]:
+        """Return the variances of a model's noises, the loads' in a sample [N^2]."""
+        T, p = self.machine.sampling_time, len(self.isolated)
+        return [
+            *(T * item for item in several(variances.disturbance)),
+            *(noise.size**2 for noise in noises[p:]),
+        ]
+
+    def settings(
+        self, variances: Variances, states: Sequence[Descriptor], noises: Sequence[Descriptor]
+    ) -> dict[str, Any]:
+        """Return what the core is told but for known forces and limits of judgement."""
+        machine, axes = self.machine, self.isolated
+        return {
+            "T": machine.sampling_time,
+            "K_sen": self.gains.tolist(),
+            "lag": [machine.lag_of(r.sensor) for r in machine.readings],
+            "travel": self.travel_seen.tolist(),
+            "k_ui": [b.amplifier.gain for b in axes],
+            "iu_min": [b.current_min for b in axes],
+            "iu_max": [b.current_max for b in axes],
+            "x_max": [b.rotor.clearance for b in axes],
+            "cap": self.caps(states),
+            "var_u": several(variances.control),
+            "var_d": self.growth(variances, noises),
+            "var_y": several(variances.measurement),
+            "rise": [reading.sensor.position_noise for reading in self.machine.readings],
+            "step": self.steps.tolist(),
+            "dwell": dwell(self.isolated),
+        }
+
+    def caps(self, states: Sequence[Descriptor]) -> list[float]:
+        """Return the most that each state can be (``ambkit/envelope.h``)."""
+        T = self.machine.sampling_time
+        fast = 0.1 * (self.travel / T)
+        by_role = {
+            "position": self.travel,
+            "velocity": fast,
+            "disturbance force": np.array(
+                [b.rotor.mass * (0.1 * (b.rotor.clearance / T) / T) for b in self.isolated]
+            ),
+            "sensor": 3 * np.abs(self.gains) * self.travel_seen,
+        }
+        return self._by_role(states, by_role, 10.0, [30 * state.size for state in states])
+
+    def start_std(self, variances: Variances, states: Sequence[Descriptor]) -> tuple[float, ...]:
+        """Return the standard deviations with which a filter starts; see `Estimator.reset`."""
+        sigma = 3 * np.sqrt(np.array(several(variances.measurement)) + self.steps**2 / 12)
+        quickest = min(own_time(b) for b in self.isolated)
+        seen = self.seen[: self.rigid]
+        bent = np.array([state.size for state in states if state.role == "bending"])
+        bending_variance = (seen @ self.C[:, self.rigid :]) ** 2 @ bent**2
+        spread = np.sqrt(sigma**2 + self._run_out(states)) / np.abs(self.gains)
+        by_role = {
+            "position": np.sqrt(((seen * spread) ** 2).sum(axis=1) + bending_variance),
+            "velocity": 0.1 * self.travel / quickest,
+            "disturbance force": np.array([b.rotor.mass * GRAVITY for b in self.isolated]),
+            "sensor": sigma,
+        }
+        others = [(VAGUE if s.role in ("unbalance", "runout") else 1.0) * s.size for s in states]
+        return tuple(self._by_role(states, by_role, 1.0, others))
+
+    def _run_out(self, states: Sequence[Descriptor]) -> Array:
+        """Return what runout adds to the readings' variance, where it is among the states [m^2]."""
+        # A start from the first readings is no surer than that of where the rotor is; else it would
+        # tell unbalance from runout at a constant speed, where nothing does.
+        result = np.zeros(len(self.gains))
+        for state in states:
+            if state.role == "runout" and state.name.endswith("_c"):
+                sensor = state.name.split("_", 1)[1].removesuffix("_c")
+                seen = [r.sensor.name == sensor for r in self.machine.readings]
+                result[seen] += (VAGUE * self.gains[seen] * state.size) ** 2
+        return result
+
+    def _by_role(
+        self, states: Sequence[Descriptor], by_role: dict[str, Array], currents: float,
+        others: Sequence[float],
+    ) -> list[float]:  # fmt: skip
+        """Return a number for each state, the k-th of a role its k-th; currents by their limits."""
+        seen: dict[str, int] = {}
+        results = []
+        for state, other in zip(states, others, strict=True):
+            k = seen.get(state.role, 0)
+            seen[state.role] = k + 1
+            if state.role in by_role:
+                results.append(float(by_role[state.role][k]))
+            elif state.role in ("current", "past control"):
+                results.append(
+                    currents * self.isolated[self.axis_of(state)].amplifier.current_limit
+                )
+            else:
+                results.append(other)
+        return results
+
+    def axis_of(self, state: Descriptor) -> int:
+        """Return which axis a current or a past control is of."""
+        names = [axis.name for axis in self.machine.axes]
+        return 0 if len(names) == 1 else names.index(state.name.split("_")[1])
+
+    def known_forces(self, magnet: Any, *, weight: bool) -> list[float]:
+        """Return the forces along the axes that a filter knows [N]."""
+        weights = weights_of(self.machine) if weight else [0.0] * len(self.isolated)
+        bias = bias_forces_of(magnet, self.machine)
+        return [w + b for w, b in zip(weights, bias, strict=True)]
+
+    def levitation_current(self, magnet: Any, states: Sequence[Descriptor]) -> Any:
+        """Return for each axis the current that holds the rotor in the middle, and its slope."""
+        # The weight is there, whether a filter knows it or takes it for a disturbance.
+        known = self.known_forces(magnet, weight=True)
+        return self.plain(
+            [
+                _levitation_current(b, model, states, force)
+                for b, model, force in zip(self.isolated, models_of(magnet), known, strict=True)
+            ]
+        )
+
+    def equilibrium_state(
+        self, states: Sequence[Descriptor], levitation_current: Any, x: Any, readings: Any = None,
+        currents: Any = None, precision: str = "float64",
+    ) -> Array:  # fmt: skip
+        """Return the states (n,) or (runs, n) of a rotor at rest: `Estimator.equilibrium_state`."""
+        q, y, i = (self._last(item) for item in (x, readings, currents))
+        q = np.broadcast_to(q, (*q.shape[:-1], self.H.shape[1]))
+        if y is None:
+            y = self.gains * _times(self.C, q)
+        if i is None:  # what holds the rotor is in the precision of an exported filter
+            i0, slope = (
+                np.array([levitation_current] if self.single else levitation_current)
+                .astype(precision)
+                .T
+            )
+            i = i0 + slope * _times(self.H, q).astype(precision)
+        columns = {"position": q.T, "sensor": y.T}
+        column_index = dict.fromkeys(columns, 0)
+        mean = np.zeros((*q.shape[:-1], len(states)))
+        for k, state in enumerate(states):
+            role = "position" if state.role == "bending" else state.role
+            if role in columns:
+                mean[..., k] = columns[role][column_index[role]].T
+                column_index[role] += 1
+            elif role in ("current", "past control"):
+                mean[..., k] = i[..., self.axis_of(state)]
+        return mean
+
+    def initial_state(
+        self, states: Sequence[Descriptor], levitation_current: Any, y: Array, precision: str
+    ) -> Array:
+        """Return the states (n,) or (runs, n) at rest at the first readings within the travel."""
+        # y (N, m), of a single axis (N,) or (runs, N). In the precision and the order of an
+        # exported filter.
+        if self.single:
+            rows = y.reshape(-1, y.shape[-1], 1)
+            first = np.array([self.first(row) for row in rows]).reshape(*y.shape[:-1], 1)
+            return self.equilibrium_state(
+                states,
+                levitation_current,
+                (first / self.gains)[..., 0],
+                first[..., 0],
+                precision=precision,
+            )
+        first = self.first(y)
+        constant, by_reading = self.start_form(states, levitation_current)
+        start: NDArray[Any] = constant.astype(precision)
+        for column, seen in zip(by_reading.T, first, strict=True):
+            start = start + column.astype(precision) * np.dtype(precision).type(seen)
+        return start.astype(float)
+
+    def _last(self, values: Any) -> Any:
+        """Return an array with the coordinates, readings or axes last."""
+        if values is None:
+            return None
+        a = np.asarray(values, float)
+        return a[..., None] if self.single or a.ndim == 0 else a
+
+    def forecast(self, readings: Array) -> Array:
+        """Return readings to come (N, m) [m]; of a single sensor (N,)."""
+        return readings[:, 0] if self.single else readings
+
+    def start_form(
+        self, states: Sequence[Descriptor], levitation_current: list[tuple[float, float]]
+    ) -> tuple[Array, Array]:
+        """Return what starts the states at rest where readings y show the rotor."""
+        # returns (n,), (n, m)
+        zero, one = np.zeros(self.H.shape[1]), np.eye(len(self.gains))
+        constant = self.equilibrium_state(states, levitation_current, zero).ravel()
+        columns = [
+            self.equilibrium_state(states, levitation_current, self.shown @ y, y).ravel() - constant
+            for y in one
+        ]
+        return constant, np.column_stack(columns)
+
+    def first(self, y: Array) -> Array:
+        """Return the first readings (m,) of a record (N, m) that are all within the travel."""
+        limit = self.limits.astype(y.dtype)  # as an exported filter compares
+        if len(y) and bool((np.abs(y[0]) <= limit).all()):
+            return np.asarray(y[0])
+        good = np.flatnonzero((np.abs(y) <= limit).all(axis=1))
+        return np.asarray(y[good[0]]) if good.size else np.zeros(len(limit))
+
+    @cached_property
+    def limits(self) -> Array:
+        """Readings (m,) at the ends of the travel [m]."""
+        return np.asarray(np.abs(self.gains) * self.travel_seen)
+
+    def signals(self, record: Record) -> tuple[Array, Array]:
+        """Return readings (N, m) [m] and control signals (N, p) [V] of a record."""
+        y = [record[signal("y", r.name)] for r in self.machine.readings]
+        u = [record[signal("u", axis.name)] for axis in self.machine.axes]
+        for axis in self.machine.axes:
+            name, takes = signal("u", axis.name), axis.bearing.amplifier.control_unit
+            if record.units[name] == "A" and takes == "V":
+                raise AmbkitError(
+                    f"{name} of the record is in A, and the amplifier of {self.machine.name} takes "
+                    "V: give its gain in A/A"
+                )
+        return (y[0], u[0]) if self.single else (np.column_stack(y), np.column_stack(u))
+
+
+def several(values: Any) -> list[Any]:
+    """Return numbers as a list, of a single axis too."""
+    return list(values) if isinstance(values, tuple | list) else [values]
+
+
+def _times(A: Array, x: Array) -> Array:
+    """Return A x of vectors x (..., n)."""
+    return np.asarray((A @ x[..., None])[..., 0])
+
+
+def _levitation_current(
+    axis: Bearing, magnet: MagnetModel, states: Sequence[Descriptor], known: float
+) -> tuple[float, float]:
+    """Return the current that holds the rotor in the middle [A], and its slope there [A/m]."""
+    # Without a current among the states nobody asks: 0.
+    if not {"current", "past control"} & {state.role for state in states}:
+        return 0.0, 0.0
+    step = 0.1 * axis.rotor.clearance
+    less, middle, more = (levitation_current(axis, magnet, x, known) for x in (-step, 0.0, step))
+    return middle, (more - less) / (2 * step)

@@ -1,0 +1,133 @@
+"""What an estimator assumes of the noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ambkit.base import units
+from ambkit.base.config.quantities import InOther
+from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.machine.magnets import own_time
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Bearing
+    from ambkit.models.model import Descriptor
+
+
+COARSE, VERY_COARSE = 4.0, 121.0
+"""AMB_COARSE and AMB_VERY_COARSE of the core: square of a step over the variance of the noise."""
+
+UNITS = {"measurement": "m^2", "control": "V^2", "disturbance": "N^2/s"}
+"""Of each variance."""
+
+
+@dataclass(frozen=True, init=False)
+class FilterNoise:
+    """Variances that a filter assumes; ``None`` takes the bearing's own figure.
+
+    Parameters
+    ----------
+    measurement : float or str, or sequence of them, optional
+        R, variance of the measured position [m^2], such as ``"83 µm^2"``.
+    control : float or str, or sequence of them, optional
+        Variance of the control signal [V^2], or [A^2] where that is a current; enters as
+        ``B var B'`` (paper, below eq. 21).
+    disturbance : float or str, or sequence of them, optional
+        Growth of the disturbance force's variance [N^2/s]; times T a sample. Default ``(2 m g)^2``:
+        a force that wanders by twice the rotor's weight in a second. The paper leaves it to
+        experiment: larger follows a load faster and lets more noise through.
+
+    Of a machine one number is for all readings or axes, several are for each.
+
+    Raises
+    ------
+    AmbkitError
+        One is neither a number nor a text with its unit.
+    """
+
+    measurement: float | tuple[float, ...] | None = None
+    control: float | tuple[float, ...] | None = None
+    disturbance: float | tuple[float, ...] | None = None
+
+    def __init__(
+        self,
+        measurement: Given | Sequence[Given] | None = None,
+        control: Given | Sequence[Given] | None = None,
+        disturbance: Given | Sequence[Given] | None = None,
+    ) -> None:
+        arguments = {"measurement": measurement, "control": control, "disturbance": disturbance}
+        for name, unit in UNITS.items():
+            entry: Any = arguments[name]
+            several = isinstance(entry, Sequence) and not isinstance(entry, str)
+            value = (
+                tuple(_read(name, item, unit) for item in entry)
+                if several
+                else _read(name, entry, unit)
+            )
+            object.__setattr__(self, name, value)
+
+
+def _read(name: str, value: Given | None, unit: str) -> float | None:
+    """Return a variance in SI; that of a control signal may be of a current."""
+    if isinstance(value, InOther):
+        return value
+    if name == "control" and isinstance(value, str):
+        with suppress(ValueError):
+            return InOther.of(units.parse(value, "A^2"), "A^2")
+    return in_si(f"noise.{name}", value, unit)
+
+
+class Variances(NamedTuple):
+    """What a filter assumes: R [m^2], control signal [V^2], growth of the disturbance [N^2/s]."""
+
+    # Numbers of one axis; tuples of numbers of a machine, for each reading or axis.
+
+    measurement: Any
+    control: Any
+    disturbance: Any
+
+    def growth(self, T: float, noises: Sequence[Descriptor]) -> list[float]:
+        """The variances of a model's noises: the load's in a sample [N^2], the others' own."""
+        _, *others = noises
+        return [T * self.disturbance, *(noise.size**2 for noise in others)]
+
+
+def dwell(axes: Sequence[Bearing]) -> float:
+    """Return for how many samples a rotor at rest stays within a very coarse step of its sensor."""
+    # Half the time in which the fastest axis falls away by e.
+    return max(10.0, min(0.5 * own_time(axis) / axis.sampling_time for axis in axes))
+
+
+def with_rounding(
+    variances: Sequence[float], steps: Sequence[float], samples: float
+) -> list[float]:
+    """Return variances of white noise with that of rounding to steps [m^2]."""
+    # As ``core/include/ambkit/kalman.h`` has it.
+    return [
+        v + q**2 / 12 * (samples if q**2 > VERY_COARSE * v else 1.0)
+        for v, q in zip(variances, steps, strict=True)
+    ]
+
+
+def held_rounding(variance: float, step: float, samples: float) -> float:
+    """Return the variance [m^2] for a constant gain, of a rotor that moves less than a step."""
+    # What the noise leaves of the rounding at a place, its first harmonic, stays for half as many
+    # samples (Widrow & Kollar 2008, quantisation noise with a Gaussian input).
+    if step**2 <= COARSE * variance or step**2 > VERY_COARSE * variance:
+        return with_rounding([variance], [step], samples)[0]
+    share = 6 / math.pi**2 * math.exp(-4 * math.pi**2 * variance / step**2)
+    return variance + step**2 / 12 * (1 + share * (samples / 2 - 1))
+
+
+def check_variances(variances: Variances) -> None:
+    """Raise ValueError where a variance is negative or not finite."""
+    for name, unit in UNITS.items():
+        variance = getattr(variances, name)
+        for value in variance if isinstance(variance, tuple) else (variance,):
+            if not math.isfinite(value) or value < 0 or (name == "measurement" and value == 0):
+                limit = "greater than 0" if name == "measurement" else "0 or greater"
+                raise ValueError(f"noise.{name} must be {limit} {unit}, got {value!r}")

@@ -1,0 +1,203 @@
+"""An estimator of the user's: an object with ``step(y, u)`` instead of one of ours."""
+
+from __future__ import annotations
+
+import math
+import weakref
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeGuard, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.own_class import made
+from ambkit.data.signals import signal
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.machine_model import several
+from ambkit.machine.force_laws import slowest_time
+from ambkit.models.linear import LinearSystem, Signal
+from ambkit.models.parts.free import plain_parts
+from ambkit.models.realisation import realised
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+    from ambkit.estimate.core_model import Engine
+    from ambkit.estimate.estimate import Estimate
+    from ambkit.machine.machine import Machine
+    from ambkit.machine.magnets import Precision
+    from ambkit.models.declaration import Part
+
+
+SETTLES = 2000
+"""Samples after which an estimator has settled, at least."""
+BLOCKS = 150
+"""Samples of an answer that a linear system is made from."""
+
+
+@runtime_checkable
+class EstimatorProtocol(Protocol):
+    """What an estimator of one's own has: a step.
+
+    Its class is made with the machine, or without arguments. If it has ``reset(mean, std)``, it
+    gets its start, as all others do; else a new one is made for each run. It is named as
+    ``file.py:Class``, in Python its class is given.
+    """
+
+    def step(self, y: Any, u: Any) -> ArrayLike:
+        """Take in a sample.
+
+        Parameters
+        ----------
+        y : float or ndarray (m,)
+            Measured position [m], of several readings all of them; NaN where one is missing.
+        u : float or ndarray (p,)
+            Control signal that acted since the last sample [V], of several axes all of them; 0 at
+            the first sample.
+
+        Returns
+        -------
+        array_like (n,)
+            Displacement x [m], velocity v [m/s], disturbance force f_d [N] and lagged position
+            x_m [m]; of several axes the states of :class:`ambkit.KalmanFilter` up to those of the
+            sensors. NaN: not estimated.
+        """
+
+
+class OwnEstimator(Estimator):
+    """An object with ``step(y, u)``, wherever an estimator is taken; see `EstimatorProtocol`."""
+
+    _of_core = (*Estimator._of_core, "wrapped")
+    by_model = side_by_side = False
+    steady = "constant"
+
+    def __init__(
+        self,
+        bearing: Machine,
+        make: Callable[..., Any],
+        name: str = "",
+        *,
+        precision: Precision = "float64",
+    ) -> None:
+        self.name = name or getattr(make, "__name__", "own")
+        self._make, self._sample = make, 0
+        self._failed: BaseException | None = None
+        self._for: Any = bearing
+        self.wrapped = made(self.name, make, bearing)
+        super().__init__(bearing, precision=precision)
+
+    @property
+    def _parts(self) -> Callable[..., list[Part]]:
+        return plain_parts
+
+    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        of = weakref.ref(self)  # what C holds would keep it for ever
+
+        def answer(y: list[float], u: list[float]) -> list[float]:
+            own = of()
+            return [] if own is None else own._answer(y, u)
+
+        return engine.core.Own(magnet, engine.model_of_core, answer, **settings)
+
+    def reset(
+        self,
+        mean: ArrayLike | None = None,
+        std: Sequence[float] | Literal["diffuse"] | None = None,
+    ) -> None:
+        """Start anew, as all others; see :meth:`ambkit.Estimator.reset`."""
+        super().reset(mean, std)
+        self._failed, self._sample = None, 0
+        if callable(getattr(self.wrapped, "reset", None)):
+            initial_std = self.default_std() if std is None or isinstance(std, str) else std
+            self.wrapped.reset(self.mean, np.asarray(initial_std, float))
+        else:
+            self.wrapped = made(self.name, self._make, self._for)
+
+    def step(self, y: Any, u: Any) -> Any:
+        """Take in a sample; see :meth:`ambkit.Estimator.step`."""
+        mean = super().step(y, u)
+        self._check()
+        return mean
+
+    def told(self, t: Any, history: dict[str, Any], name: str | None = None) -> Estimate:
+        """Wrap what the core wrote of a whole record."""
+        self._check()
+        return super().told(t, history, name)
+
+    def linear_system(self) -> LinearSystem:
+        """Return what its answers to a small pulse of each input, once it settled, come from."""
+        # Position and velocity along the axes by y and by u, which acts from its sample on.
+        T, view = self.machine.sampling_time, self.view
+        axes, readings = [a.name for a in self.machine.axes], self.machine.readings
+        n = max(SETTLES, math.ceil(10 * slowest_time(self.machine) / T))
+        seen = np.vstack(view.along_axes(self.states))
+        sizes = [*np.sqrt(several(self.variances.measurement)),
+                 *np.sqrt(several(self.variances.control))]  # fmt: skip
+        m = len(readings)
+        # Around noise: a reading that never changes is a sensor that is stuck.
+        noise = np.random.default_rng(0).normal(size=(2 * n, len(sizes))) * sizes
+
+        def moved(which: int | None) -> NDArray[np.float64]:
+            y, u = noise[:, :m].copy(), noise[:, m:].copy()
+            if which is not None:
+                (y if which < m else u)[n, which if which < m else which - m] += sizes[which]
+            self.reset()
+            one = (a[:, 0].copy() if view.single else a for a in (y, u))
+            mean = self.core.run(*(a.astype(self.precision) for a in one))["mean"]
+            self._check()
+            return np.asarray(mean[n:] @ seen.T, float)
+
+        still = moved(None)
+        pulses = [(moved(k) - still) / size for k, size in enumerate(sizes)]
+        self.reset()
+        inputs = [Signal(signal("y", r.name), "m") for r in readings]
+        inputs += [Signal(signal("u", name), "V") for name in axes]
+        outputs = [Signal(signal("position", name), "m") for name in axes]
+        outputs += [Signal(signal("velocity", name), "m/s") for name in axes]
+        blocks = BLOCKS if view.single else BLOCKS // 4
+        return realised(np.stack(pulses, axis=2), T, inputs, outputs, blocks)
+
+    def _answer(self, y: list[float], u: list[float]) -> list[float]:
+        """Return what ``step`` does, NaN once it failed: no exception may reach C."""
+        n = len(self.states)
+        if self._failed is None:
+            try:
+                arguments = (y[0], u[0]) if self.view.single else (np.array(y), np.array(u))
+                result = np.asarray(self.wrapped.step(*arguments), float)
+                if result.shape != (n,):
+                    raise ValueError(f"it returned an array of shape {result.shape}")
+                self._sample += 1
+                return result.tolist()  # type: ignore[no-any-return]
+            except BaseException as error:  # Ctrl-C too
+                self._failed = error
+        return [np.nan] * n
+
+    def _check(self) -> None:
+        """Raise what ``step`` raised."""
+        error, self._failed = self._failed, None
+        if error is None:
+            return
+        if not isinstance(error, Exception):
+            raise error
+        names = ", ".join(state.name for state in self.states)
+        raise AmbkitError(
+            f"{self.name}: step(y, u) at sample {self._sample}: {type(error).__name__}: {error}; "
+            f"it must return the {len(self.states)} numbers {names}"
+        ) from error
+
+
+def is_own(candidate: Any) -> TypeGuard[type[EstimatorProtocol]]:
+    """Whether it is a class of the user's, and none of ours."""
+    return isinstance(candidate, type) and not issubclass(candidate, Estimator)
+
+
+def own_factory(
+    name: str, make: Callable[..., Any], bearing: Machine
+) -> Callable[..., OwnEstimator]:
+    """Return what makes estimators of a class of the user's."""
+
+    def build(_noise: Any = None, *, precision: Precision = "float64") -> OwnEstimator:
+        return OwnEstimator(bearing, make, name, precision=precision)
+
+    build()  # what is wrong with it is said before the work begins
+    return build

@@ -1,0 +1,342 @@
+"""What the self-test of a controller lives through, as the simulation flies it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.data.signals import signal
+from ambkit.estimate.core_model import NODE
+from ambkit.estimate.estimate import Status
+from ambkit.export.c.test_vectors import without_digits
+from ambkit.simulation.controller_states import settling_of
+from ambkit.simulation.external_inputs import ExternalInputs
+from ambkit.simulation.lift_off_sequence import Mode
+from ambkit.simulation.run import Run, simulate_run
+from ambkit.simulation.scenario import Disturbance, Reference, Scenario
+from ambkit.simulation.waveforms import Constant, Ramp, Step, Sum
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+    from ambkit.simulation.controller_states import Controller
+
+Array = NDArray[np.float64]
+
+QUICK: dict[str, Any] = {
+    "waiting": 5, "lost": 30, "overloaded": 12, "rise": 0.012, "descent": 0.018, "settling": 17,
+}  # fmt: skip
+"""The sequence of the self-test: fields of ``amb_sequence``, and the settling at most."""
+LIFTED, UP = 300, 130
+"""Samples of a flight in the self-test, and from which on the rotor is up."""
+SLOW = 20
+"""Samples of a plant's time constant, for each of which a flight takes as many more."""
+TAKEN = 40
+"""Samples of a flight that is taken over."""
+PUSH, PULL = 0.2, 3.0
+"""Loads of the flights, in what an axis can pull with its greatest current."""
+DRAWN, ROUNDED = 4, 256
+"""Flights whose readings are off, and by how many roundings of the travel."""
+PART = 2e-3
+"""Of the greatest current: a tenth of what the self-test lets pass."""
+
+
+class Vectors(NamedTuple):
+    """Flights one after the other, N samples."""
+
+    y: Array  # (N, readings), as the rig has them
+    r: Array  # (N, axes) [m]
+    u: Array  # (N, axes): what the controllers gave [V]
+    speed: Array  # (N,) [rad/s]
+    mode: NDArray[np.uint8]  # (N,): what they were doing
+    fly: NDArray[np.bool_]  # (N,): whether they were told to fly
+    status: NDArray[np.uint16]  # (N,): flags of filter and controllers
+    usable: NDArray[np.bool_]  # (N,): whether the estimate could be used
+    mean: Array  # (N, states), each in its unit
+    amplified: NDArray[np.bool_]  # (N,): samples where rounding is amplified
+    starts: list[int]  # where flights begin at power-on ...
+    taken: list[int]  # ... and where those do that are taken over, ...
+    taken_with: Array  # ... with these currents (axes,) [A]
+    saturated: int  # samples in which a current was at its limit
+
+
+def speeds_of(machine: Machine, scenario: Scenario) -> tuple[float, float] | None:
+    """The slowest and the fastest rotation of a flight [rad/s]; None at the machine's own."""
+    if scenario.speed is None:
+        return None
+    n = max(2, round(scenario.duration / machine.sampling_time) + 1)
+    speed = scenario.speed.sample(machine.sampling_time * np.arange(n + 1, dtype=float))
+    if bool((speed == machine.speed).all()):
+        return None
+    return float(speed.min()), float(speed.max())
+
+
+def quick(controller: Controller) -> dict[str, Any]:
+    """Return fields of a sequence that firmware need not hold seconds of."""
+    slow, settling = slowness(controller), settling_of(controller.estimator)
+    longer = {key: slow * QUICK[key] for key in ("lost", "overloaded")}
+    slower = {key: QUICK[key] / slow for key in ("rise", "descent")}
+    return QUICK | longer | slower | {"settling": min(settling, QUICK["settling"])}
+
+
+def slowness(controller: Controller) -> int:
+    """Return by how much flights are longer than those of a plant that is fast [1]."""
+    return max(1, settling_of(controller.estimator) // SLOW)
+
+
+def vectors(controller: Controller, scenario: Scenario) -> Vectors:
+    """Fly what the self-test flies, with the plant of the simulation."""
+    # A step of the reference with a load, and loads beyond what the magnets hold with readings lost
+    # and far away, and references that are none; on all axes in turn, and where the flight's speed
+    # changes up and down with it: from where the rotor lies to where it lies again. Some trip, and
+    # a rotor in flight is taken over.
+    estimator, machine = controller.estimator, controller.plant.machine
+    parts = []
+    for scene in _scenes(controller, scenario):
+        run = _flown(controller, scene, scene.readings)
+        record, names = run.record, [axis.name for axis in machine.axes]
+        y = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
+        r, u = (np.column_stack([record[signal(of, name)] for name in names]) for of in "ru")
+        assert run.estimate is not None
+        assert run.usable is not None
+        mode = record["mode"].astype(np.uint8)
+        # From where rounding decides, from where readings are refused of a rotor that has tripped,
+        # and is thrown between its stops, and of several readings from where some are lost.
+        spoilt = (scene.readings != 0).any(axis=1) & (len(machine.readings) > 1)
+        spoilt |= (mode == Mode.TRIPPED) & ((run.status & Status.OUTLIER) != 0)
+        amplified = np.maximum.accumulate(spoilt | _spread(controller, scene, run))
+        # Where float has no digits left before that, all that it says is rounding.
+        amplified |= bool((without_digits(estimator, y, u) & ~amplified).any())
+        fly, speed = scene.fly > 0, record["speed"]
+        part = (y, r, u, speed, mode, fly, run.status, run.usable, run.estimate.mean, amplified)
+        parts.append(_as_read(controller, part))
+    flight_count = len(parts)
+    taken_with = np.zeros(len(machine.axes))
+    # Of a model that turns the core's controller alone follows no speed.
+    if speeds_of(machine, scenario) is None:
+        over, taken_with = _transferred(controller, parts[0])
+        parts += over
+    starts = np.cumsum([0, *(len(item[0]) for item in parts[:-1])]).tolist()
+    estimator.turning(None, 1)  # what is written of the filter is of the machine's own speed
+    joined = [np.concatenate(item) for item in zip(*parts, strict=True)]
+    gain = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
+    low, high = (
+        np.array([getattr(isolated, f"current_{end}") for isolated in controller.plant.isolated])
+        for end in ("min", "max")
+    )
+    iu = joined[2] * gain
+    full = ((iu >= high * (1 - 1e-6)) | (iu <= low * (1 - 1e-6))).any(axis=1)
+    at = starts[:flight_count], starts[flight_count:]
+    return Vectors._make([*joined, *at, taken_with, int(full.sum())])
+
+
+def _as_read(controller: Controller, part: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return a flight as the rig's numbers have it, which are rounded; what is in SI as it is."""
+    inputs, (y, r, _, speed, _, fly, *_, amplified) = controller.estimator.inputs, part
+    raw = inputs.y.numbers(y)
+    if raw is y:
+        return part
+    number = np.dtype(controller.estimator.precision).type
+    raw = raw.astype(number).astype(float)
+    return (raw, *_along(controller, raw, r, speed, fly), amplified)
+
+
+def _along(
+    controller: Controller, y: Array, r: Array, speed: Array, fly: NDArray[np.bool_],
+    taken_with: Array | None = None,
+) -> tuple[Any, ...]:  # fmt: skip
+    """Return what the controller gives along readings (n, m), as `Vectors` has it from `r` on."""
+    estimator = controller.estimator
+    number = np.dtype(estimator.precision).type
+    si, _ = estimator.in_si(y, np.zeros(0))
+    signals = (np.ascontiguousarray(item, number) for item in (si, r, fly))
+    output = controller.in_core(**quick(controller)).run(*signals, float(speed[0]), taken_with)
+    status, usable = output["status"], output["usable"] > 0
+    return r, output["u"], speed, output["mode"], fly, status, usable, output["mean"]
+
+
+def _flown(controller: Controller, scene: Scene, readings: Array) -> Run:
+    """Return one flight, with this added to its readings (n, m) [m]."""
+    external_inputs = ExternalInputs(
+        readings=readings, references=scene.references, fly=scene.fly, exported=quick(controller)
+    )
+    return simulate_run(
+        controller.plant.machine, scene.flight, estimator=controller.estimator,
+        controllers=controller.law, external_inputs=external_inputs,
+    )  # fmt: skip
+
+
+def _spread(controller: Controller, scene: Scene, run: Run) -> NDArray[np.bool_]:
+    """Return where flights differ (n,) whose readings differ by no more than rounding makes."""
+    # A compiler that contracts rounds otherwise. A rotor that is thrown between its stops makes of
+    # that another flight, and a reading at the gate another decision.
+    machine = controller.plant.machine
+    least = ROUNDED * min(bearing.clearance for bearing in machine.bearings)
+    least *= float(np.finfo(controller.estimator.precision).eps)
+    axes = [(signal("u", axis.name), axis.bearing.amplifier) for axis in machine.axes]
+    random, result = np.random.default_rng(0), np.zeros(len(scene.readings), bool)
+    for _ in range(DRAWN):
+        off = least * random.choice([-1.0, 1.0], scene.readings.shape)
+        other = _flown(controller, scene, scene.readings + off)
+        for key, amplifier in axes:
+            away = np.abs(other.record[key] - run.record[key]) * amplifier.gain
+            result |= away > PART * amplifier.current_limit
+        result |= (other.status != run.status) | (other.usable != run.usable)
+        result |= other.record["mode"] != run.record["mode"]
+    return result
+
+
+def _transferred(
+    controller: Controller, signals: tuple[Any, ...]
+) -> tuple[list[tuple[Any, ...]], Array]:
+    """Flights that are taken over, as `vectors` has them, and the currents that acted then."""
+    # The readings are those of a flight at that time, and go on whatever is demanded now: it lands,
+    # it is overloaded from the first sample on, and its sensors freeze and are lost.
+    machine = controller.plant.machine
+    y, r, u, speed, mode, *_, amplified = signals
+    flying = np.flatnonzero(mode == Mode.FLYING)  # none, where it is overloaded on its way up
+    at = int(flying[10]) if len(flying) > 10 else UP
+    y, r, speed = y[at : at + TAKEN], r[at : at + TAKEN], np.full(TAKEN, speed[at])
+    gain = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
+    taken_with = (gain * u[at - 1]).astype(np.dtype(controller.estimator.precision).type)
+    landing, staying = np.arange(TAKEN) < TAKEN // 2, np.ones(TAKEN, bool)
+    far = 60 * max(bearing.clearance for bearing in machine.bearings)
+    spread, several, spoilt = np.full(TAKEN, amplified[0]), y.shape[1] > 1, y.copy()
+    spoilt[8:30], spoilt[34:37] = y[8], np.nan
+    over = [
+        (readings, *_along(controller, readings, reference, speed, fly, taken_with), spread | bad)
+        for readings, reference, fly, bad in (
+            (y, r, landing, False), (y, r + far, staying, False), (spoilt, r, staying, several)
+        )
+    ]  # fmt: skip
+    return over, taken_with
+
+
+class Scene(NamedTuple):
+    """One flight of the self-test, n samples."""
+
+    flight: Scenario
+    readings: Array  # (n, readings): what is added to them [m]; NaN: lost
+    references: Array  # (n, axes): what is added to the references [m]; NaN: none
+    fly: Array  # (n,): whether it is told to fly, 1 or 0
+
+
+def _scenes(controller: Controller, scenario: Scenario) -> Iterator[Scene]:
+    machine, slow = controller.plant.machine, slowness(controller)
+    n = LIFTED * slow
+
+    def told(*off: tuple[int, int]) -> Array:
+        fly = np.ones(n)
+        for first, end in off:
+            fly[first * slow : end * slow] = 0.0
+        return fly
+
+    none, well = np.zeros((n, len(machine.axes))), np.zeros((n, len(machine.readings)))
+    # On the way up it is called back, and lands.
+    lands, unwanted = told((0, 8), (100, 106), (230, LIFTED)), none.copy()
+    unwanted[190 * slow, 0] = unwanted[193 * slow, -1] = unwanted[196 * slow, :] = np.nan
+    landing_scenario = _happening(machine, scenario, 1.0, PUSH, slow)
+    yield Scene(landing_scenario, _spoilt(machine, well, slow), unwanted, lands)
+    # It has tripped when it is told not to fly, and lifts again.
+    pulled = _happening(machine, scenario, -1.0, PULL, slow)
+    yield Scene(pulled, _lost(machine, well, slow), none, told((200, 210)))
+    unwanted = none.copy()
+    unwanted[180 * slow :: 3] = np.nan
+    yield Scene(pulled, well, unwanted, told())  # a current at its limit trips it
+
+
+def _happening(
+    machine: Machine, scenario: Scenario, sign: float, share: float, slow: int
+) -> Scenario:
+    """Return a flight on all axes in turn: references of a twentieth of the travel, and loads."""
+    # It begins where the rotor lies, as the exported controller does at power-on.
+    T = slow * machine.sampling_time
+    references, loads = [], []
+    for k, axis in enumerate(machine.axes):
+        way = sign * (-1.0 if k % 2 else 1.0)
+        law = axis.bearing.magnet
+        most = 4 * law.magnet_constant * law.bias_current * axis.bearing.amplifier.current_limit
+        force, late = way * share * most / law.air_gap**2, UP + 8 * k
+        force_step = Step(amplitude=force, time=(50 + late) * T)
+        position_step = Step(amplitude=0.05 * way * axis.bearing.clearance, time=(12 + late) * T)
+        references.append(Reference(axis=axis.name, position=position_step))
+        loads.append(Disturbance(axis=axis.name, force=force_step))
+    return Scenario(
+        duration=LIFTED * T - machine.sampling_time, start="rest",
+        controller=scenario.controller, reference=tuple(references), disturbance=tuple(loads),
+        seed=scenario.seed, speed=_speed(machine, scenario, sign), sequence=scenario.sequence,
+    )  # fmt: skip
+
+
+def _speed(machine: Machine, scenario: Scenario, sign: float) -> Sum | None:
+    """Return a speed that grows over two nodes of the model, or falls, within those of a flight."""
+    speeds = speeds_of(machine, scenario)
+    if speeds is None:
+        return None
+    low, high = speeds
+    by = min(2 * NODE / machine.sampling_time, high - low)
+    first = low + 0.3 * (high - low - by) if sign > 0 else high - 0.1 * (high - low - by)
+    ramp = Ramp(slope=sign * by / (LIFTED * machine.sampling_time))
+    return Sum(parts=(Constant(value=first), ramp))
+
+
+def _spoilt(machine: Machine, well: Array, slow: int) -> Array:
+    """Return what is added to the readings: losses, and readings far away."""
+    added, travel = well.copy(), min(bearing.clearance for bearing in machine.bearings)
+    added[170 * slow : 170 * slow + 4, 0], added[178 * slow, :] = np.nan, np.nan
+    added[184 * slow, -1], added[188 * slow, 0] = 3 * travel, -3 * travel
+    return added
+
+
+def _lost(machine: Machine, well: Array, slow: int) -> Array:
+    """Return readings that begin far away, and of which all are lost until it trips."""
+    added, travel = well.copy(), max(bearing.clearance for bearing in machine.bearings)
+    added[0], added[1] = 30 * travel, 3 * travel
+    added[145 * slow : 180 * slow] = np.nan
+    return added
+
+
+def in_turn(mean: Array) -> Array:
+    """Return of each sample one state (N,), the next one each time."""
+    k = np.arange(len(mean))
+    return np.asarray(mean[k, k % mean.shape[1]])
+
+
+def also_infinite(values: Array) -> Array:
+    """Return the numbers, of which those that are none are infinite in turn: it is all the same."""
+    result = values.copy()
+    none = np.flatnonzero(np.isnan(values))
+    result.flat[none[1::3]], result.flat[none[2::3]] = np.inf, -np.inf
+    return result
+
+
+def marks_of(tested: Vectors) -> NDArray[np.uint8]:
+    """Return the mode of each sample and the marks that the template of the self-test has (N,)."""
+    result = tested.mode + 8 * tested.fly.astype(np.uint8) + 32 * tested.usable.astype(np.uint8)
+    result[tested.starts] += 16
+    result[tested.taken] += 64
+    result[tested.amplified] += 128
+    return result.astype(np.uint8)
+
+
+def coverage(controller: Controller, tested: Vectors) -> list[tuple[str, str]]:
+    """Return what the samples visit, in words: what, and how much of it."""
+    runs = len(tested.starts) + len(tested.taken)
+    rows = [("samples", f"{len(tested.y)}, in {runs} flights, each from a start")]
+    machine, states = controller.plant.machine, controller.estimator.states
+    of = [
+        (signal("u", axis.name), axis.bearing.amplifier.control_unit, tested.u[:, k])
+        for k, axis in enumerate(machine.axes)
+    ]
+    of += [(state.name, state.unit, tested.mean[:, k]) for k, state in enumerate(states)]
+    for name, unit, values in of:
+        rows.append((f"`{name}`", f"{values.min():.4g} to {values.max():.4g} {unit}"))
+    for mode in Mode:
+        rows.append((f"`AMB_{mode.name}`", f"{int((tested.mode == mode).sum())} samples"))
+    rows.append(("a current at its limit", f"{tested.saturated} samples"))
+    counts = {flag.name: int(((tested.status & flag) != 0).sum()) for flag in Status}
+    rows += [(f"`AMB_{name}`", f"{count} samples") for name, count in counts.items() if count]
+    never = [f"`AMB_{name}`" for name, count in counts.items() if not count]
+    return [*rows, ("flags that are not raised", ", ".join(never) or "none")]

@@ -1,0 +1,156 @@
+"""The self-test's samples, and what Python's filter says of them: all that an export puts out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.estimate.estimate import Status
+from ambkit.export.c import filter_test_cases
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+    from ambkit.estimate.estimator import Estimator
+
+Array = NDArray[np.float64]
+
+_UNUSED = int(Status.MISSING | Status.FROZEN | Status.OUTLIER)
+_UNSURE = int(Status.HELD | Status.RESTARTED | Status.BAD_PARAMETER)
+
+
+class Vectors(NamedTuple):
+    """N samples of several runs, one after the other."""
+
+    y: Array  # (N,) or (N, readings), as the rig has them
+    u: Array  # (N,) or (N, axes)
+    starts: NDArray[np.uint16]  # where runs begin
+    expected: Array  # (N, columns): means, variances, k_i, k_s, innovations, their variances
+    status: NDArray[np.uint16]  # (N,)
+    health: NDArray[np.uint16]  # (N, readings)
+    feed_back: NDArray[np.uint8]  # (N,): 1 where it may be fed back
+    amplified: NDArray[np.bool_]  # (N,): where rounding is amplified
+    runs: tuple[str, ...]  # names of the runs
+
+
+def make(estimator: Estimator, magnets: list[Magnet], *, settling: int, bound: float) -> Vectors:
+    """Let an estimator live through all scenes."""
+    parts, amplified = [], []
+    for scene in filter_test_cases.of(estimator, magnets, settling):
+        y, u, si = _as_read(estimator, scene)
+        output = filter_test_cases.run(estimator, *si)
+        n = within(estimator, output["mean"], bound)
+        output = {name: values[:n].reshape(n, -1) for name, values in output.items()}
+        parts.append((scene.name, y[:n], u[:n], output))
+        after = np.arange(n) >= (n if scene.amplifies is None else scene.amplifies)
+        amplified.append(after | without_digits(estimator, *si)[:n])
+    columns = [_columns(estimator, output) for *_, output in parts]
+    health = [output.get("health", output["status"]) for *_, output in parts]
+    status = [output["status"].ravel() for *_, output in parts]
+    settled = [
+        _feed_back(flags, item, settling) for flags, item in zip(status, health, strict=True)
+    ]
+    lengths = [len(item) for item in status]
+    return Vectors(
+        y=np.concatenate([y for _, y, _, _ in parts]),
+        u=np.concatenate([u for _, _, u, _ in parts]),
+        starts=np.cumsum([0, *lengths[:-1]]).astype(np.uint16),
+        expected=np.concatenate(columns),
+        status=np.concatenate(status),
+        health=np.concatenate(health),
+        feed_back=np.concatenate(settled).astype(np.uint8),
+        amplified=np.concatenate(amplified),
+        runs=tuple(name for name, *_ in parts),
+    )
+
+
+def without_digits(estimator: Estimator, y: Array, u: Array) -> NDArray[np.bool_]:
+    """Return from where on (n,) float, in a machine's filter, is off by what double would say."""
+    # A mean by more than a standard deviation, or a variance by more than ten of itself: then what
+    # another rounding says is another number. AdaptiveNoise has no precision of its own.
+    args, options = estimator._made
+    if estimator.whole is None or "precision" not in options or estimator.precision == "float64":
+        return np.zeros(len(y), bool)
+    sharp = type(estimator)(*args, **(options | {"precision": "float64"}))
+    one, other = (filter_test_cases.run(item, y, u) for item in (estimator, sharp))
+    entries = diagonal(len(estimator.states))
+    variance, true = (item["covariance"][:, entries].astype(float) for item in (one, other))
+    std = np.sqrt(np.maximum(true, np.finfo(np.float32).tiny))
+    off = np.abs(one["mean"] - other["mean"]) > std
+    off |= np.abs(variance - true) > 10 * np.abs(true)
+    return np.asarray(np.maximum.accumulate(off.any(axis=1)))
+
+
+def diagonal(n: int) -> list[int]:
+    """Return where the variances stand in the upper triangle of n rows."""
+    return [at * (2 * n + 1 - at) // 2 for at in range(n)]
+
+
+def _as_read(
+    estimator: Estimator, scene: filter_test_cases.Scene
+) -> tuple[Array, Array, tuple[Any, Any]]:
+    """Return what the controller reads, and what that is in SI, of one axis in the rig's units."""
+    if estimator.whole is not None:
+        number = np.dtype(estimator.precision).type
+        y, u = (values.astype(number).astype(float) for values in (scene.y, scene.u))
+        return y, u, (y, u)
+    of = estimator.inputs
+    y, u = of.y.numbers(scene.y), of.u.numbers(scene.u)
+    return y, u, estimator.in_si(y, u)
+
+
+def within(estimator: Estimator, mean: Array, bound: float) -> int:
+    """Return how many samples there are before the output is no rotor."""
+    # mean (N, n) [m, m/s, N ...]
+    caps = estimator.core.parameters["set"]["cap"]
+    beyond = np.flatnonzero((np.abs(mean) > 0.99 * bound * caps).any(axis=1))
+    return int(beyond[0]) if beyond.size else len(mean)
+
+
+def _columns(estimator: Estimator, output: dict[str, Any]) -> Array:
+    """Return all numbers that an export puts out, sample by sample."""
+    names = ("k_i", "k_s", "innovation", "variance")
+    variances = output["covariance"][:, diagonal(len(estimator.states))]
+    return np.hstack([output["mean"], variances, *(output[name] for name in names)]).astype(float)
+
+
+def _feed_back(
+    status: NDArray[np.uint16], health: NDArray[np.uint16], settling: int
+) -> NDArray[np.bool_]:
+    """Return what the supervisor says: settled, and not too long without a measurement."""
+    doubted, missed, decisions = settling, 0, []
+    for flags, item in zip(status, health, strict=True):
+        used = bool(((item & _UNUSED) == 0).any())
+        missed = 0 if used else min(missed + 1, settling)
+        if flags & _UNSURE:
+            doubted = settling
+        elif used:
+            doubted = max(doubted - 1, 0)
+        decisions.append(doubted == 0 and missed < settling)
+    return np.array(decisions)
+
+
+def coverage(tested: Vectors, estimator: Estimator) -> list[tuple[str, str]]:
+    """Return what the samples visit, in words: what, and how much of it."""
+    n = len(estimator.states)
+    rows = [("samples", f"{len(tested.y)}, in {len(tested.starts)} runs, each from a start")]
+    for place, state in enumerate(estimator.states):
+        values = tested.expected[:, place]
+        rows.append((f"`{state.name}`", f"{values.min():.4g} to {values.max():.4g} {state.unit}"))
+    forces = (tested.expected.shape[1] - 2 * n - 2 * tested.health.shape[1]) // 2
+    for k, (name, unit) in enumerate((("k_i", "N/A"), ("k_s", "N/m"))):
+        of = tested.expected[:, 2 * n + k * forces : 2 * n + (k + 1) * forces]
+        rows.append((f"`{name}`", f"{of.min():.4g} to {of.max():.4g} {unit}"))
+    never = []
+    for flag in Status:
+        result = int(((tested.status & flag) != 0).sum())
+        never += [] if result else [f"`AMB_{flag.name}`"]
+        rows += [(f"`AMB_{flag.name}`", f"{result} samples")] if result else []
+    rows.append(("to be fed back", f"{int(tested.feed_back.sum())} samples"))
+    if tested.amplified.any():
+        amplified = (
+            f"{int(tested.amplified.sum())} samples, compared where each bit must be the same"
+        )
+        rows.append(("rounding is amplified", amplified))
+    return [*rows, ("flags that are not raised", ", ".join(never) or "none")]

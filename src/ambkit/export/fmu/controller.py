@@ -1,0 +1,130 @@
+"""A whole controller in an FMU: its data, and how it starts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.export.c import c_literals, control
+from ambkit.export.c.c_literals import CPrecision, Name
+from ambkit.machine.levitation import levitation_current
+from ambkit.machine.magnets import magnet_of
+from ambkit.simulation.controller_states import Controller, lies_at
+
+if TYPE_CHECKING:
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.machine.machine import Bearing
+    from ambkit.simulation.scenario import Scenario
+
+
+class Flown(NamedTuple):
+    """A controller, and how it starts."""
+
+    controller: Controller
+    levitated: bool  # in flight, else at power-on
+    place: NDArray[np.float64]  # where the rotor is at the start along the axes (p,) [m]
+    current: NDArray[np.float64]  # that is demanded until then (p,) [A]
+
+    @property
+    def coils(self) -> list[int]:
+        """How many coils the magnet of each axis has."""
+        return [1 + (item.magnet.type == "two-sided") for item in self.controller.plant.isolated]
+
+
+def is_whole(scenario: Scenario) -> bool:
+    """Say whether a scenario is flown by more than a PID."""
+    law = scenario.controller
+    return scenario.sequence is not None or law.needs_estimate or bool(law.block)
+
+
+def flown(estimator: Estimator, scenario: Scenario) -> Flown:
+    """Return what :func:`ambkit.simulate` flies, started as there."""
+    controller = control.controller_of(estimator, scenario)
+    isolated, nothing = controller.plant.isolated, np.zeros(len(controller.plant.isolated))
+    levitated = scenario.start == "hover" or scenario.sequence is None
+    current = nothing
+    if scenario.start == "hover":
+        single = len(isolated) == 1 and estimator.machine.single
+        held = (
+            [levitation_current_at(isolated[0])]
+            if single
+            else controller.plant.equilibrium(nothing, nothing)[1]
+        )
+        current = np.array(held)
+    low, high = (
+        np.array([getattr(item, f"current_{end}") for item in isolated]) for end in ("min", "max")
+    )
+    lies = scenario.start == "rest" and scenario.sequence is not None
+    place = controller.down if lies else nothing
+    return Flown(controller, levitated, place, np.clip(current, low, high))
+
+
+def starts_at(bearing: Bearing, scenario: Scenario) -> float:
+    """Return where the rotor is at the start [m]."""
+    lies = scenario.start == "rest" and scenario.sequence is not None
+    return lies_at(bearing) if lies else 0.0
+
+
+def levitation_current_at(bearing: Bearing) -> float:
+    """Return the current that holds the rotor in the middle [A]."""
+    law = magnet_of(bearing)
+    return levitation_current(bearing, law, 0.0, bearing.weight + law.bias_force)
+
+
+def flown_data(of: Flown, precision: CPrecision) -> dict[str, Any]:
+    """Return what the data files say of a whole controller."""
+    controller, current = of.controller, of.current
+    structs = control.structs(controller, "amb_data", of_filter=False)
+    nothing, parts = np.zeros(len(current)), np.eye(len(current))
+    integral = controller.integrals(current, nothing)
+    by_current = [controller.integrals(current + at, nothing) - integral for at in parts]
+    by_place = [controller.integrals(current, at) - integral for at in parts]
+    fields = structs.control | {"estimator": Name("NULL")}
+    arrays = {
+        "integral": integral,
+        "integral_by_current": np.column_stack(by_current).ravel(),
+        "integral_by_place": np.column_stack(by_place).ravel(),
+        "current": current,
+        "bias": np.array([item.magnet.bias_current for item in controller.plant.isolated]),
+    }
+    return {
+        "law": _law(structs, precision),
+        "flown": {
+            "sequence": c_literals.struct(structs.sequence, precision, {})
+            if structs.sequence
+            else None,
+            "control": c_literals.struct(fields, precision, {}),
+            "levitated": of.levitated,
+            "coils": of.coils,
+            "turning": not controller.plant.machine.single,
+            **{name: c_literals.array(values, precision) for name, values in arrays.items()},
+        },
+    }
+
+
+def law_data(controller: Controller) -> dict[str, Any]:
+    """Return what the data file says of a controller alone, that an estimator elsewhere feeds."""
+    if controller.sequence is not None:
+        raise AmbkitError(
+            "a controller alone neither lifts off nor lands: take kind whole-controller, or leave "
+            "[sequence] out of the scenario"
+        )
+    structs = control.structs(controller, "amb_data")
+    gain = c_literals.number(controller.bearing.amplifier.gain, "double")
+    return {"law": _law(structs, "double", alone=True), "k_ui": gain}
+
+
+def _law(structs: control.Structs, precision: CPrecision, *, alone: bool = False) -> dict[str, Any]:
+    text = c_literals.struct(structs.law, precision, {})
+    pids = [c_literals.struct(pid, precision, {}) for pid in structs.pids]
+    named = "".join([text, *pids])
+    arrays = {name: array for name, array in structs.arrays.items() if not alone or name in named}
+    return {
+        "arrays": c_literals.declared(arrays, precision),
+        "pids": pids,
+        "let_turn": c_literals.struct(structs.let_turn, precision, {}) if structs.let_turn else "",
+        "text": text,
+    }

@@ -1,0 +1,172 @@
+"""What to believe of a magnet: its law, the surface through measured points, or a network.
+
+Points are left out, each model is found from the others, and held to those left out: points here
+and there, which says how well it goes between its neighbours, and whole blocks, which says how well
+it goes on where nothing was measured (Roberts et al. 2017).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.units import engineering
+from ambkit.fuzzy.rule_selection import (
+    BLOCKS,
+    EPOCHS,
+    FEWEST,
+    FOLDS,
+    Shape,
+    box_of,
+    map_of,
+    numbered,
+)
+from ambkit.fuzzy.training import train
+from ambkit.machine.forces.force_surface import ForceSurface
+from ambkit.machine.magnets import law_of
+from ambkit.machine.stiffness import ForceFunction
+
+if TYPE_CHECKING:
+    from ambkit.machine.forces.force_points import ForcePoints
+    from ambkit.machine.machine import Bearing
+
+Array = NDArray[np.float64]
+
+LAW, REFITTED, SURFACE, NETWORK = "the law", "the law, refitted", "the surface", "the network"
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """How a model does at points that it was not made from."""
+
+    name: str  #: Of the model.
+    #: RMS error at points left out one by one, a fifth at a time, and at whole blocks [N].
+    random: float
+    blocks: float
+
+    @property
+    def worse(self) -> float:
+        """The larger of the two [N]."""
+        return max(self.random, self.blocks)
+
+
+@dataclass(frozen=True)
+class ModelChoice:
+    """The models by their errors, and the one to take."""
+
+    models: tuple[LeftOut, ...]  #: From the simplest on.
+
+    @property
+    def chosen(self) -> LeftOut:
+        """The one whose larger error is the least; the simpler one of two alike within 5 %."""
+        limit = 1.05 * min(model.worse for model in self.models)
+        return next(model for model in self.models if model.worse <= limit)
+
+    def __getitem__(self, name: str) -> LeftOut:
+        return next(model for model in self.models if model.name == name)
+
+    def against(self, chosen_name: str) -> str:
+        """Say in a sentence what speaks against a model; nothing where it is the one to take."""
+        best, network, law = self.chosen, self[NETWORK], self[LAW]
+        worst = [
+            engineering(model.worse, "N", 3) for model in (network, law, best, self[chosen_name])
+        ]
+        if network.worse > law.worse:
+            return (
+                f"at points left out the trained expert is off by {worst[0]} rms, the law that it "
+                f"started from by {worst[1]}: leave it; {best.name} has {worst[2]}"
+            )
+        if chosen_name != best.name:
+            return (
+                f"at points left out {best.name} is off by {worst[2]} rms, {chosen_name}, which "
+                f"was asked for, by {worst[3]}"
+            )
+        return ""
+
+
+def refitted(bearing: Bearing, points: ForcePoints) -> Bearing:
+    """Return the bearing with magnet constant and air gap as measured points have them."""
+    # By least squares, beside a constant force that may be the load cell's zero.
+    changes = _fit(bearing, points)[0]
+    return bearing.replace(**bearing.magnet.with_constant(changes[0]), magnet__air_gap=changes[1])
+
+
+def _fit(bearing: Bearing, points: ForcePoints) -> tuple[tuple[float, float], ForceFunction]:
+    """Return magnet constant and air gap, and the force of that law and the offset."""
+    from scipy.optimize import least_squares
+
+    weight = 1.0 if points.standard_error is None else 1 / points.standard_error
+    m, at = bearing.magnet, (points.current, points.displacement)
+
+    def values(p: Array) -> tuple[float, float]:
+        return float(m.magnet_constant * np.exp(p[0])), float(m.air_gap * np.exp(p[1]))
+
+    def force(p: Array) -> ForceFunction:
+        constant, gap = values(p)
+        # Not checked: on its way the search may pass a bearing that could not hold its rotor.
+        other = m.model_copy(update={"magnet_constant": constant, "air_gap": gap})
+        law = law_of(bearing.model_copy(update={"magnet": other}))
+        return lambda iu, x: np.asarray(law.force(iu, x)) + p[2]
+
+    def off(p: Array) -> Array:
+        return np.asarray(weight * (np.asarray(force(p)(*at), dtype=float) - points.force))
+
+    least = np.log(1.02 * float(np.abs(points.displacement).max()) / m.air_gap)
+    low = [np.log(1e-2), min(max(np.log(0.2), least), -1e-9), -np.inf]
+    size = float(np.ptp(points.force)) or 1.0
+    result = least_squares(
+        off, np.zeros(3), bounds=(low, [np.log(1e2), np.log(5.0), np.inf]), x_scale=[1, 1, size]
+    )
+    return values(result.x), force(result.x)
+
+
+def choose_model(
+    bearing: Bearing,
+    surface: ForceSurface,
+    shape: Shape = (5, 5),
+    note: Callable[[str], None] = lambda text: None,
+    **training: Any,
+) -> ModelChoice | None:
+    """Find by points left out what to believe of a magnet."""
+    box = box_of(bearing, surface.points)
+    points = surface.points.where(surface.points.within(*box))
+    block = numbered(points, box)
+    by_blocks = (block % BLOCKS + 2 * (block // BLOCKS)) % FOLDS
+    if len(points) < FEWEST or np.unique(by_blocks).size < FOLDS:
+        return None
+    if training.get("method", "least-squares") == "least-squares":
+        training = {"epochs": EPOCHS} | training
+    by_chance = np.random.default_rng(0).permutation(len(points)) % FOLDS
+    errors: dict[str, list[float]] = {}
+    for text, fold in (("points", by_chance), ("blocks of points", by_blocks)):
+        squares: dict[str, float] = {}
+        for k in range(FOLDS):
+            note(f"leaving out {text}, {k + 1} of {FOLDS}")
+            left_out = points.where(fold == k)
+            for name, force in _models(bearing, surface, points.where(fold != k), box, shape,
+                                       training):  # fmt: skip
+                at = left_out.current, left_out.displacement
+                off = np.asarray(force(*at), dtype=float) - left_out.force
+                squares[name] = squares.get(name, 0.0) + float(np.sum(off**2))
+        for name, total in squares.items():
+            errors.setdefault(name, []).append(float(np.sqrt(total / len(points))))
+    return ModelChoice(tuple(LeftOut(name, *both) for name, both in errors.items()))
+
+
+def _models(
+    bearing: Bearing, surface: ForceSurface, known: ForcePoints, box: Any, shape: Shape,
+    training: dict[str, Any],
+) -> list[tuple[str, ForceFunction]]:  # fmt: skip
+    """Return the models as some points give them."""
+    through = ForceSurface(bearing, known, like=surface)
+    network = train(map_of(bearing, through, box, shape), **training)
+    return [
+        (LAW, law_of(bearing).force),
+        (REFITTED, _fit(bearing, known)[1]),
+        (SURFACE, through),
+        (NETWORK, network.force),
+    ]

@@ -1,0 +1,259 @@
+"""How many rules measured points carry: cross-validation, and the smallest network that is enough.
+
+The box is cut into blocks. The points of some blocks are left out, the force is found from the
+others, a network is trained on it, and held to the points left out. Whole blocks, not points: an
+error of the force that is alike for neighbours is still seen by those of a single point, and more
+rules would look better than they are (Roberts et al. 2017).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit._core import MAX_RULES
+from ambkit.base.errors import AmbkitError
+from ambkit.fuzzy.training import train
+from ambkit.machine.forces.force_points import ForcePoints
+from ambkit.machine.forces.force_surface import ForceSurface
+from ambkit.machine.stiffness import ForceFunction, StiffnessMap, stiffness_map
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Bearing
+
+Array = NDArray[np.float64]
+Shape = tuple[int, int]
+"""Rules along the current, and along the displacement."""
+Box = tuple[tuple[float, float], tuple[float, float]]
+"""Lowest and highest current [A], and displacement [m]."""
+
+CANDIDATES: tuple[Shape, ...] = (
+    (2, 2), (3, 3), (4, 3), (3, 4), (4, 4), (5, 3), (3, 5), (5, 5), (7, 5), (5, 7), (7, 7),
+)  # fmt: skip
+"""Grids of rules that are tried, as far as the points allow."""
+
+BLOCKS = 6
+"""Blocks a side of the box."""
+
+FOLDS = 5
+"""Sets of blocks. A block of column i and row j is of set i + 2 j: so no two of a set touch."""
+
+FEWEST = 20
+"""Points in the box that cross-validation needs: four or so for each set."""
+
+PATIENCE = 3
+"""So many larger networks in a row that are no better end the search: they cost the most."""
+
+EPOCHS = 30
+"""Steps of least squares in each training here: what the rest of them changes is less than the
+standard errors, and costs five times as much."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A grid of rules, and how it does on points that it was not trained on."""
+
+    shape: Shape  #: Rules along the current, and along the displacement.
+    #: RMS error at the points left out, in its standard deviation as it should be: the point's own,
+    #: and that of what the others tell of the force there. 1 is as good as can be.
+    error: float
+    standard_error: float  #: Of `error`, from its scatter over the blocks.
+
+    @property
+    def rules(self) -> int:
+        """Number of rules."""
+        return self.shape[0] * self.shape[1]
+
+    @property
+    def name(self) -> str:
+        """As ``--rules`` takes it: ``"5x3"``."""
+        return f"{self.shape[0]}x{self.shape[1]}"
+
+
+@dataclass(frozen=True)
+class RuleChoice:
+    """What cross-validation says about the number of rules."""
+
+    candidates: tuple[Candidate, ...]  #: What was tried, from few rules to many.
+    #: The same error of the force that the networks were trained on: what the points left tell of
+    #: those left out. The best that any number of rules could do.
+    surface_error: float
+    folds: int  #: Sets of blocks that were left out, one after the other.
+
+    @property
+    def best(self) -> Candidate:
+        """The one with the least error."""
+        return min(self.candidates, key=lambda c: c.error)
+
+    @property
+    def limit(self) -> float:
+        """Error up to which a candidate is as good as the best: one standard error above it."""
+        return self.best.error + self.best.standard_error
+
+    @property
+    def chosen(self) -> Candidate:
+        """The smallest network within the limit; of two with as many rules the better one."""
+        enough = [c for c in self.candidates if c.error <= self.limit]
+        return min(enough, key=lambda c: (c.rules, c.error))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data."""
+        return {
+            "chosen": self.chosen.name,
+            "best": self.best.name,
+            "limit": self.limit,
+            "surface_error": self.surface_error,
+            "folds": self.folds,
+            "candidates": [
+                {
+                    "shape": c.name,
+                    "rules": c.rules,
+                    "error": c.error,
+                    "standard_error": c.standard_error,
+                }
+                for c in self.candidates
+            ],
+        }
+
+
+def choose_rules(
+    bearing: Bearing,
+    points: ForcePoints,
+    *,
+    candidates: Sequence[Shape] | None = None,
+    law_error: float | None = None,
+    threads: int | None = None,
+    note: Callable[[str], None] = lambda text: None,
+    **training: Any,
+) -> RuleChoice:
+    """Choose the number of rules by cross-validation and the one-standard-error rule."""
+    # The smallest network whose error is within one standard error of the best one's (Breiman,
+    # Friedman, Olshen and Stone 1984, section 3.4.3). A candidate has no more rules than points
+    # remain when some are left out.
+    if threads is not None and threads < 1:
+        raise AmbkitError(f"threads must be 1 or more, is {threads}")
+    if training.get("method", "least-squares") == "least-squares":
+        training = {"epochs": EPOCHS} | training
+    box = box_of(bearing, points)
+    inside = points.within(*box)
+    block = numbered(points, box)
+    fold = np.where(inside, (block % BLOCKS + 2 * (block // BLOCKS)) % FOLDS, -1)
+    folds = [fold == k for k in range(FOLDS) if np.any(fold == k)]
+    count = int(np.count_nonzero(inside))
+    if count < FEWEST or len(folds) < FOLDS:
+        raise AmbkitError(
+            "too few points to choose the number of rules, for which some are left out: "
+            f"{FEWEST} or more are needed all over the bearing's box; there are {count} in "
+            f"{np.unique(block[inside]).size} of its {BLOCKS * BLOCKS} blocks"
+        )
+    remain = min(count - int(np.count_nonzero(left_out)) for left_out in folds)
+    shapes = []
+    for shape in sorted(CANDIDATES if candidates is None else candidates, key=np.prod):
+        if min(shape) >= 2 and shape[0] * shape[1] <= min(remain, MAX_RULES):
+            shapes.append(shape)
+        elif candidates is not None:
+            raise AmbkitError(
+                f"candidates: {shape[0]}x{shape[1]} rules cannot be judged; these points allow 2 "
+                f"or more in each direction, and {min(remain, MAX_RULES)} or less in total"
+            )
+    note("finding the force without some points")
+    surfaces = [ForceSurface(bearing, points.where(~out), law_error) for out in folds]
+    doubts = [_doubt(s, points.where(out)) for s, out in zip(surfaces, folds, strict=True)]
+    done: list[Candidate] = []
+    least, since = np.inf, 0
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+
+        def evaluate(force: Callable[[int], ForceFunction]) -> tuple[float, float]:
+            """Error, and its standard error, of the force that is found without each fold."""
+
+            def squares(k: int) -> Array:
+                left = points.where(folds[k])
+                off = np.asarray(force(k)(left.current, left.displacement)) - left.force
+                return np.asarray((off / doubts[k]) ** 2)
+
+            parts = np.concatenate(list(pool.map(squares, range(FOLDS))))
+            return _error(parts, np.concatenate([block[left_out] for left_out in folds]))
+
+        for shape in shapes:
+            note(f"trying {shape[0]}x{shape[1]} rules")
+
+            def trained(k: int, shape: Shape = shape) -> ForceFunction:
+                return train(map_of(bearing, surfaces[k], box, shape), **training).force
+
+            done.append(Candidate(shape, *evaluate(trained)))
+            since = 0 if done[-1].error < least else since + 1
+            least = min(least, done[-1].error)
+            if since == PATIENCE and candidates is None:
+                break
+        limit, _ = evaluate(lambda k: surfaces[k])
+    return RuleChoice(tuple(done), limit, len(folds))
+
+
+def measured_map(
+    bearing: Bearing, points: ForcePoints | ForceSurface, shape: Shape = (5, 5)
+) -> StiffnessMap:
+    """Return the stiffnesses of a measured force, where the rotor can be and points are."""
+    surface = ForceSurface(bearing, points) if isinstance(points, ForcePoints) else points
+    return map_of(bearing, surface, box_of(bearing, surface.points), shape)
+
+
+def map_of(bearing: Bearing, surface: ForceSurface, box: Box, shape: Shape) -> StiffnessMap:
+    """Return the stiffnesses of a surface over a box, at so many nodes a side."""
+    return stiffness_map(
+        bearing,
+        currents=np.linspace(*box[0], shape[0]),
+        displacements=np.linspace(*box[1], shape[1]),
+        force=surface,
+    )
+
+
+def box_of(bearing: Bearing, points: ForcePoints) -> Box:
+    """Lowest and highest current [A] and displacement [m] of points and bearing together."""
+    travel = bearing.rotor.clearance
+    box = []
+    for name, values, low, high, unit in (
+        ("current", points.current, bearing.current_min, bearing.current_max, "A"),
+        ("displacement", points.displacement, -travel, travel, "m"),
+    ):
+        first, last = np.clip([values.min(), values.max()], low, high).tolist()
+        if not first < last:
+            raise AmbkitError(
+                f"the points have {name}s of {values.min():g} to {values.max():g} {unit}; some "
+                f"range of them must lie in the bearing's, {low:g} to {high:g} {unit}"
+            )
+        box.append((first, last))
+    return box[0], box[1]
+
+
+def _doubt(surface: ForceSurface, left_out: ForcePoints) -> Array:
+    """Standard deviation of points about a surface that does not know them (n,) [N]."""
+    of_surface = surface.standard_error(left_out.current, left_out.displacement)
+    return np.asarray(np.hypot(surface.noise(left_out), of_surface))
+
+
+def numbered(points: ForcePoints, box: Box) -> NDArray[np.int64]:
+    """Number of the block in which each point lies, row by row."""
+    (first, last), (left, right) = box
+    # A grid's lines are to lie inside blocks, not on their borders.
+    column = np.round((points.current - first) / (last - first) * (BLOCKS - 1))
+    row = np.round((points.displacement - left) / (right - left) * (BLOCKS - 1))
+    return np.asarray(
+        BLOCKS * np.clip(row, 0, BLOCKS - 1) + np.clip(column, 0, BLOCKS - 1), dtype=np.int64
+    )
+
+
+def _error(squares: Array, block: NDArray[np.int64]) -> tuple[float, float]:
+    """Root of the mean square, and its standard error by the scatter of blocks."""
+    # A ratio of sums over blocks, points being not as many in each (Cochran 1977, section 6.3).
+    _, place = np.unique(block, return_inverse=True)
+    size, total = np.bincount(place), np.bincount(place, squares)
+    mean, many = float(squares.mean()), size.size
+    variance = many / (many - 1) * np.sum((total - mean * size) ** 2) / squares.size**2
+    error = float(np.sqrt(mean))
+    return error, float(np.sqrt(variance)) / (2 * error) if error > 0 else 0.0

@@ -1,0 +1,67 @@
+"""A control signal that acts late: by a delay of the loop, and by the lag of the current."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.machine.accessories import SHORTEST_LAG
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Bearing
+
+Array = NDArray[np.float64]
+
+
+def lag_of(bearing: Bearing) -> float:
+    """Return the time constant with which a bearing's current follows [s]; 0: at once."""
+    bandwidth = bearing.amplifier.bandwidth
+    return 0.0 if bandwidth is None else 1 / (2 * math.pi * bandwidth)
+
+
+def acting(bearing: Bearing, u: Array) -> Array:
+    """Return the mean of what acts in each sample of a bearing that is told u (n,) [V]."""
+    T = bearing.sampling_time
+    return delayed(lagged(u, T, lag_of(bearing)), (bearing.delay or 0.0) / T)
+
+
+def delayed(u: Array, samples: float) -> Array:
+    """Return what acts in each sample where a held signal comes later, possibly by a fraction."""
+    # u (n,)
+    if abs(samples) > u.size - 2:
+        raise AmbkitError(f"a delay of {samples:.3g} samples is longer than the record, {u.size}")
+    integer_part = math.floor(samples)
+    part = samples - integer_part
+    if integer_part == 0 and part == 0:
+        return u
+    last = u.size - 1
+    now = u[np.clip(np.arange(u.size) - integer_part, 0, last)]
+    if part == 0:  # and a missing value beside does no harm
+        return now
+    before = u[np.clip(np.arange(u.size) - integer_part - 1, 0, last)]
+    return np.asarray((1 - part) * now + part * before)
+
+
+def lagged(u: Array, T: float, lag: float) -> Array:
+    """Return the mean over each sample of a held signal that has passed a first-order lag."""
+    # u (n,)
+    if lag < SHORTEST_LAG * T:
+        return u
+    from scipy.signal import lfilter
+
+    good = np.where(np.isfinite(u), u, np.interp(np.arange(u.size), *_finite(u)))
+    keep = math.exp(-T / lag)
+    # State at the start of each sample: w[k] = keep w[k-1] + (1 - keep) u[k-1], w[0] = u[0].
+    follow, _ = lfilter([0.0, 1 - keep], [1.0, -keep], good, zi=[good[0]])
+    return np.asarray(good + (follow - good) * (lag / T) * (1 - keep))
+
+
+def _finite(u: Array) -> tuple[Array, Array]:
+    at = np.flatnonzero(np.isfinite(u))
+    if not at.size:
+        return np.zeros(1), np.zeros(1)
+    return at.astype(float), u[at]

@@ -1,0 +1,253 @@
+"""The magnet's force on a grid of operating points, with its uncertainty, from records of the loop.
+
+The law that was identified is corrected at the nodes of a grid, bilinearly between them, such that
+the Kalman filter's innovations are least surprising (as in `maximum_likelihood`: so it is unbiased
+in closed loop). Before, an error of the law is taken to be smooth: alike for nodes that are near
+each other. So a node between others that were visited is known by them, more nodes cost no
+certainty, and far from where the rotor was the correction stays zero and its error the one that was
+assumed: the law itself is then all that is known.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.machine.forces.force_points import ForcePoints
+from ambkit.machine.forces.force_surface import REACH, smooth
+from ambkit.machine.forces.table import check_nodes
+from ambkit.machine.magnets import equally_far, magnet_of
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+    from ambkit.data.record import Record
+    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+    from ambkit.machine.machine import Bearing
+
+Array = NDArray[np.float64]
+Ranges = list[tuple[float, float]]
+"""Lowest and highest current [A], and displacement [m]."""
+
+FINE = 65
+"""Nodes a side of the table that the filter asks, over all that the records visit: a few for each
+node of the map, as the law is bent between them."""
+
+NODES = (9, 7, 5)
+"""Nodes a side that are thought of by default, the finest first."""
+
+ENOUGH = 20
+"""Samples that a node needs to be told from its neighbours."""
+
+LARGEST = 20_000_000
+"""Derivatives, one for each sample and node, that are kept at once: 160 MB."""
+
+ROUNDS = 3
+"""Steps of Gauss and Newton; the innovations are nearly linear in the force."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForceMap:
+    """Force of the magnet at the nodes of a grid, with standard errors."""
+
+    current: Array  #: (ni,) Nodes of the control current [A].
+    displacement: Array  #: (nx,) Nodes of the displacement [m].
+    force: Array  #: (nx, ni) Whole force of the magnet [N], less a constant that a load would be.
+    #: (nx, ni) Its standard error [N]; about `assumed` where the rotor never was.
+    standard_error: Array
+    law: Array  #: (nx, ni) What the law that was corrected says there [N].
+    assumed: float  #: By how much the law was allowed to be wrong, standard deviation [N].
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Where the records tell far more than was assumed: an error of less than a tenth of it."""
+        return np.asarray(self.standard_error < 0.1 * self.assumed)
+
+    @property
+    def observed(self) -> NDArray[np.bool_]:
+        """Where the records tell more than half: an error of less than half of the assumed."""
+        return np.asarray(self.standard_error < 0.5 * self.assumed)
+
+    def points(self) -> ForcePoints:
+        """Return the nodes as points that an expert can be trained on."""
+        # Only those that the records tell of (`observed`): what stands at the others is the law,
+        # and it would be taken for a measurement that finds the law right.
+        if not self.observed.any():
+            raise AmbkitError("the records tell nothing of the force: let the rotor move more")
+        iu, x = np.meshgrid(self.current, self.displacement)
+        at = self.observed
+        return ForcePoints(iu[at], x[at], self.force[at], self.standard_error[at])
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write them as ``.csv`` or ``.parquet``, as ``ambkit train --force-map`` reads them."""
+        self.points().save(path)
+
+
+def force_map(
+    model: LoopModel,
+    records: Record | Sequence[Record],
+    *,
+    currents: ArrayLike | None = None,
+    displacements: ArrayLike | None = None,
+    nodes: tuple[int, int] | None = None,
+    share: float = 0.2,
+    settling: float = 0.0,
+    note: Callable[[str], None] = lambda text: None,
+) -> ForceMap:
+    """Identify the force on a grid of operating points."""
+    several = [records] if not isinstance(records, Sequence) else list(records)
+    b = model.bearing
+    iu = np.concatenate([b.amplifier.gain * model.corrected(r)["u"] for r in several])
+    x = np.concatenate([model.corrected(r)["y"] / b.sensor.gain for r in several])
+    limit = b.rotor.clearance
+    visited = np.clip(iu, b.current_min, b.current_max), np.clip(x, -limit, limit)
+    across, along = nodes_for(*visited) if nodes is None else nodes
+    current = _nodes("currents", currents, visited[0], across, "A")
+    displacement = _nodes("displacements", displacements, visited[1], along, "m")
+    grid = np.meshgrid(current, displacement)
+    law = magnet_of(b).force(*grid)
+    assumed = share * float(np.ptp(law))
+
+    def innovations(correction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        magnet = _Corrected(b, current, displacement, correction.reshape(law.shape), ranges)
+        corrected = replace(model, magnet=magnet)
+        parts = []
+        for record in several:
+            e, S, used = corrected.innovations(record)
+            used[: max(1, round(settling / record.sampling_time))] = False
+            parts.append((e, np.sqrt(S), used))
+        e, sigma, used = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return e, sigma, used
+
+    ranges = [_all_of(values) for values in visited]
+    known_before = _known_before(current, displacement, assumed)
+    w = np.zeros(law.size)
+    step = 0.05 * assumed
+    for k in range(ROUNDS):
+        e, sigma, used = innovations(w)
+        slopes = []
+        for j in range(w.size):
+            note(f"force map, round {k + 1} of {ROUNDS}, node {j + 1} of {w.size}")
+            up, down = w.copy(), w.copy()
+            up[j] += step
+            down[j] -= step
+            slopes.append((innovations(up)[0] - innovations(down)[0]) / (2 * step))
+        # Their deviations are held: those change with the stiffness, too, and least squares of
+        # e/sigma would find the force that makes sigma large (the likelihood's other half is
+        # left out; it tells next to nothing of the force).
+        J = np.array(slopes)[:, used] / sigma[used]
+        e = e[used] / sigma[used]
+        information = J @ J.T + known_before
+        w = w - np.linalg.solve(information, J @ e + known_before @ w)
+    # A constant force cannot be told from a load: it is taken off, as the records see it.
+    seen = np.diag(J @ J.T)
+    less_mean = np.eye(w.size) - seen / seen.sum()
+    covariance = less_mean @ np.linalg.inv(information) @ less_mean.T
+    correction, errors = less_mean @ w, np.sqrt(np.diag(covariance))
+    return ForceMap(
+        current,
+        displacement,
+        law + correction.reshape(law.shape),
+        errors.reshape(law.shape),
+        law,
+        assumed,
+    )
+
+
+class _Corrected:
+    """A bearing's law with a correction between the nodes of a grid, as the core's table."""
+
+    # The core's magnets give their force as ``k_i iu + k_s x``; the correction is split between the
+    # two as the paper's least squares would (`equally_far`), and its value at the origin, which no
+    # stiffness can give, is left to the load.
+
+    def __init__(
+        self,
+        bearing: Bearing,
+        current: Array,
+        displacement: Array,
+        w: Array,
+        ranges: list[tuple[float, float]],
+    ) -> None:
+        self.bearing, self.nodes, self.w, self.ranges = bearing, (displacement, current), w, ranges
+
+    def in_core(self, core: ModuleType) -> Magnet:
+        """Build the C implementation."""
+        from scipy.interpolate import RegularGridInterpolator
+
+        b = self.bearing
+        current, displacement = (np.linspace(low, high, FINE) for low, high in self.ranges)
+        iu, x = np.meshgrid(current, displacement)
+        bent = RegularGridInterpolator(self.nodes, self.w)
+        inside = [np.clip(axis, nodes[0], nodes[-1])
+                  for axis, nodes in zip((x, iu), self.nodes, strict=True)]  # fmt: skip
+        origin = [np.clip(0.0, nodes[0], nodes[-1]) for nodes in self.nodes]
+        more = bent(np.stack(inside, axis=-1)) - float(bent(np.array([origin]))[0])
+        ampere, metre = equally_far(b)
+        size = (iu / ampere) ** 2 + (x / metre) ** 2
+        part = np.divide(more, size, out=np.zeros_like(more), where=size > 0)
+        k_i, k_s = magnet_of(b).stiffness(iu, x)
+        return core.Table(  # type: ignore[no-any-return]
+            x_min=displacement[0],
+            dx=displacement[1] - displacement[0],
+            iu_min=current[0],
+            diu=current[1] - current[0],
+            k_i=np.ascontiguousarray(k_i + part * iu / ampere**2),
+            k_s=np.ascontiguousarray(k_s + part * x / metre**2),
+        )
+
+
+def nodes_for(iu: Array, x: Array) -> tuple[int, int]:
+    """Return how many nodes along current and displacement records fill: the finest of `NODES`."""
+    # Three of four nodes that the rotor came near have `ENOUGH` samples nearest to them, and the
+    # derivatives fit into the memory; otherwise the coarsest.
+    # iu (n,) [A]; x (n,) [m]
+    share = []
+    for visited in (iu, x):
+        low, high = _ends(visited)
+        share.append(np.clip((visited - low) / max(high - low, np.finfo(float).tiny), 0, 1))
+    for count in NODES:
+        nearest = [np.round((count - 1) * part) for part in share]
+        cell = count * nearest[1] + nearest[0]
+        samples = np.unique(cell[np.isfinite(cell)], return_counts=True)[1]
+        if np.mean(samples >= ENOUGH) >= 0.75 and count**2 * iu.size <= LARGEST:
+            return count, count
+    return NODES[-1], NODES[-1]
+
+
+def _known_before(current: Array, displacement: Array, assumed: float) -> Array:
+    """Information on the law's errors at the nodes before any sample, (n, n) [1/N^2]."""
+    iu, x = np.meshgrid(current, displacement)
+    at = np.stack([iu.ravel() / np.ptp(current), x.ravel() / np.ptp(displacement)])
+    alike = smooth(at, at, np.full((2, 1), REACH))
+    return np.asarray(np.linalg.inv(assumed**2 * alike))
+
+
+def _all_of(visited: Array) -> tuple[float, float]:
+    """Lowest and highest value, and a little more: beyond, the filter's stiffnesses are held."""
+    low, high = float(np.nanmin(visited)), float(np.nanmax(visited))
+    margin = 0.05 * (high - low)
+    return low - margin, high + margin
+
+
+def _ends(visited: Array) -> Array:
+    return np.asarray(np.nanpercentile(visited, [0.5, 99.5]))
+
+
+def _nodes(name: str, values: ArrayLike | None, visited: Array, count: int, unit: str) -> Array:
+    if values is None:
+        low, high = _ends(visited)
+        if not high > low:
+            raise AmbkitError(f"the records cover no range of {name}: let the rotor move")
+        if count < 4:
+            raise AmbkitError(f"nodes of {name} must be 4 or more, are {count}")
+        return np.linspace(low, high, count)
+    nodes = np.array(values, dtype=float)
+    check_nodes(name, nodes, unit, least=4)
+    return nodes

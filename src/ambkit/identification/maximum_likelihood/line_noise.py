@@ -1,0 +1,195 @@
+"""Lines in the measured position, such as the hum of the mains: found, and taken in if they pay.
+
+What a model without lines leaves is white but for them, and they stand out of its periodogram.
+Each one is an oscillator of two states whose amplitude and phase wander
+(`ambkit.machine.accessories.Hum`), fitted by the likelihood. A line too many does harm: an
+oscillator that is not there takes the rotor's own motion for its own. So one is taken in only where
+the likelihood gains more than three figures do by chance (Schwarz 1978), and none is looked for
+where the rotor itself moves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import ConfigError
+from ambkit.base.units import engineering
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
+from ambkit.identification.maximum_likelihood.search import climb
+from ambkit.machine.accessories import Hum
+from ambkit.machine.magnets import own_time
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+
+Array = NDArray[np.float64]
+
+MOST = 4
+"""Lines that are looked for."""
+
+LONGEST = 16384
+"""Samples of a periodogram; of longer records several are averaged."""
+
+BY_CHANCE = 1e-3
+"""Probability with which noise alone shows a line somewhere."""
+
+ENOUGH = 0.1
+"""Newton's decrement that ends a search beside a line: who asks for lines searches once more."""
+
+FIGURES = 3
+"""Of a line: frequency, amplitude, bandwidth."""
+
+SLOWEST = 2.0
+"""Times the rate at which a rotor falls: no line is looked for below."""
+
+NARROWEST = 0.001
+"""Of a record's inverse duration: what a line wanders less by is no more than its noise."""
+
+AROUND = 101
+"""Neighbouring frequencies whose median is what the residuals have there without a line."""
+
+
+def with_lines(
+    records: Sequence[Record],
+    model: LoopModel,
+    parameters: list[Parameter],
+    settling: float,
+    note: Callable[[str], object] = lambda _: None,
+) -> LoopModel:
+    """Return a model with the lines that records have, and the rest found anew beside them."""
+    for _ in range(MOST):
+        e, S, used = Likelihood(records, Coordinates(model, []), settling).innovations(np.zeros(0))
+        before = -0.5 * float(np.sum(np.log(2 * np.pi * S[used]) + e[used] ** 2 / S[used]))
+        line = _candidate(records, model)
+        if line is None:
+            break
+        note(f"a line at {engineering(line.frequency, 'Hz', 3)}?")
+        candidate_model = _fitted(records, model, line, settling)
+        if candidate_model is None:
+            break
+        if parameters:
+            candidate_model = climb(records, candidate_model, parameters, settling, ENOUGH).model
+            again = _fitted(
+                records,
+                _without_last(candidate_model),
+                candidate_model.bearing.sensor.hum[-1],
+                settling,
+            )
+            candidate_model = again or candidate_model
+        gain = (
+            Likelihood(records, Coordinates(candidate_model, []), settling).value(np.zeros(0))
+            - before
+        )
+        if gain < FIGURES / 2 * math.log(max(int(used.sum()), 2)):
+            break
+        model = candidate_model
+    return model
+
+
+def _candidate(records: Sequence[Record], model: LoopModel) -> Hum | None:
+    """Return what stands out most of the periodogram of the residuals, where that is no chance."""
+    from scipy.ndimage import median_filter
+    from scipy.stats import gamma
+
+    T = model.bearing.sampling_time
+    length = min(LONGEST, *(len(record) - 1 for record in records))
+    if length < 4 * AROUND:
+        return None
+    power, count, size = np.zeros(length // 2 + 1), 0, 0.0
+    for record in records:
+        e, S, used = model.innovations(record)
+        r = np.where(used, e / np.sqrt(S), 0.0)[1:]
+        size = math.sqrt(float(np.mean(S)))
+        for at in range(0, r.size - length + 1, length):
+            power += np.abs(np.fft.rfft(r[at : at + length])) ** 2 / length
+            count += 1
+    power /= count
+    # Below, a rotor moves by itself; at the other end noise has no room for a phase.
+    lowest = math.ceil(SLOWEST * length * T / (2 * math.pi * own_time(model.bearing)))
+    inner = slice(max(lowest, 3), math.floor(0.98 * power.size))
+    if inner.stop - inner.start < AROUND:
+        return None
+    floor = median_filter(power, AROUND, mode="nearest") / _median(count)
+    over = power[inner] / np.maximum(floor[inner], 1e-12)
+    at = int(np.argmax(over))
+    if over[at] < gamma.isf(BY_CHANCE / over.size, count) / count:
+        return None
+    at += inner.start
+    amplitude = size * math.sqrt(4 * float(power[at]) / length)
+    return Hum(frequency=at / (length * T), amplitude=amplitude, bandwidth=0.3 / (length * T))
+
+
+def _median(count: int) -> float:
+    """Median of the mean of so many periodograms of white noise, in parts of its mean."""
+    from scipy.stats import gamma
+
+    return float(gamma.median(count)) / count
+
+
+def _fitted(
+    records: Sequence[Record], model: LoopModel, line: Hum, settling: float
+) -> LoopModel | None:
+    """Return the model with one line more, its three figures as likely as can be."""
+    from scipy.optimize import minimize
+
+    T = model.bearing.sampling_time
+    longest = T * max(len(record) for record in records)
+
+    def at(z: Array) -> LoopModel:
+        one = Hum(
+            frequency=line.frequency + float(z[0]) / longest,
+            amplitude=line.amplitude * math.exp(float(z[1])),
+            bandwidth=float(
+                np.clip(
+                    line.bandwidth * math.exp(min(float(z[2]), 50.0)),
+                    NARROWEST / longest,
+                    0.1 * line.frequency,
+                )
+            ),
+        )
+        return model.replace(sensor__hum=(*model.bearing.sensor.hum, one))
+
+    def cost(z: Array) -> float:
+        try:
+            there = Coordinates(at(z), [])
+        except ConfigError:
+            return math.inf
+        return -Likelihood(records, there, settling).value(np.zeros(0))
+
+    begin = np.zeros(FIGURES)
+    simplex = np.vstack([begin, 0.7 * np.eye(FIGURES) * [1.0, 1.0, 3.0]])
+    result = minimize(
+        cost, begin, method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.05, "maxfev": 60},
+    )  # fmt: skip
+    if not math.isfinite(result.fun):
+        return None
+    return _as_large_as_it_is(records, at(result.x))
+
+
+def _as_large_as_it_is(records: Sequence[Record], model: LoopModel) -> LoopModel:
+    """Return the model with the last line's amplitude as the filter sees it along the records."""
+    # Of a line that hardly wanders a record is one draw, and its likelihood nearly flat.
+    squares = []
+    for record in records:
+        parts = model.states(record)
+        number = len(model.bearing.sensor.hum)
+        name = f"hum{number}" if number > 1 else "hum"
+        both = parts[f"{name}_c"] ** 2 + parts[f"{name}_s"] ** 2
+        squares.append(both[both.size // 4 :])
+    *others, last = model.bearing.sensor.hum
+    amplitude = math.sqrt(float(np.mean(np.concatenate(squares))))
+    if not amplitude > 0:
+        return model
+    return model.replace(sensor__hum=(*others, last.model_copy(update={"amplitude": amplitude})))
+
+
+def _without_last(model: LoopModel) -> LoopModel:
+    return model.replace(sensor__hum=model.bearing.sensor.hum[:-1])

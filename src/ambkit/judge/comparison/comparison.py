@@ -1,0 +1,256 @@
+"""The comparison: the same records for all, tuned alike, judged on other runs, beside the limit."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.data.signals import signal
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.estimate.machine_model import View
+from ambkit.judge.comparison.bound import bearing_bound
+from ambkit.judge.comparison.candidates import Candidate
+from ambkit.judge.comparison.cases import Case, Trial, in_the_loop, trials
+from ambkit.judge.comparison.criteria import (
+    OF_THE_LOOP,
+    SETTLING,
+    evaluate_run,
+    rows_along,
+)
+from ambkit.judge.comparison.score import Bench, Standing
+from ambkit.judge.comparison.tuning import SIGNALS, Tuning, errors, tune
+from ambkit.machine.force_laws import slowest_time
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.machine.machine import Machine
+
+Array = NDArray[np.float64]
+
+TRAINING = 4
+"""Runs that are tuned on; they are judged on others."""
+
+BOUND_RUNS = 8
+"""Runs over which the limit's expectations are taken."""
+
+_TRAINING_SEED = 500_009
+
+
+def bench(
+    bearing: Machine,
+    case: Case,
+    field: Mapping[str, Candidate],
+    *,
+    runs: int = 16,
+    budget: int = 0,
+    seed: int = 0,
+    threads: int = 2,
+    tuned: Mapping[str, Tuning] | None = None,
+    only: Sequence[str] | None = None,
+    done: Callable[[], None] = lambda: None,
+) -> Bench:
+    """Compare estimators in one case."""
+    made = trials(case, bearing, runs, seed)
+    valid = [trial for trial in made if not trial.lost]
+    if not valid:
+        raise AmbkitError(f"case {case.name}: in each of {runs} runs the rotor meets a stop")
+    settling = SETTLING * slowest_time(bearing)
+    first = max(1, round(settling / bearing.sampling_time))
+    with _pool(threads) as pool:
+        if tuned is None and budget > 0:
+            training = [
+                t for t in trials(case, bearing, TRAINING, seed + _TRAINING_SEED) if not t.lost
+            ]
+            reference = errors(lambda: KalmanFilter(bearing), training, first).mean(axis=0)
+
+            def search(candidate: Candidate) -> Tuning:
+                result = tune(candidate, training, reference, budget, first, seed)
+                done()
+                return result
+
+            tuned = dict(zip(field, pool.map(search, field.values()), strict=True))
+
+        def evaluated(which: tuple[Candidate, Tuning | None]) -> Standing:
+            candidate, tuning = which
+            values = dict(tuning.values) if tuning else candidate.defaults
+            figures = _figures(candidate, values, valid, bearing, settling)
+            done()
+            return Standing(candidate.name, candidate.label, values, figures, tuning)
+
+        def standings(results: Mapping[str, Tuning] | None) -> dict[str, Standing]:
+            parts = [(c, None if results is None else results[n]) for n, c in field.items()]
+            judged = dict(zip(field, pool.map(evaluated, parts), strict=True))
+            for name, score in judged.items():  # when nothing else goes on
+                cost = _cost(field[name].build(**score.values), valid[0])
+                score.figures["cost"] = np.full(len(valid), cost)
+            return judged
+
+        variants = ("default", "tuned") if only is None else only
+        default = standings(None) if "default" in variants else {}
+        better = standings(tuned) if tuned and "tuned" in variants else {}
+    return Bench(
+        bearing=bearing,
+        case=case,
+        runs=runs,
+        stopped=runs - len(valid),
+        seed=seed,
+        budget=budget,
+        default=default,
+        tuned=better,
+        limit=_limit(bearing, case, valid, first),
+        raw=raw_error(bearing, [trial.record for trial in valid], first),
+        units={name: {t.name: t.unit for t in item.tunable} for name, item in field.items()},
+    )
+
+
+def pieces(field: Mapping[str, object], budget: int) -> int:
+    """Return how often `bench` calls `done`."""
+    return len(field) * (3 if budget else 1)
+
+
+def _figures(
+    candidate: Candidate,
+    values: Mapping[str, float],
+    valid: Sequence[Trial],
+    bearing: Machine,
+    settling: float,
+) -> dict[str, Array]:
+    """Judge an estimator along the records and, where it can be there, in the loops, (runs,)."""
+    if not candidate.in_loop:
+        rows = [evaluate_run(candidate.build(**values), t, bearing, settling) for t in valid]
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    # One for all runs, each of which it begins afresh.
+    estimator = candidate.build(**values)
+    rows = [evaluate_run(estimator, trial, bearing, settling) for trial in valid]
+    figures = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    looped = in_the_loop(valid, estimator, settling)
+    touched = looped.figures["touched"] > 0
+    for name, of in OF_THE_LOOP.items():  # of several axes some do not apply
+        figures[name] = np.where(touched, np.nan, looped.figures.get(of, np.nan))
+    figures["settling"][np.isinf(figures["settling"])] = np.nan
+    figures["lost"] = np.maximum(figures["lost"], touched)
+    return figures
+
+
+@contextmanager
+def _pool(threads: int) -> Iterator[ThreadPoolExecutor]:
+    pool = ThreadPoolExecutor(threads)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not run first
+
+
+def _cost(estimator: Any, trial: Trial) -> float:
+    """Time of a step [s]: the best of three runs along a record, with nothing else going on."""
+    best = float("inf")
+    for _ in range(3):
+        start = time.perf_counter()
+        estimator.run(trial.record)
+        best = min(best, time.perf_counter() - start)
+    return best / len(trial.record)
+
+
+def raw_error(bearing: Machine, records: Sequence[Record], first: int) -> float:
+    """Return what the raw sensors err by along the axes from a sample on, rms [m]."""
+    view, errors = View(bearing), []
+    transform = view.H @ view.shown
+    for record in records:
+        y = np.array([record[signal("y", r.name)] for r in view.machine.readings])
+        x = np.array([record[signal("s", a.name) if a.name else "x"] for a in view.machine.axes])
+        errors.append(np.sqrt(np.mean((transform @ y - x)[:, first:] ** 2)))
+    return float(np.mean(errors))
+
+
+def _limit(bearing: Machine, case: Case, valid: Sequence[Trial], first: int) -> dict[str, float]:
+    if not case.walks:
+        return {}
+    model, view = KalmanFilter(bearing), View(bearing)
+    variances = model.variances._replace(disturbance=case.growth(bearing))
+    records = [trial.record for trial in valid[:BOUND_RUNS]]
+    rows = np.concatenate(rows_along(model.states, view))
+    names = [name for name in SIGNALS for _ in view.isolated]
+    if view.single:
+        names, rows = [*names, "x_m"], np.eye(len(model.states))[: len(names) + 1]
+    bound = bearing_bound(valid[0].plant, records, variances, model.default_std(), rows)
+    squares = np.mean(bound[first:] ** 2, axis=0)
+    return {
+        name: float(np.sqrt(np.mean(squares[[item == name for item in names]])))
+        for name in dict.fromkeys(names)
+    }
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """How the error changes with one thing, for each estimator."""
+
+    values: Array  #: (n,) Of what is changed.
+    #: (mapping of str to ndarray (n,)) By estimator, then x, v, f_d: mean RMSE.
+    errors: Mapping[str, Mapping[str, Array]]
+    #: The same: half of the 95 % confidence interval.
+    half_widths: Mapping[str, Mapping[str, Array]]
+    limit: Mapping[str, Array]  #: (n,) Of x, v, f_d; empty where none is known.
+
+
+def sweep(
+    bearing: Machine,
+    cases: Mapping[float, Case],
+    field: Mapping[str, Candidate],
+    *,
+    tuned: Mapping[str, Tuning] | None = None,
+    runs: int = 4,
+    seed: int = 0,
+    threads: int = 2,
+    done: Callable[[], None] = lambda: None,
+) -> Sweep:
+    """Compare estimators along records only, in a row of cases that differ in one thing."""
+    first = max(1, round(SETTLING * slowest_time(bearing) / bearing.sampling_time))
+    rows: list[dict[str, Array]] = []
+    limits: list[dict[str, float]] = []
+    with _pool(threads) as pool:
+        for case in cases.values():
+            valid = [t for t in trials(case, bearing, runs, seed + 31) if not t.lost]
+
+            def one(candidate: Candidate, valid: list[Trial] = valid) -> Array:
+                values = dict(tuned[candidate.name].values) if tuned else candidate.defaults
+                return errors(lambda: candidate.build(**values), valid, first)
+
+            rows.append(dict(zip(field, pool.map(one, field.values()), strict=True)))
+            limits.append(_limit(bearing, case, valid, first) if valid else {})
+            done()
+
+    def gathered(what: Callable[[Array], float]) -> dict[str, dict[str, Array]]:
+        return {
+            name: {
+                signal: np.array([what(row[name][:, place]) for row in rows])
+                for place, signal in enumerate(SIGNALS)
+            }
+            for name in field
+        }
+
+    limit = {}
+    if all(limits):
+        limit = {signal: np.array([item[signal] for item in limits]) for signal in SIGNALS}
+    return Sweep(np.array(list(cases)), gathered(_mean), gathered(_half_width), limit)
+
+
+def _mean(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _half_width(values: Array) -> float:
+    from scipy.stats import t
+
+    known = values[np.isfinite(values)]
+    if known.size < 2:
+        return 0.0
+    return float(t.ppf(0.975, known.size - 1) * known.std(ddof=1) / np.sqrt(known.size))

@@ -1,0 +1,308 @@
+"""How estimators did in a case: each criterion stated once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base import late_binding
+from ambkit.base.units import figure, percent
+from ambkit.judge.comparison.cases import Case
+from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED
+from ambkit.judge.comparison.tuning import Tuning
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.sections import Part, Section
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+    from ambkit.result.report.figure import Figure
+
+Array = NDArray[np.float64]
+
+SHOWN = ("x", "v", "f_d", "nees", "nis", "lost")
+"""Criteria that are shown to all; the others are details."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How one estimator did, with one set of values."""
+
+    name: str  #: Of the estimator.
+    label: str
+    values: Mapping[str, float]  #: Of its tunables.
+    #: (runs,) By the names of :data:`ambkit.judge.comparison.criteria.CRITERIA`, in SI; NaN where a
+    #: criterion does not apply to a run.
+    figures: dict[str, Array]
+    tuning: Tuning | None = None  #: What was found; None where these are the defaults.
+
+    def mean(self, criterion: str) -> float:
+        """Mean over the runs in which it applies; NaN where it never does."""
+        known = self._known(criterion)
+        return float(known.mean()) if known.size else float("nan")
+
+    def half_width(self, criterion: str) -> float:
+        """Half width of the 95 % confidence interval of the mean (Student's t)."""
+        from scipy.stats import t
+
+        known = self._known(criterion)
+        if known.size < 2:
+            return float("nan")
+        return float(t.ppf(0.975, known.size - 1) * known.std(ddof=1) / np.sqrt(known.size))
+
+    def _known(self, criterion: str) -> Array:
+        values = np.asarray(self.figures[criterion])
+        return np.asarray(values[np.isfinite(values)])
+
+    def rows(self) -> list[Row]:
+        """Return the mean of each criterion, with its 95 % interval."""
+        return [
+            Row(name, of.label, self.mean(name), of.si, 3, error=self.half_width(name),
+                error_key="half_width", detail=name not in SHOWN)
+            for name, of in CRITERIA.items() if name in self.figures
+        ]  # fmt: skip
+
+
+@dataclass(frozen=True, repr=False)
+class Bench(Result):
+    """The whole comparison in one case."""
+
+    bearing: Machine  #: What the estimators assume.
+    case: Case  #: What happened.
+    runs: int  #: Runs, and those left out since the rotor met a stop while the records were made.
+    stopped: int
+    seed: int  #: First seed; evaluations of the tuning, 0: not tuned.
+    budget: int
+    #: By the names of the estimators; `tuned` is empty without tuning.
+    default: Mapping[str, Standing]
+    tuned: Mapping[str, Standing] = field(default_factory=dict)
+    #: Least RMSE of x, v, f_d over the axes that any estimator can have, of a single axis of x_m
+    #: too; empty where the truth is not as the filters' model, and there is no limit known.
+    limit: Mapping[str, float] = field(default_factory=dict)
+    raw: float = float("nan")  #: Root mean square error of the raw sensors along the axes [m].
+    #: (mapping of str to str) By estimator, unit of each value that can be tuned.
+    units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+    @property
+    def best(self) -> Mapping[str, Standing]:
+        """The tuned standings, or the default ones where nothing was tuned."""
+        return self.tuned or self.default
+
+    def efficiency(self, name: str, signal: str) -> float:
+        """Limit over root mean square error of a state; 1 is what nobody exceeds."""
+        return self.limit[signal] / _pooled(self.best[name].figures[signal])
+
+    TITLE = "{0.bearing.name}, case {0.case.name}: {0.case.title}"
+
+    @property
+    def finding(self) -> str:
+        """Who estimates the disturbance force best."""
+        raw = figure(self.raw, "m", 3)
+        return f"{self.title}. {least(self._best_rows())}; the raw sensors err by {raw}."
+
+    def _best_rows(self) -> list[Row]:
+        return [row for name, of in self.best.items() for row in put(of.rows(), of=name)]
+
+    @property
+    def rows(self) -> list[Row]:
+        """The criteria of all, the raw sensors, what is possible, and what was tuned."""
+        results: list[Row] = []
+        for name, of in self.tuned.items():
+            results += put(of.rows(), section=("tuned",), of=name)
+        for name, of in self.default.items():
+            own = put(of.rows(), section=("default",), of=name)
+            results += put(own, detail=True) if self.tuned else own
+        results += [
+            Row(name, name, least, EVALUATED.get(name, "m"), 3, section=("limit",),
+                detail=name not in EVALUATED)
+            for name, least in self.limit.items()
+        ]  # fmt: skip
+        for name, of in self.tuned.items():
+            if of.tuning is not None:
+                results += put(self._tuning(of, of.tuning), section=("tuning",), of=name)
+        return results
+
+    def _tuning(self, of: Standing, result: Tuning) -> list[Row]:
+        units = self.units.get(of.name, {})
+        return [
+            Row("default", "objective, untuned", result.default),
+            Row("tuned", "objective, tuned", result.objective),
+            Row("evaluations", "evaluations", result.evaluations),
+            *(Row(key, key.removeprefix("noise."), value, units.get(key, "1"), detail=True)
+              for key, value in of.values.items()),
+        ]  # fmt: skip
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        runs = f"{self.runs} run{'s' * (self.runs > 1)}"
+        return {
+            ("default",): Section(f"With their defaults, {runs}", across=True),
+            ("tuned",): Section(f"Tuned alike, {runs}", across=True),
+            ("limit",): Section("No estimator can have smaller errors than (Cramér-Rao)"),
+            ("tuning",): Section("What was tuned"),
+        }
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What was compared, and how."""
+        return {
+            "machine": self.bearing.name,
+            "runs": f"{self.runs}, {self.stopped} left out" if self.stopped else str(self.runs),
+            "first seed": str(self.seed),
+            "tuning": f"{self.budget} evaluations each" if self.budget else "defaults",
+        }
+
+    @property
+    def notes(self) -> list[str]:
+        """What was left out, and who cannot be told apart."""
+        notes = [f"{self.stopped} runs left out: the rotor met a stop."] if self.stopped else []
+        return [*notes, *self._alike()]
+
+    def _alike(self) -> list[str]:
+        """Say whose error cannot be told from the least one: paired over the runs."""
+        from scipy.stats import ttest_rel
+
+        errors = {n: of.figures["f_d"] for n, of in self.best.items()}
+        errors = {n: error for n, error in errors.items() if np.isfinite(error).any()}
+        if len(errors) < 2:
+            return []
+        first = min(errors, key=lambda n: float(np.nanmean(errors[n])))
+        alike, tested = [], False
+        for name, other in errors.items():
+            both = np.isfinite(other) & np.isfinite(errors[first])
+            if name == first or both.sum() < 3:
+                continue
+            tested, a, b = True, other[both], errors[first][both]
+            if np.ptp(a - b) == 0 or ttest_rel(a, b).pvalue > 0.05:
+                alike.append(name)
+        if alike:
+            return [f"No difference in F_St from {first} (t test of pairs, 5 %): "
+                    f"{', '.join(alike)}."]  # fmt: skip
+        if not tested:
+            return []
+        return [f"In F_St {first} is better than each of the others beyond chance (t test of "
+                "pairs, 5 %)."]  # fmt: skip
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """The case, the limit, and the values of the tunables."""
+        scores_by_tuning = {"default": self.default, "tuned": self.tuned}
+        return {
+            "bearing": self.bearing.name,
+            "case": self.case.name,
+            "runs": self.runs,
+            "stopped": self.stopped,
+            "seed": self.seed,
+            "budget": self.budget,
+            "raw_sensor": self.raw,
+            "limit": dict(self.limit),
+        } | {
+            how: {n: {"label": s.label, "values": dict(s.values)} for n, s in of.items()}
+            for how, of in scores_by_tuning.items() if of
+        }  # fmt: skip
+
+    def figures(self) -> list[Figure]:
+        """Return all by all criteria, and what a step costs."""
+        return [late_binding.call("matrix_figure", self), late_binding.call("cost_figure", self)]
+
+
+class Benches(Result, dict[str, Bench]):
+    """The comparison in several cases, by their names."""
+
+    @property
+    def _first(self) -> Bench:
+        return next(iter(self.values()))
+
+    @property
+    def title(self) -> str:
+        """Of what machine."""
+        return f"{self._first.bearing.name}: estimators compared in {len(self)} cases"
+
+    @property
+    def finding(self) -> str:
+        """Who estimates the disturbance force best in most cases."""
+        best: dict[str, int] = {}
+        for bench in self.values():
+            errors = {n: of.mean("f_d") for n, of in bench.best.items()}
+            errors = {n: error for n, error in errors.items() if math.isfinite(error)}
+            if errors:
+                first = min(errors, key=errors.__getitem__)
+                best[first] = best.get(first, 0) + 1
+        if not best:
+            return f"{self.title}: none has finished a run."
+        first = max(best, key=best.__getitem__)
+        return f"{self.title}: {first} estimates the disturbance force best in {best[first]}."
+
+    @property
+    def rows(self) -> list[Row]:
+        """The error of the disturbance force in each case, and all of each case."""
+        overview = [
+            Row(case, case, bench.best[name].mean("f_d"), "N", 3, of=name, section=("f_d",))
+            for name in self._first.best for case, bench in self.items()
+        ]  # fmt: skip
+        return overview + [
+            replace(row, section=("cases", case, *row.section), detail=True)
+            for case, bench in self.items() for row in bench.rows
+        ]  # fmt: skip
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        how = "tuned alike" if self._first.tuned else "with their defaults"
+        runs = f"{self._first.runs} run{'s' * (self._first.runs > 1)} each"
+        results = {("f_d",): Section(f"Error of F_St, {runs}, {how}", across=True)}
+        return results | {
+            ("cases", case, *name): Section(f"{case}: {of.title}", of.across)
+            for case, bench in self.items() for name, of in bench.sections.items()
+        }  # fmt: skip
+
+    @property
+    def chapters(self) -> list[Part]:
+        """A chapter for each case."""
+        return [
+            Part(f"{case}: {bench.case.title}", bench.case.about, ("cases", case),
+                 [late_binding.call("matrix_figure", bench, f"matrix-{case}")])
+            for case, bench in self.items()
+        ]  # fmt: skip
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What was compared, and how."""
+        return self._first.facts
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """What is of each case."""
+        return {
+            "bearing": self._first.bearing.name,
+            "cases": {case: bench.series for case, bench in self.items()},
+        }
+
+    def figures(self) -> list[Figure]:
+        """Return the errors in all cases."""
+        return [late_binding.call("cases_figure", self)]
+
+
+def least(rows: Sequence[Row]) -> str:
+    """Say who has the least error of the disturbance force."""
+    errors: dict[str, Any] = {r.of: r.value for r in rows if r.key == "f_d" and r.known}
+    if not errors:
+        return "no estimator has finished a run"
+    first = min(errors, key=errors.__getitem__)
+    text = next(row.text() for row in rows if row.of == first and row.key == "f_d")
+    text = f"{first} estimates the disturbance force best, to {text} rms"
+    if "linear" in errors and first != "linear":
+        text += f", {percent(errors[first] / errors['linear'])} of linear's"
+    return text
+
+
+def _pooled(errors: Array) -> float:
+    """RMSE over all runs together: that is what the limit limits."""
+    known = errors[np.isfinite(errors)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")

@@ -1,0 +1,360 @@
+"""The fault campaign: every estimator through every fault, in the loop and beside it."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.base import late_binding
+from ambkit.base.errors import AmbkitError
+from ambkit.base.progress import reporting
+from ambkit.base.quantity_arguments import of_type
+from ambkit.data.files.tables import Table, write_table
+from ambkit.estimate.named import factories
+from ambkit.estimate.registry import KINDS
+from ambkit.judge.comparison.candidates import suited
+from ambkit.judge.faults.fault_run import Flight, Outcome
+from ambkit.judge.faults.faults import CLEAN, FAULTS
+from ambkit.machine.machine import Machine
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.sections import Section
+from ambkit.simulation.scenario import PID
+
+if TYPE_CHECKING:
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.judge.faults.faults import Channel
+    from ambkit.machine.magnets import Precision
+    from ambkit.result.report.figure import Figure
+    from ambkit.simulation.run import Run
+
+BASELINE = "measurement"
+"""Stands for the loop without an estimator: the controller is fed by the measurement."""
+
+MIXTURE = "mixture"
+"""Stands for the faults that are drawn at random."""
+
+TEXTS = ("fault", "estimator", "precision", "setting", "levitation")
+"""What is told of a flight in words."""
+
+FLIGHT_UNITS = {
+    "at_stop": "s", "worst_x": "m", "worst_f_d": "N", "after_x": "m", "after_f_d": "N",
+}  # fmt: skip
+
+SETTINGS = ("beside the loop", "in the loop")
+
+
+@dataclass(frozen=True, repr=False)
+class FaultCampaign(Result):
+    """What became of a campaign."""
+
+    bearing: Machine  #: Whose.
+    outcomes: tuple[Outcome, ...]  #: One a flight.
+
+    @property
+    def estimators(self) -> list[str]:
+        """Names of the estimators, without the baseline."""
+        names = dict.fromkeys(outcome.estimator for outcome in self.outcomes)
+        return [name for name in names if name != BASELINE]
+
+    @property
+    def faults(self) -> list[str]:
+        """Names of the faults."""
+        return list(dict.fromkeys(outcome.fault for outcome in self.outcomes))
+
+    def select(self, **criteria: str) -> list[Outcome]:
+        """Return the outcomes of which each named attribute is as given."""
+        return [
+            outcome
+            for outcome in self.outcomes
+            if all(getattr(outcome, name) == value for name, value in criteria.items())
+        ]
+
+    @property
+    def failures(self) -> list[Outcome]:
+        """Flights in which an estimator was not finite, stood still for ever or did not recover."""
+        # In the loop only what is not finite counts, unless the rotor stayed up: an estimator that
+        # went down with its rotor has nothing to come back to.
+        return [
+            outcome
+            for outcome in self.outcomes
+            if outcome.estimator != BASELINE
+            and not outcome.recovered
+            and (
+                not outcome.finite
+                or outcome.setting == "beside the loop"
+                or outcome.levitation == "kept"
+            )
+        ]
+
+    def slowest(self, estimator: str) -> float:
+        """Most samples that it took to recover beside the loop; infinity: it did not once."""
+        beside = self.select(estimator=estimator, setting="beside the loop")
+        took = [item.recovery if item.recovered else math.inf for item in beside]
+        return max((item for item in took if not math.isnan(item)), default=math.nan)
+
+    @property
+    def title(self) -> str:
+        """Of what machine, how many flights."""
+        faults = f"{len(self.faults)} fault{'s' * (len(self.faults) > 1)}"
+        return f"{self.bearing.name}: {len(self.outcomes)} flights through {faults}"
+
+    @property
+    def finding(self) -> str:
+        """Whether a rotor was lost, and whether all came back."""
+        outcomes = [outcome for outcome in self.outcomes if outcome.estimator != BASELINE]
+        lost = sum(e.setting == "in the loop" and e.levitation == "lost" for e in outcomes)
+        failed = len(self.failures)
+        if not lost and not failed:
+            return f"{self.title}: no rotor was lost, and all estimators came back."
+        return f"{self.title}: the rotor was lost in {lost}, no recovery in {failed}."
+
+    @property
+    def notes(self) -> list[str]:
+        """Who lost the rotor, and who did not come back."""
+        sentences = []
+        for name in self.estimators:
+            failed = {failure.fault for failure in self.failures if failure.estimator == name}
+            if lost := self._lost(name):
+                sentences.append(f"{name}: the rotor was lost in {', '.join(lost)}.")
+            if failed:
+                sentences.append(f"{name}: no recovery from {', '.join(sorted(failed))}.")
+        return sentences
+
+    def _lost(self, name: str) -> list[str]:
+        outcomes = self.select(estimator=name, setting="in the loop", levitation="lost")
+        return sorted({outcome.fault for outcome in outcomes})
+
+    @property
+    def rows(self) -> list[Row]:
+        """Each estimator over all flights, the controller alone, and each fault."""
+        result = put(self._of(BASELINE), section=("controller_alone",), of=BASELINE)
+        for name in reversed(self.estimators):
+            result = put(self._of(name), section=("estimators",), of=name) + result
+        about = {CLEAN.name: CLEAN.about, MIXTURE: "up to three of them at a time, at random"}
+        about |= {name: fault.about for name, fault in FAULTS.items()}
+        for fault in self.faults:
+            unfiltered = recovery_text(self.select(fault=fault, estimator=BASELINE))
+            result += put([
+                *(Row(s.replace(" ", "_"), s, self._slowest(fault, s)) for s in SETTINGS),
+                Row("controller_alone", "controller alone", unfiltered or None),
+                Row("about", "what happens", about[fault], detail=True),
+            ], section=("faults",), of=fault)  # fmt: skip
+        return result
+
+    def _of(self, name: str) -> list[Row]:
+        """Return the figures of one estimator, or of the controller alone."""
+        beside = self.select(estimator=name, setting="beside the loop")
+        trials = self.select(estimator=name, setting="in the loop")
+        own: list[Row] = []
+        if beside:
+            worst = ([getattr(e, key) for e in beside] for key in ("after_x", "after_f_d"))
+            x, f_d = (max((w for w in item if not math.isnan(w)), default=None) for item in worst)
+            back = sum(item.recovered for item in beside)
+            own = [
+                Row("recovered", "all back", back == len(beside), detail=True),
+                Row("back", "back", back),
+                Row("beside", "of", len(beside)),
+                Row("slowest_recovery", "after samples", self.slowest(name), digits=1),
+                Row("after_x", "off by x", x, "m", 3),
+                Row("after_f_d", "off by F_St", f_d, "N", 3),
+            ]
+        ends = [trial.levitation for trial in trials]
+        return [
+            *own,
+            Row("flown", "flown", len(trials), detail=True),
+            Row("kept", "stayed up", ends.count("kept")),
+            Row("touched", "touched", ends.count("touched")),
+            Row("lost", "lost", ends.count("lost")),
+            Row("at_stop", "longest at a stop", max((e.at_stop for e in trials), default=None), "s",
+                detail=True),
+        ]  # fmt: skip
+
+    def _slowest(self, fault: str, setting: str) -> str | None:
+        """Say which estimators were lost, or how many samples the slowest took to recover."""
+        of = {
+            name: recovery_text(self.select(fault=fault, estimator=name, setting=setting))
+            for name in self.estimators
+        }
+        of = {name: text for name, text in of.items() if text}
+        if bad := [name for name, text in of.items() if not text.isdigit()]:
+            summary = ", ".join(f"{name} {of[name]}" for name in bad)
+            return summary if len(bad) <= 2 else f"{of[bad[0]]}: {len(bad)} of {len(of)}"
+        if not of:
+            return None
+        name = max(of, key=lambda item: int(of[item]))
+        return of[name] if of[name] == "0" or len(of) == 1 else f"{of[name]} ({name})"
+
+    SECTIONS = {
+        ("estimators",): Section("Beside the loop, and in it", across=True),
+        ("controller_alone",): Section("The controller fed by the measurement", across=True),
+        ("faults",): Section("Samples until back, the slowest", across=True),
+    }
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """All flights."""
+        seeds = [outcome.seed for outcome in self.outcomes]
+        return {
+            "bearing": self.bearing.name,
+            "seeds": [min(seeds), max(seeds)],
+            "estimators": {name: {"lost_in_loop": self._lost(name)} for name in self.estimators},
+            "flights": [
+                asdict(outcome)
+                | {"recovered": outcome.recovered, "never": outcome.recovery == math.inf}
+                for outcome in self.outcomes
+            ],
+        }
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write it; as .csv or .parquet a line for each flight, names as places in lists."""
+        if Path(path).suffix not in (".csv", ".parquet"):
+            super().save(path)
+            return
+        columns, lists = {}, {}
+        for name in [*vars(self.outcomes[0]), "recovered"]:
+            values = [getattr(outcome, name) for outcome in self.outcomes]
+            if name in TEXTS:
+                lists[f"{name}s"] = list(dict.fromkeys(values))
+                values = [lists[f"{name}s"].index(value) for value in values]
+            columns[name] = np.array(values, dtype=float)
+        units = {name: FLIGHT_UNITS.get(name, "1") for name in columns}
+        write_table(path, Table(columns, units, {"bearing": self.bearing.name} | lists))
+
+    def figures(self) -> list[Figure]:
+        """Return each estimator in each fault."""
+        return [late_binding.call("faults_figure", self)]
+
+
+def chosen_faults(names: Iterable[str] | None) -> list[str]:
+    """Check names of faults; all of them where none is named."""
+    results = list(FAULTS) if names is None else list(dict.fromkeys(names))
+    for name in results:
+        if name not in FAULTS:
+            raise AmbkitError(f'there is no fault "{name}"; known: {", ".join(FAULTS)}')
+    return results
+
+
+def flights_of(estimators: int, faults: Iterable[str], seeds: int, *, steps: int) -> int:
+    """Return how often `faults` calls `done`, for one precision."""
+    there = [FAULTS[name].in_loop for name in faults]
+    settings = [True, True, *([True, True] if steps else [])]  # clean, mixed
+    in_loop, beside = sum(there) + sum(settings) // 2, len(there) + sum(settings) // 2
+    return seeds * (estimators * (in_loop + beside) + in_loop)
+
+
+def inject_faults(
+    bearing: Machine,
+    estimators: Any = None,
+    *,
+    reading: str | None = None,
+    faults: Iterable[str] | None = None,
+    seeds: Sequence[int] = (0,),
+    steps: int = 50_000,
+    precisions: Sequence[Precision] = ("float64",),
+    controller: PID | None = None,
+    threads: int = 2,
+    done: Callable[[str], None] | None = None,
+) -> FaultCampaign:
+    """Fly each estimator through faults of sensor, control signal, amplifier and load."""
+    of_type(Machine, bearing=bearing)
+    bearing = bearing.short
+    at, named = _reading(bearing.long, reading), chosen_faults(faults)
+    if not bearing.single and "lift-off" in named:  # its own start has lift-off
+        named.remove("lift-off")
+    kinds = suited(list(KINDS), bearing)
+    built: Mapping[str, Callable[..., Estimator]] = (
+        estimators
+        if isinstance(estimators, Mapping)
+        else factories(kinds if estimators is None else estimators, bearing)
+    )
+
+    works = [
+        _Work(Flight(bearing, controller, in_loop, seed, precision, at), name, build)
+        for precision in precisions
+        for seed in seeds
+        for in_loop in (False, True)
+        for name, build in [*built.items(), *([(BASELINE, None)] if in_loop else [])]
+    ]
+    run_count = len(precisions) * flights_of(len(built), named, len(seeds), steps=steps)
+    pool = ThreadPoolExecutor(threads)
+    with reporting(done, "flying", run_count) as tell:
+
+        def fly(work: _Work) -> list[Outcome]:
+            return list(_campaign(work, named, steps, tell))
+
+        try:
+            outcomes = [item for result in pool.map(fly, works) for item in result]
+        finally:
+            pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not flown first
+    return FaultCampaign(bearing, tuple(outcomes))
+
+
+def _reading(machine: Machine, name: str | None) -> int:
+    """Return which reading has a name, the first without one."""
+    names = [reading.name for reading in machine.readings]
+    if name is not None and name not in names:
+        raise AmbkitError(f"{machine.name} has no reading {name}; there are {', '.join(names)}")
+    return 0 if name is None else names.index(name)
+
+
+@dataclass(frozen=True)
+class _Work:
+    """Who is flown how; without `build`, the controller alone."""
+
+    flight: Flight
+    name: str
+    build: Callable[..., Estimator] | None
+
+    def run(self, channel: Channel) -> Run:
+        made = None if self.build is None else self.build(precision=self.flight.precision)
+        return self.flight.fly(channel, made)
+
+
+def _campaign(
+    work: _Work, named: Sequence[str], steps: int, done: Callable[[str], None]
+) -> Iterator[Outcome]:
+    """Fly one estimator through all faults, the clean flight first."""
+    fault_test = work.flight
+    channel, windows = fault_test.through(CLEAN)
+    clean = work.run(channel)
+    band = fault_test.band(clean)
+    done(CLEAN.name)
+    yield fault_test.evaluate(clean, windows, band, fault=CLEAN.name, estimator=work.name)
+    for name in named:
+        if fault_test.in_loop and not FAULTS[name].in_loop:
+            continue
+        channel, windows = fault_test.through(FAULTS[name])
+        yield fault_test.evaluate(work.run(channel), windows, band, fault=name, estimator=work.name)
+        done(name)
+    if steps:
+        channel, windows = fault_test.mixed(steps)
+        if not windows:
+            raise AmbkitError(f"{steps} steps have no room for a fault and its aftermath")
+        yield fault_test.evaluate(
+            work.run(channel), windows, band, fault=MIXTURE, estimator=work.name
+        )
+        done(MIXTURE)
+
+
+def recovery_text(outcomes: Sequence[Outcome]) -> str:
+    """Say in a word or a number of samples what became of the same flight over the seeds."""
+    if not outcomes:
+        return ""
+    if any(not outcome.finite for outcome in outcomes):
+        return "not finite"
+    if any(outcome.levitation == "lost" for outcome in outcomes):
+        return "lost"
+    if any(outcome.held for outcome in outcomes):
+        return "held"
+    worst = float(np.max([outcome.recovery for outcome in outcomes]))
+    if math.isnan(worst):
+        return "lost"
+    return "never" if math.isinf(worst) else f"{worst:.0f}"

@@ -1,0 +1,250 @@
+"""What a loop asks of its machine: room that is moved in, copper loss, and the load it can bear."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.judge.loop.coil_temperature import Heating, heating
+from ambkit.machine.force_laws import isolated_axes, weights_of
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import magnet_of
+from ambkit.models.linear import Complex
+from ambkit.simulation.linear.linear_plant import OperatingPoint, unbalance_columns
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Bearing
+    from ambkit.simulation.linear.closed_loop import Loop
+
+Array = NDArray[np.float64]
+
+ROOM = (("A", 0.3), ("B", 0.4), ("C", 0.5))
+"""Zones of ISO 14839-2, and the shares of the least clearance below which the displacement is."""
+
+HIGHEST = 0.8
+"""Of half the sampling rate, up to where loads are looked at."""
+
+SIGMAS = 3.0
+"""Of noise, what a peak is taken for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Capacity:
+    """The harmonic load that a loop bears at a frequency before something is at its limit."""
+
+    frequency: Array  #: (k,) Frequencies [Hz].
+    #: (k,) Amplitude of the load at which the current comes to its limit [N], with what holds the
+    #: rotor and noise in it.
+    current: Array
+    displacement: Array  #: (k,) At which the rotor leaves zone A of ISO 14839-2 [N].
+    #: (k,) At which the amplifier's voltage is at its limit [N]; None where there is none.
+    voltage: Array | None
+    #: Least and greatest constant load that a current within the range holds [N].
+    static: tuple[float, float]
+
+    @property
+    def least(self) -> tuple[float, float]:
+        """The smallest load that brings something to its limit [N], and its frequency [Hz]."""
+        all_ = [self.current, self.displacement]
+        worst = np.min([*all_, *([] if self.voltage is None else [self.voltage])], axis=0)
+        at = int(np.argmin(worst))
+        return float(worst[at]), float(self.frequency[at])
+
+
+@dataclass(frozen=True, eq=False)
+class Demands:
+    """What a stable loop asks of an axis of its machine at its operating point."""
+
+    # ISO 14839-2, Mechanical vibration: Vibration of rotating machinery equipped with active
+    # magnetic bearings, Part 2: Evaluation of vibration.
+
+    #: Greatest displacement from the centre: where the rotor is held, unbalance, runout at all its
+    #: orders, and three times the noise's rms [m].
+    displacement: float
+    clearance: float  #: To the stops [m].
+    current: float  #: Greatest control current, likewise [A].
+    #: In the coils [W], warm where it is known how they warm; None without a resistance.
+    copper_loss: float | None
+    heating: Heating | None  #: How warm they become; None where it is not known.
+    capacity: Capacity  #: What load it bears beside.
+
+    @property
+    def zone(self) -> str:
+        """Zone of ISO 14839-2, A to D."""
+        share = self.displacement / self.clearance
+        return next((name for name, limit in ROOM if share < limit), "D")
+
+
+class Turned(NamedTuple):
+    """What one line that turns with the rotor, or a multiple of it, moves: complex amplitudes."""
+
+    x: Complex
+    """Displacements (p,) of the axes [m]."""
+    i: Complex
+    """Demanded currents (p,) [A]."""
+
+
+def demands(
+    loop: Loop,
+    of: Machine,
+    point: OperatingPoint,
+    current_noise: Array,
+    position_noise: Array,
+    responses: Sequence[Turned],
+) -> list[Demands]:
+    """Return what a stable loop asks of each axis of its machine."""
+    # Linear, and of the ideal coil: the voltage is that of its resistance and of its flux ``2 k
+    # i/s``, which current and motion change. Of a radial bearing the displacement is that of the
+    # orbit.
+    # current_noise (p,) [A]; position_noise (p,) [m]
+    isolated, pairs = isolated_axes(of), pairs_of(of)
+    x0, iu = np.atleast_1d(point.x), np.atleast_1d(point.iu)
+    displacement = orbit(x0, pairs) + SIGMAS * position_noise
+    swing, square = SIGMAS * current_noise, iu**2 + current_noise**2
+    for response in responses:
+        displacement = displacement + orbit(response.x, pairs)
+        swing = swing + np.abs(response.i)
+        square = square + np.abs(response.i) ** 2 / 2
+    capacities = _capacities(loop, of, point, displacement, swing)
+    results = []
+    for k, b in enumerate(isolated):
+        R, coils = b.amplifier.resistance, squares_of_coils(b, float(iu[k]), float(square[k]))
+        warm = heating(b, coils)
+        loss = None if R is None else R * sum(coils) if warm is None else warm.loss
+        far, most = float(displacement[k]), float(abs(iu[k]) + swing[k])
+        results.append(Demands(far, b.rotor.clearance, most, loss, warm, capacities[k]))
+    return results
+
+
+def squares_of_coils(bearing: Bearing, iu: float, square: float) -> list[float]:
+    """Return the mean squares of the currents of an axis's coils [A^2]."""
+    swinging = square - iu**2
+    sides = (1.0, -1.0) if bearing.magnet.type == "two-sided" else (1.0,)
+    return [(bearing.magnet.bias_current + side * iu) ** 2 + swinging for side in sides]
+
+
+def _capacities(
+    loop: Loop, of: Machine, point: OperatingPoint, displacement: Array, swing: Array
+) -> list[Capacity]:
+    """Return for each axis what load along it is borne; it moves all axes."""
+    isolated, pairs, weights = isolated_axes(of), pairs_of(of), weights_of(of)
+    x0, iu = np.atleast_1d(point.x), np.atleast_1d(point.iu)
+    f = np.geomspace(1e-3 * loop.nyquist, HIGHEST * loop.nyquist, 400)
+    gains = np.array([b.amplifier.gain for b in isolated])
+    all_x, all_i = loop.compliance(f), gains[:, None] * loop.control_by_load(f)
+    ends = np.array([[b.current_max, b.current_min] for b in isolated])
+    room = np.maximum(np.abs(ends - iu[:, None]).min(axis=1) - swing, 0.0)
+    limits = np.array([b.rotor.clearance for b in isolated])
+    way = np.maximum(ROOM[0][1] * limits - displacement, 0.0)
+    results = []
+    for k, b in enumerate(isolated):
+        x, i, law = all_x[:, :, k], all_i[:, :, k], magnet_of(b)
+        volts = [
+            _by_voltage(one, iu[n], x0[n], f, i[:, n], x[:, n]) for n, one in enumerate(isolated)
+        ]
+        limited = [volt for volt in volts if volt is not None]
+        held = sorted(-float(law.force(end, float(x0[k]))) - weights[k] for end in ends[k])
+        results.append(
+            Capacity(
+                f,
+                _reached(room, np.abs(i)),
+                _reached(way, orbit(x, pairs)),
+                np.min(limited, axis=0) if limited else None,
+                (held[0], held[1]),
+            )
+        )
+    return results
+
+
+def _reached(room: Array, unit_demand: Array) -> Array:
+    """Return the load (k,) [N] that leaves an axis no room (p,), of which 1 N takes (k, p)."""
+    loads = np.divide(
+        room, unit_demand, out=np.full(unit_demand.shape, np.inf), where=unit_demand > 0
+    )
+    return np.asarray(loads.min(axis=1))
+
+
+def orbit(x: NDArray[Any], pairs: Sequence[Sequence[int]]) -> Array:
+    """Return how far from the middle displacements (..., p) go within a turn [m]."""
+    # Of the two axes of a radial bearing that is the orbit's greater half axis.
+    # x (..., p) [m]
+    far: Array = np.abs(x).astype(float)
+    for of in pairs:
+        if len(of) == 2:
+            a, b = x[..., of[0]], x[..., of[1]]
+            far[..., list(of)] = ((np.abs(a + 1j * b) + np.abs(a - 1j * b)) / 2)[..., None]
+    return far
+
+
+def pairs_of(of: Machine) -> list[tuple[int, ...]]:
+    """Return the axes of each bearing, by their numbers."""
+    bearings = [axis.bearing for axis in of.axes]
+    return [
+        tuple(k for k, bearing in enumerate(bearings) if bearing is one)
+        for one in dict.fromkeys(of.bearings)
+    ]
+
+
+def of_runout(loop: Loop, of: Machine) -> list[Turned]:
+    """Return what each order of each sensor's runout does."""
+    speed, gains = abs(of.speed), [b.amplifier.gain for b in isolated_axes(of)]
+    if not speed:
+        return []
+    readings = [(r.sensor, of.lag_of(r.sensor)) for r in of.readings]
+    results = []
+    for sensor in dict.fromkeys(at for at, _ in readings):
+        for line in sensor.runout:
+            f = line.order * speed / (2 * math.pi)
+            added, turn = np.zeros(len(readings), complex), 0
+            for k, (at, lag) in enumerate(readings):
+                if at is sensor:
+                    # The next reading looks a quarter turn on.
+                    late = np.exp(-0.5j * math.pi * line.order * turn)
+                    added[k] = line.amplitude * at.gain * late / (1 + 2j * math.pi * f * lag)
+                    turn += 1
+            x, u = loop.noise_to_position([f])[0] @ added, loop.noise_to_control([f])[0] @ added
+            results.append(Turned(x, np.array(gains) * u))
+    return results
+
+
+def of_unbalance(loop: Loop, machine: Machine, point: OperatingPoint) -> Turned:
+    """Return what a machine's unbalance does at its speed."""
+    planes = machine.unbalances()
+    columns = unbalance_columns(machine, point, [z for z, _, _ in planes])
+    unbalance = np.array([amount * np.exp(1j * angle) for _, amount, angle in planes])
+    x, u = loop.driven(columns @ unbalance, machine.speed / (2 * math.pi))
+    return Turned(x, np.array([b.amplifier.gain for b in isolated_axes(machine)]) * u)
+
+
+def _by_voltage(
+    bearing: Bearing, iu: float, at: float, f: Array, i: Complex, x: Complex
+) -> Array | None:
+    """Return the load at which a coil's voltage is at its limit [N], by i [A/N] and x [m/N]."""
+    result = voltage(bearing, iu, at, f, i, x)
+    if result is None:
+        return None
+    return np.asarray(np.min([room / volts for room, volts in result], axis=0), float)
+
+
+def voltage(
+    bearing: Bearing, iu: float, at: float, f: Array, i: Complex, x: Complex
+) -> list[tuple[float, Array]] | None:
+    """Return for each coil of an axis the voltage that is left to harmonics, and what they take."""
+    # f (k,) [Hz]; i (k,) [A]; x (k,) [m]
+    amplifier, magnet = bearing.amplifier, bearing.magnet
+    limit, R, bandwidth = amplifier.voltage_limit, amplifier.resistance, amplifier.bandwidth
+    if limit is None or R is None or bandwidth is None:  # they come together
+        return None
+    s = 2j * math.pi * f
+    flowing = i / (1 + 1j * f / bandwidth)
+    results = []
+    for side in (1.0, -1.0) if magnet.type == "two-sided" else (1.0,):
+        gap, current = magnet.air_gap - side * at, magnet.bias_current + side * iu
+        flux = 2 * magnet.magnet_constant / gap * (flowing + current / gap * x)
+        results.append((limit - R * current, np.abs(R * flowing + s * flux)))
+    return results

@@ -1,0 +1,201 @@
+"""What a machine is made of: a rotor, and bearings, sensors and unbalance at their places.
+
+Places are measured along the shaft, which is z: from the centre of mass, or of a rotor by a table
+of its shaft or by matrices from where these begin. Across it are x, against gravity where the shaft
+lies, and y, a quarter turn on in the direction of rotation.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import (
+    Discriminator,
+    SerializerFunctionWrapHandler,
+    StringConstraints,
+    Tag,
+    model_serializer,
+)
+
+from ambkit.base.config import Part, Read
+from ambkit.base.config.quantities import Quantity
+from ambkit.base.units import engineering
+from ambkit.machine.accessories import (
+    Coil,
+    Stop,
+    coil_contradictions,
+    gap_contradictions,
+    voltage_contradictions,
+)
+from ambkit.machine.bearing import Amplifier, Magnet, Mass, Rotor, Sensor
+from ambkit.machine.rotors.descriptions import MatrixRotor, ModalRotor, ShaftRotor
+
+Label = Annotated[str, StringConstraints(pattern=r"^([A-Za-z][A-Za-z0-9]{0,7})?$")]
+"""Short name of a bearing or a sensor, of which names of signals are made."""
+
+Place = Annotated[float, Quantity("m", "-0.25 m")]
+Angle = Annotated[float, Quantity("rad", "45 deg")]
+
+
+class MassRotor(Mass):
+    """One mass with one translation, the rotor of a machine with one axis."""
+
+    type: Literal["mass"] = "mass"
+    """Moves along one axis."""
+
+
+class RigidRotor(Part):
+    """A rigid rotor."""
+
+    type: Literal["rigid"] = "rigid"
+    """Does not bend."""
+    mass: Annotated[float, Quantity("kg", "3.3 kg", above=0)]
+    """Mass m [kg]."""
+    transverse_inertia: Annotated[float, Quantity("kg m^2", "0.125 kg m^2", above=0)]
+    """Moment of inertia I_t across the shaft, about the centre of mass [kg m^2]."""
+    polar_inertia: Annotated[float, Quantity("kg m^2", "0.0036 kg m^2", above=0)]
+    """Moment of inertia I_p about the shaft [kg m^2]."""
+    gravity: Literal["-x", "-z", "none"] = "-x"
+    """Direction in which gravity pulls: "-x" where the shaft lies, "-z" where it stands."""
+    first_end: Place | None = None
+    """Place of the end towards -z [m]; with it nothing may be beyond."""
+    second_end: Place | None = None
+    """Place of the end towards +z [m]; with it nothing may be beyond."""
+
+    @property
+    def centre(self) -> float:
+        """Place of the centre of mass, from where places are measured [m]."""
+        return 0.0
+
+    def bending(self, magnets: tuple[float, ...]) -> None:
+        """Return its bending modes: none."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        mass, I_t, I_p = (read(key) for key in ("mass", "transverse_inertia", "polar_inertia"))
+        if I_p > 2 * I_t * (1 + 1e-9):
+            limit = f"{engineering(2 * I_t, 'kg m^2')}, twice transverse_inertia: a thin disc has"
+            text = f"must be at most {limit} that, and no body more"
+            yield "polar_inertia", f"{text}; is {engineering(I_p, 'kg m^2')}"
+        first, second = read("first_end"), read("second_end")
+        for key, end, sign in (("first_end", first, -1), ("second_end", second, 1)):
+            if end is not None and end * sign <= 0:
+                side = "greater" if sign > 0 else "less"
+                text = f"must be {side} than 0 m, where the centre of mass is"
+                yield key, f"{text}; is {engineering(end, 'm')}"
+        if first is not None and second is not None and first < 0 < second:
+            most = -mass * first * second + I_p / 2
+            if I_t > most * (1 + 1e-9):
+                limit = f"{engineering(most, 'kg m^2')}: all of the mass would be at the ends"
+                text = f"must be at most {limit}; is {engineering(I_t, 'kg m^2')}"
+                yield "transverse_inertia", text
+
+
+def _kind_of_rotor(rotor: Any) -> str:
+    """Return the kind that a rotor says it is of; where it says nothing, what its keys are of."""
+    if not isinstance(rotor, dict):
+        return str(getattr(rotor, "type", ""))
+    of_keys = {"section": "shaft", "file": "matrices", "mode": "modes"}
+    meant = [kind for key, kind in of_keys.items() if key in rotor]
+    return str(rotor.get("type", *meant[:1] or ["rigid"]))
+
+
+AnyRotor = Annotated[
+    Annotated[RigidRotor, Tag("rigid")]
+    | Annotated[ShaftRotor, Tag("shaft")]
+    | Annotated[MatrixRotor, Tag("matrices")]
+    | Annotated[ModalRotor, Tag("modes")]
+    | Annotated[MassRotor, Tag("mass")],
+    Discriminator(_kind_of_rotor),
+]
+"""A rotor of any kind, by its type."""
+
+Body = RigidRotor | ShaftRotor | MatrixRotor | ModalRotor | MassRotor | Rotor
+"""A rotor as a machine has it, in either form."""
+
+ROTORS = (RigidRotor, ShaftRotor, MatrixRotor, ModalRotor, MassRotor, Rotor)
+
+
+class PlacedBearing(Part):
+    """A bearing of the machine: the magnets of each of its axes, and where they are."""
+
+    # A radial one has two axes, NAME1 at its angle and NAME2 a quarter turn on; a thrust bearing
+    # has one, NAME, along the shaft.
+
+    renamed: ClassVar = {"travel_limit": "clearance"}
+    name: Label = ""
+    """Short name, letters and digits."""
+    type: Literal["radial", "thrust", "single"] = "radial"
+    """Across the shaft, with two axes, or along it; or the one axis of a mass."""
+    place: Place = 0.0
+    """Where its force acts, along the shaft [m]."""
+    angle: Angle = 0.0
+    """From x, which is against gravity, to its first axis, towards y [rad]."""
+    clearance: Annotated[float, Quantity("m", "0.2 mm", above=0)]
+    """How far the rotor may go until it meets the touch-down bearing [m]; less than the air gap."""
+    magnet: Magnet
+    """The electromagnets of an axis."""
+    amplifier: Amplifier
+    """The amplifier of an axis."""
+    stop: Stop | None = None
+    """The touch-down bearing, which gives way and bounces; without it a stiff one."""
+    coil: Coil | None = None
+    """How the coils warm; without it nobody asks."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        yield from gap_contradictions(read, "clearance")
+        yield from voltage_contradictions(read)
+        yield from coil_contradictions(read)
+        if read("type") == "radial" and read("magnet.type") == "one-sided":
+            yield "magnet.type", 'must be "two-sided" in a radial bearing; is "one-sided"'
+        if read("type") == "thrust" and read("angle") not in (0.0, None):
+            yield "angle", "is of a radial bearing; a thrust bearing has its axis along the shaft"
+
+
+class PlacedSensor(Sensor):
+    """A position sensor of the machine, and where it looks."""
+
+    # A radial one has two readings, NAME1 at its angle and NAME2 a quarter turn on; a single one
+    # has the first of them, NAME, and an axial one looks along the shaft.
+
+    name: Label = ""
+    """Short name, letters and digits."""
+    type: Literal["radial", "single", "axial"] = "radial"
+    """Across the shaft with two readings or one, or along it."""
+    place: Place = 0.0
+    """Where it looks at the rotor, along the shaft [m]."""
+    angle: Angle = 0.0
+    """From x, which is against gravity, to its first reading, towards y [rad]."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        if read("type") == "axial" and read("angle") not in (0.0, None):
+            yield "angle", "is of a radial sensor; an axial one looks along the shaft"
+
+
+class Unbalance(Part):
+    """Unbalance in a plane across the shaft: by its amount, or by a balance quality grade."""
+
+    place: Place
+    """Where the plane is, along the shaft [m]."""
+    amount: Annotated[float, Quantity("kg m", "50 g mm", above=0)] | None = None
+    """Mass times radius [kg m]; or else grade."""
+    grade: Annotated[float, Quantity("m/s", "2.5 mm/s", above=0)] | None = None
+    """Balance quality grade of the rotor, G 2.5 is 2.5 mm/s [m/s]; the plane has its share of what
+    ISO 21940-11 permits at the machine's speed."""
+    angle: Angle = 0.0
+    """From x to it, at the start [rad]."""
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        return {key: value for key, value in data.items() if value is not None}
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        amount, grade = read("amount"), read("grade")
+        if amount is None and grade is None:
+            yield "amount", "missing: give the amount, such as 50 g mm, or a grade"
+        if amount is not None and grade is not None and not math.isnan(amount + grade):
+            yield "grade", "amount says already how much it is; give one or the other"

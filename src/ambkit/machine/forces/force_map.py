@@ -1,0 +1,81 @@
+"""The force map that a bearing names, as a surface; found once for each file and law."""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.progress import progress
+from ambkit.machine.forces.force_file import load_force_points
+from ambkit.machine.forces.force_surface import ForceSurface
+
+if TYPE_CHECKING:
+    from ambkit.machine.force_law import Bearing
+    from ambkit.machine.forces.force_points import ForcePoints
+
+
+def surface_of(bearing: Bearing) -> ForceSurface:
+    """Return the surface through the force map of a bearing."""
+    m = bearing.magnet
+    scale = 1.0 if m.force_scale is None else m.force_scale
+    # Of the law that the map was measured beside: a scale moves both, and finds the same surface.
+    law = tuple((key, getattr(m, key)) for key in LAW)
+    box = bearing.current_min, bearing.current_max, bearing.rotor.clearance
+    constant = float(f"{m.magnet_constant / scale:.12g}")
+    result = _found(*_files(m.force_map, m.force_channels), constant, law, box)
+    return result if scale == 1.0 else result.scaled(scale)
+
+
+def surface_in(path: str | os.PathLike[str], bearing: Bearing) -> ForceSurface:
+    """Return the surface through the points of a force map of its own, with the usual columns."""
+    points = load_force_points(path)
+    try:
+        with progress("finding the force"):
+            return ForceSurface(bearing, points)
+    except AmbkitError as error:
+        raise AmbkitError(f"{path}: {error}") from None
+
+
+def points_of(path: str, channels: str | None) -> ForcePoints:
+    """Return the points of a force map, read once for each state of its files."""
+    return _read(*_files(path, channels))
+
+
+LAW = (
+    "type", "air_gap", "bias_current", "turns", "iron_length", "relative_permeability",
+    "saturation", "force_map",
+)  # fmt: skip
+"""What a law has besides its constant."""
+
+
+def _files(path: str | None, channels: str | None) -> tuple[Any, ...]:
+    """Return names and times of change: a file that was written anew is read anew."""
+    named = [name for name in (path, channels) if name is not None and os.path.exists(name)]
+    return path, channels, tuple(os.stat(name).st_mtime_ns for name in named)
+
+
+@lru_cache(maxsize=16)
+def _read(path: str, channels: str | None, _changed: tuple[int, ...]) -> ForcePoints:
+    return load_force_points(path, channels)
+
+
+@lru_cache(maxsize=16)
+def _found(
+    path: str,
+    channels: str | None,
+    changed: tuple[int, ...],
+    constant: float,
+    law: tuple[tuple[str, Any], ...],
+    box: tuple[float, float, float],
+) -> ForceSurface:
+    low, high, travel = box
+    bearing = SimpleNamespace(
+        magnet=SimpleNamespace(magnet_constant=constant, **dict(law)),
+        rotor=SimpleNamespace(clearance=travel),
+        current_min=low,
+        current_max=high,
+    )
+    return ForceSurface(cast("Bearing", bearing), _read(path, channels, changed))

@@ -1,0 +1,389 @@
+"""Flexible rotors, as descriptions: a table of the shaft, matrices in a file, measured modes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+
+from ambkit.base.config import Part, Read
+from ambkit.base.config.paths import FilePath
+from ambkit.base.config.quantities import Quantity
+from ambkit.base.errors import AmbkitError
+from ambkit.base.units import engineering
+from ambkit.machine.rotors import beam
+from ambkit.machine.rotors.matrix_file import read_matrices
+from ambkit.machine.rotors.measured_modes import ThroughPoints
+from ambkit.machine.rotors.modes import Bending, Body, body_of, reduced
+from ambkit.machine.rotors.shaft_elements import NAMED, Disc, Material, Section
+from ambkit.machine.rotors.whirl import RANGE, enough
+
+Ratio = Annotated[float, Quantity("1", "0.002", above=0)]
+Frequency = Annotated[float, Quantity("Hz", "1 kHz", above=0)]
+Gravity = Literal["-x", "-z", "none"]
+
+
+class OfMatrices(Part):
+    """A rotor whose modes are computed from its matrices."""
+
+    gravity: Gravity = "-x"
+    """Direction in which gravity pulls: "-x" where the shaft lies, "-z" where it stands."""
+    modes_up_to: Frequency | None = None
+    """Up to which frequency bending modes are kept [Hz]; without it as many as `modes_within` needs
+    up to 2 kHz or three times the speed (ISO 14839-3)."""
+    modes_within: Annotated[float, Quantity("1", "1 %", above=0)] = 0.01
+    """Greatest error by the modes left out, of whirl frequencies, critical speeds and the
+    sensitivity, against the full matrices [1]."""
+    damping_ratio: Ratio | None = None
+    """Damping ratio of each bending mode, by what stands still [1]; without it by the damping of
+    the matrices."""
+    internal_damping_ratio: Ratio | None = None
+    """And by what turns with the rotor: fits, laminations, its material [1]. Above the critical
+    speed of a mode it drives the whirl."""
+    residual: Annotated[bool, Field(strict=True)] = False
+    """Whether the static compliance of the modes left out is kept at the magnets, by one more
+    shape for each: where a stiff magnet or a high gain feels it."""
+
+    @property
+    def matrices(self) -> beam.Matrices:
+        """Those of the free rotor, in one plane."""
+        raise NotImplementedError
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with other values, which are not checked."""
+        copy = super().model_copy(update=update, deep=deep)
+        for computed in ("matrices", "body", "_known", "every_mode"):  # of the rotor as it was
+            copy.__dict__.pop(computed, None)
+        return copy
+
+    @cached_property
+    def body(self) -> Body:
+        """The rotor as a rigid body."""
+        return body_of(self.matrices)
+
+    @property
+    def mass(self) -> float:
+        """Mass m [kg]."""
+        return self.body.mass
+
+    @property
+    def transverse_inertia(self) -> float:
+        """Moment of inertia I_t across the shaft, about the centre of mass [kg m^2]."""
+        return self.body.transverse_inertia
+
+    @property
+    def polar_inertia(self) -> float:
+        """Moment of inertia I_p about the shaft [kg m^2]."""
+        return self.body.polar_inertia
+
+    @property
+    def centre(self) -> float:
+        """Place of the centre of mass, from where places are measured [m]."""
+        return self.body.centre
+
+    @property
+    def first_end(self) -> float:
+        """Place of the end towards -z [m]."""
+        return self.body.ends[0]
+
+    @property
+    def second_end(self) -> float:
+        """Place of the end towards +z [m]."""
+        return self.body.ends[1]
+
+    def bending(self, magnets: tuple[float, ...]) -> Bending:
+        """Return its bending modes."""
+        known: dict[tuple[float, ...], Bending] = self._known
+        places = magnets if self.residual else ()
+        if places not in known:
+            highest = 2 * math.pi * self._highest
+            known[places] = reduced(
+                self.matrices, highest, self.damping_ratio, places, self.internal_damping_ratio
+            )
+        return known[places]
+
+    @property
+    def _highest(self) -> float:
+        """Up to where modes are kept [Hz]; a machine chooses it where the file does not."""
+        if self.modes_up_to is not None:
+            return self.modes_up_to
+        first = math.sqrt(self.matrices.free_modes[0][0]) / (2 * math.pi)
+        return max(RANGE, 1.01 * first)
+
+    @cached_property
+    def every_mode(self) -> Bending:
+        """All bending modes of its matrices."""
+        return reduced(self.matrices, math.inf, self.damping_ratio, (), self.internal_damping_ratio)
+
+    def with_modes_for(self, T: float, speed: float) -> Self:
+        """Return it with as many modes as are needed at a sampling time [s] and a speed [rad/s]."""
+        return self.model_copy(update={"modes_up_to": enough(self, T, speed, self.modes_within)})
+
+    @cached_property
+    def _known(self) -> dict[tuple[float, ...], Bending]:
+        return {}
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        usual = type(self).model_fields["modes_within"].default
+        if self.modes_within == usual:
+            data.pop("modes_within")
+        return {k: v for k, v in data.items() if v is not None and v != () and v is not False}
+
+
+class ShaftRotor(OfMatrices):
+    """A rotor by a table of its shaft: sections one after the other, and discs on them."""
+
+    # All places of its machine are measured from where the shaft begins.
+
+    type: Literal["shaft"]
+    """A table of the shaft."""
+    section: Annotated[tuple[Section, ...], Field(min_length=1, max_length=500)]
+    """Its sections, from its beginning on."""
+    disc: Annotated[tuple[Disc, ...], Field(max_length=500)] = ()
+    """Rigid discs on it."""
+    material: Annotated[tuple[Material, ...], Field(max_length=100)] = ()
+    """Materials by name."""
+
+    @cached_property
+    def matrices(self) -> beam.Matrices:
+        """Those of the free rotor, in one plane."""
+        return _of_shaft(self.section, self.disc, self.material)
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        sections, discs, materials = (read(key) for key in ("section", "disc", "material"))
+        if read("damping_ratio") is None and read("internal_damping_ratio") is None:
+            yield "damping_ratio", "missing: damping ratio of the bending modes, such as 0.002"
+        if not all(isinstance(entry, tuple) for entry in (sections, discs, materials)):
+            return
+        result = False
+        names = {*NAMED, *(material.name for material in materials)}
+        for key, placed in (("section", sections), ("disc", discs)):
+            for at, item in enumerate(placed):
+                if item.material not in names:
+                    result = True
+                    text = f'must be one of {", ".join(sorted(names))}, is "{item.material}"'
+                    yield f"{key}.{at}.material", text
+        length = sum(section.length for section in sections)
+        for at, item in enumerate(discs):
+            if item.place > length * (1 + 1e-9):
+                result = True
+                limit = f"is beyond the shaft, which ends at {engineering(length, 'm')}"
+                yield f"disc.{at}.place", f"{engineering(item.place, 'm')} {limit}"
+        if result or _is_wrong(read("modes_up_to")):
+            return
+        rotor = cls.model_construct(
+            type="shaft", section=sections, disc=discs, material=materials,
+            modes_up_to=read("modes_up_to"), damping_ratio=read("damping_ratio") or 0.01,
+            internal_damping_ratio=read("internal_damping_ratio"),
+        )  # fmt: skip
+        yield from _no_mode(rotor, "section")
+
+
+@lru_cache(maxsize=16)
+def _of_shaft(
+    section: tuple[Section, ...], disc: tuple[Disc, ...], material: tuple[Material, ...]
+) -> beam.Matrices:
+    """Return the matrices of a shaft; a description is checked, and then used."""
+    known = NAMED | {m.name: (m.density, m.youngs_modulus, m.poisson_ratio) for m in material}
+    sections = [
+        beam.Element(s.length, s.outer_diameter, s.inner_diameter, *known[s.material])
+        for s in section
+    ]
+    discs = [item.on(known[item.material][0]) for item in disc]
+    return beam.assemble(beam.divided(sections, [d.place for d in discs]), discs)
+
+
+class MatrixRotor(OfMatrices):
+    """A rotor by matrices M, K, G and perhaps D of the free rotor at nodes, in a file."""
+
+    # All places of its machine are measured from where the file's places are.
+
+    type: Literal["matrices"]
+    """Matrices in a file."""
+    file: FilePath
+    """A ``.npz`` or ``.mat`` file, see `ambkit.machine.rotors.matrix_file`."""
+
+    @cached_property
+    def matrices(self) -> beam.Matrices:
+        """Those of the free rotor, in one plane."""
+        about = Path(self.file).stat() if Path(self.file).exists() else None
+        return _of_file(self.file, about and (about.st_mtime_ns, about.st_size))
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        file, highest = read("file"), read("modes_up_to")
+        if not isinstance(file, str) or _is_wrong(highest):
+            return
+        rotor = cls.model_construct(
+            type="matrices",
+            file=file,
+            modes_up_to=highest,
+            damping_ratio=read("damping_ratio"),
+            internal_damping_ratio=read("internal_damping_ratio"),
+        )
+        try:
+            dampings = rotor.matrices.D, rotor.matrices.D_internal
+        except AmbkitError as error:
+            yield "file", str(error)
+            return
+        if all(item is None for item in (*dampings, *_ratios(rotor).values())):
+            text = "missing: damping ratio of the bending modes, such as 0.002; the file has no D"
+            yield "damping_ratio", text
+            return
+        yield from _no_mode(rotor, "file")
+
+
+@lru_cache(maxsize=16)
+def _of_file(path: str, about: tuple[int, int] | None) -> beam.Matrices:
+    """Return the matrices of a file, read again where it was written again."""
+    return read_matrices(path)
+
+
+def _is_wrong(highest: float | None) -> bool:
+    return highest is not None and math.isnan(highest)
+
+
+def _no_mode(rotor: OfMatrices, key: str) -> Iterator[tuple[str, str]]:
+    """Yield that a rotor is not free, that no body is like that, or that no mode is kept."""
+    try:
+        squares, _ = rotor.matrices.free_modes
+        body = rotor.body
+    except (ValueError, np.linalg.LinAlgError) as error:
+        yield key, str(error)
+        return
+    if body.polar_inertia > 2 * body.transverse_inertia:
+        polar = engineering(body.polar_inertia, "kg m^2")
+        most = f"twice the transverse one, {engineering(body.transverse_inertia, 'kg m^2')}"
+        yield key, f"gives a polar inertia of {polar}, which is more than {most}"
+    yield from _overdamped(_ratios(rotor))
+    first = math.sqrt(squares[0]) / (2 * math.pi)
+    if rotor.modes_up_to is not None and rotor.modes_up_to < first:
+        limit = f"at least {engineering(first, 'Hz')}, the first bending mode of the free rotor"
+        yield "modes_up_to", f"must be {limit}; is {engineering(rotor.modes_up_to, 'Hz')}"
+
+
+def _ratios(described: OfMatrices) -> dict[str, float | None]:
+    return {key: getattr(described, key) for key in ("damping_ratio", "internal_damping_ratio")}
+
+
+def _overdamped(ratios: Mapping[str, float | None]) -> Iterator[tuple[str, str]]:
+    for key, ratio in ratios.items():
+        if ratio is not None and ratio >= 1:
+            yield key, f"must be less than 1, is {ratio:g}"
+
+
+class MeasuredMode(Part):
+    """A bending mode of the free rotor as it was measured: struck, and seen along the shaft."""
+
+    frequency: Frequency
+    """Frequency, at rest [Hz]."""
+    damping_ratio: Ratio
+    """Damping ratio by what stands still [1]."""
+    internal_damping_ratio: Ratio | None = None
+    """And by what turns with the rotor [1]."""
+    mass: Annotated[float, Quantity("kg", "1.45 kg", above=0)]
+    """Modal mass: of the shape as it stands here [kg]."""
+    places: Annotated[
+        tuple[Annotated[float, Quantity("m", "-0.25 m")], ...], Field(min_length=2, max_length=1000)
+    ]
+    """Where its shape was measured, rising [m]; the outermost beyond all magnets and sensors."""
+    shape: Annotated[
+        tuple[Annotated[float, Quantity("1", "0.8")], ...], Field(min_length=2, max_length=1000)
+    ]
+    """Deflection at these places [1]; between them by a cubic spline."""
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        return {key: item for key, item in data.items() if item is not None}
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        keys = ("damping_ratio", "internal_damping_ratio")
+        yield from _overdamped({key: read(key) for key in keys})
+        places, shape = read("places"), read("shape")
+        if not (isinstance(places, tuple) and isinstance(shape, tuple)):
+            return
+        if len(places) != len(shape):
+            yield "shape", f"must be {len(places)} numbers, one for each place; is {len(shape)}"
+        if any(b <= a for a, b in pairwise(places)):
+            yield "places", "must rise from each to the next"
+        if not any(shape):
+            yield "shape", "must not be 0 everywhere"
+
+
+class ModalRotor(Part):
+    """A rotor by its rigid body and its measured bending modes."""
+
+    # All places of its machine are measured from the centre of mass. What gyroscopics do to the
+    # modes was not measured: they turn its rigid body alone.
+
+    type: Literal["modes"]
+    """Measured modes."""
+    mass: Annotated[float, Quantity("kg", "3.3 kg", above=0)]
+    """Mass m [kg]."""
+    transverse_inertia: Annotated[float, Quantity("kg m^2", "0.125 kg m^2", above=0)]
+    """Moment of inertia I_t across the shaft, about the centre of mass [kg m^2]."""
+    polar_inertia: Annotated[float, Quantity("kg m^2", "0.0036 kg m^2", above=0)]
+    """Moment of inertia I_p about the shaft [kg m^2]."""
+    gravity: Gravity = "-x"
+    """Direction in which gravity pulls: "-x" where the shaft lies, "-z" where it stands."""
+    mode: Annotated[tuple[MeasuredMode, ...], Field(min_length=1, max_length=10)]
+    """Its bending modes, the slowest first."""
+
+    @property
+    def centre(self) -> float:
+        """Place of the centre of mass, from where places are measured [m]."""
+        return 0.0
+
+    @property
+    def first_end(self) -> float:
+        """From where on all shapes were measured [m]."""
+        return max(item.places[0] for item in self.mode)
+
+    @property
+    def second_end(self) -> float:
+        """Up to where all shapes were measured [m]."""
+        return min(item.places[-1] for item in self.mode)
+
+    def bending(self, magnets: tuple[float, ...]) -> Bending:
+        """Return its bending modes."""
+        return self._bending
+
+    @cached_property
+    def _bending(self) -> Bending:
+        largest = np.array([max(map(abs, item.shape)) for item in self.mode])
+        mass = np.array([item.mass for item in self.mode]) / largest**2
+        frequency = 2 * math.pi * np.array([item.frequency for item in self.mode])
+        ratios = np.array([item.damping_ratio for item in self.mode])
+        inner = np.array([item.internal_damping_ratio or 0.0 for item in self.mode])
+        polar = np.zeros((1 + len(mass), 1 + len(mass)))
+        polar[0, 0] = self.polar_inertia
+        points = [(item.places, item.shape) for item in self.mode]
+        damping = np.diag(np.concatenate([[0.0, 0.0], 2 * ratios * mass * frequency]))
+        ends = self.first_end, self.second_end
+        internal = np.diag(2 * inner * mass * frequency)
+        shape = ThroughPoints(points, largest)
+        return Bending(frequency, mass, damping, polar, shape, ends, internal)
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        I_t, I_p, modes = (read(k) for k in ("transverse_inertia", "polar_inertia", "mode"))
+        if I_p > 2 * I_t * (1 + 1e-9):
+            limit = f"{engineering(2 * I_t, 'kg m^2')}, twice transverse_inertia"
+            yield "polar_inertia", f"must be at most {limit}; is {engineering(I_p, 'kg m^2')}"
+        if not isinstance(modes, tuple):
+            return
+        for at, (one, other) in enumerate(pairwise(modes), 1):
+            if other.frequency <= one.frequency:
+                text = f"must be greater than that before, {engineering(one.frequency, 'Hz')}"
+                yield f"mode.{at}.frequency", f"{text}; is {engineering(other.frequency, 'Hz')}"

@@ -1,0 +1,54 @@
+"""A narrow line in a reading: the mains, a resonance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ambkit.data.signals import signal
+from ambkit.models.declaration import UNIT, Plan
+from ambkit.models.parts.typical_sizes import Typical
+
+
+@dataclass(frozen=True)
+class Hum:
+    """An oscillator of two states whose amplitude and phase wander; stationary."""
+
+    # Both states have the variance amplitude^2 / 2; the first is seen in the reading.
+
+    frequency: float
+    """Frequency of the line [Hz]."""
+    amplitude: float
+    """Amplitude of the reading's error [m], root of twice its variance."""
+    bandwidth: float
+    """Half the width of the line [Hz]: how fast it wanders."""
+    name: str = "hum"
+    """Name of the states, with _c and _s for cosine and sine."""
+    measurement: str = "y"
+    """The measurement it is on."""
+
+    @classmethod
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Hum]:
+        """Return the lines of each reading: the first is ``hum``, others are ``hum2``, ``hum3``."""
+        return [
+            cls(
+                line.frequency, line.amplitude, line.bandwidth,
+                signal(f"hum{k if k > 1 else ''}", r.name), signal("y", r.name),
+            )
+            for r in machine.readings
+            for k, line in enumerate(r.sensor.hum, 1)
+        ]  # fmt: skip
+
+    def declare(self, plan: Plan) -> None:
+        """Add both states, their noise, and their share of the reading."""
+        turn, decay = 2 * math.pi * self.frequency, 2 * math.pi * self.bandwidth
+        cosine, sine, size = f"{self.name}_c", f"{self.name}_s", self.amplitude / math.sqrt(2)
+        for name, role in ((cosine, "noise"), (sine, "noise in quadrature")):
+            plan.state(name, "m", size, role)
+            plan.rate(name, name, -decay)
+        plan.rate(cosine, sine, -turn)
+        plan.rate(sine, cosine, turn)
+        plan.noise(self.name, "m", size, dict.fromkeys((cosine, sine), 2 * decay), walk=False)
+        plan.add_to_reading(self.measurement, {cosine: UNIT})

@@ -1,0 +1,1 @@
+"""Critical speeds, mode shapes, unbalance response, modal reduction and balance grades."""

@@ -1,0 +1,248 @@
+"""The Campbell diagram of a machine: where its poles go with the speed of rotation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base import late_binding, units
+from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.machine.magnets import ConstantStiffness
+from ambkit.models.continuous import continuous
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.sections import Section
+from ambkit.show.plots.campbell import campbell_figure
+from ambkit.simulation.stabilising_controller import holding
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+    from ambkit.result.report.figure import Figure
+    from ambkit.simulation.scenario import PID
+    from ambkit.simulation.stabilising_controller import Gains
+
+Array = NDArray[np.float64]
+
+
+class CriticalSpeed(NamedTuple):
+    """A speed at which unbalance meets a forward whirl."""
+
+    speed: float
+    """Of rotation [rad/s]."""
+    damping_ratio: float
+    """Of the whirl there [1]."""
+
+    @property
+    def amplification(self) -> float:
+        """Amplification factor 1/(2 zeta) [1]; infinite of a whirl that is not damped."""
+        return 1 / (2 * self.damping_ratio) if self.damping_ratio > 0 else math.inf
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Campbell(Result):
+    """Poles of a rotor in its magnets, over the speed of rotation."""
+
+    machine: Machine  #: Whose rotor it is.
+    speed: Array  #: (n,) Speeds of rotation [rad/s].
+    #: (n, modes) Each mode's pole, followed from speed to speed; of a pair the one above [1/s].
+    poles: NDArray[np.complex128]
+    #: (modes,) Whether the mode whirls with the rotation; else against it or, where `axial`, along
+    #: the shaft.
+    forwards: NDArray[np.bool_]
+    #: (modes,) Whether the mode moves along the shaft, and does not whirl.
+    axial: NDArray[np.bool_]
+
+    @property
+    def whirl(self) -> list[str]:
+        """Of each mode ``"forward"``, ``"backward"`` or ``"axial"``."""
+        return [
+            "axial" if along else "forward" if ahead else "backward"
+            for ahead, along in zip(self.forwards, self.axial, strict=True)
+        ]
+
+    @property
+    def critical(self) -> list[float]:
+        """Speeds at which a whirl forwards turns as fast as the rotor [rad/s]."""
+        return [item.speed for item in self.criticals]
+
+    @cached_property
+    def criticals(self) -> list[CriticalSpeed]:
+        """The same with the damping of the whirl there."""
+        results = []
+        for mode in self.poles.T[self.forwards]:
+            ahead = mode.imag - self.speed  # at rest, of a mode that only creeps, but rounding
+            for k in np.flatnonzero((ahead[:-1] > 1e-9 * self.speed[-1]) & (ahead[1:] <= 0)):
+                share = ahead[k] / (ahead[k] - ahead[k + 1])
+                at = self.speed[k] + share * (self.speed[k + 1] - self.speed[k])
+                pole = mode[k] + share * (mode[k + 1] - mode[k])
+                results.append(CriticalSpeed(float(at), float(-pole.real / abs(pole))))
+        return sorted(results)
+
+    TITLE = "Campbell diagram of {0.machine.name}"
+
+    @property
+    def finding(self) -> str:
+        """Its critical speeds."""
+        result = ", ".join(map(units.rpm, self.critical)) or "none"
+        return f"Critical speeds of {self.machine.name} up to {self._end}: {result}."
+
+    @property
+    def _end(self) -> str:
+        return units.rpm(self.speed[-1])
+
+    @property
+    def rows(self) -> list[Row]:
+        """Each mode at rest and at the greatest speed, and the critical speeds."""
+        modes = zip(self.whirl, self.forwards, self.poles[0].imag, self.poles[-1].imag, strict=True)
+        results = [Row("fastest", "greatest speed", float(self.speed[-1]), "rpm", detail=True)]
+        for k, (whirl, forwards, first, last) in enumerate(modes, 1):
+            results += put([
+                Row("whirl", "whirl", whirl),
+                Row("forwards", "forwards", bool(forwards), detail=True),
+                Row("standstill", "at rest", float(first), "turns"),
+                Row("at_greatest_speed", f"at {self._end}", float(last), "turns"),
+            ], section=("modes",), of=str(k))  # fmt: skip
+        return results + [row for separation in self._separations for row in separation.rows()]
+
+    SECTIONS = {
+        ("modes",): Section("Modes", across=True),
+        ("critical_speeds",): Section("Separation from critical speeds", across=True),
+    }
+
+    @property
+    def notes(self) -> list[str]:
+        """How far the machine's speed is from critical ones, and what the modes left out change."""
+        speed, compared = self.machine.speed, self._modes_left_out
+        said = [late_binding.call("separation", self._separations, speed)] if speed else []
+        return said + ([] if compared is None else [compared.text()])
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Critical speeds, and the modes kept against all."""
+        compared = self._modes_left_out
+        left_out = {} if compared is None else {"modes_left_out": compared.to_dict()}
+        return {"machine": self.machine.name, "critical": self.critical} | left_out
+
+    @cached_property
+    def _separations(self) -> Sequence[Any]:
+        result: Sequence[Any] = late_binding.call("separations", self.machine)
+        return result
+
+    @property
+    def _modes_left_out(self) -> Any:
+        return late_binding.call("reduction", self.machine)
+
+    def figures(self) -> list[Figure]:
+        """Return frequencies and damping over the speed."""
+        return [campbell_figure(self.machine.name, self.speed, self.poles, self.whirl)]
+
+
+def campbell(
+    machine: Machine,
+    fastest: Given | None = None,
+    *,
+    count: int = 121,
+    pids: Sequence[PID | Gains] | None = None,
+) -> Campbell:
+    """Return how the poles of a rotor go with its speed, held by some gains or those flown."""
+    fastest = greatest_speed(machine, fastest)
+    if count < 2:
+        raise AmbkitError(f"count must be 2 or more, got {count!r}")
+    q = len(machine.positions)
+    standstill, spin = held(machine, pids)
+    speed = np.linspace(0.0, fastest, count)
+    poles = np.empty((count, q), complex)
+    forwards = along = np.zeros(q, bool)
+    for k in reversed(range(count)):  # at rest nothing tells a whirl forwards from one backwards
+        A = standstill + speed[k] * spin
+        result, vectors = np.linalg.eig(A + _apart(machine, A) if k == count - 1 else A)
+        above = np.flatnonzero(result.imag >= 0)
+        if k == count - 1:  # the others are filters
+            least_damped = above[np.argsort(-(result.imag / np.abs(result))[above])[:q]]
+            poles[k] = result[least_damped]
+            along = _goes_along(vectors[:q, least_damped], machine)
+            forwards = _goes_forwards(vectors[:q, least_damped], machine) & ~along
+        else:
+            poles[k] = _followed(poles[k + 1 : k + 3], result[above])
+    order = np.argsort(poles[0].imag, kind="stable")
+    return Campbell(machine, speed, poles[:, order], forwards[order], along[order])
+
+
+def greatest_speed(machine: Machine, given: Given | None) -> float:
+    """Return up to which speed a rotor is looked at [rad/s]."""
+    if machine.rotor.type == "mass":
+        raise AmbkitError(f"{machine.name}: its rotor is a mass that does not turn")
+    fastest = in_si("fastest", given, "rad/s")
+    fastest = (2 * abs(machine.speed) or 1000.0) if fastest is None else fastest
+    if not (math.isfinite(fastest) and fastest > 0):
+        raise AmbkitError(f"fastest must be greater than 0 rad/s, is {fastest:g} rad/s")
+    return fastest
+
+
+def stiffnesses(machine: Machine) -> list[ConstantStiffness]:
+    """Return the stiffnesses of each axis at the operating point."""
+    return [ConstantStiffness.of(machine.isolated_axis(axis.name)) for axis in machine.axes]
+
+
+def held(machine: Machine, pids: Sequence[PID | Gains] | None = None) -> tuple[Array, Array]:
+    """Return A at rest, and what it gains by 1 rad/s, of the rotor on its controllers."""
+    of, q2 = continuous(machine), 2 * len(machine.positions)
+    A, spin = of.A[:q2, :q2], of.spin[:q2, :q2]
+    pids = pids or holding(machine).pids
+    k_i, k_s = np.array([[k.k_i, k.k_s] for k in stiffnesses(machine)]).T
+    kp, kd, slow = np.array([[pid.kp, pid.kd, pid.derivative_filter] for pid in pids]).T
+    h, v, b = of.h[:, :q2], of.v[:, :q2], of.push[:q2]
+    A = A + b @ ((k_s - k_i * kp)[:, None] * h)
+    if machine.bending is None:
+        return A - b @ ((k_i * kd)[:, None] * v), spin
+    filtered = np.block([[A, -b * (k_i * kd)], [v / slow[:, None], -np.diag(1 / slow)]])
+    p = len(pids)
+    return filtered, np.pad(spin, ((0, p), (0, p)))
+
+
+def _apart(machine: Machine, A: Array) -> Array:
+    """What tells whirls that nothing else does: of one frequency, as of a symmetric rotor."""
+    # Gyroscopics that change a frequency by some 1e-9.
+    at, n = {name: k for k, name in enumerate(machine.positions)}, len(machine.positions)
+    least = np.zeros_like(A)
+    rate = 1e-9 * float(np.abs(np.linalg.eigvals(A)).max())
+    for name, k in at.items():
+        if name.endswith("x") and not name.startswith("th"):
+            other = at[f"{name[:-1]}y"]
+            least[n + k, n + other], least[n + other, n + k] = -rate, rate
+    return least
+
+
+def _goes_forwards(shapes: NDArray[np.complex128], machine: Machine) -> NDArray[np.bool_]:
+    """Return whether modes (q, modes) go from x to y, by their angular momentum."""
+    at = {name: k for k, name in enumerate(machine.positions)}
+    pairs = [(name, f"{name[:-1]}y") for name in at if name.endswith("x")]
+    turns = sum(
+        machine.masses[at[x]] * (shapes[at[x]].conj() * shapes[at[y]]).imag for x, y in pairs
+    )
+    return np.asarray(np.asarray(turns) < 0)
+
+
+def _goes_along(shapes: NDArray[np.complex128], machine: Machine) -> NDArray[np.bool_]:
+    """Return whether modes (q, modes) move along the shaft, by their kinetic energy."""
+    energy = machine.masses[:, None] * np.abs(shapes) ** 2
+    axial = np.array([name == "z" for name in machine.positions])
+    return np.asarray(2 * energy[axial].sum(axis=0) > energy.sum(axis=0))
+
+
+def _followed(
+    after: NDArray[np.complex128], result: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return poles in the order of those after, each next to where its path leads."""
+    from scipy.optimize import linear_sum_assignment
+
+    ahead = after[0] if len(after) < 2 else 2 * after[0] - after[1]
+    _, order = linear_sum_assignment(np.abs(ahead[:, None] - result[None, :]))
+    return np.asarray(result[order])

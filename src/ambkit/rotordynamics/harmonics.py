@@ -1,0 +1,167 @@
+"""What an estimator says at the end of a record of what turns with the rotor: unbalance, runout."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.quantity_arguments import of_type
+from ambkit.estimate.estimator import Estimator
+from ambkit.result.row import Row, put
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+
+Array = NDArray[np.float64]
+
+TOLD = 0.5
+"""Of the standard deviation at the start, above which a record has told next to nothing."""
+CLEAR = 3.0
+"""Standard deviations that an amplitude has, or it is none to speak of, and has no angle."""
+
+
+@dataclass(frozen=True, eq=False)
+class Harmonic:
+    """A vector that rotates with the rotor, at the angle where the record began."""
+
+    #: Of its states, ``U1`` for the unbalance of the first plane, ``r1_La`` for the runout of a
+    #: sensor at its first harmonic.
+    name: str
+    role: str  #: What it is.
+    unit: str  #: Of cosine and sine: kg m of unbalance, m of runout.
+    cosine: float  #: Of the vector, in `unit`.
+    sine: float
+    covariance: Array  #: (2, 2) Of these two, in `unit` squared.
+    start: float  #: Standard deviation of each at the start, in `unit`.
+    #: Of the variance, the share in directions of all that turns of which the record told next to
+    #: nothing [1].
+    start_share: float
+    order: int = 1  #: Turns that it makes in one of the rotor.
+
+    @property
+    def std(self) -> float:
+        """Standard deviation in the direction that is known least, in `unit`."""
+        return math.sqrt(max(float(np.linalg.eigvalsh(self.covariance)[-1]), 0.0))
+
+    @property
+    def by_start(self) -> bool:
+        """Whether what is not known of it is mostly what was not known at the start."""
+        # So it is at a constant speed, where unbalance and runout cannot be told apart.
+        return self.start_share > 0.5
+
+    @property
+    def amplitude(self) -> tuple[float, float] | None:
+        """Amplitude and its standard deviation, in `unit`."""
+        # None where the start says more than the record, or where it is not clear of 0: then
+        # cosine, sine and their covariance are all that can be said.
+        size = math.hypot(self.cosine, self.sine)
+        if self.by_start or size <= CLEAR * self.std:
+            return None
+        along = np.array([self.cosine, self.sine]) / size
+        return size, math.sqrt(float(along @ self.covariance @ along))
+
+    @property
+    def angle(self) -> tuple[float, float] | None:
+        """Angle and its standard deviation [rad]; None where there is no amplitude."""
+        size = self.amplitude
+        if size is None:
+            return None
+        across = np.array([-self.sine, self.cosine]) / size[0]
+        std = math.sqrt(float(across @ self.covariance @ across)) / size[0]
+        return math.atan2(self.sine, self.cosine), std
+
+    def rows(self, of: tuple[str, ...]) -> list[Row]:
+        """Return its figures; cosine and sine are shown where there is no amplitude."""
+        unit, known = "g mm" if self.role == "unbalance" else "m", self.amplitude is not None
+        (cc, cs), (_, ss) = self.covariance
+        both = math.sqrt(cc * ss)
+        why = "the start says more than the record" if self.by_start else "it is not clear of 0"
+        note = f"{self.name}: {why}, correlation {cs / both if both > 0 else 0.0:.2f}"
+        results = [
+            Row("role", "what", self.role),
+            Row("order", "order", self.order, detail=True),
+            Row("cosine", "cosine", self.cosine, unit, 3, detail=known,
+                note="" if known else note),
+            Row("cosine_std", "its std", math.sqrt(max(cc, 0.0)), unit, 2, detail=known),
+            Row("sine", "sine", self.sine, unit, 3, detail=known),
+            Row("sine_std", "std of sine", math.sqrt(max(ss, 0.0)), unit, 2, detail=known),
+            Row("start_std", "std at the start", self.start, unit, detail=True),
+            Row("start_share", "share of the start", self.start_share, "%", detail=True),
+            Row("start_dominates", "start dominates", self.by_start, detail=True),
+        ]  # fmt: skip
+        if self.amplitude is not None and self.angle is not None:
+            (size, size_std), (angle, off) = self.amplitude, self.angle
+            results += [
+                Row("amplitude", "amplitude", size, unit),
+                Row("amplitude_std", "std of amplitude", size_std, unit, 2),
+                Row("angle", "angle", angle, "deg"),
+                Row("angle_std", "std of angle", off, "deg"),
+            ]
+        return put(results, section=(*of, "synchronous"), of=self.name)
+
+
+def harmonics(estimator: Estimator, record: Record) -> list[Harmonic]:
+    """Return what turns with the rotor, by an estimator that has just run along a record.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Of a machine, where the record ended.
+    record : Record
+        With the ``speed`` of rotation [rad/s], where it is not the machine's own.
+
+    Returns
+    -------
+    list of Harmonic
+        Of each pair of synchronous states, in their order; empty without such states.
+    """
+    of_type(Estimator, estimator=estimator)
+    mean, covariance, start = estimator.mean, estimator.covariance, estimator.default_std()
+    places = [k for k, s in enumerate(estimator.states) if s.role in ("unbalance", "runout")]
+    if not places:
+        return []
+    angle, shares = _turned(estimator, record), _start_shares(covariance, start, places)
+    results = []
+    for first, second in zip(places[::2], places[1::2], strict=True):
+        state = estimator.states[first]
+        name = state.name.rsplit("_", 1)[0]
+        order = 1 if state.role == "unbalance" else int(name.split("_", 1)[0].removeprefix("r"))
+        back = _rotation(-order * angle)
+        pair = [first, second]
+        cosine, sine = back @ mean[pair]
+        spread = back @ covariance[np.ix_(pair, pair)] @ back.T
+        results.append(
+            Harmonic(name, state.role, state.unit, float(cosine), float(sine), spread,
+                     float(start[first]), shares[first], order)
+        )  # fmt: skip
+    return results
+
+
+def _start_shares(covariance: Array, start: Sequence[float], places: list[int]) -> dict[int, float]:
+    """Return of the first of each pair what `Harmonic.start_share` says."""
+    scale = 1 / np.array(start)[places]
+    values, ways = np.linalg.eigh(scale[:, None] * covariance[np.ix_(places, places)] * scale)
+    untold = np.where(values > TOLD**2, values, 0.0)
+    share = (ways**2 @ untold).reshape(-1, 2).sum(axis=1)
+    total = (ways**2 @ np.maximum(values, 0.0)).reshape(-1, 2).sum(axis=1)
+    result = np.divide(share, total, out=np.zeros_like(share), where=total > 0)
+    return dict(zip(places[::2], result.tolist(), strict=True))
+
+
+def _turned(estimator: Estimator, record: Record) -> float:
+    """Return by how much the rotor turned along a record [rad]."""
+    speed_signal = dict(record.signals).get("speed")
+    speed = (
+        np.full(len(record.t), estimator.bearing.speed) if speed_signal is None else speed_signal
+    )
+    return float(np.sum((speed[1:] + speed[:-1]) / 2 * np.diff(record.t)))
+
+
+def _rotation(angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s], [s, c]])

@@ -1,0 +1,291 @@
+"""The bending modes that are kept, compared with the full matrices over the speed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.units import engineering, percent, rpm
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.margins import grid, highest
+from ambkit.machine.rotors.descriptions import OfMatrices
+from ambkit.machine.rotors.whirl import (
+    BEYOND,
+    WhirlError,
+    above,
+    end_of_range,
+    enough,
+    speeds_of,
+    whirl_error,
+)
+from ambkit.rotordynamics.campbell import campbell
+from ambkit.rotordynamics.separation_margins import DAMPED
+from ambkit.simulation.default_control import default_control
+from ambkit.simulation.stabilising_controller import holding
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+
+COARSE, NEAR = 250, 9
+"""Points of a grid that finds a peak, and about each pole."""
+
+MORE, LEAST = 4, 10
+"""Modes beyond those kept that stand for all in the loop, and how many these are at least."""
+
+BESIDE = 1.05
+"""How far beyond a mode that grows modes are to be kept."""
+
+SPEEDS = 61
+"""At which critical speeds are looked for."""
+
+
+class Peak(NamedTuple):
+    """The peak of the sensitivity of an axis, with the modes kept and with all."""
+
+    axis: str
+    speed: float
+    """Of rotation [rad/s]."""
+    kept: float
+    """[1]."""
+    full: float
+    """[1]; infinite where the loop is unstable."""
+
+    @property
+    def share(self) -> float:
+        """Distance from the full one [1]."""
+        return math.inf if math.isinf(self.full) else abs(self.kept / self.full - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """Kept modes against all modes of the matrices."""
+
+    kept: int  #: How many modes are kept, and how many there are.
+    every: int
+    tolerance: float  #: Greatest error that is permitted [1].
+    fastest: float  #: Up to which speed they are compared [rad/s].
+    highest: float  #: Up to which frequency whirls are compared [Hz].
+    whirl: WhirlError  #: Of the free rotor, against the full matrices.
+    #: (float, float) Critical speeds up to `fastest`, but for those critically damped, with the
+    #: modes kept and with all [rad/s]; NaN: there is none.
+    critical: tuple[tuple[float, float], ...]
+    #: Of the default loop, where both differ most; None where it is unstable with those kept.
+    peak: Peak | None
+    #: Pole of the default loop that grows with all modes [1/s], and not with those kept.
+    grows: complex | None
+    #: What `modes_up_to` must be, at least: for the whirls, for what grows, or one mode more where
+    #: the sensitivity is off [Hz].
+    needed: float
+
+    @property
+    def critical_error(self) -> float:
+        """Greatest error of a critical speed [1]; infinite where one is missing."""
+        parts = [abs(kept / full - 1) for kept, full in self.critical]
+        return max((math.inf if math.isnan(one) else one for one in parts), default=0.0)
+
+    @property
+    def good(self) -> bool:
+        """Whether all is within the tolerance."""
+        share = 0.0 if self.peak is None else self.peak.share
+        return max(self.whirl.error, self.critical_error, share) <= self.tolerance
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison as plain data, in SI; what is infinite or unknown is None."""
+        w, p = self.whirl, self.peak
+        return {
+            "modes_kept": self.kept,
+            "modes": self.every,
+            "tolerance": self.tolerance,
+            "within": self.good,
+            "up_to_speed": self.fastest,
+            "up_to_frequency": self.highest,
+            "whirl": {
+                "error": w.share, "kept": _finite(w.kept), "full": _finite(w.full),
+                "speed": w.speed, "left_out": _finite(w.left_out),
+            },
+            "critical_speeds": [
+                {"kept": _finite(kept), "full": _finite(full)} for kept, full in self.critical
+            ],
+            "sensitivity_peak": p and {
+                "axis": p.axis, "speed": p.speed, "kept": p.kept, "full": _finite(p.full),
+                "error": _finite(p.share),
+            },
+            "grows": self.grows and [self.grows.real, self.grows.imag],
+            "modes_up_to_needed": self.needed,
+        }  # fmt: skip
+
+    def sentences(self) -> list[str]:
+        """Return what is to be said: of whirls, of critical speeds, of the sensitivity."""
+        return [self._of_whirls(), *self._of_critical(), self._of_peak()]
+
+    def _of_whirls(self) -> str:
+        w, to = self.whirl, f"up to {rpm(self.fastest)} and {engineering(self.highest, 'Hz', 4)}"
+        if not self.fastest:
+            return "free whirl frequencies: the rotor stands still, and the modes kept are exact"
+        deviation = "as with the full matrices"
+        if w.share:
+            deviation = (
+                f"off by {_percent(w.share)} at most, {engineering(w.kept / 2 / math.pi, 'Hz', 4)} "
+                f"where the full matrices have {_way(w.full)} at {rpm(w.speed)}"
+            )
+        if not math.isnan(w.left_out):
+            deviation += f", and {_way(w.left_out)} at {rpm(w.left_out_at)} is left out"
+        return f"free whirl frequencies {to}: {deviation}"
+
+    def _of_critical(self) -> list[str]:
+        if not self.critical:
+            return []
+        parts = ", ".join(
+            f"{rpm(kept)} (full: {rpm(full)})" if abs(kept / full - 1) > 1e-4 else rpm(kept)
+            if kept == kept and full == full
+            else f"{'none' if math.isnan(kept) else rpm(kept)} "
+                 f"(full: {'none' if math.isnan(full) else rpm(full)})"
+            for kept, full in self.critical
+        )  # fmt: skip
+        share = self.critical_error
+        off = "one is missing" if math.isinf(share) else f"off by {_percent(share)} at most"
+        return [f"critical speeds: {parts}; {off}"]
+
+    def _of_peak(self) -> str:
+        p = self.peak
+        if p is None:
+            return "sensitivity: the default loop is unstable with the modes kept as well"
+        if self.grows is not None:
+            f = engineering(abs(self.grows.imag) / 2 / math.pi, "Hz", 4)
+            return (
+                f"sensitivity: the default loop, stable with the modes kept, is unstable with all: "
+                f"at {rpm(p.speed)} a mode at {f} grows by {self.grows.real:.3g}/s"
+            )
+        return (
+            f"sensitivity of the default loop: peak off by {_percent(p.share)} at most, "
+            f"{p.kept:.4g} where all modes give {p.full:.4g}, axis {p.axis} at {rpm(p.speed)}"
+        )
+
+    def text(self) -> str:
+        """Return it as one sentence, with what helps."""
+        what = f"{self.kept} of {self.every} bending modes kept, against all: "
+        lead = what + "; ".join(self.sentences())
+        if self.good:
+            return f"{lead}; {'' if self.peak is None else 'all '}within {_percent(self.tolerance)}"
+        help = "leave out rotor.modes_up_to, so that enough modes are kept"
+        if max(self.whirl.error, self.critical_error) <= self.tolerance:  # it is the loop's
+            help = f"give rotor.modes_up_to = {engineering(self.needed, 'Hz', 4)}, so that the "
+            help += "default controllers are chosen with more modes"
+        elif self.needed:
+            help += f", or raise it to {engineering(self.needed, 'Hz', 4)}"
+        return f"{lead}; not within {_percent(self.tolerance)} (rotor.modes_within): {help}"
+
+
+@lru_cache(maxsize=32)
+def reduction(machine: Machine) -> Reduction | None:
+    """Return how a machine's kept modes compare with the full matrices."""
+    # Free whirl frequencies with the full finite-element matrices; critical speeds and the
+    # sensitivity of the default loop with so many modes that further ones change nothing that is
+    # told. The controllers are those tuned with the modes kept, in both.
+    rotor, bending = machine.rotor, machine.bending
+    if not isinstance(rotor, OfMatrices) or bending is None:
+        return None
+    T, speed, every = machine.sampling_time, machine.speed, rotor.every_mode
+    f = every.frequency / (2 * math.pi)
+    mode_count = len(bending.frequency) - bending.attached
+    top = end_of_range(T, speed)
+    frequency_limit = rotor.modes_up_to or top
+    count = min(len(f), max(mode_count + MORE, LEAST))
+    many = machine.model_copy(
+        update={"rotor": rotor.model_copy(
+            update={"modes_up_to": above(f, count), "residual": False}
+        )}
+    )  # fmt: skip
+    max_speed = BEYOND * abs(speed)
+    peak, grows = _peaks(machine, many)
+    needed = enough(rotor, T, speed, rotor.modes_within)
+    if grows is not None:
+        needed = max(needed, BESIDE * abs(grows.imag) / 2 / math.pi)
+    elif peak is not None and peak.share > rotor.modes_within and mode_count < len(f):
+        needed = max(needed, above(f, mode_count + 1))
+    return Reduction(
+        mode_count, len(f), rotor.modes_within, max_speed, min(frequency_limit, top),
+        whirl_error(rotor, bending, min(frequency_limit, top), speeds_of(speed)),
+        _critical(machine, many, max_speed), peak, grows, needed,
+    )  # fmt: skip
+
+
+def _critical(machine: Machine, many: Machine, max_speed: float) -> tuple[tuple[float, float], ...]:
+    """Return the critical speeds of both that are not critically damped [rad/s]."""
+    if not max_speed:
+        return ()
+    pids = holding(machine).pids
+    some, all_of = (
+        [
+            one.speed for one in campbell(item, max_speed, count=SPEEDS, pids=pids).criticals
+            if one.amplification >= DAMPED
+        ]
+        for item in (machine, many)
+    )  # fmt: skip
+    n = max(len(some), len(all_of))
+    padded = [[*item, *([math.nan] * (n - len(item)))] for item in (some, all_of)]
+    return tuple(zip(*padded, strict=True))
+
+
+def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None]:
+    """Return where the peaks of the default loops differ most, and what grows with all modes."""
+    try:
+        of = LoopOf(machine)
+        fed_by_estimate = default_control(machine).chosen.feedback == "estimate"
+        estimator = KalmanFilter(machine) if fed_by_estimate else None
+        control_law = of.flown_by(estimator)
+    except (AmbkitError, ValueError):  # nothing holds the rotor, or no filter takes it
+        return None, None
+    worst: Peak | None = None
+    for speed in dict.fromkeys((0.0, machine.speed / 2, machine.speed)):
+        if estimator is not None:
+            estimator = KalmanFilter(machine.model_copy(update={"speed": speed}))
+        loops = [
+            LoopOf(
+                item.model_copy(update={"speed": speed}),
+                of.control,
+                point=of.point,
+                flown=control_law,
+            ).loop(estimator)
+            for item in (machine, many)
+        ]
+        if not loops[0].is_stable:
+            return None, None
+        if not loops[1].is_stable:
+            with np.errstate(divide="ignore"):
+                rates = np.log(loops[1].closed.poles().astype(complex)) / machine.sampling_time
+            return (
+                Peak(of.axes[0], speed, math.nan, math.inf),
+                complex(rates[np.argmax(rates.real)]),
+            )
+        tops = []
+        for loop in loops:
+            f = grid(loop, COARSE, NEAR)
+            f = np.append(f[f < of.top], of.top)
+            S = np.abs(np.einsum("kii->ki", loop.along_axes(f)))
+            tops.append([
+                highest(partial(loop.of_axis, k), f, S[:, k])[0] for k in range(loop.axes)
+            ])  # fmt: skip
+        for axis, reduced_peak, full in zip(of.axes, *tops, strict=True):
+            result = Peak(axis, speed, reduced_peak, full)
+            worst = result if worst is None or result.share > worst.share else worst
+    return worst, None
+
+
+def _way(whirl: float) -> str:
+    way = "forward" if whirl > 0 else "backward"
+    return f"{engineering(abs(whirl) / 2 / math.pi, 'Hz', 4)} {way}"
+
+
+def _percent(share: float) -> str:
+    return percent(share)
+
+
+def _finite(number: float) -> float | None:
+    return number if math.isfinite(number) else None

@@ -1,0 +1,112 @@
+"""Shapes of a rotor's bending modes, and where its magnets and sensors are on them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.units import engineering
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.sections import Section
+from ambkit.show.plots.mode_shapes import mode_shapes_figure
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+    from ambkit.result.report.figure import Figure
+
+Array = NDArray[np.float64]
+
+MODES = ("modes",)
+"""Section of its rows."""
+
+POINTS = 401
+"""Places along the shaft."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModeShapes(Result):
+    """Bending modes of the free rotor that its model keeps."""
+
+    machine: str  #: Its name.
+    frequency: Array  #: (modes,) Undamped, at rest [rad/s].
+    damping_ratio: Array  #: (modes,) Of each mode alone [1].
+    mass: Array  #: (modes,) Modal masses of shapes that are 1 where they are largest [kg].
+    place: Array  #: (n,) Along the shaft, as the machine's places are measured [m].
+    shape: Array  #: (n, modes) Deflections there [1].
+    #: (float, ndarray (modes,)) Of each radial one its place [m], and the deflections there [1].
+    magnets: Mapping[str, tuple[float, Array]]
+    sensors: Mapping[str, tuple[float, Array]]
+
+    TITLE = "Bending modes of {0.machine}"
+
+    @property
+    def finding(self) -> str:
+        """Their frequencies."""
+        text = ", ".join(engineering(f / math.tau, "Hz", 4) for f in self.frequency)
+        return f"Bending modes of {self.machine}, free and at rest: {text}."
+
+    @property
+    def rows(self) -> list[Row]:
+        """Frequency, damping and mass of each, and the deflections at magnets and sensors."""
+        results: list[Row] = []
+        for k, frequency in enumerate(self.frequency):
+            results += put([
+                Row("frequency", "frequency", float(frequency) / math.tau, "Hz"),
+                Row("damping_ratio", "damping ratio", float(self.damping_ratio[k])),
+                Row("mass", "modal mass", float(self.mass[k]), "kg"),
+            ], section=MODES, of=str(k + 1))  # fmt: skip
+        for key, of in (("magnets", self.magnets), ("sensors", self.sensors)):
+            for name, (place, shape) in of.items():
+                results += put([
+                    Row("place", "place", place, "m"),
+                    *(Row(f"shape.{k}", f"mode {k}", float(out)) for k, out in enumerate(shape, 1)),
+                ], section=(key,), of=name)  # fmt: skip
+        return results
+
+    SECTIONS = {
+        MODES: Section("Modes", across=True),
+        ("magnets",): Section("Deflections at magnets", across=True),
+        ("sensors",): Section("Deflections at sensors", across=True),
+    }
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Of which machine."""
+        return {"machine": self.machine}
+
+    def figures(self) -> list[Figure]:
+        """Return the shapes along the shaft, with magnets and sensors marked."""
+        return [mode_shapes_figure(
+            self.machine, (self.frequency, self.damping_ratio), self.place, self.shape,
+            self.magnets, self.sensors,
+        )]  # fmt: skip
+
+
+def mode_shapes(machine: Machine) -> ModeShapes:
+    """Return the bending modes of a machine's free rotor, as far as its model keeps them."""
+    bending = machine.bending
+    if bending is None:
+        raise AmbkitError(f"{machine.name}: its rotor is rigid, and has no bending modes")
+    mode_slice = slice(len(bending.frequency) - bending.attached)
+    place = np.linspace(*bending.ends, POINTS)
+
+    def marked(placed: tuple[object, ...], axial: str) -> dict[str, tuple[float, Array]]:
+        return {
+            item.name: (item.place, bending.shape(item.place)[mode_slice])  # type: ignore[attr-defined]
+            for item in placed
+            if item.type != axial  # type: ignore[attr-defined]
+        }
+
+    return ModeShapes(
+        machine.name, bending.frequency[mode_slice], bending.damping_ratio[mode_slice],
+        bending.mass[mode_slice],
+        place, np.array([bending.shape(float(z)) for z in place])[:, mode_slice],
+        marked(machine.bearings, "thrust"), marked(machine.sensors, "axial"),
+    )  # fmt: skip

@@ -1,0 +1,126 @@
+"""How far a speed of operation is from each critical speed, after API 617."""
+
+# API 617, Axial and centrifugal compressors and expander-compressors, and API RP 684, 6.8.2.10,
+# with the amplification factor AF: below the operating speed the lesser of 16 % and
+# ``17 % (1 - 1/(AF - 1.5))``, above it the lesser of 26 % and 10 % more; none where AF < 2.5. The
+# standards themselves were not at hand: the figures are those by which ROSS, the rotordynamic
+# software of Petrobras, judges (github.com/petrobras/ross, ``separation margin``, after API 684).
+# ISO 14839 has no separation margins; its part 3 judges the peak of the sensitivity.
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ambkit.base.units import rpm
+from ambkit.result.row import Row, put
+from ambkit.rotordynamics.campbell import CriticalSpeed, campbell
+from ambkit.simulation.default_control import default_control
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+    from ambkit.simulation.scenario import PID
+
+DAMPED = 2.5
+"""Amplification factor below which API 617 takes a mode for critically damped."""
+
+SHARE, ABOVE = 0.17, 0.10
+"""Factor of the margin that a critical speed needs, and how much more one above the operating speed
+needs."""
+
+MOST = 0.16
+"""The greatest margin that a critical speed below the operating speed needs."""
+
+BASIS = "API 617"
+"""Where the margins are from."""
+
+
+@dataclass(frozen=True)
+class Separation:
+    """The distance of an operating speed from one critical speed."""
+
+    critical: CriticalSpeed  #: The critical speed.
+    speed: float  #: Of operation [rad/s].
+
+    @property
+    def margin(self) -> float:
+        """Distance, of the operating speed [1]."""
+        return abs(self.critical.speed / self.speed - 1)
+
+    @property
+    def needed(self) -> float:
+        """Margin that is required [1]: none of a mode that is critically damped."""
+        factor = self.critical.amplification
+        if factor < DAMPED:
+            return 0.0
+        margin = min(MOST, SHARE * (1 - 1 / (factor - 1.5)))
+        return margin + (ABOVE if self.critical.speed > self.speed else 0.0)
+
+    @property
+    def kept(self) -> bool:
+        """Whether the speed is far enough."""
+        return self.margin >= self.needed
+
+    @property
+    def where(self) -> str:
+        """On which side of the operating speed it is, and by how much."""
+        side = "above" if self.critical.speed > self.speed else "below"
+        return f"{100 * self.margin:.3g} % {side} {rpm(self.speed)}"
+
+    @property
+    def limit(self) -> str:
+        """The required margin as text."""
+        if not self.needed:
+            return "none: critically damped"
+        return f"at least {100 * self.needed:.3g} %"
+
+    @property
+    def factor(self) -> str:
+        """The amplification factor as text."""
+        return f"{self.critical.amplification:.3g}"
+
+    def text(self) -> str:
+        """Return it as one phrase."""
+        return (
+            f"{rpm(self.critical.speed)}, {self.where} (amplification factor {self.factor}; "
+            f"required: {self.limit})"
+        )
+
+    def rows(self) -> list[Row]:
+        """Return it as rows."""
+        factor = self.critical.amplification
+        return put([
+            Row("critical_speed", "critical speed", self.critical.speed, "rpm", detail=True),
+            Row("speed", "speed", self.speed, "rpm", detail=True),
+            Row("damping_ratio", "damping ratio", self.critical.damping_ratio, detail=True),
+            Row("amplification_factor", "amplification factor",
+                factor if math.isfinite(factor) else None, digits=3),
+            Row("margin", "margin", self.margin, "%", least=self.needed or None),
+        ], section=("critical_speeds",), of=rpm(self.critical.speed))  # fmt: skip
+
+
+def separations(
+    machine: Machine, speed: float | None = None, pids: Sequence[PID] | None = None
+) -> list[Separation]:
+    """Return the distances of a speed from all critical speeds up to twice of it."""
+    # Of the rotor on its controllers, see `ambkit.campbell`.
+    speed = abs(machine.speed if speed is None else speed)
+    if not speed:
+        return []
+    if pids is None:  # those that are flown by default
+        default_pids = default_control(machine).chosen.control.pid
+        pids = [default_pids[axis.name] for axis in machine.axes] if default_pids else None
+    result = campbell(machine, 2 * speed, pids=pids)
+    return [Separation(critical, speed) for critical in result.criticals]
+
+
+def sentence(results: Sequence[Separation], speed: float) -> str:
+    """Return what is to be said of a speed of operation."""
+    if not results:
+        return f"no critical speed up to {rpm(2 * abs(speed))}"
+    parts = "; ".join(one.text() for one in results)
+    near = [rpm(one.critical.speed) for one in results if not one.kept]
+    verdict = f"too near to {', '.join(near)} ({BASIS})" if near else f"kept ({BASIS})"
+    return f"separation from critical speeds: {parts}: {verdict}"

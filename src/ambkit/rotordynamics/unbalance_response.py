@@ -1,0 +1,87 @@
+"""How far unbalance moves a rotor on its controllers, over its speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import Given
+from ambkit.base.units import engineering, rpm
+from ambkit.result.result import Result
+from ambkit.result.row import At, Row
+from ambkit.rotordynamics.campbell import greatest_speed, held
+from ambkit.show.plots.unbalance_response import unbalance_response_figure
+from ambkit.simulation.plant import Plant
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+    from ambkit.result.report.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class UnbalanceResponse(Result):
+    """Amplitude of the synchronous motion over the speed."""
+
+    machine: Machine  #: Whose unbalance it is.
+    speed: Array  #: (n,) Speeds of rotation [rad/s].
+    amplitude: Array  #: (n, p) Along each axis [m].
+
+    TITLE = "Unbalance response of {0.machine.name}"
+
+    @property
+    def finding(self) -> str:
+        """Where it moves most."""
+        n, k = np.unravel_index(self.amplitude.argmax(), self.amplitude.shape)
+        most = engineering(self.amplitude[n, k], "m", 4)
+        return (
+            f"Unbalance moves {self.machine.name} by {most} at most: along "
+            f"{self.machine.axes[k].name}, at {rpm(self.speed[n])}."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        """The greatest amplitude along each axis."""
+        return [
+            Row("greatest_amplitude", "greatest amplitude", float(of.max()), "m", of=axis.name,
+                at=At("speed", float(self.speed[of.argmax()]), "rpm"))
+            for axis, of in zip(self.machine.axes, self.amplitude.T, strict=True)
+        ]  # fmt: skip
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Speeds [rad/s] and the amplitude of each axis [m] by its name."""
+        names = [axis.name for axis in self.machine.axes]
+        columns = dict(zip(names, self.amplitude.T.tolist(), strict=True))
+        return {"machine": self.machine.name, "speeds": self.speed.tolist(), "amplitude": columns}
+
+    def figures(self) -> list[Figure]:
+        """Return the amplitude of each axis over the speed."""
+        return [unbalance_response_figure(self.machine, self.speed, self.amplitude)]
+
+
+def unbalance_response(
+    machine: Machine, fastest: Given | None = None, *, count: int = 400
+) -> UnbalanceResponse:
+    """Return the steady synchronous motion of a rotor on its controllers."""
+    if not machine.unbalance:
+        raise AmbkitError(f"{machine.name}: it has no [[unbalance]], and so no response to it")
+    fastest = greatest_speed(machine, fastest)
+    plant = Plant(machine)
+    standstill, spin = held(machine)
+    ahead, across = plant.unbalance()
+    q = len(machine.positions)
+    unbalance_input = np.zeros(len(standstill), complex)
+    unbalance_input[q : 2 * q] = ahead - 1j * across  # velocities stand after the positions
+    speed = np.linspace(fastest / count, fastest, count)
+    one = np.eye(len(standstill))
+    results = [
+        np.linalg.solve(1j * w * one - standstill - w * spin, w**2 * unbalance_input) for w in speed
+    ]
+    motion = np.array(results)[:, : plant.H.shape[1]] @ plant.H.T
+    return UnbalanceResponse(machine, speed, np.abs(motion))

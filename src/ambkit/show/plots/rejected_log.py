@@ -1,0 +1,111 @@
+"""A picture of a log that is refused: what could be read of it, and where the trouble is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.escaping import markdown, one_line
+from ambkit.data.reading.clock import examine
+from ambkit.data.reading.rejections import Refused
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line
+from ambkit.show.plots.reading import axis_of, missing_spans, steps_panel
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+SHOWN = 6
+"""Channels in the picture; its clocks come first."""
+
+TOLD = 3
+"""Reasons that are told below it."""
+
+_TIME, _NUMBER = Axis("time", "s"), Axis("sample")
+
+
+def refused_figure(refused: Refused) -> Figure | None:
+    """Show the clocks and channels of a refused log, with the places that are complained of."""
+    # Over time, if all of its clocks go on; over the number of the sample otherwise, since times
+    # that go back, or are none, are no axis.
+    mapped = refused.mapped
+    clocks = {name: times for name, times in mapped.clocks.items() if times.size > 1}
+    signals = {
+        name: values
+        for name, values in mapped.signals.items()
+        if values.size > 1 and np.isfinite(values).any()
+    }
+    if not clocks and not signals:
+        return None
+    over_time = not refused.damaged and all(map(_goes_on, clocks.values()))
+    panels: list[Panel] = []
+    for name, times in clocks.items():
+        x = times if over_time else _numbers(times)
+        marks = list(_marks(x, _troubles(name, times, refused.damaged)))
+        axis = _TIME if over_time else _NUMBER
+        if not over_time:
+            line = Line(x, times, signal="measurement", label="clock")
+            panels.append(Panel(axis, axis_of(name, "s", times), [line, *marks]))
+        panels.append(steps_panel(name, x[1:], np.diff(times), axis, marks))
+    for name, values in list(signals.items())[:SHOWN]:
+        own = mapped.clock_of[name]
+        timed = over_time and own in clocks and clocks[own].shape == values.shape
+        x = clocks[own] if timed else _numbers(values)
+        trouble = _troubles(own, clocks[own], refused.damaged) if own in clocks else ()
+        inside = [at for at in trouble if at < values.size]
+        channel = Line(x, np.where(np.isfinite(values), values, np.nan), signal="channel")
+        panels.append(
+            Panel(
+                _TIME if timed else _NUMBER,
+                axis_of(name, mapped.units[name], values),
+                [channel, *_marks(x, inside)],
+            )
+        )
+    left = list(signals)[SHOWN:]
+    problem_text = " ".join(f"`{_code(problem)}`" for problem in refused.problems[:TOLD])
+    more = len(refused.problems) - TOLD
+    if more > 0:
+        problem_text += f" And {more} more."
+    return Figure(
+        id="refused",
+        title=f"{markdown(refused.name.replace(chr(92), '/').rpartition('/')[2])}: refused",
+        caption=f"{problem_text} Not shown: {', '.join(map(markdown, left))}."
+        if left
+        else problem_text,
+        panels=panels,
+    )
+
+
+def _code(text: str) -> str:
+    """Take out of a text what would end its code in Markdown, or be a formula in it."""
+    return one_line(text).replace("`", "'").replace("$", "")
+
+
+def _goes_on(times: Array) -> bool:
+    return bool(np.isfinite(times).all() and (np.diff(times) > 0).all())
+
+
+def _numbers(values: Array) -> Array:
+    return np.arange(values.size, dtype=np.float64)
+
+
+def _troubles(name: str, times: Array, damaged: Iterable[int]) -> list[int]:
+    """Return the samples of a clock that are complained of."""
+    results = [at for at in damaged if at < times.size]
+    finite = np.isfinite(times)
+    results += np.flatnonzero(~finite).tolist()
+    if np.count_nonzero(finite) > 1:
+        finite_indices = np.flatnonzero(finite)
+        clock = examine(name, times[finite])
+        gaps = clock.gaps if not clock.whole_gaps else clock.gaps[:0]
+        places = np.concatenate([clock.jumps, clock.uneven, gaps])
+        results += finite_indices[places].tolist()
+    return sorted(set(results))
+
+
+def _marks(x: Array, troubles: Iterable[int]) -> Iterable[Item]:
+    """Mark samples, each with the one before it."""
+    stretches = [(float(x[max(at - 1, 0)]), float(x[at])) for at in troubles]
+    return missing_spans(stretches, x, "refused for this")

@@ -1,0 +1,181 @@
+"""Pictures of a machine's loop over its speed: sensitivity, modes, and what a run-up asks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.escaping import markdown
+from ambkit.judge.loop.capacity import ROOM
+from ambkit.judge.loop.coil_temperature import ZERO
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line, Points, Rule
+from ambkit.show.plots.assessment import LOOKS
+from ambkit.show.plots.campbell import SPEED
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+    from ambkit.result.report.items import Vector
+
+SLOW = 2.0
+"""Modes up to so many times the greatest peak's frequency or speed are shown."""
+
+DAMPED = 0.995
+"""Damping ratio from which on a mode does not swing."""
+
+
+class _OverSpeed(Protocol):
+    """What is shown of `ambkit.assessment.speed_sweep.OverSpeed`."""
+
+    @property
+    def machine(self) -> Machine: ...
+    @property
+    def fed_by(self) -> str: ...
+    @property
+    def axes(self) -> tuple[str, ...]: ...
+    @property
+    def speed(self) -> Vector: ...
+    @property
+    def peaks(self) -> Vector: ...
+    @property
+    def largest(self) -> Vector: ...
+    @property
+    def poles(self) -> tuple[NDArray[np.complex128], ...]: ...
+    @property
+    def orbit(self) -> Vector: ...
+    @property
+    def clearance(self) -> Vector: ...
+    @property
+    def current(self) -> Vector: ...
+    @property
+    def current_limit(self) -> Vector: ...
+    @property
+    def voltage(self) -> Vector | None: ...
+    @property
+    def temperature(self) -> Vector | None: ...
+    @property
+    def temperature_limit(self) -> float | None: ...
+
+
+def over_speed_figure(result: _OverSpeed, zones: Sequence[tuple[str, float]]) -> Figure:
+    """Show sensitivity of each axis, and frequency and damping of the closed loop's modes."""
+    peaks: list[Item] = [
+        Rule(limit, signal="limit", text=name, label="ends of zones A, B, C" if k == 0 else "")
+        for k, (name, limit) in enumerate(zones)
+        if k == 0 or limit < 1.5 * np.nanmax(result.peaks)
+    ]
+    peaks += _of_axes(result, result.peaks)
+    peaks.append(Line(result.speed, result.largest, signal="bound", label="largest singular value"))
+    top = SLOW * max(float(result.speed[-1]), 2 * math.pi * _busy(result))
+    speeds, frequencies, ratios = list[float](), list[float](), list[float]()
+    for speed, poles in zip(result.speed, result.poles, strict=True):
+        size = np.abs(poles)
+        ratio = -poles.real / np.maximum(size, 1e-300)
+        swings = (poles.imag > 0) & (ratio < DAMPED) & (poles.imag < top)
+        speeds += [float(speed)] * int(swings.sum())
+        frequencies += poles.imag[swings].tolist()
+        ratios += ratio[swings].tolist()
+    at = np.array(speeds)
+    rotation_speeds = result.speed[result.speed <= top]
+    modes: list[Item] = [
+        Points(at, np.array(frequencies), signal="mode", label="modes of the closed loop"),
+        Line(rotation_speeds, rotation_speeds, signal="constant", label="speed of rotation"),
+    ]
+    damping: list[Item] = [Points(at, np.array(ratios), signal="mode", label="")]
+    highest = max(3.5, 1.1 * float(np.nanmax(np.append(result.largest, result.peaks))))
+    return Figure(
+        "over-speed",
+        f"{markdown(result.machine.name)}: closed loop over speed, controllers fed by "
+        f"{result.fed_by}",
+        "Each axis with all other loops closed; the worst decides its zone of ISO 14839-3. Beside "
+        "it, the modes of rotor, controllers and filter together, as far as they swing.",
+        [
+            Panel(SPEED, Axis("peak of |S|", limits=(1.0, highest)), peaks, title="Sensitivity"),
+            Panel(SPEED, Axis("frequency", "Hz", 1 / (2 * math.pi)), modes, title="Campbell"),
+            Panel(SPEED, Axis("damping ratio", limits=(0.0, 1.0)), damping, title="Damping"),
+        ],
+        columns=3,
+        panel_height=2.8,
+    )
+
+
+def run_up_figure(result: _OverSpeed) -> Figure:
+    """Show displacement, current and voltage in a slow run-up, beside their limits."""
+    shares = result.orbit / result.clearance
+    room: list[Item] = [
+        Rule(limit, signal="limit", text=name, label="ends of zones A, B, C" if k == 0 else "")
+        for k, (name, limit) in enumerate(ROOM)
+    ]
+    room += _of_axes(result, shares)
+    current: list[Item] = [Rule(1.0, signal="limit", label="limit")]
+    used = result.current / result.current_limit
+    current += _of_axes(result, used)
+    panels = [
+        Panel(SPEED, _share("displacement, of the clearance", shares, 0.55), room, title="Room"),
+        Panel(SPEED, _share("current, of its limit", used, 1.1), current, title="Current"),
+    ]
+    if result.voltage is not None:
+        volts: list[Item] = [Rule(1.0, signal="limit", label="limit")]
+        volts += _of_axes(result, result.voltage)
+        panels.append(
+            Panel(
+                SPEED, _share("voltage, of its limit", result.voltage, 1.1), volts, title="Voltage"
+            )
+        )
+    if result.temperature is not None:
+        warm: list[Item] = []
+        if result.temperature_limit is not None:
+            warm.append(Rule(result.temperature_limit - ZERO, signal="limit", label="limit"))
+        temperatures = np.where(np.isfinite(result.temperature), result.temperature - ZERO, np.nan)
+        highest = max(
+            np.nanmax(temperatures, initial=0.0), (result.temperature_limit or ZERO) - ZERO
+        )
+        axis = Axis("temperature of a coil", "°C", limits=(0.0, 1.1 * float(highest)))
+        panels.append(Panel(SPEED, axis, [*warm, *_of_axes(result, temperatures)], title="Coils"))
+    return Figure(
+        "run-up",
+        f"{markdown(result.machine.name)}: run-up through its unbalance, controllers fed by "
+        f"{result.fed_by}",
+        "What holds the rotor, unbalance and runout, and three times the noise's rms, of the "
+        "voltage without noise; linear, at each speed long enough to settle, also of the coils' "
+        "temperature. Zones after ISO 14839-2.",
+        panels,
+        columns=len(panels),
+        panel_height=2.8,
+    )
+
+
+def _share(label: str, values: Vector, least: float) -> Axis:
+    """Return an axis from 0 to beyond the limit, and beyond the values."""
+    highest = float(np.nanmax(values, initial=0.0))
+    return Axis(label, "%", 100.0, limits=(0.0, max(least, 1.1 * highest)))
+
+
+def _of_axes(result: _OverSpeed, values: Vector) -> list[Item]:
+    """Return a line for each axis, one for those that are the same."""
+    groups: list[list[int]] = []
+    for k in range(values.shape[1]):
+        for same in groups:
+            if np.allclose(values[:, k], values[:, same[0]], rtol=1e-3, equal_nan=True):
+                same.append(k)
+                break
+        else:
+            groups.append([k])
+    return [
+        Line(
+            result.speed, values[:, same[0]], signal=LOOKS[k % len(LOOKS)],
+            label=" and ".join(result.axes[axis] for axis in same),
+        )
+        for k, same in enumerate(groups)
+    ]  # fmt: skip
+
+
+def _busy(result: _OverSpeed) -> float:
+    """Return the frequency of the fastest mode that swings at rest with little damping [Hz]."""
+    poles = result.poles[0]
+    swings = (poles.imag > 0) & (-poles.real < 0.7 * np.abs(poles))
+    return float(poles.imag[swings].max(initial=0.0)) / (2 * math.pi)

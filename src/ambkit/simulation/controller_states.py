@@ -1,0 +1,164 @@
+"""Estimator, controllers, lift-off and landing together, for ``core/include/ambkit/control.h``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.magnets import ConstantStiffness, own_time
+from ambkit.simulation.controllers import Controllers, arrays, controllers_of
+from ambkit.simulation.lift_off_sequence import MOST_COUNTED, LiftOff
+from ambkit.simulation.plant import Plant
+from ambkit.simulation.scenario import PID, Control, as_control
+
+if TYPE_CHECKING:
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.machine.machine import Bearing
+
+Array = NDArray[np.float64]
+
+FLAT = 0.05
+"""Where a rotor lies so near to the middle of an axis, as a share of what its stop leaves it, that
+axis is held by the stiffnesses of the middle."""
+
+
+@dataclass(frozen=True, eq=False)
+class Controller:
+    """Estimator, controllers, lift-off and landing of a machine: what flies."""
+
+    plant: Plant  #: The machine.
+    estimator: Estimator  #: That feeds the controllers, or looks after the sensors beside them.
+    law: Controllers  #: Of all axes.
+    #: Lift-off and landing; without, it flies from the start and nobody looks after it.
+    sequence: LiftOff | None
+    fed: bool  #: Whether the estimator feeds the controllers; else the readings do.
+    pid: Control = field(default_factory=Control)  #: How a single axis is controlled, complete.
+
+    @classmethod
+    def of_axis(
+        cls, bearing: Bearing, estimator: Estimator, pid: PID, sequence: LiftOff | None = None
+    ) -> Controller:
+        """Return that of a single axis and its PID."""
+        control: Control = as_control(pid).completed(bearing)
+        plant, fed = Plant(bearing.long), control.feedback == "estimate"
+        law = controllers_of(plant, control, estimator if fed else None)
+        return cls(plant, estimator, law, sequence, fed, control)
+
+    @property
+    def bearing(self) -> Bearing:
+        """The first axis, of a single one all that is held."""
+        return self.plant.isolated[0]
+
+    @property
+    def coils(self) -> int:
+        """How many coils its magnet has: i0 + iu, and of a pair i0 - iu."""
+        return 2 if self.bearing.magnet.type == "two-sided" else 1
+
+    @cached_property
+    def down(self) -> Array:
+        """Where the rotor lies along the axes (p,) [m]."""
+        if self.plant.machine.single:
+            return np.array([lies_at(self.bearing)])
+        return np.asarray(self.plant.H @ self.plant.resting())
+
+    @cached_property
+    def _held(self) -> tuple[Array, Array]:
+        """Currents that hold the rotor in the middle (p,) [A], and more a metre away [A/m]."""
+        # On the line through the middle and where it lies, as magnets pull harder the nearer it is.
+        nothing, down = np.zeros(len(self.down)), self.down
+        (_, middle), (_, lying) = (self.plant.equilibrium(at, nothing) for at in (nothing, down))
+        k = [ConstantStiffness.of(item) for item in self.plant.isolated]
+        travel = np.array([item.rotor.clearance for item in self.plant.isolated])
+        slope = np.array([-item.k_s / item.k_i for item in k])
+        far = np.abs(down) > FLAT * travel
+        slope[far] = (lying - middle)[far] / down[far]
+        return middle, slope
+
+    def integrals(self, currents: Array, place: Array) -> Array:
+        """Return the integrals (q,) [A] with which a rotor is held at rest."""
+        # currents (p,) [A]; place (p,) [m]
+        view = self.estimator.view
+        q = np.zeros(view.H.shape[1])
+        q[: view.rigid] = np.linalg.pinv(view.H[:, : view.rigid]) @ place
+        states = np.ravel(self.estimator.equilibrium_state(q, current=currents))
+        return self.law.integrals(currents, place, states if self.fed else None)
+
+    def integral(self, current: float, x: float) -> float:
+        """Return the integral [A] with which a single axis is held at rest."""
+        return float(self.integrals(np.array([current]), np.array([x]))[0])
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """The fields of ``amb_control`` and of what it points to, by their names."""
+        e, view, sequence = self.estimator, self.estimator.view, self.sequence
+        start, by_reading = view.start_form(e.states, e.levitation_current)
+        middle, slope = self._held
+        nothing, parts = np.zeros(len(middle)), np.eye(len(middle))
+        hold = self.integrals(middle, nothing)
+        hold_by = np.column_stack([self.integrals(middle + slope * at, at) - hold for at in parts])
+        T = self.plant.machine.sampling_time
+        return (
+            arrays(self.law, self.plant, e if self.fed else None)
+            | ({} if sequence is None else sequence.in_samples(T))
+            | {
+                "sequenced": sequence is not None,
+                "settling": settling_of(e),
+                "bound": bound_of(e),
+                "std": list(e.default_std()),
+                "start": start.tolist(),
+                "start_by": by_reading.ravel().tolist(),
+                "place": view.along_axes(e.states)[0].ravel().tolist(),
+                "down": self.down.tolist(),
+                "hold": hold.tolist(),
+                "hold_by": hold_by.ravel().tolist(),
+            }
+        )
+
+    def in_core(self, **other: Any) -> Any:
+        """Return the core's controller, around the core's estimator."""
+        return self.estimator.engine.core.Control(self.estimator.core, self.fields | other)
+
+    def run(
+        self, y: ArrayLike, r: ArrayLike, fly: ArrayLike, *, transferred: float | None = None,
+        other: dict[str, Any] | None = None,
+    ) -> dict[str, NDArray[Any]]:  # fmt: skip
+        """Run an axis along readings from power-on, as the exported C does: to the last bit."""
+        # y (n,) [m]; r (n,) [m]; fly (n,)
+        number = np.dtype(self.estimator.precision).type
+        position, _ = self.estimator.in_si(y, np.zeros(0))
+        output: dict[str, Any] = self.in_core(**(other or {})).run(
+            np.ascontiguousarray(position, number),
+            np.ascontiguousarray(r, number),
+            np.ascontiguousarray(fly, number),
+            transferred=None if transferred is None else np.array([transferred], number),
+        )
+        output["iu"], output["u"] = output["iu"].ravel(), output["u"].ravel()
+        bias = number(self.bearing.magnet.bias_current)
+        coils = [bias + output["iu"], bias - output["iu"]][: self.coils]
+        return output | {"coil": np.where(output["on"][:, None] > 0, np.stack(coils, 1), number(0))}
+
+
+def lies_at(bearing: Bearing) -> float:
+    """Return where a rotor lies [m]: on the stop to which its weight pulls it."""
+    travel = bearing.rotor.clearance
+    return travel if bearing.weight > 0 else -travel
+
+
+def settling_of(estimator: Estimator) -> int:
+    """Return the plant's time constant in samples, at least one, as many as 16 bits count."""
+    isolated = isolated_axes(estimator.bearing)
+    samples = max(own_time(item) for item in isolated) / isolated[0].sampling_time
+    return min(max(round(samples), 1), MOST_COUNTED)
+
+
+def bound_of(estimator: Estimator) -> float:
+    """Return how many caps a mean may be away: ten, or what an observer's transients reach."""
+    far = estimator.core.own.get("far")
+    if far is None:
+        return 10.0
+    return max(10.0, float((far / estimator.core.parameters["set"]["cap"]).max()))

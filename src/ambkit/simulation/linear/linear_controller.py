@@ -1,0 +1,201 @@
+"""Controllers of a loop as linear systems, and controllers and estimator together.
+
+The control signals u [V] are what goes between plant and controllers; an estimator is fed with
+those that go out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.machine import Machine
+from ambkit.models.linear import LinearSystem, Signal
+from ambkit.simulation.linear.linear_plant import POSITION, VELOCITY, of_axes
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Bearing
+    from ambkit.models.model import Array
+    from ambkit.simulation.synchronous_compensation import LetTurn
+
+
+class _Gains(Protocol):
+    """What is known of a PID: `ambkit.simulation.scenario.PID`, or what is to become one."""
+
+    @property
+    def kp(self) -> float: ...
+    @property
+    def ki(self) -> float: ...
+    @property
+    def kd(self) -> float: ...
+    @property
+    def derivative_filter(self) -> float: ...
+    @property
+    def setpoint_weight(self) -> float: ...
+    def sections(self, T: float, /) -> list[list[float]]: ...
+
+
+class _Flown(Protocol):
+    """What is known of controllers as they fly, `ambkit.simulation.controllers.Controllers`."""
+
+    @property
+    def pids(self) -> list[list[float]]: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def of_axes(self) -> Array: ...
+    @property
+    def spread(self) -> Array: ...
+    @property
+    def feedback(self) -> dict[str, Array]: ...
+    @property
+    def let_turn(self) -> LetTurn | None: ...
+
+
+class Gains(NamedTuple):
+    """Of one PID, within its limits."""
+
+    kp: float
+    ki: float
+    kd: float
+    derivative_filter: float
+    setpoint_weight: float
+
+
+def controller(pid: _Gains, bearing: Bearing, *, measured: bool) -> LinearSystem:
+    """Return the controller as ``core/src/controller.c`` computes it, within its limits."""
+    gains = Gains(pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.setpoint_weight)
+    T = bearing.sampling_time
+    result = _passed(_pid(gains, T, measured), pid.sections(T))
+    volts = 1 / bearing.amplifier.gain
+    return replace(result, C=volts * result.C, D=volts * result.D, outputs=(Signal("u", "V"),))
+
+
+def _pid(pid: Gains, T: float, measured: bool) -> LinearSystem:
+    """Return a PID with a current [A] as its output."""
+    names = ["integral"] if pid.ki > 0 else []
+    names += ["derivative", "last"] if measured else []
+    units = {"integral": "A", "derivative": "m/s", "last": "m"}
+    inputs = (POSITION, *(() if measured else (VELOCITY,)), Signal("r", "m"))
+    at = {name: k for k, name in enumerate(names)}
+    n, m = len(names), len(inputs)
+    A, B, C, D = np.zeros((n, n)), np.zeros((n, m)), np.zeros((1, n)), np.zeros((1, m))
+    D[0, 0], D[0, -1] = -pid.kp, pid.kp * pid.setpoint_weight
+    if "integral" in at:
+        k = at["integral"]
+        A[k, k] = C[0, k] = 1.0
+        B[k, 0], B[k, -1] = -T * pid.ki, T * pid.ki
+    if measured:
+        # velocity += ((x - last) - T velocity)/(T_f + T), and then last = x
+        d, last, share = at["derivative"], at["last"], 1 / (pid.derivative_filter + T)
+        A[d, d], A[d, last], B[d, 0], B[last, 0] = 1 - T * share, -share, share, 1.0
+        C -= pid.kd * A[d]
+        D[0, 0] -= pid.kd * share
+    else:
+        D[0, 1] = -pid.kd
+    return LinearSystem(
+        A, B, C, D, T, tuple(Signal(name, units[name]) for name in names), inputs,
+        (Signal("iu", "A"),),
+    )  # fmt: skip
+
+
+def _passed(system: LinearSystem, sections: Sequence[Sequence[float]]) -> LinearSystem:
+    """Return a system whose output passes sections of second order, each of two states."""
+    A, B, C, D, states = system.A, system.B, system.C, system.D, system.states
+    for k, (b0, b1, b2, a1, a2) in enumerate(sections):
+        n = len(A)
+        inner = np.array([[b1 - a1 * b0], [b2 - a2 * b0]])
+        A = np.block([[A, np.zeros((n, 2))], [inner @ C, np.array([[-a1, 1.0], [-a2, 0.0]])]])
+        B = np.vstack([B, inner @ D])
+        C, D = np.hstack([b0 * C, [[1.0, 0.0]]]), b0 * D
+        states += (Signal(f"section_{k}", "A"), Signal(f"section_{k}_before", "A"))
+    return replace(system, A=A, B=B, C=C, D=D, states=states)
+
+
+def controllers(result: _Flown, of: Machine, *, measured: bool) -> LinearSystem:
+    """Return controllers as ``core/src/controllers.c`` computes them, within their limits."""
+    from scipy.linalg import block_diag
+
+    T, q = of.sampling_time, len(result.pids)
+    parts = [
+        _passed(
+            _pid(Gains(pid[0], pid[1], pid[2], pid[3], pid[5]), T, measured),
+            [pid[k : k + 5] for k in range(8, len(pid), 5)],
+        )
+        for pid in result.pids
+    ]
+    kinds = parts[0].inputs
+    order = [k + len(kinds) * at for k in range(len(kinds)) for at in range(q)]
+    A, B, C, D = (block_diag(*(getattr(one, name) for one in parts)) for name in "ABCD")
+    B, D = B[:, order], D[:, order]
+    # Each PID's reference is what it looks at of those of the axes.
+    B, D = (np.hstack([M[:, :-q], M[:, -q:] @ result.of_axes]) for M in (B, D))
+    C, D = result.spread @ C, result.spread @ D
+    axes = [axis.name for axis in of.axes] if not of.single else []
+    names = result.names if axes else []
+    input_signals = [signal for kind in kinds[:-1] for signal in of_axes(kind, names)]
+    if not measured:
+        p = len(result.spread)
+        at = B.shape[1] - p
+        B = np.hstack([B[:, :at], np.zeros((len(A), p)), B[:, at:]])
+        D = np.hstack([D[:, :at], np.eye(p), D[:, at:]])
+        input_signals += of_axes(Signal("fed_back", "A"), axes)
+    volts = np.array([1 / b.amplifier.gain for b in isolated_axes(of)])[:, None]
+    states = [
+        Signal(f"{at.name}_{name}", at.unit)
+        for name, one in zip(result.names, parts, strict=True) for at in one.states
+    ]  # fmt: skip
+    return LinearSystem(
+        A, B, volts * C, volts * D, T, tuple(states),
+        (*input_signals, *of_axes(Signal("r", "m"), axes)), of_axes(Signal("u", "V"), axes),
+    )  # fmt: skip
+
+
+def fed(result: _Flown, states: int, speed: float) -> Array:
+    """Return what controllers take of an estimator's states (2 q + p, n), see `controllers`."""
+    feedback = result.feedback
+    gain = np.zeros((len(result.spread), states))
+    for power, name in enumerate(("fed_back", "fed_back_by_speed", "fed_back_by_square")):
+        gain += speed**power * feedback.get(name, 0.0)
+    rows = np.vstack([feedback["position"], feedback["velocity"], gain])
+    if result.let_turn is not None:
+        motion, current = result.let_turn.at(speed)
+        at = slice(result.let_turn.start, result.let_turn.start + motion.shape[1])
+        rows[:, at] -= rows[:, : len(motion)] @ motion
+        rows[-len(current) :, at] += current
+    return rows
+
+
+def compensator(
+    control: LinearSystem,
+    estimator: LinearSystem | None,
+    transform: Array,
+    readings: Sequence[Signal] = (Signal("y", "m"),),
+) -> LinearSystem:
+    """Return controllers and estimator together, from the measurements to u."""
+    # shown (q, m) [1]
+    K = control
+    if estimator is None:
+        p = transform.shape[-2]
+        B, D = (_beside(of[..., :p] @ transform, of[..., p:]) for of in (K.B, K.D))
+        return replace(K, B=B, D=D, inputs=(*readings, *K.inputs[p:]))
+    E = estimator
+    m, q = len(E.inputs) - len(K.outputs), len(E.outputs)
+    B_y, B_u, D_y = E.B[..., :m], E.B[..., m:], E.D[..., :m]
+    Bq, Br, Dq, Dr = K.B[..., :q], K.B[..., q:], K.D[..., :q], K.D[..., q:]
+    A = np.block([[E.A + B_u @ Dq @ E.C, B_u @ K.C], [Bq @ E.C, K.A]])
+    B = np.block([[B_y + B_u @ Dq @ D_y, B_u @ Dr], [Bq @ D_y, Br]])
+    states = tuple(Signal(f"{at.name}_est", at.unit) for at in E.states) + K.states
+    return LinearSystem(
+        A, B, _beside(Dq @ E.C, K.C), _beside(Dq @ D_y, Dr), K.T, states,
+        (*E.inputs[:m], *K.inputs[q:]), K.outputs,
+    )  # fmt: skip
+
+
+def _beside(left: Array, right: Array) -> Array:
+    """Return matrices (..., n, m) side by side."""
+    return np.concatenate([left, right], axis=-1)

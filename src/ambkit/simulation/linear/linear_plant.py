@@ -1,0 +1,205 @@
+"""The plant of a loop as a linear system, at an operating point: of one axis, or of several."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.data.signals import signal as named
+from ambkit.estimate.machine_model import View
+from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.levitation import levitation_current
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import magnet_of
+from ambkit.models.linear import Complex, LinearSystem, Signal, linearised
+from ambkit.models.machine_parts import machine_parts
+from ambkit.models.parts.synchronous import SynchronousForce, across
+from ambkit.simulation.plant import Plant
+from ambkit.simulation.plant_parts import between_magnet_and_rotor
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Bearing
+    from ambkit.models.declaration import Part
+
+TURN = 64
+"""Angles over which means are taken along an orbit."""
+
+POSITION, VELOCITY = Signal("position", "m"), Signal("velocity", "m/s")
+
+
+class Orbit(NamedTuple):
+    """What turns about an operating point: complex amplitudes, of ``Re(amplitude e^(j angle))``."""
+
+    # Numbers of one axis; of a machine arrays (p,), one for each axis.
+
+    iu: Any
+    """Of the current that flows [A]."""
+    x: Any
+    """Of the displacement [m]."""
+    demanded: Any
+    """Of the current that is demanded [A]."""
+
+
+class OperatingPoint(NamedTuple):
+    """The operating point of a linearised loop: control current [A] and displacement [m]."""
+
+    # Numbers of one axis; of a machine arrays (p,), one for each axis. With an orbit about it
+    # the tangents are their means over a turn: the first term of the harmonic series of a loop
+    # whose stiffness swings with the rotation (Wereley 1991).
+
+    iu: Any
+    x: Any
+    orbit: Orbit | None = None
+
+    def along_orbit(self) -> list[tuple[Any, Any]]:
+        """Return currents [A] and displacements [m] of each axis over a turn; of a rest one."""
+        turn = np.exp(2j * np.pi * np.arange(TURN) / TURN)
+        swing = self.orbit
+        if swing is None:
+            swing, turn = Orbit(0.0 * self.iu, 0.0 * self.x, None), np.ones(1, complex)
+        parts = zip(*map(np.atleast_1d, (self.iu, self.x, swing.iu, swing.x)), strict=True)
+        return [(iu + np.real(i * turn), x + np.real(far * turn)) for iu, x, i, far in parts]
+
+    @classmethod
+    def equilibrium(cls, bearing: Bearing, x: float = 0.0, load: float = 0.0) -> OperatingPoint:
+        """Return the point at which the magnet carries weight and load."""
+        travel = bearing.rotor.clearance
+        if not abs(x) <= travel:
+            raise AmbkitError(
+                f"the rotor can be held up to its stops at {travel:g} m, not at {x:g} m"
+            )
+        law = magnet_of(bearing)
+        held = law.bias_force + bearing.weight + load
+        iu = levitation_current(bearing, law, x, held)
+        if not bearing.current_min < iu < bearing.current_max:
+            raise AmbkitError(
+                f"no control current from {bearing.current_min:g} to {bearing.current_max:g} A "
+                f"holds the rotor at x = {x:g} m with a load of {load:g} N"
+            )
+        return cls(iu, x)
+
+    @classmethod
+    def of_machine(
+        cls, machine: Machine, load: Mapping[str, float] | None = None, x: float = 0.0
+    ) -> OperatingPoint:
+        """Return the point at which the magnets carry the rotor at x of its axes, and loads."""
+        names, loads = [axis.name for axis in machine.axes], dict(load or {})
+        for name in loads:
+            if name not in names:
+                raise AmbkitError(f"load: there is no axis {name}; there are {', '.join(names)}")
+        load_forces = np.array([loads.get(name, 0.0) for name in names])
+        travel = min(placed.clearance for placed in machine.bearings)
+        if not abs(x) <= travel:
+            raise AmbkitError(
+                f"the rotor can be held up to its stops at {travel:g} m, not at {x:g} m"
+            )
+        q, currents = Plant(machine).equilibrium(np.full(len(names), x), load_forces)
+        for name, b, iu in zip(names, isolated_axes(machine), currents, strict=True):
+            if not b.current_min < iu < b.current_max:
+                of = f" of axis {name}" if name else ""
+                raise AmbkitError(
+                    f"no control current from {b.current_min:g} to {b.current_max:g} A{of} holds "
+                    f"the rotor of {machine.name} at x = {x:g} m with a load of "
+                    f"{loads.get(name, 0.0):g} N"
+                )
+        return cls(currents, View(machine).H @ q)
+
+
+def of_axes(signal: Signal, axes: Sequence[str]) -> tuple[Signal, ...]:
+    """Return a signal once for each axis, with its name at the end; without axes itself alone."""
+    return tuple(Signal(named(signal.name, axis), signal.unit) for axis in axes) or (signal,)
+
+
+def plant(of: Machine, point: OperatingPoint, *, continuous: bool = False) -> LinearSystem:
+    """Return amplifiers, dead time, magnets, rotor and sensors, from u and load to y and x."""
+    # Within the limits of current and voltage, without rounding and noise; of a bent sensor the
+    # slope at the operating point.
+    system = _linear(of, machine_parts(of, noise=False), point, continuous=continuous)
+    B, C, isolated = system.B.copy(), system.C, isolated_axes(of)
+    B[:, : len(isolated)] *= [b.amplifier.gain for b in isolated]
+    view, m = View(of), len(of.readings)
+    seen = np.linalg.pinv(view.H @ view.shown) @ np.atleast_1d(point.x) / view.gains
+    stands = {state.name: k for k, state in enumerate(system.states)}
+    along = np.zeros((len(isolated), len(stands)))
+    for k, axis in enumerate(of.axes):
+        for q, value in axis.line.form.items():
+            along[k, stands[q]] = value
+    C = np.vstack([C[:m], along])
+    names = [axis.name for axis in of.axes]
+    inputs = (*of_axes(Signal("u", "V"), names), *system.inputs[len(names) :])
+    positions = of_axes(Signal("x" if of.single else "s", "m"), names)
+    bent = [
+        1 + (2 * r.sensor.quadratic + 3 * r.sensor.cubic * x) * x
+        for r, x in zip(of.readings, seen, strict=True)
+    ]
+    C = np.vstack([np.array(bent)[:, None] * C[:m], C[m:]])
+    return replace(
+        system, B=B, C=C, D=np.zeros((len(C), B.shape[1])), inputs=inputs,
+        outputs=(*system.outputs[:m], *positions),
+    )  # fmt: skip
+
+
+def plants(bearings: Sequence[Bearing], points: Sequence[OperatingPoint]) -> LinearSystem:
+    """Return `plant` of bearings whose parts are alike, as matrices (bearings, ...)."""
+    values = [machine_parts(b, noise=False) for b in bearings]
+    parts = [_stacked(of) for of in zip(*values, strict=True)]
+    k = np.array([
+        [float(of[0]) for of in magnet_of(b).tangent(np.array([at.iu]), np.array([at.x]))]
+        for b, at in zip(bearings, points, strict=True)
+    ])  # fmt: skip
+    system = linearised(parts, bearings[0].sampling_time, k[:, :1], k[:, 1:])
+    gains = np.array([b.amplifier.gain for b in bearings])
+    B = np.concatenate([system.B[..., :1] * gains[:, None, None], system.B[..., 1:]], axis=-1)
+    return replace(system, B=B)
+
+
+def alike(bearing: Bearing) -> tuple[Any, ...]:
+    """Return what bearings must have in common for `plants`."""
+    amplifier, sensor = bearing.amplifier, bearing.sensor
+    return (
+        bearing.sampling_time, bearing.delay, amplifier.bandwidth is None, bool(sensor.lag),
+        between_magnet_and_rotor(bearing),
+    )  # fmt: skip
+
+
+def _stacked(parts: Sequence[Any]) -> Any:
+    """Return parts that are alike as one, with arrays for the numbers that differ."""
+    first = parts[0]
+    changes: dict[str, Any] = {}
+    for field in fields(first):
+        values = [getattr(part, field.name) for part in parts]
+        typical = "size" in field.name or field.name == "growth"  # none of which moves the plant
+        if typical or all(value == values[0] for value in values):
+            continue
+        if isinstance(values[0], Mapping):
+            changes[field.name] = {key: np.array([v[key] for v in values]) for key in values[0]}
+        else:
+            changes[field.name] = np.array(values, float)
+    return replace(first, **changes)
+
+
+def unbalance_columns(machine: Machine, point: OperatingPoint, places: Sequence[float]) -> Complex:
+    """Return what a sample of unbalance of 1 kg m leaves in the plant's states (n, planes)."""
+    # Each turns with the rotor, from x towards y: its force within the sample does.
+    unbalance_parts: list[Part] = [
+        SynchronousForce(1.0, 1.0, machine.speed, f"U{k}", *across(machine, z))
+        for k, z in enumerate(places)
+    ]
+    A = _linear(machine, [*machine_parts(machine, noise=False), *unbalance_parts], point).A
+    n = len(A) - 2 * len(places)
+    return np.asarray(A[:n, n::2] - 1j * A[:n, n + 1 :: 2])
+
+
+def _linear(
+    of: Machine, parts: Sequence[Part], point: OperatingPoint, *, continuous: bool = False
+) -> LinearSystem:
+    """Return the parts of a plant with its magnets' tangents at an operating point."""
+    k_i, k_s = np.array([
+        [float(np.mean(k)) for k in magnet_of(b).tangent(iu, x)]
+        for b, (iu, x) in zip(isolated_axes(of), point.along_orbit(), strict=True)
+    ]).T  # fmt: skip
+    return linearised(parts, of.sampling_time, k_i, k_s, continuous=continuous)

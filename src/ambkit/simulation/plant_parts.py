@@ -1,0 +1,195 @@
+"""What a plant has beside magnet, rotor, sensor lag and hard stops, for ``sim/parts.h``."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.base.units import engineering
+from ambkit.machine.accessories import SHORTEST_LAG
+from ambkit.machine.magnets import magnet_of
+from ambkit.models.continuous import Behind, behind_magnets, continuous
+from ambkit.models.parts import BEHIND_MAGNETS
+
+if TYPE_CHECKING:
+    from ambkit.machine.accessories import Runout
+    from ambkit.machine.bearing import Sensor
+    from ambkit.machine.machine import Bearing, Machine
+
+
+def substeps(bearing: Bearing, least: int) -> int:
+    """Steps of Runge-Kutta in a sample."""
+    # Two in the sensor's lag, which is unstable from 2.8 lags a step on; four in the time constant
+    # of the current, which moves the rotor; four in a radian of the fastest runout.
+    T = bearing.sampling_time
+    turn = max((line.order for line in bearing.sensor.runout), default=0) * bearing.speed
+    needed = (
+        2 * T / bearing.sensor_lag, 4 * T * _corner(bearing), 4 * T * turn,
+        4 * T * fastest(_behind(bearing)),
+    )  # fmt: skip
+    return max(least, *(math.ceil(item) for item in needed))
+
+
+def _corner(bearing: Bearing) -> float:
+    """Corner of the amplifier [rad/s]; 0 where the current follows at once."""
+    bandwidth, most = bearing.amplifier.bandwidth, 1 / (SHORTEST_LAG * bearing.sampling_time)
+    return 0.0 if bandwidth is None else min(2 * math.pi * bandwidth, most)
+
+
+def parts_of(bearing: Bearing, dtype: str = "float64") -> dict[str, Any]:
+    """Return the parts of a bearing by the names of ``amb_parts``."""
+    parts = amplifier_of(bearing) | delay_of(bearing) | _sensor(bearing, dtype) | _contact(bearing)
+    return parts | behind_fields(_behind(bearing), dtype)
+
+
+def between_magnet_and_rotor(bearing: Bearing) -> tuple[str, ...]:
+    """Return the names of the linear states between the magnet of an axis and its rotor."""
+    behind = _behind(bearing)
+    return () if behind is None else behind.states
+
+
+def _behind(bearing: Bearing) -> Behind | None:
+    """Return what is between the magnet of an axis and its rotor."""
+    # A machine is built where there is any only: campaigns ask this of each run.
+    if all(getattr(bearing.magnet, kind.key) is None for kind in BEHIND_MAGNETS):
+        return None
+    return behind_magnets(continuous(bearing))[0]
+
+
+def fastest(behind: Behind | None) -> float:
+    """Rate of the fastest of the states between a magnet and its rotor [rad/s]."""
+    if behind is None or not behind.states:
+        return 0.0
+    return float(np.abs(np.linalg.eigvals(behind.A)).max())
+
+
+def behind_fields(behind: Behind | None, dtype: str) -> dict[str, Any]:
+    """Return what is between a magnet and its rotor, by the names of ``amb_parts``."""
+    if behind is None or not behind.states:
+        return {}
+    parts = {"A": behind.A.ravel(), "b": behind.b, "c": behind.c, "rest": behind.rest}
+    arrays = {f"behind_{name}": values.astype(dtype) for name, values in parts.items()}
+    return {"behind": len(behind.states), "behind_d": behind.d} | arrays
+
+
+def in_words(bearing: Bearing) -> list[str]:
+    """Name each part with its values, for people."""
+    magnet, amplifier = bearing.magnet, bearing.amplifier
+    sensor, stop = bearing.sensor, bearing.stop
+    features = []
+    if magnet.saturation is not None:
+        features.append(f"iron that saturates at {engineering(magnet.saturation, 'T')}")
+    if magnet.force_map is not None:
+        features.append(f"the force of {Path(magnet.force_map).name}")
+    behind = _behind(bearing)
+    if behind is not None:
+        lag = engineering(1 / fastest(behind), "s")
+        features.append(f"force that lags behind the current by {lag}")
+    if amplifier.bandwidth is not None:
+        volts = amplifier.voltage_limit
+        within = "" if volts is None else f" within {engineering(volts, 'V')}"
+        features.append(f"amplifier of {engineering(amplifier.bandwidth, 'Hz')}{within}")
+    if bearing.delay is not None:
+        samples = bearing.delay / bearing.sampling_time
+        features.append(f"delay of {engineering(bearing.delay, 's')}, {samples:.3g} samples")
+    if sensor.quantisation is not None:
+        features.append(f"quantisation of {engineering(sensor.quantisation, 'm')}")
+    if sensor.position_noise:
+        features.append("sensor noise that depends on the position")
+    if sensor.quadratic or sensor.cubic:
+        features.append("non-linear sensor")
+    if sensor.coloured_noise is not None:
+        features.append(f"coloured noise to {engineering(sensor.coloured_noise.bandwidth, 'Hz')}")
+    if sensor.hum:
+        features.append(
+            f"hum at {', '.join(engineering(line.frequency, 'Hz') for line in sensor.hum)}"
+        )
+    if sensor.runout:
+        orders = ", ".join(f"{line.order}x" for line in sensor.runout)
+        features.append(f"runout {orders} of {engineering(bearing.speed / (2 * math.pi), 'Hz')}")
+    if stop is not None:
+        features.append(f"stops of {engineering(stop.stiffness, 'N/m^1.5')}")
+    return features
+
+
+def coil_fields(bearing: Bearing) -> dict[str, Any] | None:
+    """Return the law of one coil of a pair whose currents can differ, by its fields, or None."""
+    # A magnet that is not known coil by coil pulls by the mean of both currents.
+    pair = bearing.amplifier.voltage_limit is not None and bearing.magnet.type == "two-sided"
+    return magnet_of(bearing).of_one_coil() if pair else None
+
+
+def amplifier_of(bearing: Bearing) -> dict[str, Any]:
+    """Return what an amplifier does, by the names of ``amb_parts``; nothing where it is at once."""
+    amplifier, magnet = bearing.amplifier, bearing.magnet
+    if amplifier.bandwidth is None:
+        return {}
+    parts: dict[str, Any] = {"corner": _corner(bearing)}
+    if amplifier.voltage_limit is not None:
+        parts |= {
+            "voltage": amplifier.voltage_limit,
+            "R": amplifier.resistance,
+            "k": magnet.magnet_constant,
+            "s0": magnet.air_gap,
+            "i0": magnet.bias_current,
+            "pair": magnet.type == "two-sided",
+        }
+    return parts
+
+
+def delay_of(bearing: Machine) -> dict[str, Any]:
+    """Return the dead time of a loop by the names of ``amb_parts``; nothing without one."""
+    if bearing.delay is None:
+        return {}
+    samples = bearing.delay / bearing.sampling_time
+    if abs(samples - round(samples)) < 1e-9:  # rounding of a whole number
+        return {"delay": round(samples), "delay_rest": 0.0}
+    integer_part = math.floor(samples)
+    return {"delay": integer_part, "delay_rest": (samples - integer_part) * bearing.sampling_time}
+
+
+def _sensor(bearing: Bearing, dtype: str) -> dict[str, Any]:
+    sensor = bearing.sensor
+    if not sensor.runout:
+        return of_sensor(sensor, (), dtype)
+    return of_sensor(sensor, sensor.runout, dtype) | {"speed": bearing.speed}
+
+
+def of_sensor(
+    sensor: Sensor, runout: Iterable[Runout], dtype: str, around: float = 0.0
+) -> dict[str, Any]:
+    """Return what a sensor does beside its gain and its lag, by the names of ``amb_parts``."""
+    parts = dict[str, Any]()
+    if sensor.quadratic or sensor.cubic:
+        parts |= {"quadratic": sensor.quadratic, "cubic": sensor.cubic}
+    if sensor.quantisation is not None:
+        parts["step"] = sensor.quantisation
+    if sensor.position_noise:
+        parts["rise"] = sensor.position_noise
+    runout_lines = tuple(runout)
+    if runout_lines:
+        lines = np.zeros(max(line.order for line in runout_lines), dtype=complex)
+        for line in runout_lines:  # amplitude cos(n phi + phase)
+            lines[line.order - 1] += cmath.rect(line.amplitude, line.phase - line.order * around)
+        parts |= {
+            "orders": len(lines),
+            "runout_cosine": np.ascontiguousarray(lines.real, dtype=dtype),
+            "runout_sine": np.ascontiguousarray(-lines.imag, dtype=dtype),
+        }
+    return parts
+
+
+def _contact(bearing: Bearing) -> dict[str, Any]:
+    if bearing.stop is None:
+        return {}
+    travel, gap = bearing.rotor.clearance, bearing.magnet.air_gap
+    return {
+        "stiffness": bearing.stop.stiffness,
+        "damping": bearing.stop.damping,
+        "farthest": travel + 0.9 * (gap - travel),
+    }

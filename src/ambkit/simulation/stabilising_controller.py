@@ -1,0 +1,496 @@
+"""Default gains of PIDs that hold a machine, one for each axis, and how well they do."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.threads import one_thread
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.machine.force_laws import isolated_axes, weights_of
+from ambkit.machine.levitation import levitation_current
+from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
+from ambkit.models.linear import linearised
+from ambkit.models.machine_parts import machine_parts
+from ambkit.models.parts.rotor import velocities_of
+from ambkit.simulation.axis_sensitivity import Sensitivities, sensitivities, shown_along_axes
+from ambkit.simulation.linear.closed_loop import Loop
+from ambkit.simulation.linear.linear_controller import compensator, controller
+from ambkit.simulation.linear.linear_plant import OperatingPoint, plant
+from ambkit.simulation.linear.steady_state_filter import estimator_at
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Bearing, Machine
+    from ambkit.models.linear import LinearSystem
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+PEAK = 1.8
+"""Of abs(S), at most, where the bearing allows it: a tenth below 2."""
+
+STIFFEST = 4.0
+"""Proportional gain beyond which nothing is looked for, in k_s/k_i."""
+
+RATIOS = (STIFFEST, 3.5, 3.0, 2.6, 2.3, 2.0, 1.8, 1.6, 1.4)
+DAMPINGS = np.arange(1.5, 0.49, -0.05)
+
+FREQUENCIES, TIMES = 300, 300
+"""Points at which peaks and a step are looked at."""
+
+SOFTER = (1.0, 0.75, 0.6, 0.5, 0.4, 0.35)
+"""Shares of the proportional gain that are tried where the usual one shakes a bending mode; below
+about 0.3 no spring is left against the magnets' own."""
+LESS_DAMPED = (1.5, 1.0, 0.75, 0.5, 0.35, 0.2)
+"""Shares of the derivative gain."""
+SLOWER = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+"""By how much the derivative is filtered more."""
+BOUNDS = np.log([(0.3, 0.2, 0.5), (1.25, 1.5, 32.0)])
+"""Logarithms of the least and the greatest of these shares."""
+ENOUGH = 2.0
+"""Peak of abs(S) from which on others are looked for."""
+STRIDE, TRIES, UNHELD = 0.2, 250, 1e3
+"""Of the search for the lowest peak: its first steps, its evaluations, the cost of what falls."""
+OVERSHOOT_ALONE, OVERSHOOT, WEIGHTS = 0.1, 0.13, (0.85, 0.7, 0.55, 0.4, 0.25, 0.0)
+"""Of a step of a reference, at most, of an axis alone where the margins allow it and of a machine;
+and shares of the set-point weight that are tried for the latter."""
+NEARBY, FINER = (0.87, 1.0, 1.15), 2
+"""What is tried next to the best of these, and how often."""
+STIFF = 0.4
+"""Of the magnets' own stiffness, what is to be left against it."""
+WELL_DAMPED = 0.3
+"""Damping ratio of the rigid body that is good enough."""
+LEFT_TO_IT = 0.5
+"""Share of its own damping that a controller may take from a bending mode."""
+
+
+class Gains(NamedTuple):
+    """Gains of a PID, as `ambkit.simulation.scenario.PID` has them."""
+
+    kp: float
+    ki: float
+    kd: float
+    derivative_filter: float
+    anti_windup: float
+    setpoint_weight: float
+
+    @property
+    def stated(self) -> dict[str, Any]:
+        """The gains by their keys."""
+        return self._asdict()
+
+    def sections(self, _T: float) -> list[list[float]]:
+        """Return none: nothing is behind it."""
+        return []
+
+
+@lru_cache(maxsize=128)
+def chosen(bearing: Bearing) -> Gains:
+    """Return the stiffest gains that keep the sensitivity below `PEAK` and the step calm."""
+    # Both loops are looked at, as they are sampled and late: fed by the measurement, and by a
+    # linear Kalman filter with its default noise. With the stiffnesses k_i, k_s at the centre and
+    # ``kp = c k_s/k_i`` a loop has the frequency ``w = sqrt((c - 1) k_s/m)``, and with ``kd = 2 D m
+    # w/k_i`` the damping D; integral, derivative filter and tracking time go with w. Of all c, from
+    # high to low, the first is taken with which some D has no peak of abs(S) above `PEAK` and no
+    # overshoot above `OVERSHOOT_ALONE`; where there is none, the c and D of the lowest peak.
+    at = _operating_point(bearing)
+    P = plant(bearing, at)
+    P = P.select(["y", "x"], P.inputs[0][:1])
+    E = _estimator(bearing, at)
+    f = _frequencies(bearing)
+    responses = P.response(f)[:, 0, 0], None if E is None else E.response(f)
+    lowest, best = math.inf, textbook(bearing)
+    for ratio in RATIOS:
+        candidates = [_gains(bearing, ratio, float(damping)) for damping in DAMPINGS]
+        peaks = _peaks(bearing, candidates, f, *responses)
+        for peak, gains in sorted(zip(peaks, candidates, strict=True), key=itemgetter(0)):
+            if peak > PEAK and peak >= lowest:
+                break
+            loops = list(_loops(bearing, gains, P, E))
+            if not all(loop.is_stable for loop in loops):
+                continue
+            if peak <= PEAK and all(
+                overshoot(loop, own_time(bearing)) <= OVERSHOOT_ALONE for loop in loops
+            ):
+                return gains
+            if peak < lowest:
+                lowest, best = float(peak), gains
+    return best
+
+
+def textbook(bearing: Bearing) -> Gains:
+    """Return gains by a rule of thumb: ``kp = 4 k_s/k_i``, D = 0.56, all of the reference to kp."""
+    # A step overshoots by a half: it takes the rotor far out, where filters differ.
+    return _gains(bearing, STIFFEST, 0.56)._replace(setpoint_weight=1.0)
+
+
+def weight_of(bearing: Bearing, kp: float, ki: float, kd: float) -> float:
+    """Return the set-point weight with which the integral does not show in a step."""
+    # The slow pole that the integral brings is then cancelled by the zero that it brings too.
+    # Without an integral the rotor would come to rest at ``kp k_i/(kp k_i - k_s)`` of the
+    # reference, as the magnet pulls the harder the closer the rotor is: the weight takes that back.
+    k, m = ConstantStiffness.of(bearing), bearing.rotor.mass
+    stiffness = k.k_i * kp - k.k_s
+    if not stiffness > 0:
+        return 1.0
+    if not ki > 0:
+        return stiffness / (k.k_i * kp)
+    poles = np.roots([m, k.k_i * kd, stiffness, k.k_i * ki])
+    real = poles[np.abs(poles.imag) <= 1e-9 * np.abs(poles)].real
+    return float(min(1.0, ki / (kp * np.abs(real).min())))
+
+
+def two_digits(value: float) -> float:
+    """Return a gain as it is written down: more of it nobody could tell."""
+    return float(f"{value:.2g}")
+
+
+def _gains(bearing: Bearing, ratio: float, damping: float) -> Gains:
+    k, m = ConstantStiffness.of(bearing), bearing.rotor.mass
+    w = math.sqrt((ratio - 1) * k.k_s / m)
+    kp = two_digits(ratio * k.k_s / k.k_i)
+    ki, kd = two_digits(kp * w / 31), two_digits(2 * damping * m * w / k.k_i)
+    weight = two_digits(weight_of(bearing, kp, ki, kd))
+    return Gains(kp, ki, kd, two_digits(1 / (24 * w)), two_digits(5.2 / w), weight)
+
+
+def _operating_point(bearing: Bearing) -> OperatingPoint:
+    try:
+        return OperatingPoint.equilibrium(bearing)
+    except AmbkitError:  # it is not held at the centre, but perhaps elsewhere
+        return OperatingPoint(0.0, 0.0)
+
+
+def _estimator(bearing: Bearing, at: OperatingPoint) -> LinearSystem | None:
+    try:
+        return estimator_at(KalmanFilter(bearing), at)
+    except AmbkitError:  # a model that has no gain to settle to
+        return None
+
+
+def _frequencies(bearing: Bearing) -> NDArray[np.float64]:
+    min_frequency = 1 / (40 * math.pi * own_time(bearing))
+    highest = 0.5 / bearing.sampling_time
+    return np.geomspace(min(min_frequency, highest / 2), highest, FREQUENCIES)
+
+
+def _peaks(
+    bearing: Bearing,
+    candidates: list[Gains],
+    f: NDArray[np.float64],
+    P: Complex,
+    E: Complex | None,
+) -> NDArray[np.float64]:
+    """Return the higher peak of abs(S) of both loops for each candidate, stable or not."""
+    # The controller's response is written out, as `controller` has it in states: hundreds are
+    # asked.
+    T, volts = bearing.sampling_time, 1 / bearing.amplifier.gain
+    kp, ki, kd, T_f, *_ = np.array(candidates).T[:, :, None]
+    z = np.exp(2j * np.pi * f * T)
+    x, v = volts * (kp + ki * T / (z - 1)), volts * kd
+    share = 1 / (T_f + T)
+    slope = share * (1 - 1 / z) / (1 - (1 - T * share) / z)
+    S = [1 / (1 + P * (x + v * slope) / bearing.sensor.gain)]
+    if E is not None:
+        fed = x * E[:, 0, 0] + v * E[:, 1, 0]
+        S.append(1 / (1 + P * fed / (1 + x * E[:, 0, 1] + v * E[:, 1, 1])))
+    return np.asarray(np.abs(S).max(axis=(0, 2)))
+
+
+def _loops(
+    bearing: Bearing, gains: Gains, P: LinearSystem, E: LinearSystem | None
+) -> Iterator[Loop]:
+    """Yield the loop that is fed by the measurement, and the one that is fed by the estimate."""
+    transform = np.array([[1 / bearing.sensor.gain]])
+    yield Loop(P, compensator(controller(gains, bearing, measured=True), None, transform))
+    if E is not None:
+        yield Loop(P, compensator(controller(gains, bearing, measured=False), E, transform))
+
+
+def overshoot(loop: Loop, own: float, axes: int = 1) -> float:
+    """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
+    # own: of the slowest axis [s]
+    closed, m = loop.closed, loop.measurements
+    return _beyond(closed.A, closed.B[:, -axes:], closed.C[m : m + axes], own / loop.T)
+
+
+def _beyond(A: Array, B: Array, C: Array, own: float) -> float:
+    """Return how far the k-th output goes beyond 1 after a step of the k-th input, at most."""
+    n, p = B.shape
+    step = np.block([[A, B], [np.zeros((p, n)), np.eye(p)]])
+    several = np.linalg.matrix_power(step, max(1, round(30 * own / TIMES)))
+    state, most = np.eye(n + p)[:, n:], 0.0
+    for _ in range(TIMES):
+        state = several @ state
+        most = max(most, float(np.diagonal(C @ state[:n]).max()) - 1)
+    return most
+
+
+@dataclass(frozen=True, eq=False)
+class Holding:
+    """Controllers of a machine's axes, and the poles of the loop with them."""
+
+    pids: tuple[Gains, ...]  #: Of each axis.
+    poles: Complex  #: (n,) Of the sampled loop at the machine's speed, with its delay [1/s].
+    score: float  #: At most 1, where all is well damped; not above 0 where the rotor is not held.
+
+    @property
+    def held(self) -> bool:
+        """Whether nothing grows."""
+        return self.score > 0
+
+    @property
+    def growing(self) -> list[complex]:
+        """Poles that grow, of pairs the one above [1/s], the fastest growing first."""
+        grow = self.poles[(self.poles.real > 0) & (self.poles.imag >= 0)]
+        return sorted(grow.tolist(), key=lambda pole: -pole.real)
+
+
+def holding(
+    machine: Machine, feedback: Literal["measurement", "estimate"] = "measurement"
+) -> Holding:
+    """Return controllers for a machine, each axis with its own."""
+    # Each is tuned to its axis alone, see `chosen`. Where that shakes a bending mode, by
+    # the loop's delay or a sensor on the other side of a node, softer gains and slower derivatives
+    # are tried, the same for all axes, and those are taken that leave most damping: to the rigid
+    # body up to `WELL_DAMPED`, to a bending mode up to `LEFT_TO_IT` of its own. Where the peak of
+    # abs(S) of an axis with all others closed is `ENOUGH` or more then, those that bring it down to
+    # that of one axis alone, `PEAK`, with most stiffness; or the lowest that is found. Where a step
+    # of a reference overshoots by more than `OVERSHOOT`, kp sees less of it.
+    return _held(machine, feedback)
+
+
+@lru_cache(maxsize=64)
+@one_thread()
+def _held(machine: Machine, feedback: Literal["measurement", "estimate"]) -> Holding:
+    usual = tuple(map(chosen, isolated_axes(machine)))
+    search = _Search(machine, usual, feedback)
+    result = Holding(usual, np.zeros(0, complex), 1.0)
+    if machine.rotor.type == "mass":  # an axis alone is all there is
+        return result
+    if machine.bending is not None:
+        result = search.most_damped()
+    margins = sensitivities(machine, estimated=feedback == "estimate")
+    if margins is None or not result.held:
+        return search.weighted(result)
+    if margins.peaks(result.pids).max() >= ENOUGH:
+        result = search.on_margins(result, margins)
+    return search.calm(search.weighted(result))
+
+
+class _Search:
+    """Controllers that are softer, less damped and slower than the usual ones, all axes alike."""
+
+    def __init__(self, machine: Machine, usual: tuple[Gains, ...], feedback: str) -> None:
+        self.machine, self.usual, self.feedback = machine, usual, feedback
+        # A velocity is not filtered again.
+        self.slower = SLOWER if feedback == "measurement" else (1.0,)
+
+    @cached_property
+    def loop(self) -> _Loop:
+        """The machine, and what controllers make of it."""
+        return _Loop(self.machine, self.feedback)
+
+    def of(self, pids: tuple[Gains, ...], p: float, d: float, f: float) -> tuple[Gains, ...]:
+        """Return controllers with these shares of gains and filter."""
+        return tuple(_changed(pid, p, d, f) for pid in pids)
+
+    def most_damped(self) -> Holding:
+        """Return those that leave most damping."""
+        best = self.loop.with_(self.usual)
+        if best.score >= 1:
+            return best
+        for shares in itertools.product(SOFTER, LESS_DAMPED, self.slower):
+            trial = self.loop.with_(self.of(self.usual, *shares))
+            best = trial if trial.score > best.score else best
+        for _ in range(FINER):
+            nearby = NEARBY if len(self.slower) > 1 else (1.0,)
+            for shares in itertools.product(NEARBY, NEARBY, nearby):
+                trial = self.loop.with_(self.of(best.pids, *shares))
+                best = trial if trial.score > best.score else best
+        return best
+
+    def on_margins(self, result: Holding, margins: Sensitivities) -> Holding:
+        """Return the stiffest whose peaks of abs(S) are at most `PEAK`, or those of the lowest."""
+        best, lowest = result, float(margins.peaks(result.pids).max())
+        near: Array = np.zeros(3)
+        for p, d, f in itertools.product(SOFTER, LESS_DAMPED, self.slower):
+            pids = self.of(self.usual, p, d, f)
+            peak = float(margins.peaks(pids).max())
+            if peak < lowest and (trial := self.loop.with_(pids)).held:
+                best, lowest, near = trial, peak, np.log([p, d, f])
+                if peak <= PEAK:
+                    return best
+        return self._refined(best, near, margins) if best is not result else best
+
+    def _refined(self, best: Holding, near: Array, margins: Sensitivities) -> Holding:
+        """Look for a lower peak beside what was tried: of all axes alike, then of each bearing."""
+        # By the simplex of Nelder and Mead, in the logarithms of the shares.
+        names = list(dict.fromkeys(axis.bearing.name for axis in self.machine.axes))
+        of_axis = np.array([names.index(axis.bearing.name) for axis in self.machine.axes])
+        free = 3 if len(self.slower) > 1 else 2
+        shares = near[None, :]
+        for bearings in (1, len(names)):
+            start = np.broadcast_to(shares, (bearings, 3))[:, :free]
+            peak, least, at = self._lowest(start, of_axis % bearings, margins)
+            if least < peak:
+                best = self.loop.with_(self._shared(at, of_axis % bearings))
+                shares = np.zeros((bearings, 3))
+                shares[:, :free] = at
+            if least < ENOUGH:
+                break
+        return best
+
+    def _lowest(
+        self, start: Array, of_axis: NDArray[np.intp], margins: Sensitivities
+    ) -> tuple[float, float, Array]:
+        """Return the peak at a start, the lowest that was found, and the logarithms there."""
+        from scipy.optimize import minimize
+
+        lowest = math.inf
+
+        def cost(at: Array) -> float:
+            nonlocal lowest
+            pids = self._shared(at.reshape(start.shape), of_axis)
+            peak = max(PEAK, float(margins.peaks(pids).max()))
+            if peak < lowest:  # poles take longer, and are asked of the best alone
+                if not self.loop.with_(pids).held:
+                    return UNHELD
+                lowest = peak
+            return peak
+
+        first = start.ravel()
+        result: Any = minimize(
+            cost, first, method="Nelder-Mead",
+            options={
+                "maxfev": TRIES * len(start), "xatol": 1e-2, "fatol": 1e-3,
+                "initial_simplex": np.vstack([first, first + STRIDE * np.eye(len(first))]),
+            },
+        )  # fmt: skip
+        return cost(first), float(result.fun), result.x.reshape(start.shape)
+
+    def _shared(self, logs: Array, of_axis: NDArray[np.intp]) -> tuple[Gains, ...]:
+        """Return the usual controllers with shares of given logarithms (bearings, 2 or 3)."""
+        every = np.zeros((len(logs), 3))
+        every[:, : logs.shape[1]] = logs
+        shares = np.exp(np.clip(every, *BOUNDS))[of_axis]
+        parts = zip(self.usual, shares, strict=True)
+        return tuple(_changed(pid, *map(float, share)) for pid, share in parts)
+
+    def weighted(self, result: Holding) -> Holding:
+        """Return controllers that were changed with the weight of the reference of their gains."""
+        if result.pids is self.usual:
+            return result
+        pids = tuple(
+            pid._replace(setpoint_weight=weight_of(isolated, pid.kp, pid.ki, pid.kd))
+            for pid, isolated in zip(result.pids, isolated_axes(self.machine), strict=True)
+        )
+        return replace(result, pids=pids)
+
+    def calm(self, result: Holding) -> Holding:
+        """Return the same with less of the references to kp, where a step overshoots by much."""
+        pids = result.pids
+        for share in WEIGHTS:
+            if self.loop.overshoot(pids) <= OVERSHOOT:
+                break
+            pids = tuple(
+                pid._replace(setpoint_weight=share * pid.setpoint_weight) for pid in result.pids
+            )
+        return replace(result, pids=pids)
+
+
+def _changed(pid: Gains, p: float, d: float, f: float) -> Gains:
+    """Return a PID with shares of its gains; neither poles nor margins need its weight."""
+    return pid._replace(
+        kp=pid.kp * p, ki=pid.ki * p, kd=pid.kd * d, derivative_filter=pid.derivative_filter * f
+    )
+
+
+def _hovering(machine: Machine) -> tuple[Array, Array]:
+    """Return k_i [N/A] and k_s [N/m] of the axes (p,) where they carry the rotor."""
+    tangents = []
+    for isolated, force in zip(isolated_axes(machine), weights_of(machine), strict=True):
+        law = magnet_of(isolated)
+        iu = levitation_current(isolated, law, 0.0, law.bias_force + force)
+        tangents.append([float(k) for k in law.tangent(iu, 0.0)])
+    k_i, k_s = np.array(tangents).T
+    return k_i, k_s
+
+
+class _Loop:
+    """A machine with linear magnets, sampled, and what controllers make of it."""
+
+    def __init__(self, machine: Machine, feedback: str) -> None:
+        self.isolated = isolated_axes(machine)
+        self.k_i, self.k_s = _hovering(machine)
+        self.T = machine.sampling_time
+        parts = machine_parts(machine, noise=False)
+        system = linearised(parts, self.T, self.k_i, self.k_s)
+        p, m = len(machine.axes), len(machine.readings)
+        self.A, self.B = system.A, system.B[:, :p]
+        self.seen = shown_along_axes(machine) @ system.C[:m]
+        self.velocity = None
+        if feedback == "estimate":
+            at = {state.name: k for k, state in enumerate(system.states)}
+            rates = dict(zip(machine.positions, velocities_of(machine.positions), strict=True))
+            self.seen, self.velocity = np.zeros((2, p, len(self.A)))
+            for k, axis in enumerate(machine.axes):
+                for q, value in axis.line.form.items():
+                    self.seen[k, at[q]] = self.velocity[k, at[rates[q]]] = value
+        self.own = machine.bending
+        self.slowest = math.inf if self.own is None else 0.7 * float(self.own.frequency[0])
+
+    def with_(self, pids: tuple[Gains, ...]) -> Holding:
+        """Return the loop with controllers."""
+        z = np.linalg.eigvals(self._closed(pids)).astype(complex)
+        poles = np.log(z[np.abs(z) > math.exp(-3)]) / self.T  # what is gone at once is no motion
+        springs = np.array([pid.kp for pid in pids]) * self.k_i / self.k_s - 1
+        return Holding(pids, poles, min(self._score(poles), float(springs.min()) / STIFF))
+
+    def overshoot(self, pids: tuple[Gains, ...]) -> float:
+        """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
+        F, n, p = self._closed(pids), len(self.A), len(pids)
+        B = np.zeros((len(F), p))
+        for k, pid in enumerate(pids):
+            B[n + 3 * k, k] = self.T * pid.ki
+            B[:n, k] = self.B[:, k] * pid.kp * pid.setpoint_weight
+        C = np.hstack([self.seen, np.zeros((p, len(F) - n))])
+        return _beyond(F, B, C, max(map(own_time, self.isolated)) / self.T)
+
+    def _closed(self, pids: tuple[Gains, ...]) -> Array:
+        """Return the states' matrix with controllers as ``core/src/controller.c`` has them."""
+        n, p, T = len(self.A), len(pids), self.T
+        F = np.zeros((n + 3 * p, n + 3 * p))
+        F[:n, :n] = self.A
+        for k, pid in enumerate(pids):
+            integral, velocity, last = range(n + 3 * k, n + 3 * k + 3)
+            share = 1 / (pid.derivative_filter + T)
+            F[last, :n] = self.seen[k]
+            if self.velocity is None:
+                F[velocity, :n] = share * self.seen[k]
+                F[velocity, velocity], F[velocity, last] = 1 - T * share, -share
+            else:
+                F[velocity, :n] = self.velocity[k]
+            F[integral, :n], F[integral, integral] = -T * pid.ki * self.seen[k], 1.0
+            demanded = -pid.kp * F[last] - pid.kd * F[velocity]
+            demanded[integral] += 1.0
+            F[:n] += np.outer(self.B[:, k], demanded)
+        return F
+
+    def _score(self, poles: Complex) -> float:
+        ratio = -poles.real / np.abs(poles)
+        if self.own is None:
+            return float(np.minimum(ratio / WELL_DAMPED, 1.0).min())
+        bends = np.abs(poles.imag) > self.slowest
+        nearest = np.abs(np.abs(poles.imag)[:, None] - self.own.frequency).argmin(axis=1)
+        target_damping = np.where(bends, LEFT_TO_IT * self.own.damping_ratio[nearest], WELL_DAMPED)
+        return float(np.minimum(ratio / target_damping, 1.0).min())

@@ -1,0 +1,315 @@
+"""The synchronous motion that controllers leave to the rotor, at each speed.
+
+What goes round with the rotor is Re(Z U exp(j W t)) for an unbalance U, with its dynamics at that
+speed: masses, gyroscopics, bending with its damping. No current moves the estimated unbalance.
+Controllers that take this motion out of what they see therefore leave the poles of the loop where
+they are, at any speed. Near a critical speed of the rotor without their reaction, and where the
+unbalance takes much of a travel or of a current, they fade into plain control.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.units import rpm
+from ambkit.machine import geometry
+from ambkit.machine.magnets import ConstantStiffness
+from ambkit.models.parts.synchronous import SLOWEST, unbalance_planes
+
+if TYPE_CHECKING:
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.machine.machine import Machine
+    from ambkit.simulation.plant import Plant
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+NODES, RIGID = 129, 33
+"""Numbers of speeds at which the motion is computed, of a flexible rotor and of a rigid one."""
+LEAST, MOST = 1.5, 3.0
+"""Orbit without the controllers' reaction, over that under plain control: up to the first all of
+the motion is left to the rotor, from the second on none of it."""
+NEIGHBOURHOOD = 0.02
+"""Share of a speed within which the worst orbit counts: the true critical speed is near the
+model's, and not at it."""
+FULL, NONE = 0.3, 0.5
+"""Shares of the travel, and of the greatest current: where the estimated unbalance takes more than
+the first, less of its motion is left to the rotor, from the second on none. Zones A and C of
+ISO 14839-2 end there. The core holds them too (``AMB_LET_TURN_FULL``)."""
+
+
+class _Control(Protocol):
+    """What is known of plain control, `ambkit.simulation.controllers.Controllers`."""
+
+    @property
+    def pids(self) -> list[list[float]]: ...
+    @property
+    def spread(self) -> Array: ...
+    @property
+    def feedback(self) -> dict[str, Array]: ...
+
+
+@dataclass(frozen=True, eq=False)
+class LetTurn:
+    """What is left to the rotor, as ``amb_let_turn`` has it."""
+
+    #: The first speed, at which nothing is left to it yet, and from one to the next [rad/s].
+    first: float
+    step: float
+    start: int  #: Which state is the first of the unbalance's.
+    #: (nodes, moved, w) Of positions and velocities [m/(kg m)], [m/s/(kg m)], of angles in rad.
+    motion: Array
+    current: Array  #: (nodes, p, w) That it needs [A/(kg m)].
+    #: (nodes,) Of the free motion, or of that of a rotor held still, which both have [1].
+    share: Array
+    reach: Array  #: (p, moved / 2) Share of an axis's travel that a position takes [1/m], [1/rad].
+    ampere: Array  #: (p,) Share of an axis's greatest control current that 1 A takes [1/A].
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Numbers of nodes and states, by their names in C."""
+        nodes, moved, width = self.motion.shape
+        return {"nodes": nodes, "from": self.start, "width": width, "moved": moved}
+
+    def at(self, speed: float) -> tuple[Array, Array]:
+        """Return motion (moved, w) [m], [m/s] and currents (p, w) [A] for 1 kg m, as in C."""
+        return self._between(self.motion, speed), self._between(self.current, speed)
+
+    def share_at(self, speed: float) -> float:
+        """Return what share of the motion is left to the rotor at a speed [rad/s], of any size."""
+        return float(self._between(self.share, speed))
+
+    def limited(self, speed: float, unbalance: Array) -> float:
+        """Return what share of that is left of an unbalance as large as this, as in C."""
+        # unbalance (w,) [kg m]
+        motion, current = self.at(speed)
+        across = np.stack([-unbalance[1::2], unbalance[::2]], axis=1).ravel()
+        positions = self.reach @ motion[: self.reach.shape[1]]
+        rows = np.vstack([positions, self.ampere[:, None] * current])
+        squared_share = float(((rows @ unbalance) ** 2 + (rows @ across) ** 2).max())
+        return float(np.clip((NONE**2 - squared_share) / (NONE**2 - FULL**2), 0.0, 1.0))
+
+    def for_unbalance_of(self, machine: Machine) -> LetTurn:
+        """Return the same, limited as the core limits it for a machine's unbalance."""
+        sizes = np.zeros(self.motion.shape[2])
+        planes = unbalance_planes(machine)
+        for z, amount, angle in machine.unbalances() if machine.speed else []:
+            if z in planes:
+                at = 2 * planes.index(z)
+                sizes[at : at + 2] += amount * np.array([math.cos(angle), math.sin(angle)])
+        share = self.limited(machine.speed, sizes)
+        return replace(
+            self, motion=share * self.motion, current=share * self.current, share=share * self.share
+        )
+
+    def sentence(self, name: str, low: float, high: float) -> str | None:
+        """Return where it is plain control between two speeds [rad/s]; None where it is not."""
+        speeds = np.abs(self.first + self.step * np.arange(len(self.share)))
+        inner = speeds[(speeds > abs(low)) & (speeds < abs(high))]
+        speed_grid = np.array(sorted({abs(low), *map(float, inner), abs(high)}))
+        way = math.copysign(1.0, self.step)
+        nothing = np.array([self.share_at(way * float(item)) <= 0 for item in speed_grid])
+        starts = np.flatnonzero(nothing & ~np.r_[False, nothing[:-1]])
+        ends = np.flatnonzero(nothing & ~np.r_[nothing[1:], False])
+        if not len(starts):
+            return None
+        where = ", ".join(
+            f"at {rpm(speed_grid[a])}"
+            if a == b
+            else f"from {rpm(speed_grid[a])} to {rpm(speed_grid[b])}"
+            for a, b in zip(starts, ends, strict=True)
+        )
+        return (
+            f'unbalance = "{name}" is plain control {where}, where the orbit would otherwise be '
+            f"{MOST:g} times as large or more, or a limit is near"
+        )
+
+    def _between(self, table: Array, speed: float) -> Array:
+        at = float(np.clip((speed - self.first) / self.step, 0, len(table) - 1))
+        node = min(int(at), len(table) - 2)
+        return np.asarray(table[node] + (at - node) * (table[node + 1] - table[node]))
+
+
+def let_turn_fields(turn: LetTurn | None) -> dict[str, Any]:
+    """Return the fields that the core's binding reads."""
+    if turn is None:
+        return {"let_turn_motion": None}
+    return {f"let_turn_{key}": value for key, value in turn.counts.items()} | {
+        "let_turn_first": turn.first,
+        "let_turn_step": turn.step,
+        "let_turn_motion": turn.motion.ravel().tolist(),
+        "let_turn_current": turn.current.ravel().tolist(),
+        "let_turn_reach": turn.reach.ravel().tolist(),
+        "let_turn_ampere": turn.ampere.tolist(),
+    }
+
+
+def check_unbalance(estimator: Estimator) -> None:
+    """Raise AmbkitError where an estimator has no unbalance among its states."""
+    if not any(state.role == "unbalance" for state in estimator.states):
+        raise AmbkitError(
+            f"{estimator.name}: it has no unbalance among its states, which the controllers are "
+            'to know: it needs synchronous = ["unbalance"]'
+        )
+
+
+def let_turn(
+    plant: Plant,
+    estimator: Estimator,
+    control: _Control,
+    unbalance: Literal["force-free", "still"],
+    start: float | None = None,
+    max_speed: float | None = None,
+) -> LetTurn:
+    """Return the motion that controllers are to leave to the rotor, over the speeds."""
+    # Less of it, and in the end nothing, is left where the orbit would be considerably larger than
+    # under plain control: where the magnets' reaction is what damps, as near a critical speed of
+    # the free rotor, or of the one that is held still. That is a ratio, whatever the unbalance.
+    check_unbalance(estimator)
+    machine = plant.machine
+    top = max(abs(machine.speed), abs(max_speed or 0.0))
+    first = min(SLOWEST, top / 2) if start is None else start
+    if not first < top:
+        raise AmbkitError(
+            f"unbalance_from: {first:.6g} rad/s is not below the greatest speed, {top:.6g} rad/s"
+        )
+    way = -1.0 if machine.speed < 0 else 1.0
+    speeds = way * np.linspace(first, top, RIGID if machine.bending is None else NODES)
+    states = [k for k, state in enumerate(estimator.states) if state.role == "unbalance"]
+    sizes = _sizes(plant, [estimator.states[k].size for k in states[::2]])
+    rotor = _Rotor(plant, estimator)
+    motion, current, larger = [], [], []
+    for speed in map(float, speeds):
+        moved, needed = rotor.left(speed, unbalance)
+        motion.append(_real(np.vstack([moved, 1j * speed * moved])))
+        current.append(_real(rotor.ahead(speed)[:, None] * needed))
+        plain = rotor.plain(speed, control)
+        larger.append((rotor.orbits(moved, sizes) / rotor.orbits(plain, sizes)).max())
+    share = _shares(np.array(larger), speeds)
+    share[0] = 0.0
+    left = share[:, None, None]
+    room = np.array(
+        [min(isolated.current_max, -isolated.current_min) for isolated in plant.isolated]
+    )
+    return LetTurn(
+        float(speeds[0]), float(speeds[1] - speeds[0]), states[0], left * np.array(motion),
+        left * np.array(current), share, plant.H / rotor.travel[:, None], 1 / room,
+    )  # fmt: skip
+
+
+def _shares(larger: Array, speeds: Array) -> Array:
+    """Return what is left to the rotor at each speed, by how much larger its orbit would be."""
+    near = np.maximum(NEIGHBOURHOOD * np.abs(speeds), 1.01 * abs(speeds[1] - speeds[0]))
+    worst = [
+        larger[np.abs(speeds - speed) <= far].max() for speed, far in zip(speeds, near, strict=True)
+    ]
+    return np.clip((MOST - np.array(worst)) / (MOST - LEAST), 0.0, 1.0)
+
+
+def _sizes(plant: Plant, usual: list[float]) -> Array:
+    """Return how large the unbalance is in each plane [kg m]: as described, or as is usual."""
+    unbalances: dict[float, float] = {}
+    for z, amount, _ in plant.machine.unbalances() if plant.machine.speed else []:
+        unbalances[z] = unbalances.get(z, 0.0) + amount
+    planes = unbalance_planes(plant.machine)
+    return np.array([unbalances.get(z, size) for z, size in zip(planes, usual, strict=True)])
+
+
+def _real(Z: Complex) -> Array:
+    """Return what acts on (x, y) of each plane: Re(Z (x + j y))."""
+    return np.stack([Z.real, -Z.imag], axis=-1).reshape(len(Z), -1)
+
+
+class _Rotor:
+    """A rotor with unbalance of 1 kg m at a speed W: ``D(W) q = W^2 push U + give F``."""
+
+    def __init__(self, plant: Plant, estimator: Estimator) -> None:
+        machine, isolated, model = plant.machine, plant.isolated, plant.model
+        machine_view = estimator.whole
+        assert machine_view is not None
+        q = len(machine.positions)
+        k = [ConstantStiffness.of(item) for item in isolated]
+        lines = [
+            machine.line(z, turn) for z in unbalance_planes(machine) for turn in (0.0, math.pi / 2)
+        ]
+        rows = slice(q, 2 * q)
+        self.T, self.delay = machine.sampling_time, machine.delay or 0.0
+        self.still, self.spin = model.A[rows, : 2 * q], model.spin[rows, : 2 * q]
+        self.H, self.give, self.behind = plant.H, model.push[rows], plant.behind
+        self.planes = geometry.matrix(lines, machine.positions)
+        self.push = (self.planes[::2] - 1j * self.planes[1::2]).T / machine.masses[:, None]
+        self.k_i, self.k_s = np.array([[e.k_i] for e in k]), np.array([[e.k_s] for e in k])
+        self.travel = np.array([item.rotor.clearance for item in isolated])
+        self.corners = [item.amplifier.bandwidth for item in isolated]
+        self.names = [state.name for state in estimator.states]
+        self.currents = [
+            (at, machine_view.axis_of(state), state)
+            for at, state in enumerate(estimator.states)
+            if state.role in ("current", "past control")
+        ]
+
+    def dynamics(self, speed: float) -> Complex:
+        """Return D (q, q) of a rotor without magnets."""
+        A, q = self.still + speed * self.spin, len(self.still)
+        return np.asarray(-(speed**2) * np.eye(q) - A[:, :q] - 1j * speed * A[:, q:])
+
+    def given(self, speed: float) -> Complex:
+        """Return the accelerations (q, p) by 1 N of each magnet that turns at a speed."""
+        return np.asarray(self.give * np.array([item.at(speed)[1] for item in self.behind]))
+
+    def left(self, speed: float, unbalance: str) -> tuple[Complex, Complex]:
+        """Return the positions (q, planes) of a rotor free or held still, and its currents."""
+        D = self.dynamics(speed)
+        moved = np.asarray(np.linalg.solve(D, speed**2 * self.push), complex)
+        if unbalance == "force-free":
+            return moved, -(self.k_s / self.k_i) * (self.H @ moved)
+        give = np.linalg.solve(D, self.given(speed))
+        held = -np.linalg.lstsq(self.H @ give, self.H @ moved, rcond=None)[0]
+        return np.asarray(moved + give @ held, complex), held / self.k_i
+
+    def plain(self, speed: float, control: _Control) -> Complex:
+        """Return the positions (q, planes) under plain control."""
+        # The estimator has the unbalance among its states, so that its mean turns as the rotor
+        # does.
+        T, q = self.T, len(self.still)
+        kp, ki, kd = np.array([pid[:3] for pid in control.pids]).T[:, :, None]
+        of, z = control.feedback, np.exp(1j * speed * T)
+        rows = (kp + ki * T / (z - 1)) * of["position"] + kd * of["velocity"]
+        rows = -control.spread @ rows
+        for power, name in enumerate(("fed_back", "fed_back_by_speed")):
+            rows = rows + speed**power * of.get(name, 0.0)
+        late, own = 1 / self.ahead(speed), np.eye(len(rows), dtype=complex)
+        for at, axis, state in self.currents:  # what answers to the currents themselves
+            past = state.role == "past control"
+            own[:, axis] -= rows[:, at] * (
+                z ** -int(state.name.rsplit("_", 1)[1]) if past else late[axis]
+            )
+        seen = rows[:, :q] + 1j * speed * rows[:, q : 2 * q]
+        for axis, behind in enumerate(self.behind):
+            for name, share in zip(behind.states, behind.at(speed)[0], strict=True):
+                by_force = rows[:, self.names.index(name)] * share
+                own[:, axis] -= by_force * (self.k_i[axis] * late[axis])
+                seen = seen + np.outer(by_force, self.k_s[axis] * self.H[axis])
+        demanded = np.linalg.solve(own, seen)
+        pull = self.k_s * self.H + self.k_i * late[:, None] * demanded
+        D = self.dynamics(speed) - self.given(speed) @ pull
+        return np.asarray(np.linalg.solve(D, speed**2 * self.push), complex)
+
+    def orbits(self, moved: Complex, sizes: Array) -> Array:
+        """Return how far it goes: at most of a travel [1], and where its planes are [m]."""
+        at_axes, at_planes = (np.abs(rows @ moved) @ sizes for rows in (self.H, self.planes))
+        return np.array([(at_axes / self.travel).max(), at_planes.max()])
+
+    def ahead(self, speed: float) -> Complex:
+        """Return by what a demanded current is ahead of the current (p,): lag, delay, hold."""
+        late = np.exp(1j * speed * (self.delay + self.T / 2)) / np.sinc(
+            speed * self.T / (2 * math.pi)
+        )
+        lags = [1.0 if c is None else 1 + 1j * speed / (2 * math.pi * c) for c in self.corners]
+        return np.asarray(late * np.array(lags))

@@ -1,1 +1,0 @@
-"""Many machines, each drawn from what varies: here or on a cluster, kept, judged and searched."""

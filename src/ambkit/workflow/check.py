@@ -1,0 +1,300 @@
+"""What a file is, and all that is wrong with it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ambkit.base import files
+from ambkit.base.errors import AmbkitError, ConfigError, RecordError, shortened
+from ambkit.data.files.formats import ENDINGS
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Bearing
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a file turned out to be."""
+
+    path: Path  #: The file.
+    #: ``"bearing"``, ``"machine"``, ``"scenario"``, ``"study"``, ``"filter"``,
+    #: ``"channel map"``, ``"expert"``, ``"record"``, ``"lift-off points"``, ``"measured force"``;
+    #: ``"file"`` where that cannot be told.
+    kind: str
+    about: str  #: What it holds, in a few words; empty where it is not valid.
+    problems: tuple[str, ...] = ()  #: All that is wrong, each with its place.
+    remarks: tuple[str, ...] = ()  #: What is odd about a record, and may be right.
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.problems
+
+
+_SHORT = {"map": "channel map", "force": "channels of a force map"}
+
+
+def schema_of(kind: str) -> dict[str, Any]:
+    """Return the JSON schema of a TOML file, by `Finding.kind` or its short form in `_SHORT`."""
+    return dict(_documents()[_SHORT.get(kind, kind)].json_schema())
+
+
+class _Described(NamedTuple):
+    about: str
+    problems: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+def inspect(
+    path: str | os.PathLike[str],
+    channel_map: str | os.PathLike[str] | None = None,
+    bearing: Bearing | None = None,
+) -> Finding:
+    """Find out what a file is by what it holds, and check it."""
+    path = Path(path)
+    kind = "file"
+    try:
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise AmbkitError(f"{path}: is no file but a device or a pipe, which may never end")
+        kind, describe = _recognise(path, channel_map, bearing)
+        result = describe(path)
+        return Finding(path, kind, result.about, result.problems, result.remarks)
+    except (ConfigError, RecordError) as error:
+        return Finding(path, kind, "", error.problems)
+    except AmbkitError as error:
+        return Finding(path, kind, "", (str(error),))
+
+
+def _recognise(
+    path: Path, channel_map: str | os.PathLike[str] | None, bearing: Bearing | None
+) -> tuple[str, Callable[[Path], _Described]]:
+    match path.suffix.lower():
+        case ".toml":
+            kind = kind_of_toml(path)
+            return kind, lambda p: _describe_document(kind, p, bearing)
+        case ".json":
+            return "expert", _describe_expert
+        case ".csv" | ".parquet" if channel_map is None:
+            return _kind_of_table(path, bearing)
+        case ending if ending in ENDINGS:
+            if channel_map is not None and kind_of_toml(Path(channel_map)) == _SHORT["force"]:
+                return "measured force", lambda p: _describe_force(p, channel_map)
+            return "record", lambda p: _describe_record(p, channel_map, bearing)
+        case _:
+            return "file", _unknown
+
+
+def _unknown(path: Path) -> _Described:
+    known = f".toml, .json, {', '.join(ENDINGS[:-1])} and {ENDINGS[-1]}"
+    raise AmbkitError(f"{path}: what is that? known are {known} files")
+
+
+def _documents() -> dict[str, Any]:
+    from ambkit.campaigns.study import Study
+    from ambkit.data.channel_map import ChannelMap
+    from ambkit.estimate.filter_file import FilterFile
+    from ambkit.machine.forces.force_file import ForceChannels
+    from ambkit.machine.machine import Bearing, PlacedMachine
+    from ambkit.simulation.scenario import Scenario
+
+    return {
+        "bearing": Bearing, "machine": PlacedMachine, "scenario": Scenario,
+        "channel map": ChannelMap, "filter": FilterFile, _SHORT["force"]: ForceChannels,
+        "study": Study,
+    }  # fmt: skip
+
+
+def kind_of_toml(path: str | os.PathLike[str]) -> str:
+    """Return the kind of description that shares most keys with a file."""
+    from ambkit.base.config import toml_text
+    from ambkit.base.config.document import TOLD
+
+    text = files.read_text(path)
+    toml = toml_text.parse(text)
+    if toml.data is None:
+        problems = [f"{path}:{line}: {what}" for line, what in toml.problems]
+        raise ConfigError(shortened(problems, TOLD), str(path))
+    documents = _documents()
+    signals = toml.data.get("signals")
+    if isinstance(signals, dict) and "f_mag" in signals and "t" not in signals:
+        return _SHORT["force"]
+    shared = {
+        kind: len(set(toml.data) & set(model.model_fields)) for kind, model in documents.items()
+    }
+    best = max(shared, key=lambda kind: shared[kind])
+    if shared[best] == 0:
+        raise AmbkitError(
+            f"{path}: is neither a bearing, nor a machine, nor a scenario, nor a study, nor a "
+            f"channel map, nor a filter: none of its keys is known in those "
+            f"({', '.join(toml.data) or 'it is empty'})"
+        )
+    return best
+
+
+def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Described:
+    from ambkit.base.config import toml_text
+    from ambkit.base.units import engineering
+    from ambkit.judge.adequacy import judge_adequacy, sentences
+    from ambkit.judge.adequacy_criteria import of_machine
+    from ambkit.rotordynamics import machine_report
+    from ambkit.simulation.plant_parts import in_words
+
+    result = _documents()[kind].load(path)
+    if kind in _SHORT.values():
+        return _Described(f"signals {', '.join(result.signals)}")
+    if kind == "filter":
+        made = result.make()  # what only the whole tells: starts, options, the magnet's file
+        judged = judge_adequacy(made, bearing if made.view.single else None)
+        fatal = sentences([item for item in judged if item.fatal])
+        others = [text for text in sentences(judged) if text not in fatal]
+        problems = tuple(f"{path}: this filter must not fly: {text}" for text in fatal)
+        return _Described(f"{result.kind}, for {result.plant.name}", problems, tuple(others))
+    if kind == "machine" and not result.single:
+        about, remarks = machine_report.described(result)
+        lines = toml_text.parse(files.read_text(path))
+        notes = (
+            f"line {lines.line(remark.path)}: {remark.text}" if remark.path else remark.text
+            for remark in remarks
+        )
+        return _Described(about, (), (*notes, *sentences(list(of_machine(result)))))
+    if kind == "study":
+        return _Described(_of_study(result))
+    if kind == "scenario":
+        return _Described(f"{engineering(result.duration, 's')}, {_of_signals(result)}")
+    result = result.isolated_axis("") if kind == "machine" else result
+    mass = engineering(result.rotor.mass, "kg")
+    about = "; ".join([f"{result.name}, {result.magnet.type}, {mass}", *in_words(result)])
+    return _Described(about, (), tuple(sentences(list(of_machine(result)))))
+
+
+def _of_signals(scenario: Any) -> str:
+    """Say of which type the signals of a scenario are."""
+    descriptions = [
+        f"{what} {item.type} {axis}".strip()
+        for what in ("reference", "disturbance") for axis, item in scenario.by_axis(what, "")
+    ]  # fmt: skip
+    speed = [] if scenario.speed is None else [f"speed {scenario.speed.type}"]
+    return ", ".join([*descriptions, *speed]) or "nothing demanded"
+
+
+def _of_study(study: Any) -> str:
+    """Say of how many machines a study is, and what varies."""
+    from ambkit.campaigns.plan import Plan
+
+    plan = Plan(study)
+    plan.check()
+    varies = ", ".join(plan.names) or "nothing"
+    return f"{plan.runs} machines of {plan.nominal.name}, {study.sampling}; what varies: {varies}"
+
+
+def _describe_expert(path: Path) -> _Described:
+    from ambkit.fuzzy.expert import Expert
+
+    expert = Expert.load(path)
+    return _Described(f"{len(expert.rules)} rules for {expert.source}")
+
+
+def _kind_of_table(path: Path, bearing: Bearing | None) -> tuple[str, Callable[[Path], _Described]]:
+    from ambkit.data.files.tables import read_table
+    from ambkit.identification.forces import lift_off
+    from ambkit.machine.forces import force_file as force_file
+
+    try:
+        columns = set(read_table(path).columns)
+    except RecordError as error:
+        raise RecordError([*error.problems, *_perhaps_a_force(path)]) from None
+    if "t" not in columns and columns >= set(lift_off.COLUMNS):
+        return "lift-off points", _describe_points
+    if "t" not in columns and columns >= set(force_file.COLUMNS):
+        return "measured force", _describe_force
+    if "t" not in columns and (hint := _perhaps_a_force(path)):
+        raise RecordError([f"{path}: has no column t [s]; it has {', '.join(columns)}", *hint])
+    return "record", lambda p: _describe_record(p, None, bearing)
+
+
+def _perhaps_a_force(path: Path) -> list[str]:
+    """Say how a measured force is read, of a table of three or four columns without a time."""
+    import numpy as np
+
+    from ambkit.data.files.formats import read_log
+    from ambkit.machine.forces.force_file import NAMES
+
+    try:
+        columns = read_log(path).arrays
+    except RecordError:
+        return []
+    runs_on = any(np.all(np.diff(values) > 0) for values in columns.values())
+    if runs_on or not 3 <= len(columns) <= 4:
+        return []
+    return [f"{path}: {NAMES}"]
+
+
+def _describe_points(path: Path) -> _Described:
+    from ambkit.identification.forces.lift_off import load_points
+
+    points = load_points(path)
+    usable = sum(not p.problem for p in points)
+    return _Described(f"{len(points)} runs, {usable} of them usable")
+
+
+def _describe_force(path: Path, channels: str | os.PathLike[str] | None = None) -> _Described:
+    from ambkit.base.units import engineering
+    from ambkit.machine.forces.force_file import load_force_points
+
+    points = load_force_points(path, channels)
+    (low, high), (left, right) = (
+        [engineering(end, unit, digits=3) for end in (values.min(), values.max())]
+        for values, unit in ((points.current, "A"), (points.displacement, "m"))
+    )
+    known = "" if points.standard_error is not None else ", without standard errors"
+    return _Described(f"{len(points)} points, {low} to {high}, {left} to {right}{known}")
+
+
+def _lost(missing: Mapping[str, int]) -> str:
+    """Say how many samples each signal lacks; in one number where all lack as many."""
+    counts = set(missing.values())
+    if len(counts) == 1 and len(missing) > 1:
+        (count,) = counts
+        return f", {count} missing in each signal" if count else ""
+    signal_counts = ", ".join(f"{count} of {name}" for name, count in missing.items() if count)
+    return f", missing {signal_counts}" if signal_counts else ""
+
+
+def _describe_record(
+    path: Path, channel_map: str | os.PathLike[str] | None, bearing: Bearing | None
+) -> _Described:
+    import numpy as np
+
+    from ambkit.base.units import engineering
+    from ambkit.data.reading import load
+    from ambkit.data.reading.faults import account, find
+    from ambkit.data.reading.plausibility import suspects
+    from ambkit.judge.plausibility import evaluate_record
+
+    record = load(path, channel_map)
+    lacking = [name for name in ("y", "u") if name not in record]
+    unfit = f"; without {' and '.join(lacking)}, so nothing to filter" if lacking else ""
+    lost = _lost({name: int(np.isnan(record[name]).sum()) for name in record})
+    about = (
+        f"{len(record)} samples of {', '.join(record)} every "
+        f"{engineering(record.sampling_time, 's')}{lost}{unfit}"
+    )
+    measured = [name for name in ("y", "u") if name in record]
+    faults = [
+        fault
+        for name in measured
+        for fault in find(name, record[name], record.t, record.units[name])
+        if fault.kind != "missing"
+    ]
+    remarks = account(faults, record.sampling_time)
+    if bearing is None:
+        findings = suspects(record.t, record.signals, record.units)
+        return _Described(about, (), (*remarks, *findings))
+    verdict = evaluate_record(record, bearing)
+    return _Described(
+        about, tuple(f"{path}: {p}" for p in verdict.problems), (*remarks, *verdict.remarks)
+    )

@@ -1,0 +1,305 @@
+"""From a machine and its logs to what flies: identified, tuned, judged, exported; resumable."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ambkit.assessment.assess import assess
+from ambkit.assessment.speed_sweep import assess_over_speed
+from ambkit.base import files
+from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import names_in, of_type
+from ambkit.base.threads import one_thread
+from ambkit.data.channel_map import ChannelMap, inputs_of
+from ambkit.data.input_scaling import Inputs
+from ambkit.data.reading import load_filled
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.registry import kind_called
+from ambkit.judge.adequacy import sentences
+from ambkit.judge.loop.loop_of import ZONE_A
+from ambkit.machine.force_laws import slowest_time
+from ambkit.machine.machine import Machine
+from ambkit.result.page import write_result
+from ambkit.simulation.scenario import Control, Scenario
+from ambkit.simulation.stabilising_controller import overshoot
+from ambkit.workflow.design_candidates import (
+    adequacy_of,
+    best_of,
+    candidate_in,
+    exported_filter,
+    judged,
+    objections_to,
+    of_tuning,
+    tuned_within,
+)
+from ambkit.workflow.design_control import (
+    control_for,
+    objections_to_loop,
+)
+from ambkit.workflow.designed import Design
+from ambkit.workflow.identified_toml import annotated_toml
+from ambkit.workflow.identify import identified_filter, identify
+from ambkit.workflow.resumable import Stages, read_json, write_json
+from ambkit.workflow.tune import BUDGET, RUNS
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+
+KINDS_TRIED = ("linear", "extended", "adaptive")
+"""Who is tried where nobody says it: without, with the exact, and with a learned stiffness."""
+
+
+@one_thread()
+def design(
+    bearing: Machine,
+    logs: Sequence[str | os.PathLike[str]],
+    folder: str | os.PathLike[str],
+    *,
+    channels: str | os.PathLike[str] | None = None,
+    validate: Sequence[str | os.PathLike[str]] = (),
+    kinds: Sequence[str] | None = None,
+    free: Sequence[str] | None = None,
+    max_sensitivity: float | None = ZONE_A,
+    precision: str = "float",
+    prefix: str | None = None,
+    anyway: bool = False,
+    seed: int = 0,
+    runs: int = RUNS,
+    budget: int = BUDGET,
+    note: Callable[[str], None] = lambda _text: None,
+) -> Design:
+    """Go from what is known of a machine, and its logs, to what flies, as C.
+
+    A machine with one axis is identified from its logs first. Its controllers are those that
+    `ambkit.simulation.default_control` chooses for an estimate, on the margins over its speed
+    range. Each kind of filter is tuned in the loop with them below `max_sensitivity`, by the logs
+    or without any by simulated runs, and judged on what it was not tuned on and by simulated truth.
+    Each stage writes its files into the folder and is not repeated while what it was made from
+    stays as it was: ``machine.toml``, ``scenario.toml`` with the controllers, a filter of each
+    kind, ``filter.toml``, ``verdict.html``, ``design.html``, and as C the filter in ``c/`` and the
+    filter with its controllers in ``controller/``.
+
+    Parameters
+    ----------
+    bearing : Bearing or Machine
+        What is known already.
+    logs : sequence of path
+        Records of the loop; without any the filters are tuned on simulated runs.
+    folder : path
+        Where all of it goes.
+    channels : path, optional
+        Channel map of the logs; the exported C of a single axis takes the log's own numbers.
+    validate : sequence of path, optional
+        Logs to judge by; without them the second half of each log.
+    kinds : sequence of str, optional
+        Estimators that are tried; by default `KINDS_TRIED`.
+    free : sequence of str, optional
+        What is identified; by default what a record usually tells.
+    max_sensitivity : float, optional
+        What the peak of abs(S) in the loop is to stay below [1], see `ambkit.tune`; by default the
+        end of zone A of ISO 14839-3, None for no limit. A kind that cannot be held to it is tuned
+        without.
+    precision, prefix : str
+        Of the exported C.
+    anyway : bool
+        Export also what is worse than the raw sensors, far from the bound, or out of zone A.
+    seed, runs, budget : int
+        Random seed; simulated runs and evaluations of each kind, see `ambkit.tune`.
+    note : callable
+        Told what is done next.
+
+    Returns
+    -------
+    Design
+        What was chosen, and why.
+
+    Raises
+    ------
+    AmbkitError
+        A log cannot be read, a kind is unknown, no controller was found that holds the rotor, or
+        the folder cannot be written; or `free` is given and there is no log, or several axes.
+    """
+    of_type(Machine, bearing=bearing)
+    machine = bearing.long
+    if free is not None and not (logs and machine.single):
+        raise AmbkitError(
+            f"a design identifies a machine with one axis from its logs; {machine.name} has "
+            f"{len(machine.axes)}, and there are {len(logs)} logs: see 'ambkit identify --axis'"
+        )
+    kinds = KINDS_TRIED if kinds is None else names_in(kinds=kinds)
+    for kind in kinds:
+        kind_called(kind)
+    work = _Work(machine, logs, validate, channels, files.make_folder(folder), note)
+    work.identify(free)
+    control = work.choose_controllers()
+    for kind in kinds:
+        work.tune(
+            kind, control, max_sensitivity=max_sensitivity, seed=seed, runs=runs, budget=budget
+        )
+        work.judge(kind, seed)
+    place, result = work.place, work.found
+    candidates = [candidate_in(place, kind) for kind in kinds]
+    chosen = best_of(candidates)
+    estimator = Estimator.load(chosen.file)
+    estimator.save(place / "filter.toml", bearing=place / "machine.toml")
+    note("assessing the loop")
+    assessed = assess(result, {chosen.kind: estimator}, control)
+    loop = assessed.loops[chosen.kind]
+    if loop.stable:
+        pages: list[Any] = [assessed]
+        if result.rotor.type != "mass":
+            note("looking at one speed after the other")
+            pages.append(assess_over_speed(result, {chosen.kind: estimator}, control))
+        write_result(pages, place / "verdict.html")
+    run = Scenario(controller=control)
+    adequacy = tuple(adequacy_of(chosen, run))
+    fatal = [item for item in adequacy if item.fatal and item.name != "peak of |S|"]
+    objections = (
+        *objections_to_loop(loop, max_sensitivity), *objections_to(chosen), *sentences(fatal)
+    )  # fmt: skip
+    exported = None
+    if anyway or not objections:
+        note("exporting")
+        known = result.short
+        exported = exported_filter(known, place, "c", precision, prefix)
+        exported_filter(known, place, "controller", precision, prefix, run)
+    made = {name: what for name, what in FILES.items() if (place / name).exists()}
+    made["design.html"] = FILES["design.html"]
+    notes = (*work.notes, *sentences([item for item in adequacy if not item.fatal]))
+    step = overshoot(loop.loop, slowest_time(result), len(result.axes))
+    design = Design(
+        place, result, control, tuple(candidates), chosen, assessed, step,
+        objections, exported, made, notes, adequacy, work.last_record(),
+    )  # fmt: skip
+    note("drawing")
+    design.page(place / "design.html")
+    return design
+
+
+FILES = {
+    "machine.toml": "the machine, as the records tell it where it was identified",
+    "identified.toml": "the filter of what was identified, with the offsets of the log",
+    "scenario.toml": "the controllers, with all their gains",
+    "candidates": "the filters that were tried, tuned, and their figures",
+    "filter.toml": "the filter to fly",
+    "verdict.html": "the verdict on the loop, to be signed off",
+    "c": "the filter as C, for the controller",
+    "controller": "filter and controllers as C, from readings to currents",
+    "design.html": "the report",
+}
+
+
+class _Work:
+    """The stages of a design, and what they found."""
+
+    def __init__(
+        self, machine: Machine, logs: Sequence[Any], validate: Sequence[Any], channels: Any,
+        place: Path, note: Callable[[str], None],
+    ) -> None:  # fmt: skip
+        self.given = self.found = machine
+        self.logs, self.validate, self.channels = logs, validate, channels
+        self.place, self.note, self.stages = place, note, Stages(place)
+        self.inputs: Inputs | None = None
+        self.notes: tuple[str, ...] = ()
+        read = [*map(Path, logs), *map(Path, validate), *([channels] if channels else [])]
+        self.sources = [files.sha256(path) for path in read]
+
+    def identify(self, free: Sequence[str] | None) -> None:
+        """Identify a single axis from its logs; others stay as they were given."""
+        if not (self.logs and self.given.single):
+            self.given.save(self.place / "machine.toml")
+            return
+        self.note("identifying")
+        names = [Path(path).name for path in (*self.logs, *self.validate)]
+        self.stages.make(
+            "identify",
+            [self.given.to_toml(), sorted(free or []), names, *self.sources],
+            ("machine.toml", "identified.toml", "identified.json"),
+            lambda: _identified(self.given, self.logs, self.channels, free, self.place),
+        )
+        identified = Estimator.load(self.place / "identified.toml")
+        self.found, self.inputs = identified.machine, identified.inputs
+        self.notes = tuple(read_json(self.place / "identified.json")["notes"])
+
+    def choose_controllers(self) -> Control:
+        """Return the controllers, which are written down."""
+        self.note("choosing the controllers")
+        path = self.place / "scenario.toml"
+        self.stages.make(
+            "control", [self.found.to_toml()], (path.name,),
+            lambda: Scenario(controller=control_for(self.found)).save(path),
+        )  # fmt: skip
+        return Scenario.load(path).controller
+
+    @cached_property
+    def records(self) -> tuple[list[Record], list[Record]]:
+        """The logs, and those to judge by."""
+        channels = self.channels
+        if channels is not None and self.inputs is not None:
+            channels = ChannelMap.load(channels).with_inputs(self.inputs)
+        logs, others = (
+            [load_filled(path, channels) for path in of] for of in (self.logs, self.validate)
+        )
+        return logs, others
+
+    def last_record(self) -> Record | None:
+        """Return the last log; None without any."""
+        return self.records[0][-1] if self.logs else None
+
+    def tune(self, kind: str, control: Control, **options: Any) -> None:
+        """Tune a kind in the loop, and write it down."""
+        self.note(f"tuning the {kind} filter")
+        name, place = f"candidates/{kind}.toml", self.place
+
+        def make() -> None:
+            logs, others = self.records
+            tuned = tuned_within(
+                options["max_sensitivity"], self.found.short, logs, kind, validate=others,
+                controller=control, inputs=self.inputs,
+                seed=options["seed"], runs=options["runs"], budget=options["budget"],
+                source=", ".join(Path(path).name for path in self.logs),
+            )  # fmt: skip
+            files.make_folder(place / "candidates")
+            tuned.named(bearing=place / "machine.toml").save(place / name)
+            write_json(place / f"candidates/{kind}.json", of_tuning(tuned))
+
+        known = [place / item for item in ("machine.toml", "scenario.toml", "identified.toml")]
+        made_from = [files.sha256(path) for path in known if path.exists()]
+        self.stages.make(
+            f"tune {kind}", [kind, options, *made_from, *self.sources],
+            (name, f"candidates/{kind}.json"), make,
+        )  # fmt: skip
+
+    def judge(self, kind: str, seed: int) -> None:
+        """Judge a filter that was tuned on records by simulated truth."""
+        place, name = self.place, f"candidates/{kind}.judged.json"
+        if not self.logs:
+            return
+        self.note(f"judging the {kind} filter")
+        file = place / f"candidates/{kind}.toml"
+        self.stages.make(
+            f"judge {kind}", [files.sha256(file), seed, "under a load"], (name,),
+            lambda: write_json(place / name, judged(file, seed)),
+        )  # fmt: skip
+
+
+def _identified(
+    machine: Machine,
+    logs: Sequence[str | os.PathLike[str]],
+    channels: str | os.PathLike[str] | None,
+    free: Sequence[str] | None,
+    place: Path,
+) -> None:
+    records = [load_filled(path, channels) for path in logs]
+    result = identify(machine.short, records, free=free)
+    inputs = None if channels is None else inputs_of(ChannelMap.load(channels))
+    files.write_text(place / "machine.toml", annotated_toml(result.likelihood, place))
+    source = ", ".join(Path(path).name for path in logs)
+    write_json(place / "identified.json", {"notes": result.of_the_zeros})
+    identified_filter(result, inputs, source).save(
+        place / "identified.toml", bearing=place / "machine.toml"
+    )

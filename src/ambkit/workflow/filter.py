@@ -1,0 +1,402 @@
+"""Estimators along a record: what they are tuned on, and what they are judged by."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.base import late_binding
+from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.data.record import Record
+from ambkit.data.signals import by_name, each_of, signal
+from ambkit.estimate.named import USUAL, Factory, FromFile, factories
+from ambkit.estimate.noise_model import FilterNoise
+from ambkit.judge.evaluation import Evaluation, errors_along, evaluate
+from ambkit.machine.machine import Machine
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.sections import Section
+from ambkit.rotordynamics.harmonics import Harmonic, harmonics
+from ambkit.simulation.lift_off_sequence import Mode
+from ambkit.workflow.tuning import default_disturbance, log_likelihood, tune_disturbance
+from ambkit.workflow.warnings import OutsideOperatingRange, outside_operating_range
+
+if TYPE_CHECKING:
+    from ambkit.estimate.estimate import Estimate
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.machine.magnets import MagnetModel
+    from ambkit.result.report.figure import Figure
+
+HORIZONS = (1, 10)
+"""Steps ahead that are predicted."""
+
+ESTIMATORS = ("estimators",)
+"""Section of its rows."""
+
+ABSURD_NIS = 25.0
+"""Mean NIS from which on filter and record have nothing to do with each other."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """The stretch of a record that filters are tuned on; they are judged on what comes after."""
+
+    start: float  #: From the record's first sample on [s].
+    stop: float
+    #: Nobody asked for it: the tuning is kept only if it fits the rest better than the untuned.
+    by_itself: bool
+
+
+def stretch_to_tune_on(record: Record, tune: Given | None = None) -> Stretch | None:
+    """Return what to tune on: what was asked for, or the second quarter of a measured record."""
+    # The first quarter is often a start. Where the truth is known, nothing is tuned unasked.
+    tune = in_si("tune", tune, "s")
+    span = float(record.t[-1] - record.t[0])
+    if tune is not None:
+        if not 0 < tune < span:
+            raise ValueError(
+                f"tune must be greater than 0 s, is {tune:g} s"
+                if not tune > 0
+                else f"tune must be shorter than the record, {span:.4g} s, and leave time to judge "
+                f"by; is {tune:g} s"
+            )
+        return Stretch(0.0, tune, by_itself=False)
+    return None if record.has_truth else Stretch(span / 4, span / 2, by_itself=True)
+
+
+@dataclass(frozen=True)
+class TunedNoise:
+    """What tuning gave, and what speaks for it."""
+
+    found: FilterNoise  #: As the stretch makes it most likely, and with `default_disturbance`.
+    untuned: FilterNoise
+    why: str  #: Why it is that, where the stretch does not single one out; else empty.
+    worse: bool  #: Whether the rest of the record is less likely with it than untuned.
+    kept: bool  #: Whether the filter took it nevertheless: it was asked for.
+
+
+@dataclass(frozen=True, eq=False)
+class Filtered:
+    """One estimator along a record."""
+
+    name: str  #: Of the estimator.
+    noise: FilterNoise  #: What it assumes in the end.
+    evaluation: Evaluation  #: How well the two fit, with its estimate.
+    tuning: TunedNoise | None = None  #: None where nothing was tuned.
+    smoothed: Estimate | None = None  #: Each sample estimated from the whole record, if asked for.
+    #: By axis, where an expert is asked beyond its box in more than a hundredth of the samples.
+    outside: Mapping[str, OutsideOperatingRange] = field(default_factory=dict)
+    #: What it says of unbalance and runout at the end of the record.
+    turning: Sequence[Harmonic] = ()
+
+    @property
+    def absurd(self) -> bool:
+        """Whether filter and record have nothing to do with each other."""
+        return self.evaluation.nis > ABSURD_NIS
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Filtering(Result):
+    """Estimators along a record."""
+
+    machine: Machine  #: What they assume.
+    record: Record  #: What they filtered: of lift-off and landing what lies between.
+    stretch: Stretch | None  #: What they were tuned on.
+    settling: float  #: Time at the start that does not count [s].
+    estimators: Mapping[str, Filtered]  #: By name.
+
+    def __getitem__(self, name: str) -> Filtered:
+        """Return what became of one of the estimators."""
+        return self.estimators[name]
+
+    @property
+    def evaluations(self) -> dict[str, Evaluation]:
+        """The evaluations, by estimator."""
+        return {name: estimator.evaluation for name, estimator in self.estimators.items()}
+
+    @property
+    def smoothed(self) -> dict[str, Estimate]:
+        """The smoothed estimates, by estimator; empty where they were not asked for."""
+        return {n: e.smoothed for n, e in self.estimators.items() if e.smoothed is not None}
+
+    def after(self, name: str) -> dict[str, Any]:
+        """What is told of a smoothed estimate: its load, and its errors against the truth."""
+        estimate, t = self.smoothed[name], self.record.t
+        first = int(np.argmax(t - t[0] >= self.settling))
+        axes = [axis.name for axis in self.machine.axes]
+        loads = [estimate[signal("f_d", axis)][first:] for axis in axes]
+        return {
+            "rmse": errors_along(estimate, self.record, first),
+            "disturbance_mean": by_name(axes, [float(load.mean()) for load in loads]),
+            "disturbance_std": by_name(axes, [float(load.std()) for load in loads]),
+        }
+
+    def growth(self, noise: FilterNoise) -> Any:
+        """Growth of the load's variance that is assumed [N^2/s]; of several by their axes."""
+        axes, intensity = (axis.name for axis in self.machine.axes), noise.disturbance
+        return (
+            dict(zip(axes, intensity, strict=True)) if isinstance(intensity, tuple) else intensity
+        )
+
+    @property
+    def title(self) -> str:
+        """Of what machine and record."""
+        return f"{self.machine.name}, {len(self.record)} samples"
+
+    @property
+    def finding(self) -> str:
+        """Which filter predicts the measurement best, beside the last measurement held."""
+        ahead, gain = HORIZONS[-1], {}
+        for name, e in self.evaluations.items():
+            pairs = zip(each_of(e.prediction[ahead]), each_of(e.held[ahead]), strict=True)
+            ratios = [error / held if held > 0 else math.inf for error, held in pairs]
+            gain[name] = max(r if math.isfinite(r) else math.inf for r in ratios)
+        best = min(gain, key=gain.__getitem__)
+        if math.isinf(gain[best]):
+            return f"{self.title}: no filter's prediction can be judged."
+        nis = self[best].evaluation.nis
+        return (
+            f"{self.title}: {best} predicts {ahead} steps ahead with {gain[best]:.3g} of the error "
+            f"of holding the last measurement{'' if math.isnan(nis) else f'; mean NIS {nis:.3f}'}."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        """Innovations, predictions, load and errors of each estimator, and what turns."""
+        flags = dict.fromkeys(flag for e in self.evaluations.values() for flag in e.status)
+        result, harmonic_rows = [], []
+        for name, estimator in self.estimators.items():
+            result += put(self._of(estimator, list(flags)), section=ESTIMATORS, of=name)
+            harmonic_rows += [
+                row for of in estimator.turning for row in of.rows((*ESTIMATORS, name))
+            ]
+        return result + harmonic_rows
+
+    def _of(self, item: Filtered, flags: Sequence[str]) -> list[Row]:
+        """Return the figures of one estimator."""
+        after: dict[str, Any] = {} if item.smoothed is None else self.after(item.name)
+        units = item.evaluation.estimate.units
+        return [
+            *item.evaluation.rows(self.machine, flags),
+            Row("disturbance_noise", "load, noise assumed", self.growth(item.noise), "N^2/s"),
+            Row("smoothed.disturbance_mean", "load, mean, smoothed",
+                after.get("disturbance_mean"), "N", detail=True),
+            Row("smoothed.disturbance_std", "load, std, smoothed",
+                after.get("disturbance_std"), "N"),
+            *(Row(f"smoothed.rmse.{name}", f"error of {name}, rms, smoothed", error, units[name])
+              for name, error in after.get("rmse", {}).items()),
+        ]  # fmt: skip
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        harmonic_sections: dict[tuple[str, ...], Section] = {
+            (*ESTIMATORS, name, "synchronous"): Section(f"{name}: what turns", across=True)
+            for name in self.estimators
+        }
+        return {ESTIMATORS: Section(self.title), **harmonic_sections}
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """Machine, and what is left of the estimators' figures."""
+        return {
+            "machine": self.machine.name,
+            "estimators": {
+                name: {key: {} for key in ("rmse", "status", "logged")}
+                | {"synchronous": {
+                    h.name: {"covariance": h.covariance.tolist()} for h in estimator.turning
+                }}
+                for name, estimator in self.estimators.items()
+            },
+        }  # fmt: skip
+
+    def figures(self) -> list[Figure]:
+        """Return the estimates over the record."""
+        return [late_binding.call("filter_figure", self.record, self.evaluations, self.smoothed)]
+
+    def to_record(self) -> Record:
+        """Return the estimates; of several estimators, each signal carries the name."""
+        records = {
+            name: evaluation.estimate.to_record() for name, evaluation in self.evaluations.items()
+        }
+        records |= {f"{n}_smoothed": e.to_record() for n, e in self.smoothed.items()}
+        if len(records) == 1:
+            return next(iter(records.values()))
+        signals = {f"{n}_{s}": r[s] for n, r in records.items() for s in r}
+        units = {f"{n}_{s}": r.units[s] for n, r in records.items() for s in r}
+        t = next(iter(records.values())).t
+        return Record(t, signals, units, {"estimators": list(records)})
+
+
+def filter(
+    bearing: Machine,
+    record: Record,
+    estimators: Iterable[str] | Mapping[str, Factory] = USUAL,
+    *,
+    magnets: Mapping[str, MagnetModel] | None = None,
+    noise: FilterNoise | None = None,
+    tune: Given | None = None,
+    settling: Given = 0.0,
+    smooth: bool = False,
+    synchronous: Sequence[str] = (),
+    done: Callable[[Filtered], None] = lambda _one: None,
+) -> Filtering:
+    """Run filters along a record, and judge them.
+
+    How fast the load wanders is tuned, by the likelihood of a stretch, if asked for; and with a
+    measured record where neither `tune` nor ``noise.disturbance`` is given: then on its second
+    quarter, judged on the second half, and kept only if it fits that better than the untuned.
+
+    Parameters
+    ----------
+    bearing : Bearing or Machine
+        What the estimators assume.
+    record : Record
+        With ``y`` [m] and ``u`` [V], of several axes ``y_NAME`` of each reading and ``u_NAME`` of
+        each axis; with truth where simulated. Where its ``mode`` says that the magnets have no
+        current, it is left out.
+    estimators : iterable of str, or mapping of str to Factory
+        Some of :data:`ambkit.estimate.registry.KINDS`, or what builds them.
+    magnets : mapping of str to MagnetModel, optional
+        What kinds ask for k_i and k_s, see :func:`ambkit.estimate.named.factories`.
+    noise : FilterNoise, optional
+        What is known of the noise.
+    tune : float or str, optional
+        Time at the start to tune on [s], such as 0.2 or ``"200 ms"``; it does not count for
+        the evaluation.
+    settling : float or str
+        Time at the start that does not count [s].
+    smooth : bool
+        Whether each sample is also estimated from the whole record.
+    synchronous : sequence of str
+        What rotates with the rotor and is estimated too: ``"unbalance"``, ``"runout"``.
+    done : callable
+        Called with each estimator that is done.
+
+    Returns
+    -------
+    Filtering
+        What became of each.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such estimator, a time is none, or the record lacks a signal.
+    TypeError
+        `bearing` is no bearing, or `record` no record.
+    RecordError
+        See :func:`ambkit.judge.evaluation.evaluate`.
+    ValueError
+        `tune` or `settling` is out of its range, `tune` beside ``noise.disturbance``, or the
+        record's sampling time is not the bearing's.
+
+    Examples
+    --------
+    >>> from ambkit import Bearing, Scenario, filter, simulate
+    >>> bearing = Bearing.preset("zittau_axial")
+    >>> filtering = filter(bearing, simulate(bearing, Scenario()), ["closed-law"])
+    >>> 0.9 < filtering["closed-law"].evaluation.nis < 1.1
+    True
+    """
+    of_type(Machine, bearing=bearing)
+    of_type(Record, record=record)
+    check_signals(bearing, record)
+    tune, settling = in_si("tune", tune, "s"), in_si("settling", settling, "s")
+    noise = noise or FilterNoise()
+    if tune is not None and noise.disturbance is not None:
+        raise ValueError("tune finds what noise.disturbance gives: use one of them")
+    begin, end = in_flight(record)
+    until, record = record.between(stop=end), record.between(begin, end)
+    stretch = stretch_to_tune_on(record, tune) if noise.disturbance is None else None
+    late = max(settling, stretch.stop if stretch else 0.0)
+    built = (
+        estimators
+        if isinstance(estimators, Mapping)
+        else factories(estimators, bearing, magnets, synchronous)
+    )
+    results = {}
+    for name, build in built.items():
+        # A filter from a file assumes what the file says.
+        if isinstance(build, FromFile):
+            own = FilterNoise(*build().variances)
+            estimator, one = _filtered(name, build, record, own, None, late)
+        else:
+            estimator, one = _filtered(name, build, record, noise, stretch, late)
+        one = replace(
+            one,
+            outside=outside_operating_range(estimator, one.evaluation.estimate, record),
+            turning=harmonics(estimator, until),
+            smoothed=build(one.noise).smooth(record) if smooth else None,
+        )
+        results[name] = one
+        done(one)
+    return Filtering(bearing, record, stretch, late, results)
+
+
+def check_signals(machine: Machine, record: Record) -> None:
+    """Refuse a record without a reading or a control signal of a machine."""
+    needed = [signal("y", r.name) for r in machine.readings]
+    needed += [signal("u", axis.name) for axis in machine.axes]
+    lacking = [name for name in needed if name not in record]
+    if lacking:
+        raise AmbkitError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
+
+
+def in_flight(record: Record) -> tuple[float | None, float | None]:
+    """From when to when the magnets have currents, in a record of lift-off and landing [s]."""
+    # A rotor that lies has the touch-down bearings' forces, and magnets that are off, which no
+    # estimator is told. None and None: a record without a ``mode``, or one that never lifts.
+    if "mode" not in record:
+        return None, None
+    on = np.flatnonzero(np.isin(record["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING)))
+    if len(on) < 3:
+        return None, None
+    end = int(on[-1]) + 1
+    return float(record.t[on[0]]), float(record.t[end]) if end < len(record) else None
+
+
+def _filtered(
+    name: str,
+    build: Factory,
+    record: Record,
+    noise: FilterNoise,
+    stretch: Stretch | None,
+    settling: float,
+) -> tuple[Estimator, Filtered]:
+    def evaluated(assumed: FilterNoise) -> tuple[Estimator, Evaluation]:
+        estimator = build(assumed)
+        return estimator, evaluate(estimator, record, horizons=HORIZONS, settling=settling)
+
+    if stretch is None:
+        estimator, evaluation = evaluated(noise)
+        return estimator, Filtered(name, noise, evaluation)
+    result, why = _tuned(build, noise, record, stretch)
+    untuned = replace(noise, disturbance=default_disturbance(build().bearing))
+    with_found, without = evaluated(result), evaluated(untuned)
+    worse = _likelihood(with_found[1]) < _likelihood(without[1])
+    use_tuned = not (worse and stretch.by_itself)
+    tuning = TunedNoise(result, untuned, why, worse, use_tuned)
+    assumed, (estimator, evaluation) = (result, with_found) if use_tuned else (untuned, without)
+    return estimator, Filtered(name, assumed, evaluation, tuning)
+
+
+def _tuned(
+    build: Factory, noise: FilterNoise, record: Record, stretch: Stretch
+) -> tuple[FilterNoise, str]:
+    """Return the noise under which a stretch of a record is most likely, and why that."""
+    part = record.between(record.t[0] + stretch.start, record.t[0] + stretch.stop)
+    tuned = tune_disturbance(
+        build().bearing, part, lambda intensity: build(replace(noise, disturbance=intensity))
+    )
+    return replace(noise, disturbance=tuned.growth), tuned.why
+
+
+def _likelihood(evaluation: Evaluation) -> float:
+    """Log likelihood of the samples that count."""
+    first = len(evaluation.estimate.t) - evaluation.samples
+    return log_likelihood(evaluation.estimate, first)

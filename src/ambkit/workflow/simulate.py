@@ -1,0 +1,313 @@
+"""What happens in a run where nobody says it all: controller, length, step, load; and the run."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.data.record import Record
+from ambkit.data.signals import signal
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.named import factories
+from ambkit.estimate.user_filter import EstimatorProtocol, OwnEstimator, is_own
+from ambkit.machine.forces.force_map import surface_in
+from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.magnets import ConstantStiffness
+from ambkit.rotordynamics.harmonics import harmonics
+from ambkit.simulation.controllers import controllers_of
+from ambkit.simulation.default_control import settled_scenario
+from ambkit.simulation.plant import Plant
+from ambkit.simulation.run import simulate_run as looped
+from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.waveforms import Recorded, Step
+
+if TYPE_CHECKING:
+    from ambkit.machine.magnets import MagnetModel
+    from ambkit.simulation.external_inputs import ExternalInputs
+    from ambkit.simulation.run import Run
+
+STEP_AT, LOAD_AT = 0.1, 0.5
+"""When the step of the reference and that of the load come, in lengths of the run."""
+
+OWN_PERIODS = 40
+"""Length of an experiment, in periods of the plant's own frequency, where it is not given."""
+
+
+def scenario_for(
+    bearing: Machine,
+    scenario: Scenario | str | os.PathLike[str] | None = None,
+    *,
+    duration: Given | None = None,
+    step: Given | None = None,
+    load: Given | None = None,
+    seed: int | None = None,
+    reference: str | Path | None = None,
+    injection: str | Path | None = None,
+    from_estimate: bool = True,
+) -> Scenario:
+    """Return a scenario for a machine, with its controller tuned, and a step or a load put in.
+
+    Parameters
+    ----------
+    bearing : Bearing or Machine
+        The controller of a single axis is tuned to it, as far as `scenario` does not say otherwise.
+    scenario : Scenario or path, optional
+        What is said already.
+    duration : float or str, optional
+        Length of the run [s].
+    step : float or str, optional
+        Step of the first axis's reference [m], such as 5e-5 or ``"50 µm"``, after a tenth of the
+        run.
+    load : float or str, optional
+        Load on the rotor at the first axis [N], after half of the run.
+    seed : int, optional
+        Seed of the noise.
+    reference : path, optional
+        A record whose ``r``, of several axes ``r_NAME``, is the reference; without `duration` the
+        run is as long as it.
+    injection : path, optional
+        A record whose ``injected``, of several axes ``injected_NAME``, is added to the measurement,
+        as `reference`.
+    from_estimate : bool
+        Whether the estimate may be fed back, where `scenario` does not say what is.
+
+    Raises
+    ------
+    AmbkitError
+        A file cannot be read; both a step and a record are given for the reference; one of
+        the quantities is none.
+    TypeError
+        `bearing` is no machine, or `scenario` not what happens to one.
+    """
+    of_type(Machine, bearing=bearing)
+    machine = bearing.short
+    duration, step = in_si("duration", duration, "s"), in_si("step", step, "m")
+    load = in_si("load", load, "N")
+    full_scenario = Scenario() if scenario is None else scenario
+    if isinstance(full_scenario, str | os.PathLike):
+        full_scenario = Scenario.load(full_scenario)
+    of_type(Scenario, scenario=full_scenario)
+    if not from_estimate and full_scenario.feedback is None:
+        full_scenario = full_scenario.fed("measurement")
+    axes = tuple(axis.name for axis in machine.axes)
+    full_scenario.check_for(axes, body=not machine.single)
+    if machine.single:
+        full_scenario = full_scenario.of_one_axis(machine.isolated_axis(""))
+    if duration is not None:
+        full_scenario = full_scenario.replace(duration=duration)
+    if reference is not None:
+        if step is not None:
+            raise AmbkitError("the reference is either a step or a record's: give one of them")
+        full_scenario = _along(Path(reference), axes, full_scenario, duration, "reference", "r")
+    if injection is not None:
+        full_scenario = _along(
+            Path(injection), axes, full_scenario, duration, "injection", "injected"
+        )
+    if step is not None:
+        at = Step(amplitude=step, time=STEP_AT * full_scenario.duration)
+        full_scenario = full_scenario.replace(reference=at)
+    if load is not None:
+        at = Step(amplitude=load, time=LOAD_AT * full_scenario.duration)
+        full_scenario = full_scenario.replace(disturbance=at)
+    return full_scenario if seed is None else full_scenario.replace(seed=seed)
+
+
+def _along(
+    path: Path, axes: tuple[str, ...], scenario: Scenario, duration: float | None, what: str,
+    of: str,
+) -> Scenario:  # fmt: skip
+    """Return a run that takes references or injections from the signals of a record."""
+    record = Record.load(path)
+    if duration is None:
+        scenario = scenario.replace(duration=float(record.t[-1]))
+    there = [axis for axis in axes if signal(of, axis) in record]
+    if not there:
+        names = ", ".join(signal(of, axis) for axis in axes)
+        raise AmbkitError(f"{path}: it has none of the signals {names}")
+    signals = [
+        {"axis": axis, "position": Recorded(file=str(path), signal=signal(of, axis))}
+        for axis in there
+    ]
+    return scenario.replace(**{what: signals})
+
+
+def simulate_run(
+    bearing: Machine,
+    scenario: Scenario | str | os.PathLike[str] | None = None,
+    *,
+    estimator: Estimator | type[EstimatorProtocol] | str | None = None,
+    magnet: MagnetModel | None = None,
+    force_map: str | os.PathLike[str] | None = None,
+    magnets: Mapping[str, MagnetModel] | None = None,
+    external_inputs: ExternalInputs | None = None,
+    duration: Given | None = None,
+    step: Given | None = None,
+    load: Given | None = None,
+    seed: int | None = None,
+    reference: str | Path | None = None,
+    injection: str | Path | None = None,
+) -> Run:
+    """Simulate plant, amplifier, sensor, controller and estimator in closed loop.
+
+    What ``ambkit simulate`` does; :func:`ambkit.simulation.run.simulate_run` says how. A loop with
+    an estimator in single precision is computed in single precision, plant and all.
+
+    Parameters
+    ----------
+    bearing : Bearing or Machine
+        The plant.
+    scenario : Scenario or path, optional
+        What happens to it; the controllers are those of the machine, as far as it says nothing
+        else.
+    estimator : Estimator, class or str, optional
+        In the loop, or beside it where the controller is fed by the measurement: an object, a kind,
+        a filter's file, a class of one's own (`EstimatorProtocol`) or its ``file.py:Class``, or
+        ``"none"``. By default the linear filter where the controller needs one.
+    magnet : MagnetModel, optional
+        The plant's own magnet, where it is not what the bearing describes; of a single axis, as
+        `force_map` and `external_inputs`.
+    force_map : path, optional
+        The same as points of iu, x and f_mag.
+    magnets : mapping of str to MagnetModel, optional
+        What an estimator that is named knows of the magnet, such as
+        ``{"adaptive": Expert.load("expert.json")}``.
+    external_inputs : ExternalInputs, optional
+        Series of disturbance, noise and magnet from outside.
+    duration, step, load, seed, reference, injection
+        See :func:`ambkit.scenario_for`.
+
+    Returns
+    -------
+    Run
+        The record, with truth, and the estimate (None without an estimator).
+
+    Raises
+    ------
+    AmbkitError
+        A file cannot be read, there is no such estimator, or the controller is to be fed by an
+        estimate and there is none; a magnet is given twice.
+    ValueError
+        A series has not one value a sample.
+
+    Examples
+    --------
+    >>> from ambkit import Bearing, simulate_run
+    >>> run = simulate_run(Bearing.preset("zittau_axial"), step="0.3 mm", estimator="closed-law")
+    >>> run.estimate.estimator
+    'adaptive Kalman filter'
+    """
+    if is_own(estimator):
+        estimator = OwnEstimator(bearing, estimator)
+    if estimator is not None:
+        of_type(Estimator, str, estimator=estimator)
+    without = isinstance(estimator, str) and estimator == "none"
+    full_scenario = scenario_for(
+        bearing, scenario, duration=duration, step=step, load=load, seed=seed, reference=reference,
+        injection=injection, from_estimate=not without,
+    )  # fmt: skip
+    machine = bearing.short
+    if without and full_scenario.feedback == "estimate":
+        place = f"{os.fspath(scenario)}: " if isinstance(scenario, str | os.PathLike) else ""
+        raise AmbkitError(
+            f'{place}the controller is fed by the estimate (feedback = "estimate"), so the '
+            "estimator cannot be none"
+        )
+    made = estimator if isinstance(estimator, Estimator) else None
+    if isinstance(estimator, str) and not without:
+        built = factories([estimator], machine, magnets)
+        if len(built) > 1:
+            raise AmbkitError("a loop has one estimator: name one of them, not all")
+        made = built[estimator]()
+    if force_map is not None:
+        if magnet is not None:
+            raise AmbkitError("the plant's magnet is either a model or a force map: give one")
+        if not machine.single:
+            raise AmbkitError(f"force_map: is of one axis, and {machine.name} has several")
+        magnet = surface_in(force_map, machine.isolated_axis(""))
+    run = looped(
+        machine, full_scenario, estimator=made, magnet=magnet, external_inputs=external_inputs
+    )
+    if made is None or machine.single:
+        return run
+    return replace(run, turning=harmonics(made, run.record))
+
+
+def simulate(
+    bearing: Machine,
+    scenario: Scenario | str | os.PathLike[str] | None = None,
+    *,
+    estimator: Estimator | type[EstimatorProtocol] | str | None = None,
+    magnet: MagnetModel | None = None,
+    force_map: str | os.PathLike[str] | None = None,
+    magnets: Mapping[str, MagnetModel] | None = None,
+    external_inputs: ExternalInputs | None = None,
+    duration: Given | None = None,
+    step: Given | None = None,
+    load: Given | None = None,
+    seed: int | None = None,
+    reference: str | Path | None = None,
+    injection: str | Path | None = None,
+) -> Record:
+    """Simulate the closed loop, as ``ambkit simulate`` does, and return the record that it writes.
+
+    Parameters
+    ----------
+    bearing, scenario, estimator, magnet, force_map, magnets, external_inputs
+        See :func:`ambkit.simulate_run`, which also returns the estimate.
+    duration, step, load, seed, reference, injection
+        See :func:`ambkit.scenario_for`.
+
+    Returns
+    -------
+    Record
+        With truth.
+
+    Raises
+    ------
+    AmbkitError, ValueError
+        As :func:`ambkit.simulate_run`.
+
+    Examples
+    --------
+    >>> from ambkit import Bearing, simulate
+    >>> record = simulate(Bearing.preset("zittau_axial"), step="0.3 mm", load="3 N")
+    >>> record.meta["stop_touched"]
+    0
+    """
+    run = simulate_run(
+        bearing, scenario, estimator=estimator, magnet=magnet, force_map=force_map, magnets=magnets,
+        external_inputs=external_inputs, duration=duration, step=step, load=load, seed=seed,
+        reference=reference, injection=injection,
+    )  # fmt: skip
+    return run.record
+
+
+def experiment_duration(bearing: Bearing) -> float:
+    """Return how long an experiment lasts where nobody says it [s]."""
+    own = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass) / (2 * math.pi)
+    return float(f"{OWN_PERIODS / own:.2g}")
+
+
+def plain_control(machine: Machine, scenario: Scenario, estimator: Estimator | None) -> str | None:
+    """Return a sentence on where a flight's unbalance control is plain control."""
+    if scenario.controller.unbalance == "fought" or estimator is None:
+        return None
+    full_scenario = settled_scenario(machine, scenario)
+    T = machine.sampling_time
+    t = T * np.arange(max(2, round(full_scenario.duration / T) + 1) + 1, dtype=float)
+    speed = np.abs(
+        [machine.speed] if full_scenario.speed is None else full_scenario.speed.sample(t)
+    )
+    low, high = float(speed.min()), float(speed.max())
+    turn = controllers_of(
+        Plant(machine), full_scenario.controller, estimator, fastest=high
+    ).let_turn
+    return None if turn is None else turn.sentence(full_scenario.controller.unbalance, low, high)

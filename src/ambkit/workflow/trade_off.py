@@ -1,0 +1,152 @@
+"""What a smaller peak of the sensitivity costs: filters tuned under one ceiling after another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.escaping import markdown
+from ambkit.base.quantity_arguments import of_type
+from ambkit.base.units import engineering
+from ambkit.data.record import Record
+from ambkit.judge.loop.loop_of import OutOfReachError, zone_of
+from ambkit.machine.machine import Machine
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.sections import Section
+from ambkit.simulation.scenario import PID
+from ambkit.workflow.tune import BUDGET, RUNS, Tuned, tune
+from ambkit.workflow.tuning_tasks import ByTruth
+
+if TYPE_CHECKING:
+    from ambkit.machine.magnets import MagnetModel
+    from ambkit.result.report.figure import Figure
+
+SIGNALS = {"x": "m", "f_d": "N"}
+"""Whose errors stand against the peak, and their units."""
+
+
+@dataclass(frozen=True)
+class Traded:
+    """A filter that was tuned under a ceiling."""
+
+    ceiling: float  #: What the peak of abs(S) had to stay below [1].
+    tuned: Tuned | None  #: The filter; None where nothing that was tried stays below.
+    peak: float  #: What the peak came to [1].
+    #: Root mean square errors of ``x`` [m] and ``f_d`` [N] in simulated runs.
+    errors: dict[str, float]
+
+    @property
+    def zone(self) -> str:
+        """Zone of ISO 14839-3."""
+        return "–" if self.tuned is None else zone_of(self.peak)
+
+
+POINTS = ("points",)
+"""Section of a trade-off."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TradeOff(Result):
+    """Filters of one kind, from much margin of the loop to little."""
+
+    bearing: Machine  #: What is filtered.
+    kind: str  #: Of the filters.
+    points: tuple[Traded, ...]  #: By their ceilings.
+
+    TITLE = "{0.kind} for {0.bearing.name}, tuned in simulated runs"
+
+    @property
+    def finding(self) -> str:
+        """What the margin costs."""
+        parts = ", ".join(
+            f"{engineering(one.errors['f_d'], 'N', 3)} below {one.ceiling:g}"
+            if one.tuned is not None else f"none below {one.ceiling:g}"
+            for one in self.points
+        )  # fmt: skip
+        return f"{self.kind} for {self.bearing.name}, error of f_d by the peak of |S|: {parts}."
+
+    @property
+    def rows(self) -> list[Row]:
+        """Peak and errors under each ceiling."""
+        results = []
+        for one in self.points:
+            reached = one.tuned is not None
+            errors = [
+                Row(f"error_{name}", f"error of {name}", one.errors.get(name), unit, 3)
+                for name, unit in SIGNALS.items()
+            ]
+            results += put([
+                Row("ceiling", "to stay below", one.ceiling, digits=3, detail=True),
+                Row("reached", "reached", reached),
+                Row("peak", "peak of |S|", one.peak if reached else None, "|S|"),
+                Row("zone", "zone", one.zone),
+                *errors,
+                Row("tuned_kept", "tuned", one.tuned is not None and one.tuned.kept, detail=True),
+            ], section=POINTS, of=f"below {one.ceiling:g}")  # fmt: skip
+        return results
+
+    SECTIONS = {POINTS: Section("{0.title}", across=True)}
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """What was tuned to what."""
+        values = {
+            f"below {one.ceiling:g}": {"values": dict(one.tuned.values)}
+            for one in self.points if one.tuned is not None
+        }  # fmt: skip
+        return {"bearing": self.bearing.name, "kind": self.kind, "points": values}
+
+    def figures(self) -> list[Figure]:
+        """Return errors over the peak."""
+        return [self.figure()]
+
+    def figure(self) -> Figure:
+        """Return errors over the peak of abs(S) as a picture."""
+        from ambkit.show.plots.tuning import trade_off_figure
+
+        reached = [point for point in self.points if point.tuned is not None]
+        return trade_off_figure(
+            f"{markdown(self.bearing.name)}, {self.kind} filter: what margin costs",
+            [item.peak for item in reached],
+            {name: [item.errors[name] for item in reached] for name in SIGNALS},
+        )
+
+
+def trade_off(
+    bearing: Machine,
+    peak_limits: Sequence[float],
+    records: Record | Sequence[Record] = (),
+    kind: str = "extended",
+    *,
+    controller: PID | None = None,
+    magnet: MagnetModel | None = None,
+    runs: int = RUNS,
+    budget: int = BUDGET,
+    seed: int = 0,
+    done: Callable[[], None] = lambda: None,
+) -> TradeOff:
+    """Tune a filter under one ceiling on the peak of abs(S) after another."""
+    of_type(Machine, bearing=bearing)
+    if not peak_limits:
+        raise AmbkitError("ceilings must be one value or more")
+    judge = ByTruth(bearing, runs, seed)
+    points, refused = list[Traded](), None
+    for peak_limit in sorted(peak_limits):
+        try:
+            result = tune(
+                bearing, records, kind, max_sensitivity=peak_limit, controller=controller,
+                magnet=magnet, runs=runs, budget=budget, seed=seed, done=done,
+            )  # fmt: skip
+        except OutOfReachError as error:
+            refused = error
+            points.append(Traded(peak_limit, None, float("nan"), {}))
+            continue
+        figures = judge.figures(lambda of=result: of.estimator)  # type: ignore[misc]
+        errors = {name: figures[f"error of {name}"] for name in SIGNALS}
+        points.append(Traded(peak_limit, result, result.peak, errors))
+    if refused is not None and all(point.tuned is None for point in points):
+        raise refused
+    return TradeOff(bearing, kind, tuple(points))

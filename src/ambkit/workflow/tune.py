@@ -1,0 +1,367 @@
+"""A filter tuned on records or on simulated runs, and what that gained on what it did not see."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.escaping import markdown
+from ambkit.base.quantity_arguments import all_of_type, of_type
+from ambkit.base.threads import one_thread
+from ambkit.data.input_scaling import Inputs
+from ambkit.data.record import Record
+from ambkit.estimate.filter_saving import made_by, origin_of
+from ambkit.estimate.registry import FILTER_SUFFIX, kind_called, learned_magnet
+from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.judge.adequacy_criteria import Finding
+from ambkit.judge.comparison.candidates import Candidate, Range, candidate_of_kind
+from ambkit.judge.comparison.criteria import EVALUATED
+from ambkit.judge.comparison.tuning import Tried, search
+from ambkit.judge.loop.loop_of import LoopOf, OutOfReachError, zone_of
+from ambkit.machine.machine import Machine
+from ambkit.result.result import Result
+from ambkit.result.row import Row
+from ambkit.result.sections import Section
+from ambkit.simulation.linear.steady_state_filter import tells
+from ambkit.simulation.scenario import PID, Scenario, as_control
+from ambkit.workflow.tuning_tasks import JUDGED, RAW, By, ByLikelihood, ByTruth
+
+if TYPE_CHECKING:
+    from ambkit.estimate.estimator import Estimator
+    from ambkit.machine.magnets import MagnetModel
+    from ambkit.result.report.figure import Figure
+
+BUDGET = 60
+"""Evaluations where nobody says it."""
+
+RUNS = 8
+"""Simulated runs to tune on, and as many others to judge by, where nobody says it."""
+
+MUCH_WORSE = 1.25
+"""Peak of the sensitivity, over the untuned filter's, that is warned of."""
+
+BEYOND, FARTHEST = 100.0, 1e3
+"""Cost of a peak beyond its ceiling by a factor of e, far above what else may change; and a ratio
+to it from which on it costs no more."""
+
+AT_THE_END = 0.02
+"""Share of the range, in its logarithm, within which a value has run into its end."""
+
+
+UNITS = EVALUATED | {RAW.removeprefix("error of "): "m"}
+"""Of the errors of a tuning, by what errs."""
+
+VALUES, UNSEEN = ("values",), ("unseen",)
+"""Sections of a tuning."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tuned(Result):
+    """A filter, what it was tuned by, and what that gained."""
+
+    #: The filter to take: tuned, or as it was where that fits the validation data better.
+    estimator: Estimator
+    kind: str  #: Of the filter.
+    #: What was made large or small: the likelihood of records, or the errors against simulated
+    #: truth.
+    by: By
+    free: tuple[Range, ...]  #: What was free, and within which bounds.
+    #: All that was tried, in its order: values, and their cost. By likelihood that is minus the
+    #: mean log likelihood of a sample; by truth the mean error over the untuned linear filter's.
+    trace: tuple[Tried, ...]
+    #: What tuning found, by name, in SI. By likelihood the growth of the load is the largest that
+    #: the records do not rule out: where the load rests, they like any small one as well.
+    values: Mapping[str, float]
+    #: (float, float) Figures on data that it was not tuned on, untuned and tuned; smaller is
+    #: better, but for ``nis``, which is 1 where model and noise are right.
+    unseen: Mapping[str, tuple[float, float]]
+    kept: bool  #: Whether `estimator` is the tuned one.
+    #: Of all that was tried the peak of abs(S) in the loop, where the search had to know it: with
+    #: `max_sensitivity`; else empty, and `peaks` computes them.
+    known_peaks: tuple[float, ...]
+    #: What all that was tried knows of its magnet, where that is not what its kind does.
+    magnet: MagnetModel | None
+    max_sensitivity: float | None  #: What the peak of abs(S) was to stay below.
+    controller: PID | None  #: Of that loop; None: each axis of a machine has its own.
+    warnings: tuple[str, ...] = field(default=())  #: What is odd about the result.
+    #: Of the machine and the magnet, where they have files.
+    files: Mapping[str, Any] = field(default_factory=dict)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the filter, see :meth:`ambkit.Estimator.save`; or the result, by the ending."""
+        if Path(path).suffix == FILTER_SUFFIX:
+            self.estimator.save(path, **self.files)
+        else:
+            super().save(path)
+
+    def named(self, **files: str | os.PathLike[str] | None) -> Tuned:
+        """Return it with the files of its machine and its magnet, which the filter's file names."""
+        return replace(self, files=files)
+
+    @cached_property
+    def _loop(self) -> LoopOf:
+        return LoopOf(self.estimator.machine, self.controller)
+
+    @cached_property
+    def peak(self) -> float:
+        """Peak of abs(S) in the loop with `estimator` [1]; NaN where it cannot be told."""
+        return self._loop.peak(self.estimator) if tells(self.estimator) else math.nan
+
+    @cached_property
+    def untuned_peak(self) -> float:
+        """Peak of abs(S) in the loop with the untuned filter [1]; NaN where it cannot be told."""
+        return self.known_peaks[0] if self.known_peaks else self._peak_with({})
+
+    @cached_property
+    def peaks(self) -> tuple[float, ...]:
+        """Of all that was tried the peak of abs(S) in the loop [1]."""
+        # Infinite where it is unstable, NaN of a kind that settles to no gain. Without
+        # `max_sensitivity` they are computed when they are first looked at.
+        return self.known_peaks or tuple(self._peak_with(item.values) for item in self.trace)
+
+    def _peak_with(self, values: Mapping[str, float]) -> float:
+        """Return the peak with other values of what was free."""
+        machine = self.estimator.machine
+        built = candidate_of_kind(self.kind, machine, self.magnet, whole=True).build(**values)
+        return self._loop.peak(built) if tells(built) else math.nan
+
+    @cached_property
+    def adequacy(self) -> list[Finding]:
+        """Whether `estimator` may fly, with NIS on what it was not tuned on."""
+        scenario = (
+            None if self.controller is None else Scenario(controller=as_control(self.controller))
+        )
+        nis = self.unseen.get("nis", (math.nan, math.nan))[self.kept]
+        return judge_adequacy(self.estimator, None, scenario, nis)
+
+    @property
+    def outcome(self) -> str:
+        """What became of it, in a sentence."""
+        return f"The {'tuned' if self.kept else 'untuned'} filter is taken."
+
+    def figure(self) -> Figure:
+        """Return the picture of all that was tried."""
+        from ambkit.show.plots.tuning import tuning_figure
+
+        title = f"Tuning of the {self.estimator.name} for {markdown(self.estimator.machine.name)}"
+        return tuning_figure(
+            title, self.free, self.trace, self.values, JUDGED[self.by], self.outcome,
+            self.peaks, self.max_sensitivity,
+        )  # fmt: skip
+
+    TITLE = "Tuning of the {0.estimator.name} for {0.estimator.machine.name}"
+
+    @property
+    def finding(self) -> str:
+        """Which filter is taken, and its peak in the loop."""
+        if math.isnan(self.peak):
+            return f"{self.title}: {self.outcome}"
+        below = "" if self.max_sensitivity is None else f", to stay below {self.max_sensitivity:g}"
+        return (
+            f"{self.title}: {self.outcome} Peak of |S| in the loop: {self.peak:.3f}, zone "
+            f"{zone_of(self.peak)}{below}; untuned {self.untuned_peak:.3f}."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        """What was tuned, and the figures on data that it was not tuned on."""
+        results = [
+            Row(item.name, item.name, value, item.unit, of=of, section=VALUES)
+            for of, values in (("untuned", {}), ("tuned", self.values))
+            for item in self.free
+            for value in [float(values.get(item.name, item.default))]
+        ]  # fmt: skip
+        for name, pair in self.unseen.items():
+            what, _, unit = name.removesuffix("]").partition(" [")
+            unit = unit or UNITS.get(name.removeprefix("error of "), "1")
+            for of, figure in zip(("untuned", "tuned"), pair, strict=True):
+                results.append(Row(name, what, figure, unit, of=of, section=UNSEEN))
+        peaks = (("untuned", self.untuned_peak), ("taken", self.peak))
+        return results + [
+            Row("peak", "peak of |S|", None if math.isnan(peak) else peak, "|S|", of=of,
+                section=("loop",), below=self.max_sensitivity if of == "taken" else None,
+                detail=True)
+            for of, peak in peaks
+        ]  # fmt: skip
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        how = f"{len(self.trace)} evaluations, by {self.by}"
+        return {
+            VALUES: Section(f"{self.estimator.name} for {self.estimator.machine.name}: {how}"),
+            UNSEEN: Section("On data that it was not tuned on"),
+            ("loop",): Section("In the loop"),
+        }
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is odd about the result, and what speaks against flying it."""
+        return (*self.warnings, *sentences(self.adequacy))
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """All that was tried, and within which bounds."""
+        peaks = [self.known_peaks] if self.known_peaks else []
+        return {
+            "bearing": self.estimator.machine.name,
+            "kind": self.kind,
+            "by": self.by,
+            "kept": self.kept,
+            "bounds": {r.name: {"low": r.low, "high": r.high, "default": r.default,
+                                "unit": r.unit} for r in self.free},
+            "trace": [{"cost": item.cost} | ({"peak": known[0]} if known else {})
+                      | dict(item.values)
+                      for item, *known in zip(self.trace, *peaks, strict=True)],
+            "max_sensitivity": self.max_sensitivity,
+            "adequacy": [item.to_dict() for item in self.adequacy],
+        }  # fmt: skip
+
+    def figures(self) -> list[Figure]:
+        """Return all that was tried."""
+        return [self.figure()]
+
+
+@one_thread()
+def tune(
+    bearing: Machine,
+    records: Record | Sequence[Record] = (),
+    kind: str = "extended",
+    *,
+    validate: Sequence[Record] = (),
+    max_sensitivity: float | None = None,
+    controller: PID | None = None,
+    free: Iterable[str] | None = None,
+    magnet: MagnetModel | None = None,
+    inputs: Inputs | None = None,
+    source: str = "",
+    runs: int = RUNS,
+    budget: int = BUDGET,
+    seed: int = 0,
+    done: Callable[[], None] = lambda: None,
+) -> Tuned:
+    """Tune a filter: by the likelihood of records, or without any by simulated truth."""
+    of_type(Machine, bearing=bearing)
+    kind_called(kind)
+    logs = all_of_type(Record, records=records)
+    validate = all_of_type(Record, validate=validate)
+    magnet = learned_magnet(kind, bearing) if magnet is None else magnet
+    candidate = candidate_of_kind(kind, bearing, magnet, whole=True)
+    task = ByLikelihood(bearing, logs, validate) if logs else ByTruth(bearing, runs, seed)
+
+    def build(values: Mapping[str, float]) -> Estimator:
+        made: Estimator = candidate.build(**values)
+        return made
+
+    task.check(build({}), kind)
+    chosen = _chosen(candidate, task.usual(candidate) if free is None else tuple(free))
+
+    loop = LoopOf(bearing, controller)
+    gives_estimate = tells(build({}))
+    if max_sensitivity is not None:
+        loop.check(build({}), max_sensitivity)
+    peaks, costs = list[float](), list[float]()
+
+    def cost(values: Mapping[str, float]) -> float:
+        """Return what the search makes small: beyond the ceiling it rises, whatever else."""
+        costs.append(task.cost(lambda: build(values)))
+        if max_sensitivity is None:
+            return costs[-1]
+        peaks.append(loop.peak(build(values)))
+        over = min(peaks[-1] / max_sensitivity, FARTHEST)
+        return costs[-1] + (BEYOND * math.log(over) if over > 1 else 0.0)
+
+    result = search(chosen, cost, budget, seed, done)
+    trials = [Tried(item.values, real) for item, real in zip(result.tried, costs, strict=True)]
+    of_tried = tuple(peaks)
+    if max_sensitivity is not None and not min(of_tried) < max_sensitivity:
+        raise OutOfReachError(
+            f"of {len(trials)} {kind} filters that were tried none keeps the peak of |S| below "
+            f"{max_sensitivity:g}, the least is {min(of_tried):.4g}: allow more, or take another "
+            "controller"
+        )
+    untuned = of_tried[0] if of_tried else loop.peak(build({})) if gives_estimate else math.nan
+    # Where the untuned filter holds the loop no other has to be looked at.
+    stands = not math.isinf(untuned) or any(
+        math.isfinite(peak) for peak in of_tried or (loop.peak(build(t.values)) for t in trials)
+    )
+    if gives_estimate and not stands:
+        raise AmbkitError(
+            f"{bearing.name}: the loop is unstable with each of the {len(trials)} {kind} filters "
+            f"that were tried; {loop.choice(True) or 'give another controller'}"
+        )
+    beyond = [
+        max_sensitivity is not None and peak >= max_sensitivity
+        for peak in of_tried or (0.0,) * len(trials)
+    ]
+    within = [item for item, far in zip(result.tried, beyond, strict=True) if not far]
+    best = task.cautious(min(within, key=lambda entry: entry.cost), chosen, cost, build)
+    before = task.figures(lambda: build({}))
+    after = task.figures(lambda: build(best.values))
+    use_tuned = (
+        bool(best.values) and best is not result.tried[0]
+        and (after[task.judge] < before[task.judge] or beyond[0])
+    )  # fmt: skip
+    estimator = build(best.values if use_tuned else {})
+    if inputs is not None:
+        estimator.inputs = inputs
+    if use_tuned:
+        estimator.origin = origin_of(best.values, made_by("tune", task.said(source)))
+    warnings = [*_at_an_end(chosen, best.values), *task.warnings(estimator, use_tuned, after)]
+    if use_tuned and gives_estimate:
+        warnings += _in_the_loop(loop.peak(estimator), untuned, max_sensitivity)
+    validation = {name: (before[name], after[name]) for name in before}
+    return Tuned(
+        estimator,
+        kind,
+        task.by,
+        chosen,
+        tuple(trials),
+        best.values,
+        validation,
+        use_tuned,
+        of_tried,
+        magnet,
+        max_sensitivity,
+        loop.control.completed(loop.isolated[0]).fed_by("measurement")
+        if loop.machine.single and controller is None
+        else controller,
+        tuple(warnings),
+    )
+
+
+def _chosen(candidate: Candidate, names: tuple[str, ...]) -> tuple[Range, ...]:
+    known = {item.name: item for item in candidate.tunable}
+    for name in names:
+        if name not in known:
+            raise AmbkitError(
+                f'the {candidate.name} filter has no tunable "{name}"; it has: {", ".join(known)}'
+            )
+    return tuple(known[name] for name in names)
+
+
+def _in_the_loop(peak: float, untuned: float, peak_limit: float | None) -> Iterator[str]:
+    """Tell where a filter that the data likes best costs the loop its margin."""
+    if peak_limit is None and (peak > MUCH_WORSE * untuned or zone_of(peak) > zone_of(untuned)):
+        yield (
+            f"in the loop the peak of |S| is {peak:.2f}, zone {zone_of(peak)}, with the untuned "
+            f"filter {untuned:.2f}, zone {zone_of(untuned)}: what it was tuned by knows nothing of "
+            "the loop; max_sensitivity sets a limit"
+        )
+
+
+def _at_an_end(free: Sequence[Range], values: Mapping[str, float]) -> Iterable[str]:
+    """Tell which values have run into a bound."""
+    for item in free:
+        if item.name not in values:
+            continue
+        share = math.log(values[item.name] / item.low) / math.log(item.high / item.low)
+        if not AT_THE_END < share < 1 - AT_THE_END:
+            bound = item.low if share < 0.5 else item.high
+            yield f"{item.name} ran into the end of its range, {bound:.3g} {item.unit}"
