@@ -1,4 +1,4 @@
-"""Arrays as callers give them."""
+"""Types of arrays, and arrays as callers give them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Index = NDArray[np.intp]
 
 
 def real(name: str, values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:

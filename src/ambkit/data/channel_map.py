@@ -34,9 +34,9 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from ambkit.base.arrays import Array
 from ambkit.base.config import Document, Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Description, Line, Name
@@ -47,31 +47,23 @@ from ambkit.data.files.time_formats import pattern
 from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.data.signals import CONTROL, UNITS, held_in
 
-Array = NDArray[np.float64]
 Index = Annotated[int, Field(ge=0, strict=True)]
 
 
-PLACES = ("r", "x_logged")
-"""Signals that are read off the same scale as y."""
+PLACES = ("r", "x_logged")  #: Signals that are read off the same scale as y.
 
 
 class Mapped(NamedTuple):
     """The signals that a channel map found in a log."""
 
-    signals: Mapping[str, Array]
-    """Each signal (n,) in SI, without the clocks."""
-    units: Mapping[str, str]
-    """SI unit of each."""
+    signals: Mapping[str, Array]  #: Each signal (n,) in SI, without the clocks.
+    units: Mapping[str, str]  #: SI unit of each.
     clocks: Mapping[str, Array]
     """The times of samples (n,) [s], by the name of the clock; ``t`` first, where it is there."""
-    clock_of: Mapping[str, str]
-    """The clock of each signal."""
-    delays: Mapping[str, float]
-    """How much too late the logger wrote a signal [s], where it did."""
-    meta: dict[str, Any]
-    """The map's name and source."""
-    remarks: tuple[str, ...] = ()
-    """How times were read that are text."""
+    clock_of: Mapping[str, str]  #: The clock of each signal.
+    delays: Mapping[str, float]  #: How much too late the logger wrote a signal [s], where it did.
+    meta: dict[str, Any]  #: The map's name and source.
+    remarks: tuple[str, ...] = ()  #: How times were read that are text.
 
 
 class Channel(Scaling):

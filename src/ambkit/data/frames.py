@@ -15,17 +15,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import ExtraMissing, RecordError
 from ambkit.data.signals import UNITS, held_in
 
-KEY = "ambkit"
-"""Where a data set of xarray has, as JSON, what no variable says."""
+KEY = "ambkit"  #: Where a data set of xarray has, as JSON, what no variable says.
 
 
 class Series(NamedTuple):
     """Columns over time with their units, and what else is known."""
 
-    t: NDArray[np.float64]
+    t: Array
     columns: Mapping[str, NDArray[Any]]
     units: Mapping[str, str]
     about: Mapping[str, Any]
@@ -107,9 +107,7 @@ def in_si(series: Series, units: Mapping[str, str] | None = None) -> Series:
     return Series(t, columns, result, series.about)
 
 
-def _converted(
-    name: str, values: NDArray[Any], unit: str | None
-) -> tuple[NDArray[np.float64], str]:
+def _converted(name: str, values: NDArray[Any], unit: str | None) -> tuple[Array, str]:
     from ambkit.base.units import factor
 
     if unit is None:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base import units
+from ambkit.base.arrays import Array
 from ambkit.base.config import Part, Read
 from ambkit.base.config.text_types import Line
 from ambkit.base.units import engineering
@@ -64,7 +65,7 @@ class Scaling(Part):
         offset = engineering(self.zero + by, self.si_unit, digits=None)
         return self.model_copy(update={"offset": offset})
 
-    def numbers(self, values: ArrayLike) -> NDArray[np.float64]:
+    def numbers(self, values: ArrayLike) -> Array:
         """Turn a signal in SI into a rig's numbers."""
         signal = np.asarray(values, float)
         if self.gain == 1.0 and not self.zero:

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import RecordError, shortened
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.showing import Shown
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-Array = NDArray[np.float64]
 
 TIME_TOLERANCE = 0.01
 """How far a time step may be from their mean, as a part of it: logs print rounded times."""
@@ -351,7 +351,7 @@ def _check_signal(name: str, values: Array, t: Array) -> None:
         raise RecordError(f"signal {name} is {values[at]} at sample {at} (t = {t[at]:g} s)")
 
 
-def _first(where: NDArray[np.bool_]) -> int:
+def _first(where: Bools) -> int:
     return int(np.argmax(where))
 
 

@@ -13,11 +13,8 @@ TRUTH = {"x": "m", "v": "m/s", "f_d": "N", "x_m": "m", "iu": "A", "f_mag": "N"}
 """What only a simulation knows, by the symbols of the paper: displacement, velocity, disturbance
 force, lagged position before the noise, control current, magnet force."""
 
-CONTROL = "control"
-"""What drives a measured current, in any unit."""
-
-UNITS = {"t": "s"} | MEASURED | TRUTH
-"""SI unit of each standard signal."""
+CONTROL = "control"  #: What drives a measured current, in any unit.
+UNITS = {"t": "s"} | MEASURED | TRUTH  #: SI unit of each standard signal.
 
 SI_UNITS = (
     *dict.fromkeys(UNITS.values()),

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base import files
+from ambkit.base.arrays import Array
 from ambkit.base.config import Part
 from ambkit.estimate.kalman import AdaptiveKalmanFilter, KalmanFilter
 from ambkit.export.stiffness_table import tabulate
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from ambkit.fuzzy.expert import Expert
     from ambkit.machine.machine import Bearing
 
-Array = NDArray[np.float64]
 
 _HEADER = 116  # bytes of text that a MAT-file begins with, where SciPy writes the date
 

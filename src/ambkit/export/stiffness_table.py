@@ -9,8 +9,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.magnets import core_module, evaluate_force, evaluate_stiffness
 
@@ -20,10 +20,8 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
     from ambkit.machine.magnets import Precision
 
-Array = NDArray[np.float64]
 
-MOST_NODES = 32767
-"""Where an int has 16 bits, the place of a node must fit in it."""
+MOST_NODES = 32767  #: Where an int has 16 bits, the place of a node must fit in it.
 DEFAULT_SHARE = 0.001
 """The bound that is taken where none is given, as a part of the largest force."""
 

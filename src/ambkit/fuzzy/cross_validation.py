@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
 from ambkit.fuzzy.rule_selection import (
     BLOCKS,
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from ambkit.machine.forces.force_points import ForcePoints
     from ambkit.machine.machine import Bearing
 
-Array = NDArray[np.float64]
 
 LAW, REFITTED, SURFACE, NETWORK = "the law", "the law, refitted", "the surface", "the network"
 

@@ -14,12 +14,12 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field, ValidationError
 
 from ambkit._core import MAX_RULES
 from ambkit.base import files
-from ambkit.base.arrays import real
+from ambkit.base.arrays import Array, real
 from ambkit.base.config import Part, Read
 from ambkit.base.config.problems import Problem, dotted
 from ambkit.base.config.text_types import Description, Line
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from ambkit._core import Fuzzy
     from ambkit.machine.stiffness import StiffnessMap
 
-Array = NDArray[np.float64]
 Method = Literal["least-squares", "steepest-gradient"]
 
 _Finite = Annotated[float, Field(allow_inf_nan=False)]

@@ -6,15 +6,14 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 
 if TYPE_CHECKING:
     from ambkit._core import Fuzzy
     from ambkit.machine.stiffness import StiffnessMap
 
-Array = NDArray[np.float64]
 Scaling = Literal["grid", "unit"] | tuple[float, float]
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit._core import MAX_RULES
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.training import train
 from ambkit.machine.forces.force_points import ForcePoints
@@ -27,9 +28,7 @@ from ambkit.machine.stiffness import ForceFunction, StiffnessMap, stiffness_map
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
 
-Array = NDArray[np.float64]
-Shape = tuple[int, int]
-"""Rules along the current, and along the displacement."""
+Shape = tuple[int, int]  #: Rules along the current, and along the displacement.
 Box = tuple[tuple[float, float], tuple[float, float]]
 """Lowest and highest current [A], and displacement [m]."""
 
@@ -38,14 +37,12 @@ CANDIDATES: tuple[Shape, ...] = (
 )  # fmt: skip
 """Grids of rules that are tried, as far as the points allow."""
 
-BLOCKS = 6
-"""Blocks a side of the box."""
+BLOCKS = 6  #: Blocks a side of the box.
 
 FOLDS = 5
 """Sets of blocks. A block of column i and row j is of set i + 2 j: so no two of a set touch."""
 
-FEWEST = 20
-"""Points in the box that cross-validation needs: four or so for each set."""
+FEWEST = 20  #: Points in the box that cross-validation needs: four or so for each set.
 
 PATIENCE = 3
 """So many larger networks in a row that are no better end the search: they cost the most."""

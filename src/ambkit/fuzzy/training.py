@@ -14,8 +14,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
 from ambkit.fuzzy.expert import Expert, Method, Training
@@ -23,8 +24,6 @@ from ambkit.fuzzy.network import Scaling
 from ambkit.fuzzy.training_set import Outputs, TrainingSet, rms
 from ambkit.machine.machine import Bearing
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
-
-Array = NDArray[np.float64]
 
 # What an error of k_i or k_s counts, against an equal error of the force: so much that both stay
 # close to the LSM machine's, so little that the force stays the aim.

@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.network import network
 from ambkit.machine.magnets import core_module
 from ambkit.machine.stiffness import StiffnessMap
-
-Array = NDArray[np.float64]
 
 
 class Outputs(NamedTuple):

@@ -19,9 +19,9 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base import late_binding
+from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.base.units import figure
 from ambkit.data.record import Record
@@ -33,13 +33,11 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
     from ambkit.result.report.figure import Figure
 
-Array = NDArray[np.float64]
 
 BLOCK = 0.5
 """Seconds in which errors may be alike; the standard errors count each such block once."""
 
-LEAST_RANGE = 20.0
-"""Of a current over its noise: below it a log tells nothing of a coil."""
+LEAST_RANGE = 20.0  #: Of a current over its noise: below it a log tells nothing of a coil.
 
 
 @dataclass(frozen=True)

@@ -6,15 +6,13 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.accessories import SHORTEST_LAG
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
-
-Array = NDArray[np.float64]
 
 
 def lag_of(bearing: Bearing) -> float:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import RecordError
 from ambkit.base.units import engineering
 
@@ -17,22 +17,15 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.machine import Bearing
 
-Array = NDArray[np.float64]
 
-FROZEN_RUN = 20
-"""So many equal samples in a row are a sensor that is saturated or hangs."""
+FROZEN_RUN = 20  #: So many equal samples in a row are a sensor that is saturated or hangs.
 
 REST_RATIO = 1.0
 """Von Neumann's ratio below which a window shows motion: it is 2 for white noise, 0 for motion."""
 
-LAGS = 10
-"""Of the correlation of the noise; a window has 20 samples or more."""
-
-OUTLIER = 6.0
-"""Standard deviations beyond which a sample does not belong to the noise."""
-
-FINE = 0.1
-"""Standard deviations of the noise, below which steps do not count."""
+LAGS = 10  #: Of the correlation of the noise; a window has 20 samples or more.
+OUTLIER = 6.0  #: Standard deviations beyond which a sample does not belong to the noise.
+FINE = 0.1  #: Standard deviations of the noise, below which steps do not count.
 
 
 @dataclass(frozen=True)
@@ -128,7 +121,7 @@ def measurement_noise(record: Record, signal: str = "y", *, window: float = 0.5)
     )
 
 
-def _in_long_runs(x: Array) -> NDArray[np.bool_]:
+def _in_long_runs(x: Array) -> Bools:
     """Mark the samples that stand in `FROZEN_RUN` or more equal ones in a row."""
     starts = np.flatnonzero(np.concatenate(([True], np.diff(x) != 0)))
     lengths = np.diff(np.append(starts, x.size))

@@ -53,24 +53,15 @@ _NUMBERS = {sign: re.compile(_NUMBER.format(re.escape(sign))) for sign in ".,"}
 class Dialect(NamedTuple):
     """How a CSV is written; lines count from 0."""
 
-    separator: str
-    """One of `SEPARATORS`; a space stands for any number of spaces and tabs."""
-    decimal: str
-    """``"."`` or ``","``."""
-    names: tuple[str, ...]
-    """Names of the columns; empty where the file has no header."""
-    units: tuple[str | None, ...]
-    """What the header says of the unit of each."""
-    header: int | None
-    """Line with the names."""
-    body: int
-    """First line with numbers."""
-    numeric: tuple[int, ...] = ()
-    """Places of the columns that hold numbers."""
-    closed: bool = False
-    """Whether a separator ends each line too."""
-    stamps: tuple[int, ...] = ()
-    """Places of the columns that hold times as text."""
+    separator: str  #: One of `SEPARATORS`; a space stands for any number of spaces and tabs.
+    decimal: str  #: ``"."`` or ``","``.
+    names: tuple[str, ...]  #: Names of the columns; empty where the file has no header.
+    units: tuple[str | None, ...]  #: What the header says of the unit of each.
+    header: int | None  #: Line with the names.
+    body: int  #: First line with numbers.
+    numeric: tuple[int, ...] = ()  #: Places of the columns that hold numbers.
+    closed: bool = False  #: Whether a separator ends each line too.
+    stamps: tuple[int, ...] = ()  #: Places of the columns that hold times as text.
     passed_over: int = 0
     """Number of lines above the numbers that are neither names, nor units, nor comments."""
 

@@ -25,16 +25,14 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base import memory_limit
+from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError, shortened
 from ambkit.base.escaping import one_line
 from ambkit.data.files import csv_dialect
 from ambkit.data.files.csv_dialect import MISSING, Dialect, number_of
 from ambkit.data.files.log import DamagedLog, Log, column_names, counted_from, too_coarse
-
-Array = NDArray[np.float64]
 
 _KEY = re.compile(r"[^\w.-]")  # what no key of a note has
 _NOTE = re.compile(r"#\s*([\w.-]+):\s(.*)")

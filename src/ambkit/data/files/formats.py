@@ -22,8 +22,7 @@ _READERS = {
     ".mf4": "mdf",
     ".mdf": "mdf",
 }
-ENDINGS = tuple(_READERS)
-"""Endings of the files that `read_log` reads."""
+ENDINGS = tuple(_READERS)  #: Endings of the files that `read_log` reads.
 
 
 def read_log(

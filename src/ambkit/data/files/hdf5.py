@@ -5,15 +5,13 @@ from collections.abc import Callable, Collection
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base import memory_limit
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError, shortened
 from ambkit.base.escaping import one_line
 from ambkit.data.files.log import Log, check_readable, damaged, whole_numbers
 from ambkit.data.files.timestamps import layouts_of
-
-Array = NDArray[np.float64]
 
 _LESS = " a channel map that names fewer data sets takes less;"
 _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")

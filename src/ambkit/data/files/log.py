@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -92,8 +91,7 @@ def whole_numbers(name: str, values: NDArray[Any]) -> tuple[Array, list[str]]:
     return (values - values[0]).astype(np.float64), [counted_from(name, str(values[0]))]
 
 
-FIRST = re.compile(r"(.*) counts from its first value, ([-\d.]+)")
-"""What `counted_from` says."""
+FIRST = re.compile(r"(.*) counts from its first value, ([-\d.]+)")  #: What `counted_from` says.
 
 
 def counted_from(name: str, first: str) -> str:

@@ -18,13 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import memory_limit
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError
 from ambkit.base.escaping import one_line
 from ambkit.data.files.hdf5 import check_within, memory_of
 from ambkit.data.files.log import Log, check_readable, damaged, whole_numbers
 from ambkit.data.files.timestamps import layouts_of
-
-Array = NDArray[np.float64]
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _USER_BLOCKS = (0, 512, 1024, 2048)

@@ -12,14 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base import memory_limit
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, ExtraMissing
 from ambkit.base.escaping import one_line
 from ambkit.data.files.log import Log, check_readable, damaged
-
-Array = NDArray[np.float64]
 
 
 def read(

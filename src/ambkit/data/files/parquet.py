@@ -7,9 +7,9 @@ from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base import files, memory_limit
+from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.base.escaping import one_line
 from ambkit.data.files.log import Log, check_readable, column_names, damaged, whole_numbers
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from pyarrow import ChunkedArray, DataType, Field, Schema
     from pyarrow.parquet import FileMetaData, ParquetFile
 
-Array = NDArray[np.float64]
 
 _LESS = " a channel map that names fewer columns takes less;"
 

@@ -7,17 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ambkit.base import files
+from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.data.files import csv_text, parquet, timestamps
 from ambkit.data.files.formats import read_log
 from ambkit.data.files.log import Log
 from ambkit.data.signals import UNITS, held_in
-
-Array = NDArray[np.float64]
 
 
 class Table(NamedTuple):

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import RecordError, shortened
 from ambkit.data.files.time_formats import MONTHS, layouts, pattern
 
-Array = NDArray[np.float64]
 Ticks = NDArray[np.int64]
 
 SECOND = 1_000_000_000
@@ -27,10 +27,8 @@ DAY = 24 * HOUR
 class Moments(NamedTuple):
     """A column of times."""
 
-    seconds: Array
-    """Seconds from the first one (n,); NaN where there is none."""
-    layout: str
-    """How they are written."""
+    seconds: Array  #: Seconds from the first one (n,); NaN where there is none.
+    layout: str  #: How they are written.
     remarks: tuple[str, ...]
     """When the first one was; where midnight or summer time were taken out."""
     certain: bool
@@ -91,7 +89,7 @@ def unwrapped(ticks: Ticks, period: int) -> tuple[Ticks, int]:
     return ticks + period * np.concatenate([[0], np.cumsum(again)]), int(again.sum())
 
 
-def _absent(texts: Any) -> NDArray[np.bool_]:
+def _absent(texts: Any) -> Bools:
     import pyarrow.compute as pc
 
     empty = pc.fill_null(pc.equal(texts, ""), True)
@@ -99,12 +97,9 @@ def _absent(texts: Any) -> NDArray[np.bool_]:
 
 
 class _Parsed(NamedTuple):
-    ticks: Ticks
-    """The time of each cell since 1970 [ns]; 0 where there is none."""
-    wrong: NDArray[np.bool_]
-    """Which are no times."""
-    zoned: bool
-    """Whether they say how far they are from UTC."""
+    ticks: Ticks  #: The time of each cell since 1970 [ns]; 0 where there is none.
+    wrong: Bools  #: Which are no times.
+    zoned: bool  #: Whether they say how far they are from UTC.
 
 
 def _parse(texts: Any, layout: str) -> _Parsed:
@@ -170,7 +165,7 @@ def _first_day(months: Ticks) -> Ticks:
     return months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
 
 
-def _zone(texts: Any) -> tuple[Ticks, NDArray[np.bool_]]:
+def _zone(texts: Any) -> tuple[Ticks, Bools]:
     """Return how far each zone is ahead of UTC [minutes], and which times have one."""
     different, place = np.unique(np.asarray(texts.to_numpy(zero_copy_only=False)).astype(str),
                                  return_inverse=True)  # fmt: skip

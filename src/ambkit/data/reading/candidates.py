@@ -6,16 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.data.files import timestamps
 from ambkit.data.files.log import Log
 
-Array = NDArray[np.float64]
-
-TEXT = "times as text"
-"""The first thing that speaks for such a channel."""
+TEXT = "times as text"  #: The first thing that speaks for such a channel.
 
 
 @dataclass

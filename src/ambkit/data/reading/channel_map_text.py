@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.escaping import toml_string
 from ambkit.base.units import factor
 from ambkit.data.files.log import FIRST, Log
@@ -18,8 +18,6 @@ from ambkit.data.reading.position_search import Rotor
 from ambkit.data.reading.signal_roles import correlation, seen, slow
 from ambkit.data.reading.weight_scale import Hanging, hanging
 from ambkit.data.signals import si_unit
-
-Array = NDArray[np.float64]
 
 _OF_Y = {
     "r": "which it is the reference of",

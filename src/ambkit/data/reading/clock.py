@@ -7,19 +7,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools, Index
 from ambkit.base.units import engineering
 from ambkit.data.record import TIME_TOLERANCE
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-
-AROUND = 5
-"""So many samples on each side tell a gap from a late stamp."""
-
-ROUNDED = 5
-"""So many steps at least must be longer by a digit before stamps count as rounded."""
+AROUND = 5  #: So many samples on each side tell a gap from a late stamp.
+ROUNDED = 5  #: So many steps at least must be longer by a digit before stamps count as rounded.
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +25,12 @@ class Clock:
     step: float  #: Usual time between two samples [s], over the whole of the log: see `examine`.
     jitter: float  #: Standard deviation of the steps [s], gaps and jumps left out.
     #: Samples before which the step is off by more than 1 %, and is neither gap nor jump.
-    uneven: NDArray[np.intp]
-    gaps: NDArray[np.intp]  #: (g,) Samples before which others are missing.
-    missing: NDArray[np.intp]  #: (g,) How many, of each gap.
+    uneven: Index
+    gaps: Index  #: (g,) Samples before which others are missing.
+    missing: Index  #: (g,) How many, of each gap.
     #: Samples before which the clock goes back, stands still, or leaps by more than the log is
     #: long.
-    jumps: NDArray[np.intp]
+    jumps: Index
 
     @property
     def rate(self) -> float:
@@ -111,7 +105,7 @@ def examine(name: str, times: Array) -> Clock:
     )
 
 
-def _counts(times: Array, steps: Array, jump: NDArray[np.bool_], step: float) -> Index:
+def _counts(times: Array, steps: Array, jump: Bools, step: float) -> Index:
     """Count how many steps each one stands for; `step` [s] is a first guess."""
     counts = np.ones(steps.size, dtype=np.intp)
     for _ in range(8):
@@ -124,7 +118,7 @@ def _counts(times: Array, steps: Array, jump: NDArray[np.bool_], step: float) ->
     return counts
 
 
-def _doubt(times: Array, ratio: Array, counts: Index, jump: NDArray[np.bool_], step: float) -> None:
+def _doubt(times: Array, ratio: Array, counts: Index, jump: Bools, step: float) -> None:
     """Take back gaps that are late stamps: the samples behind a gap stay late, on the whole."""
     odd = jump | (counts > 1)
     vague = (counts > 1) & ~jump & (np.abs(ratio / counts - 1) > TIME_TOLERANCE)
@@ -139,7 +133,7 @@ def _doubt(times: Array, ratio: Array, counts: Index, jump: NDArray[np.bool_], s
     counts[at - 1] = np.maximum(1, np.rint((after - before) / step))
 
 
-def _rounded_counts(times: Array, steps: Array, jump: NDArray[np.bool_]) -> Index | None:
+def _rounded_counts(times: Array, steps: Array, jump: Bools) -> Index | None:
     """Count the steps of a clock whose stamps have few digits; None where it has enough."""
     # Rounded to q, a step T is logged as the multiple of q below or the one above it, so that 1.3
     # ms come as 1 ms and 2 ms. That no sample is missing there shows in that all stamps lie within

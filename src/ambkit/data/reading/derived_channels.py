@@ -11,12 +11,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.levitation_test import TINY, Band
-
-Array = NDArray[np.float64]
 
 SAME = 1e-6
 """Standard deviations within which two channels, shifted and scaled, hold the same numbers."""
@@ -24,8 +22,7 @@ SAME = 1e-6
 DIFFERENCE = 0.9
 """Correlation with another channel's difference from which on a channel is its velocity."""
 
-WHITE = 0.1
-"""Logarithm by which the ratio of differences is off at most that white noise has."""
+WHITE = 0.1  #: Logarithm by which the ratio of differences is off at most that white noise has.
 
 AS_ROUGH = 0.2
 """Roughness of a channel's difference, in parts of that of what may be it: noise makes no less."""
@@ -37,11 +34,8 @@ OFTEN = 0.9
 """Part of the differences that are looked at: of a signal that was laid on a finer grid by straight
 lines, most second ones are 0."""
 
-EXACT = 1e-5
-"""Part of a channel's changes that is left, where it is a filter of another one."""
-
-LOOKED_AT = 4000
-"""Samples in which a filter is looked for."""
+EXACT = 1e-5  #: Part of a channel's changes that is left, where it is a filter of another one.
+LOOKED_AT = 4000  #: Samples in which a filter is looked for.
 
 STEADY = 2.0
 """Ratio within which the gain from an estimate to what it is of is the same in all bands."""

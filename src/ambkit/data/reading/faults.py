@@ -9,13 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools, Index
 from ambkit.base.units import engineering
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.spikes import spikes, without
 from ambkit.result.row import Row, put
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 KINDS = (
     *("gap", "jump", "jitter", "missing", "infinite"),
@@ -23,14 +21,12 @@ KINDS = (
 )
 """What can be wrong, the clock's faults first."""
 
-MASKABLE = ("saturated", "frozen", "spike")
-"""What can be taken as missing if the user wishes so."""
+MASKABLE = ("saturated", "frozen", "spike")  #: What can be taken as missing if the user wishes so.
 
 STILL = 10
 """So many equal samples at least are a sensor that stands still; the core's filters count alike."""
 
-CLIPPED = 3
-"""So many equal samples at least, at the greatest or least value, are saturation."""
+CLIPPED = 3  #: So many equal samples at least, at the greatest or least value, are saturation.
 
 BY_CHANCE = 1e-6
 """Probability that a stretch of equal samples in a whole sound record is called frozen."""
@@ -222,9 +218,7 @@ def _spike(name: str, there: Array, times: Array, unit: str, start: int, length:
     return Fault("spike", name, *ends, length, text)
 
 
-def _runs_of(
-    where: NDArray[np.bool_], times: Array, kind: str, name: str, text: str
-) -> Iterator[Fault]:
+def _runs_of(where: Bools, times: Array, kind: str, name: str, text: str) -> Iterator[Fault]:
     starts, lengths = _runs(where)
     for start, length in zip(starts, lengths, strict=True):
         if where[start]:

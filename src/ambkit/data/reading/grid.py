@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Index
 from ambkit.base.units import engineering
 from ambkit.data.reading.clock import Clock
-
-Array = NDArray[np.float64]
 
 HELD = ("u",)
 """Signals that keep their value from one sample to the next: the controller holds its output."""
 
 
-def with_missing(clock: Clock) -> tuple[Array, NDArray[np.intp]]:
+def with_missing(clock: Clock) -> tuple[Array, Index]:
     """Make room for the samples that a clock without jumps has missed."""
     # times (n,) [s]
     if clock.gaps.size == 0:
@@ -29,7 +27,7 @@ def with_missing(clock: Clock) -> tuple[Array, NDArray[np.intp]]:
     return times, place
 
 
-def spread(values: Array, place: NDArray[np.intp], size: int) -> Array:
+def spread(values: Array, place: Index, size: int) -> Array:
     """Put samples (n,) in their places of a longer row; NaN between."""
     if size == values.size:
         return values

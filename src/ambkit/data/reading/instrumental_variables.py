@@ -12,17 +12,12 @@ from collections.abc import Sequence
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.data.reading.levitation_test import ALIKE, POLE, Levitated, boxed, thinned
 
-Array = NDArray[np.float64]
-
-AGO = 3
-"""Boxes between what is regressed and its instruments: half of the kernel."""
-
-LONG = 60
-"""Boxes that a record has at least."""
+AGO = 3  #: Boxes between what is regressed and its instruments: half of the kernel.
+LONG = 60  #: Boxes that a record has at least.
 
 TELLS = (2.0, 13.0)
 """Standard errors by which pole and gain are off zero: in each of three bands, and in sum."""

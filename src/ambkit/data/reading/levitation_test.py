@@ -18,24 +18,20 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ambkit.base.arrays import Array
 
-BOXES = 6
-"""Boxes that the kernel is made of: four stay where it is differentiated twice."""
+BOXES = 6  #: Boxes that the kernel is made of: four stay where it is differentiated twice.
 
 ROWS = 20
 """Rows, half a box apart, of a block in which the mean is free: offsets and slow loads drop out."""
 
-LEAST_BLOCKS = 8
-"""So many blocks a band has at least: the record is long compared with the pole."""
+LEAST_BLOCKS = 8  #: So many blocks a band has at least: the record is long compared with the pole.
 
 POLE = (0.1, 1.0)
 """Pole times box, within which a band can tell it: slower bands only see the balance at rest."""
 
-ALIKE = 1.35
-"""Poles, and gains, of three neighbouring bands are within this ratio."""
+ALIKE = 1.35  #: Poles, and gains, of three neighbouring bands are within this ratio.
 
 AGREE = ((3, ALIKE, 0.1), (2, 2.0, 0.2))
 """So many neighbouring bands, whose poles and gains are within this ratio, each with this share of

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.base.units import engineering
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.derived_channels import OFTEN, is_formula
@@ -16,16 +16,9 @@ from ambkit.data.reading.signal_roles import slow
 from ambkit.data.reading.standstill import NEAR, resting
 from ambkit.data.signals import TRUTH
 
-Array = NDArray[np.float64]
-
-LIES = 50
-"""Samples in a row in which nothing moves, that a rotor in flight does not have."""
-
-MOVES = 20.0
-"""Range of a position over its noise, from which on it moves at all."""
-
-RESTS = 6.0
-"""Standard deviations of its noise within which a position rests."""
+LIES = 50  #: Samples in a row in which nothing moves, that a rotor in flight does not have.
+MOVES = 20.0  #: Range of a position over its noise, from which on it moves at all.
+RESTS = 6.0  #: Standard deviations of its noise within which a position rests.
 
 MOVED = 0.25
 """Part of its range through which a control signal goes while a rotor that lies stays."""
@@ -33,11 +26,8 @@ MOVED = 0.25
 DRIVEN = 6.0
 """How far it goes at least, over the noise of its means: what a loop makes of noise wanders too."""
 
-LEAST = 200
-"""Samples from which on the noise of a position says where it is from."""
-
-SELDOM = 0.01
-"""Part of the samples in which a reference of steps changes at most."""
+LEAST = 200  #: Samples from which on the noise of a position says where it is from.
+SELDOM = 0.01  #: Part of the samples in which a reference of steps changes at most.
 
 DIFFERENT = 0.95
 """Different values in parts of the samples, of what was computed and not measured."""
@@ -162,7 +152,7 @@ def _few_values(values: Array) -> bool:
     return np.unique(values).size < 0.01 * values.size
 
 
-def longest_run(where: NDArray[np.bool_]) -> tuple[int, int]:
+def longest_run(where: Bools) -> tuple[int, int]:
     """Return start and length of the longest stretch that is true (n,); length 0 without one."""
     # where (n,)
     edges = np.flatnonzero(np.diff(np.r_[False, where, False])).reshape(-1, 2)

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.data.reading.derived_channels import (
     filters_of_others,
     is_formula,
@@ -27,8 +27,6 @@ from ambkit.data.reading.faults import noise
 from ambkit.data.reading.instrumental_variables import instrumented
 from ambkit.data.reading.levitation_test import TINY, Band, Levitated, bands, levitated, turning
 
-Array = NDArray[np.float64]
-
 REPEATS = 0.6
 """Different values in parts of the samples: a channel with fewer comes from a converter."""
 
@@ -39,25 +37,20 @@ no more and repeats its values may be a reference that comes again, and no conve
 NO_NOISE = 1e-6
 """Noise in parts of the standard deviation below which a channel is computed, such as a sine."""
 
-TRIED = 12
-"""Channels that are tried with instruments, where plain regression tells nothing."""
-
-CLOSE = 0.98
-"""Correlation of a channel and an estimate of it, where slow bands have no noise."""
+TRIED = 12  #: Channels that are tried with instruments, where plain regression tells nothing.
+CLOSE = 0.98  #: Correlation of a channel and an estimate of it, where slow bands have no noise.
 
 DOUBT = 0.5
 """Evidence that a channel is of the other kind, in parts of that for what it is taken for, from
 which on nothing is guessed."""
 
-LEAST = 0.5
-"""Evidence below which nothing is guessed, where no converter's steps speak for it."""
+LEAST = 0.5  #: Evidence below which nothing is guessed, where no converter's steps speak for it.
 
 CLEARLY = 1.5
 """Ratio of the noise of a position to that of an estimate of it from which on the noise alone tells
 which is which."""
 
-SAME_POLE = 2.0
-"""Ratio of the poles that a channel and an estimate of it tell; noise moves them."""
+SAME_POLE = 2.0  #: Ratio of the poles that a channel and an estimate of it tell; noise moves them.
 
 RELATED = 0.9
 """The same, where two positions go with one current, or two currents move one position."""
@@ -207,7 +200,7 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
     )  # fmt: skip
 
 
-def _swift(listed: Sequence[Band]) -> NDArray[np.bool_]:
+def _swift(listed: Sequence[Band]) -> Bools:
     """Tell which channels go as the speed of which others (m, m), in some band."""
     # A filter's velocity does; and the current of a quiet loop, in fast bands, where its controller
     # answers to the speed.
@@ -225,7 +218,7 @@ def _swift(listed: Sequence[Band]) -> NDArray[np.bool_]:
     return np.asarray(most > SWIFT)
 
 
-def _without(swift: NDArray[np.bool_], results: Sequence[Levitated]) -> list[Levitated]:
+def _without(swift: Bools, results: Sequence[Levitated]) -> list[Levitated]:
     """Leave out fits of a velocity instead of the current, or of the position."""
     places = {f.position for f in results}
     return [
@@ -271,7 +264,7 @@ def _nearest(listed: Sequence[Band], box: int) -> Band:
     return min(listed, key=lambda band: abs(np.log(band.box / box)))
 
 
-def _families(listed: Sequence[Band], box: int) -> NDArray[np.bool_]:
+def _families(listed: Sequence[Band], box: int) -> Bools:
     """Tell which channels move as one, with the same gain at all speeds around a band (m, m)."""
     # A current goes with its position too; but the faster, the more of it. Of two the noise of one
     # does not matter where it is regressed on the other, so one of the two slopes has to be steady.

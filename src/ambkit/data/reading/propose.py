@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base.errors import RecordError
 from ambkit.base.escaping import one_line
@@ -17,10 +16,7 @@ from ambkit.data.reading.channel_map_text import Told, toml_lines
 from ambkit.data.reading.signal_roles import correlation, find_roles, seen
 from ambkit.data.reading.standstill import resting
 
-Array = NDArray[np.float64]
-
-RATE = 0.7
-"""Correlation with a channel's difference from which on another one is its rate."""
+RATE = 0.7  #: Correlation with a channel's difference from which on another one is its rate.
 
 
 def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lambda _: None) -> str:

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base import late_binding
+from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError, shortened
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.units import engineering, figure
@@ -33,10 +33,8 @@ if TYPE_CHECKING:
     from ambkit.data.channel_map import ChannelMap, Mapped
     from ambkit.result.report.figure import Figure
 
-Array = NDArray[np.float64]
 
-SENTENCES = 30
-"""So many sentences of the account are kept with the record."""
+SENTENCES = 30  #: So many sentences of the account are kept with the record.
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -12,24 +12,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.data.reading.candidates import TEXT, Candidate
 from ambkit.data.reading.derived_channels import same_numbers
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.names import by_name
 from ambkit.data.reading.position_search import Rotor, in_steps, rotor
 
-Array = NDArray[np.float64]
-
-COMPARED = 40
-"""Channels that are compared, each with each."""
-
-LOOKED_AT = 50_000
-"""Samples that the statistics are made of."""
-
-EVEN = 0.2
-"""Part of the usual step by which the steps of a time without a name differ at most."""
+COMPARED = 40  #: Channels that are compared, each with each.
+LOOKED_AT = 50_000  #: Samples that the statistics are made of.
+EVEN = 0.2  #: Part of the usual step by which the steps of a time without a name differ at most.
 
 
 def find_roles(results: list[Candidate]) -> Rotor | None:

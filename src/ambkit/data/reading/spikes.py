@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from ambkit.base.arrays import Array, Bools, Index
 
-LONGEST = 3
-"""A spike has at most so many samples; more are a movement, or another fault."""
-
-FAR = 10.0
-"""So many standard deviations of the noise, or steps of the sensor, off its neighbours."""
-
-AROUND = 10
-"""Neighbours on each side that a spike is compared with."""
-
-RARE = 0.01
-"""Where more samples than this part would be spikes, they are what the signal is like."""
+LONGEST = 3  #: A spike has at most so many samples; more are a movement, or another fault.
+FAR = 10.0  #: So many standard deviations of the noise, or steps of the sensor, off its neighbours.
+AROUND = 10  #: Neighbours on each side that a spike is compared with.
+RARE = 0.01  #: Where more samples than this part would be spikes, they are what the signal is like.
 
 
 def spikes(values: Array, rough: float, step: float) -> tuple[Index, Index]:
@@ -61,7 +52,7 @@ def without(values: Array, starts: Index, lengths: Index) -> Array:
     return np.where(fine, values, np.interp(at, at[fine], values[fine]))
 
 
-def sound(size: int, starts: Index, lengths: Index) -> NDArray[np.bool_]:
+def sound(size: int, starts: Index, lengths: Index) -> Bools:
     """Return which of so many samples are in no spike."""
     fine = np.ones(size, dtype=bool)
     for k in range(LONGEST):

@@ -5,21 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
 from ambkit.data.reading.faults import noise
 
-Array = NDArray[np.float64]
-
-NEAR = 0.02
-"""Part of a position's range within which of its ends a rotor lies on a stop."""
-
-MOVES = 20.0
-"""Range of a position over its noise, from which on it moves at all."""
-
-OFTEN = 0.3
-"""Share of the samples from which on that is told."""
+NEAR = 0.02  #: Part of a position's range within which of its ends a rotor lies on a stop.
+MOVES = 20.0  #: Range of a position over its noise, from which on it moves at all.
+OFTEN = 0.3  #: Share of the samples from which on that is told.
 
 
 @dataclass(frozen=True)

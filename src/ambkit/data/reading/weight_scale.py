@@ -12,20 +12,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.data.reading.position_search import Rotor
 
-Array = NDArray[np.float64]
-
-G = 9.81
-"""Standard gravity, rounded [m/s²]."""
-
-ABOVE = 0.99
-"""Share of the samples in which a coil's current is not below zero, but for noise."""
-
-EXPLAINED = 0.5
-"""Share of the acceleration's variance that the fit explains at least."""
+G = 9.81  #: Standard gravity, rounded [m/s²].
+ABOVE = 0.99  #: Share of the samples in which a coil's current is not below zero, but for noise.
+EXPLAINED = 0.5  #: Share of the acceleration's variance that the fit explains at least.
 
 UNITS = {"m": 1.0, "mm": 1e-3, "µm": 1e-6}
 

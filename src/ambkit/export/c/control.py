@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.export.c import c_literals, controller_test_cases, selftest
 from ambkit.export.c.c_literals import CPrecision, Name
 from ambkit.export.c.crc import Constants
@@ -40,7 +40,7 @@ _TURN = ("motion", "current", "reach", "ampere")
 class Structs(NamedTuple):
     """The constants, by their names in C."""
 
-    arrays: dict[str, NDArray[np.float64]]
+    arrays: dict[str, Array]
     pids: list[dict[str, Any]]
     let_turn: dict[str, Any]
     law: dict[str, Any]
@@ -155,7 +155,7 @@ def _in_flight(controller: Controller, scenario: Scenario, precision: CPrecision
     quick, estimator = controller_test_cases.quick(controller), controller.estimator
     most = float(np.finfo(estimator.precision).max)
 
-    def listed(values: NDArray[np.float64]) -> str:
+    def listed(values: Array) -> str:
         result = controller_test_cases.also_infinite(values)
         stood_in = np.nan_to_num(result, nan=most, posinf=most / 2, neginf=-most / 2)
         return c_literals.array(stood_in.ravel(), precision)

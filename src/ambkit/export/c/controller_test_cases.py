@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.data.signals import signal
 from ambkit.estimate.core_model import NODE
 from ambkit.estimate.estimate import Status
@@ -23,24 +24,17 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.simulation.controller_states import Controller
 
-Array = NDArray[np.float64]
 
 QUICK: dict[str, Any] = {
     "waiting": 5, "lost": 30, "overloaded": 12, "rise": 0.012, "descent": 0.018, "settling": 17,
 }  # fmt: skip
 """The sequence of the self-test: fields of ``amb_sequence``, and the settling at most."""
-LIFTED, UP = 300, 130
-"""Samples of a flight in the self-test, and from which on the rotor is up."""
-SLOW = 20
-"""Samples of a plant's time constant, for each of which a flight takes as many more."""
-TAKEN = 40
-"""Samples of a flight that is taken over."""
-PUSH, PULL = 0.2, 3.0
-"""Loads of the flights, in what an axis can pull with its greatest current."""
-DRAWN, ROUNDED = 4, 256
-"""Flights whose readings are off, and by how many roundings of the travel."""
-PART = 2e-3
-"""Of the greatest current: a tenth of what the self-test lets pass."""
+LIFTED, UP = 300, 130  #: Samples of a flight in the self-test, and from which on the rotor is up.
+SLOW = 20  #: Samples of a plant's time constant, for each of which a flight takes as many more.
+TAKEN = 40  #: Samples of a flight that is taken over.
+PUSH, PULL = 0.2, 3.0  #: Loads of the flights, in what an axis can pull with its greatest current.
+DRAWN, ROUNDED = 4, 256  #: Flights whose readings are off, and by how many roundings of the travel.
+PART = 2e-3  #: Of the greatest current: a tenth of what the self-test lets pass.
 
 
 class Vectors(NamedTuple):
@@ -51,11 +45,11 @@ class Vectors(NamedTuple):
     u: Array  # (N, axes): what the controllers gave [V]
     speed: Array  # (N,) [rad/s]
     mode: NDArray[np.uint8]  # (N,): what they were doing
-    fly: NDArray[np.bool_]  # (N,): whether they were told to fly
+    fly: Bools  # (N,): whether they were told to fly
     status: NDArray[np.uint16]  # (N,): flags of filter and controllers
-    usable: NDArray[np.bool_]  # (N,): whether the estimate could be used
+    usable: Bools  # (N,): whether the estimate could be used
     mean: Array  # (N, states), each in its unit
-    amplified: NDArray[np.bool_]  # (N,): samples where rounding is amplified
+    amplified: Bools  # (N,): samples where rounding is amplified
     starts: list[int]  # where flights begin at power-on ...
     taken: list[int]  # ... and where those do that are taken over, ...
     taken_with: Array  # ... with these currents (axes,) [A]
@@ -144,7 +138,7 @@ def _as_read(controller: Controller, part: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def _along(
-    controller: Controller, y: Array, r: Array, speed: Array, fly: NDArray[np.bool_],
+    controller: Controller, y: Array, r: Array, speed: Array, fly: Bools,
     taken_with: Array | None = None,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Return what the controller gives along readings (n, m), as `Vectors` has it from `r` on."""
@@ -168,7 +162,7 @@ def _flown(controller: Controller, scene: Scene, readings: Array) -> Run:
     )  # fmt: skip
 
 
-def _spread(controller: Controller, scene: Scene, run: Run) -> NDArray[np.bool_]:
+def _spread(controller: Controller, scene: Scene, run: Run) -> Bools:
     """Return where flights differ (n,) whose readings differ by no more than rounding makes."""
     # A compiler that contracts rounds otherwise. A rotor that is thrown between its stops makes of
     # that another flight, and a reading at the gate another decision.

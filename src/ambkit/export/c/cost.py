@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 
 STORED = Path(__file__).with_name("cost.json")
 
-CLOCK = 168e6
-"""Of an STM32F4 [Hz]."""
+CLOCK = 168e6  #: Of an STM32F4 [Hz].
 
 CYCLES_PER_INSTRUCTION = 1.4
 """Assumed where code runs without wait states: of 300 instructions of the linear filter about 70

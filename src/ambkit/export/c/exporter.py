@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.scenario import Scenario
 
-MOST_COUNTED = 65535
-"""What an unsigned int of 16 bits holds, as a TI C2000 has."""
+MOST_COUNTED = 65535  #: What an unsigned int of 16 bits holds, as a TI C2000 has.
 
 _CORE_PRECISION: dict[CPrecision, Precision] = {"float": "float32", "double": "float64"}
 

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.estimate.estimate import Status
 from ambkit.machine.bearing import GRAVITY
 
@@ -19,18 +19,13 @@ if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.estimate.estimator import Estimator
 
-Array = NDArray[np.float64]
 
-FLIGHT = 130
-"""Samples of a run that a controller flies."""
+FLIGHT = 130  #: Samples of a run that a controller flies.
 LONGEST_OUTAGE = 400
 """Samples without a measurement, until nothing is known but that the rotor is between its stops."""
-NOISY = 80
-"""Samples until an innovation in four of the last 128 was too large, and some."""
-MOST_SETTLING = 200
-"""Samples of a plant's time constant that are lived through twice."""
-MOST_PLACES = 24
-"""Rows, and columns, of the box that are visited."""
+NOISY = 80  #: Samples until an innovation in four of the last 128 was too large, and some.
+MOST_SETTLING = 200  #: Samples of a plant's time constant that are lived through twice.
+MOST_PLACES = 24  #: Rows, and columns, of the box that are visited.
 
 
 class Scene(NamedTuple):
@@ -179,9 +174,7 @@ def _box(estimator: Estimator, magnet: Magnet) -> Iterator[Scene]:
         yield Scene(f"all currents at {1e3 * x:.3g} mm", gain * (x + inwards), u)
 
 
-def _places(
-    low: float, high: float, of: dict[str, Any], at: str, per: str, count: str
-) -> NDArray[np.float64]:
+def _places(low: float, high: float, of: dict[str, Any], at: str, per: str, count: str) -> Array:
     """Return both ends, and between them the middles of every other cell of a table; or nine."""
     if count not in of:
         return np.linspace(low, high, 9)
@@ -223,7 +216,7 @@ def _settled_machine(estimator: Estimator, settling: int) -> Scene:
     return Scene("settled, and then nothing", y, np.zeros((2 * n, len(machine_view.isolated))))
 
 
-def _outage_of_machine(estimator: Estimator, lost: NDArray[np.bool_], name: str) -> Scene:
+def _outage_of_machine(estimator: Estimator, lost: Bools, name: str) -> Scene:
     """Off the middle, then nothing of some, until the filter says so; the first is back first."""
     # What is left of a large covariance by a sharp sensor is what rounding leaves of it.
     machine_view: Any = estimator.whole

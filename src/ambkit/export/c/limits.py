@@ -7,7 +7,6 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import KalmanFilter
@@ -21,7 +20,6 @@ from ambkit.simulation.linear.steady_state_filter import estimator_at
 if TYPE_CHECKING:
     from ambkit.simulation.controller_states import Controller
 
-Array = NDArray[np.float64]
 
 PEAK = 4.0
 """Of abs(S), with any set of numbers within the limits: the end of zone B of ISO 14839-3. Where the

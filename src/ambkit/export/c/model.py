@@ -127,8 +127,7 @@ OF_PAPER = {
     "f_d": "disturbance force [N]",
     "x_m": "what the sensor shows without its noise [m]",
 }
-OTHERS = ("k_i", "k_s", "innovation", "variance", "feed_back")
-"""What else the estimates have."""
+OTHERS = ("k_i", "k_s", "innovation", "variance", "feed_back")  #: What else the estimates have.
 
 
 def states(described: Sequence[Descriptor], current: str = "AMB_C(0.0)") -> list[State]:

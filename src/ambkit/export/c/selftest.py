@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.export.c import c_literals, test_vectors
 from ambkit.export.c.c_literals import CPrecision
 
@@ -36,7 +36,7 @@ def context(
     }
 
 
-def _with_stand_ins(values: NDArray[np.float64], precision: CPrecision) -> NDArray[np.float64]:
+def _with_stand_ins(values: Array, precision: CPrecision) -> Array:
     """Return numbers, and what the vectors have instead of what C has no literal for."""
     most = float(np.finfo(np.float32 if precision == "float" else np.float64).max)
     return np.nan_to_num(values, nan=most, posinf=most / 2, neginf=-most / 2)
@@ -72,7 +72,7 @@ def first(estimator: Estimator, role: str) -> int:
     return next((i for i, state in enumerate(estimator.states) if state.role == role), -1)
 
 
-def stops(estimator: Estimator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def stops(estimator: Estimator) -> tuple[Array, Array]:
     """Return readings (2, m) that may be a rotor on its stops, and ones that may not."""
     known = estimator.core.parameters
     gain, travel, var_y = (np.asarray(known["set"][k], float) for k in ("K_sen", "travel", "var_y"))

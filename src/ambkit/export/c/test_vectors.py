@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.estimate.estimate import Status
 from ambkit.export.c import filter_test_cases
 
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.estimate.estimator import Estimator
 
-Array = NDArray[np.float64]
 
 _UNUSED = int(Status.MISSING | Status.FROZEN | Status.OUTLIER)
 _UNSURE = int(Status.HELD | Status.RESTARTED | Status.BAD_PARAMETER)
@@ -30,7 +30,7 @@ class Vectors(NamedTuple):
     status: NDArray[np.uint16]  # (N,)
     health: NDArray[np.uint16]  # (N, readings)
     feed_back: NDArray[np.uint8]  # (N,): 1 where it may be fed back
-    amplified: NDArray[np.bool_]  # (N,): where rounding is amplified
+    amplified: Bools  # (N,): where rounding is amplified
     runs: tuple[str, ...]  # names of the runs
 
 
@@ -65,7 +65,7 @@ def make(estimator: Estimator, magnets: list[Magnet], *, settling: int, bound: f
     )
 
 
-def without_digits(estimator: Estimator, y: Array, u: Array) -> NDArray[np.bool_]:
+def without_digits(estimator: Estimator, y: Array, u: Array) -> Bools:
     """Return from where on (n,) float, in a machine's filter, is off by what double would say."""
     # A mean by more than a standard deviation, or a variance by more than ten of itself: then what
     # another rounding says is another number. AdaptiveNoise has no precision of its own.
@@ -115,9 +115,7 @@ def _columns(estimator: Estimator, output: dict[str, Any]) -> Array:
     return np.hstack([output["mean"], variances, *(output[name] for name in names)]).astype(float)
 
 
-def _feed_back(
-    status: NDArray[np.uint16], health: NDArray[np.uint16], settling: int
-) -> NDArray[np.bool_]:
+def _feed_back(status: NDArray[np.uint16], health: NDArray[np.uint16], settling: int) -> Bools:
     """Return what the supervisor says: settled, and not too long without a measurement."""
     doubted, missed, decisions = settling, 0, []
     for flags, item in zip(status, health, strict=True):

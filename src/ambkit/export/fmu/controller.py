@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.export.c import c_literals, control
 from ambkit.export.c.c_literals import CPrecision, Name
@@ -25,8 +25,8 @@ class Flown(NamedTuple):
 
     controller: Controller
     levitated: bool  # in flight, else at power-on
-    place: NDArray[np.float64]  # where the rotor is at the start along the axes (p,) [m]
-    current: NDArray[np.float64]  # that is demanded until then (p,) [A]
+    place: Array  # where the rotor is at the start along the axes (p,) [m]
+    current: Array  # that is demanded until then (p,) [A]
 
     @property
     def coils(self) -> list[int]:

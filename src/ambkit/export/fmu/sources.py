@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base import escaping
+from ambkit.base.arrays import Array
 from ambkit.export import core_sources
 from ambkit.export.c import c_literals, data_file
 from ambkit.export.c.c_literals import MAGNETS, CPrecision
@@ -181,12 +181,12 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
     }
 
 
-def _starts(estimator: Estimator) -> dict[str, NDArray[np.float64]]:
+def _starts(estimator: Estimator) -> dict[str, Array]:
     """Return at which states an estimator starts, by places, by currents and by readings."""
     view, states = estimator.view, estimator.states
     nothing, values = np.zeros(len(view.isolated)), np.eye(len(view.isolated))
 
-    def at(q: NDArray[np.float64], currents: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(q: Array, currents: Array) -> Array:
         return view.equilibrium_state(
             states, estimator.levitation_current, q, None, currents
         ).ravel()

@@ -292,8 +292,7 @@ def of_whole(estimator: Estimator, loop_controller: Flown) -> tuple[Variable, ..
     )  # fmt: skip
 
 
-AT = ("the coil towards +x", "the other coil")
-"""The two coils of a pair."""
+AT = ("the coil towards +x", "the other coil")  #: The two coils of a pair.
 
 
 def _wanted(loop_controller: Flown | None) -> list[Variable]:

@@ -15,8 +15,7 @@ FLAGS = (
     "-std=c99", "-fno-common", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections",
     "-Werror=incompatible-pointer-types",
 )  # fmt: skip
-PREFIX = "rig"
-"""Of what the loop calls."""
+PREFIX = "rig"  #: Of what the loop calls.
 _CALLS = ("init", "step", "transfer_from")
 
 

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from ambkit.export.pil.boards import QEMU
 
-SECONDS = 300
-"""That a run to the end may last; none takes a tenth of it."""
+SECONDS = 300  #: That a run to the end may last; none takes a tenth of it.
 
 
 def command(image: Path) -> list[str]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Index
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
 from ambkit.data.signals import signal
@@ -95,8 +96,8 @@ def pil(
 
 
 def _expected(
-    run: Run, estimator: Estimator, scenario: Scenario, y: NDArray[np.float64],
-    r: NDArray[np.float64], flies: NDArray[np.float64],
+    run: Run, estimator: Estimator, scenario: Scenario, y: Array,
+    r: Array, flies: Array,
 ) -> Expected:  # fmt: skip
     """Return what the processor is to answer: as simulated, or along a rig's rounded numbers."""
     record = run.record
@@ -112,7 +113,7 @@ def _expected(
             "mean": run.estimate.mean}  # fmt: skip
 
 
-def _others(answers: NDArray[np.void], expected: Expected, run: Run) -> NDArray[np.intp]:
+def _others(answers: NDArray[np.void], expected: Expected, run: Run) -> Index:
     """Return how many numbers of each sample are others than expected (n,)."""
     axes, single = run.machine.axes, np.float32
     n = len(answers)

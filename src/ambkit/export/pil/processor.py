@@ -20,8 +20,7 @@ from ambkit.export.pil.emulator import command
 OFTEN = 20
 """Every so many samples instructions are counted, and wherever mode or status is another."""
 
-PATIENCE = 60.0
-"""Seconds for an answer, which takes less than one."""
+PATIENCE = 60.0  #: Seconds for an answer, which takes less than one.
 
 GREETING = np.dtype(
     [(name, "<u4") for name in ("unequal", "wrong_status", "wrong", "selftest", "state")]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import late_binding
+from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION
 from ambkit.export.pil import build
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.result.report.figure import Figure
     from ambkit.simulation.run import Run
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

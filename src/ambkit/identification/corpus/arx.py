@@ -11,14 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.data.record import Record
 
-Array = NDArray[np.float64]
-
-ORDER = 30
-"""Past samples of each signal."""
+ORDER = 30  #: Past samples of each signal.
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,9 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base import late_binding
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import engineering, figure
 from ambkit.data.reading.despike import without_spikes
@@ -44,23 +44,19 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
     from ambkit.result.report.figure import Figure
 
-Array = NDArray[np.float64]
 
-AHEAD = (1, 10)
-"""Samples ahead that are predicted."""
+AHEAD = (1, 10)  #: Samples ahead that are predicted.
 
 SPARE = 2
 """Controls more than these that are expected: one between whose two a line goes, one of a delay
 below zero."""
 
-LAGS = 50
-"""Of the correlation of the residuals."""
+LAGS = 50  #: Of the correlation of the residuals.
 
 SAME_LINE = 0.02
 """By which share frequencies of one line may differ between logs: the mains keep to 1 %."""
 
-FEWEST = 2
-"""Logs that can be pooled."""
+FEWEST = 2  #: Logs that can be pooled.
 
 
 @dataclass(frozen=True)

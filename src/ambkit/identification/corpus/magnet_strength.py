@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
     from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 
-FEWEST = 3
-"""Flights from which on a slope over the amplitude has an error."""
+FEWEST = 3  #: Flights from which on a slope over the amplitude has an error.
 
 LOOSE = 10.0
 """By which the offset of a current is known less well here: the gap that is held tells it."""

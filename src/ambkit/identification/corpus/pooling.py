@@ -13,19 +13,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import OFFSETS, PARAMETERS, Parameter
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 
-Array = NDArray[np.float64]
-
-LEAST_SCATTER = 1e-4
-"""Between logs, in the coordinates: below it they are as good as equal."""
-
-FEWEST = 3
-"""Logs from which on a scatter between them can be told."""
+LEAST_SCATTER = 1e-4  #: Between logs, in the coordinates: below it they are as good as equal.
+FEWEST = 3  #: Logs from which on a scatter between them can be told.
 
 COORDINATE = {"delay": 1e-3, "position_noise": 100.0}
 """What a parameter that is no logarithm is counted in [SI]: all coordinates are of the size 1."""

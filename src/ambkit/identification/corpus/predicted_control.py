@@ -13,12 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.data.record import Record
 from ambkit.identification.corpus.arx import ORDER, products, regressors, solved
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

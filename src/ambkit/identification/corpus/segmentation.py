@@ -12,25 +12,21 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.data.record import Record
 from ambkit.machine.magnets import magnet_of, own_time
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
 
-Array = NDArray[np.float64]
 
 UNEXPLAINED = 0.5
 """Acceleration that magnet and weight do not explain, in parts of what holds the rotor, from which
 on it does not fly."""
 
-AFTER = 40
-"""Time constants of the plant that are left out after something other than levitation."""
-
-SHORTEST = 40
-"""The plant's time constants that a flight must have to be told anything from."""
+AFTER = 40  #: Time constants of the plant that are left out after something other than levitation.
+SHORTEST = 40  #: The plant's time constants that a flight must have to be told anything from.
 
 SMOOTHED = 0.25
 """Of the noise that other logs or the bearing have: a position with less was smoothed before."""
@@ -119,7 +115,7 @@ def _whole(values: Array) -> Array:
     return np.interp(at, at[known], values[known])
 
 
-def _at_its_end(y: Array, travel: float) -> NDArray[np.bool_]:
+def _at_its_end(y: Array, travel: float) -> Bools:
     """Where a sensor shows its least or greatest number several times in a row, or a stop."""
     still = np.r_[False, np.diff(y) == 0]
     ends = (y == y.min()) | (y == y.max())

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base import late_binding
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering, percent
 from ambkit.data.record import Record
@@ -39,28 +39,16 @@ if TYPE_CHECKING:
     from ambkit.result.report.figure import Figure
     from ambkit.simulation.scenario import Scenario
 
-Array = NDArray[np.float64]
 
 LOWEST, HIGHEST = (1 / 16, 1 / 4, 1.0), (2.0, 4.0, 8.0, 16.0, 32.0)
 """Ends of the bands that are tried, times the plant's own frequency ``sqrt(k_s/m) / (2 pi)``."""
 
-LEAST_PERIODS = 4
-"""Of the lowest frequency, in a record."""
-
-FILLED = 0.97
-"""Part of a limit that is near enough to it."""
-
-TRIES = 8
-"""Simulations in which an amplitude is brought to the limit."""
-
-SEEDS = 5
-"""Noises under which the limits are checked at the end."""
-
-EXPECTED = ("expected", "parameters")
-"""Section of its rows."""
-
-CERTAIN = 0.95
-"""Correlation from which on two parameters are said to hang together."""
+LEAST_PERIODS = 4  #: Of the lowest frequency, in a record.
+FILLED = 0.97  #: Part of a limit that is near enough to it.
+TRIES = 8  #: Simulations in which an amplitude is brought to the limit.
+SEEDS = 5  #: Noises under which the limits are checked at the end.
+EXPECTED = ("expected", "parameters")  #: Section of its rows.
+CERTAIN = 0.95  #: Correlation from which on two parameters are said to hang together.
 
 CALM = 0.01
 """By how much the load of a quiet rig is taken to wander in a second, times the rotor's weight."""

@@ -13,21 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ambkit.base.arrays import Array
+
 Band = tuple[float, float]
 
-STEPS = 12
-"""Frequencies of a stepped sine."""
+STEPS = 12  #: Frequencies of a stepped sine.
 
 CLOCK = 0.4
 """Frequency to which a binary signal excites, times the time between its possible jumps: its power
 has fallen to six tenths there, and vanishes at 1."""
 
-PER_DECADE = 40
-"""Lines of a sparse multisine in a decade: about 6 % from one to the next."""
-
-ROUNDS = 100
-"""Of clipping, in the search for phases."""
+PER_DECADE = 40  #: Lines of a sparse multisine in a decade: about 6 % from one to the next.
+ROUNDS = 100  #: Of clipping, in the search for phases.
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import REACH, smooth
@@ -31,25 +32,16 @@ if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
     from ambkit.machine.machine import Bearing
 
-Array = NDArray[np.float64]
-Ranges = list[tuple[float, float]]
-"""Lowest and highest current [A], and displacement [m]."""
+Ranges = list[tuple[float, float]]  #: Lowest and highest current [A], and displacement [m].
 
 FINE = 65
 """Nodes a side of the table that the filter asks, over all that the records visit: a few for each
 node of the map, as the law is bent between them."""
 
-NODES = (9, 7, 5)
-"""Nodes a side that are thought of by default, the finest first."""
-
-ENOUGH = 20
-"""Samples that a node needs to be told from its neighbours."""
-
-LARGEST = 20_000_000
-"""Derivatives, one for each sample and node, that are kept at once: 160 MB."""
-
-ROUNDS = 3
-"""Steps of Gauss and Newton; the innovations are nearly linear in the force."""
+NODES = (9, 7, 5)  #: Nodes a side that are thought of by default, the finest first.
+ENOUGH = 20  #: Samples that a node needs to be told from its neighbours.
+LARGEST = 20_000_000  #: Derivatives, one for each sample and node, that are kept at once: 160 MB.
+ROUNDS = 3  #: Steps of Gauss and Newton; the innovations are nearly linear in the force.
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +57,12 @@ class ForceMap:
     assumed: float  #: By how much the law was allowed to be wrong, standard deviation [N].
 
     @property
-    def seen(self) -> NDArray[np.bool_]:
+    def seen(self) -> Bools:
         """Where the records tell far more than was assumed: an error of less than a tenth of it."""
         return np.asarray(self.standard_error < 0.1 * self.assumed)
 
     @property
-    def observed(self) -> NDArray[np.bool_]:
+    def observed(self) -> Bools:
         """Where the records tell more than half: an error of less than half of the assumed."""
         return np.asarray(self.standard_error < 0.5 * self.assumed)
 
@@ -114,7 +106,7 @@ def force_map(
     law = magnet_of(b).force(*grid)
     assumed = share * float(np.ptp(law))
 
-    def innovations(correction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def innovations(correction: Array) -> tuple[Array, Array, Bools]:
         magnet = _Corrected(b, current, displacement, correction.reshape(law.shape), ranges)
         corrected = replace(model, magnet=magnet)
         parts = []

@@ -13,8 +13,8 @@ from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.data.files.tables import Table, read_table, write_table
 from ambkit.identification.noise import measurement_noise
@@ -23,13 +23,11 @@ from ambkit.machine.bearing import GRAVITY
 if TYPE_CHECKING:
     from ambkit.data.record import Record
 
-Array = NDArray[np.float64]
 
 SMOOTHING_TIME = 0.05
 """Time over which a parabola is laid through the positions to find the acceleration [s]."""
 
-RESTING_TIME = 0.5
-"""Time in the beginning during which it surely rests [s]."""
+RESTING_TIME = 0.5  #: Time in the beginning during which it surely rests [s].
 
 FLIGHT = 0.05
 """The rotor counts as flying where it accelerates upwards by more than this part of gravity."""

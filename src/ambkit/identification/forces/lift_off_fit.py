@@ -13,13 +13,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.identification.forces.lift_off import LiftOff
 from ambkit.machine.bearing import GRAVITY
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Bearing, Machine
     from ambkit.machine.magnets import MagnetModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,8 +27,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.data.signals import CONTROL
@@ -36,7 +36,6 @@ from ambkit.data.signals import CONTROL
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
-Array = NDArray[np.float64]
 
 LAGS, DELAYS = (3.0, 10.0, 30.0, 100.0), (-0.5, 0.3, 1.5, 2.5, 3.5, 5.5)
 """Samples from which the search may begin."""
@@ -47,11 +46,8 @@ LEAST_STRAY = math.log(1e-4)
 LONGEST_TIME = 2000
 """Samples of a coil's time constant beyond which its control drives no current."""
 
-LEAST_SAMPLES = 500
-"""Of all records together, that a coil is found from."""
-
-FIGURES = 3
-"""That a control has beyond the current's own past: gain, zero and delay."""
+LEAST_SAMPLES = 500  #: Of all records together, that a coil is found from.
+FIGURES = 3  #: That a control has beyond the current's own past: gain, zero and delay.
 
 TOO_QUIET = (
     "the noise of the measured current is a good part of what the current does: it passes for a "
@@ -172,8 +168,7 @@ class Coil:
     delay: float
     gain: float
     zero: float
-    stray: float
-    """Variance of w, in parts of that of the sensor's noise."""
+    stray: float  #: Variance of w, in parts of that of the sensor's noise.
 
     @classmethod
     def at(cls, theta: Array) -> Coil:

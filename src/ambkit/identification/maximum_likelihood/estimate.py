@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.reading.despike import without_spikes
@@ -57,10 +56,8 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.machine import Bearing
 
-Array = NDArray[np.float64]
 
-LEAST_SAMPLES = 100
-"""That a record must have after the filter has settled."""
+LEAST_SAMPLES = 100  #: That a record must have after the filter has settled.
 
 
 def maximum_likelihood(

@@ -13,16 +13,14 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.estimate.estimate import Status
 from ambkit.machine.magnets import ConstantStiffness, own_time
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Bearing
-
-Array = NDArray[np.float64]
 
 
 def filled(u: Array) -> Array:
@@ -49,7 +47,7 @@ def run_with_gaps(
     bearing: Bearing,
     y: Array,
     u: Array,
-    unknown: NDArray[np.bool_],
+    unknown: Bools,
     recorded: Array,
     h: float,
 ) -> dict[str, Any]:

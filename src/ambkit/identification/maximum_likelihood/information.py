@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.data.record import Record
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -25,8 +25,6 @@ from ambkit.identification.maximum_likelihood.parameters import (
     named,
     searchable,
 )
-
-Array = NDArray[np.float64]
 
 LEAST_EIGENVALUE = 1e-5
 """Of the information, scaled to a diagonal of ones: below it, some parameters look like others."""

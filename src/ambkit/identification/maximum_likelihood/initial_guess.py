@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.identification.dead_time import delayed, lagged
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood
@@ -20,13 +20,9 @@ from ambkit.machine.magnets import ConstantStiffness
 if TYPE_CHECKING:
     from ambkit.data.record import Record
 
-Array = NDArray[np.float64]
 
-LONGEST_DELAY = 8
-"""Samples of delay that are tried."""
-
-GROWTHS = (1e-6, 1e-4, 1e-2, 1.0)
-"""Growths of the load that are tried, times the one given."""
+LONGEST_DELAY = 8  #: Samples of delay that are tried.
+GROWTHS = (1e-6, 1e-4, 1e-2, 1.0)  #: Growths of the load that are tried, times the one given.
 
 
 def best_start(

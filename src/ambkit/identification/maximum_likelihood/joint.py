@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import ConfigError
 from ambkit.data.signals import CONTROL
 from ambkit.identification.maximum_likelihood.current_state import (
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
-Array = NDArray[np.float64]
 
 ROUNDS, HALVINGS = 10, 6
 """Steps that are taken at most, and how often one is halved that does not lead up."""

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.data.record import Record
 from ambkit.estimate.batch import processors
@@ -25,16 +25,12 @@ if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
     from ambkit.machine.machine import Bearing
 
-Array = NDArray[np.float64]
 
 BLOCK = 20
 """The plant's time constants in a block: half a second of a rig whose rotor falls within 25 ms."""
 
-FEWEST_BLOCKS = 30
-"""That a scatter is estimated from; of short records they are shorter."""
-
-STEP = 1e-4
-"""Of the differences, in the coordinates of the search: their error is of its square."""
+FEWEST_BLOCKS = 30  #: That a scatter is estimated from; of short records they are shorter.
+STEP = 1e-4  #: Of the differences, in the coordinates of the search: their error is of its square.
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +70,11 @@ class Likelihood:
         self.coordinates = coordinates
         self.settling = settling
 
-    def innovations(self, z: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def innovations(self, z: Array) -> tuple[Array, Array, Bools]:
         """Innovations [m], variances [m^2] and whether they count, of all records in a row."""
         return self._of(self.coordinates.model_at(z))
 
-    def _of(self, model: LoopModel) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def _of(self, model: LoopModel) -> tuple[Array, Array, Bools]:
         parts, kalman = [], model.kalman()
         for record in self.records:
             e, S, used = model.innovations(record, kalman)
@@ -98,9 +94,7 @@ class Likelihood:
             return -math.inf
         return _log_likelihood(e[used], S[used]) + log_prior(model)
 
-    def slopes(
-        self, z: Array, *, rough: bool = False
-    ) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
+    def slopes(self, z: Array, *, rough: bool = False) -> tuple[Array, Array, Array, Array, Bools]:
         """Differentiate the innovations, by central differences."""
         # z (p,); e (n,) [m]; S (n,) [m^2]; by_e (p, n); by_S (p, n)
         steps = STEP * np.eye(z.size)
@@ -121,7 +115,7 @@ class Likelihood:
         by_S = np.array([slope[used] for slope in slopes_S]).reshape(z.size, S.size) / S
         return e, S, by_e, by_S, used
 
-    def _beside(self, z: Array, step: Array) -> tuple[Array, Array, NDArray[np.bool_], float]:
+    def _beside(self, z: Array, step: Array) -> tuple[Array, Array, Bools, float]:
         """Innovations a step aside and its length; at z itself where no bearing can be there."""
         try:
             return *self.innovations(z + step), STEP

@@ -15,8 +15,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import ConfigError
 from ambkit.base.units import engineering
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood
@@ -29,25 +29,16 @@ from ambkit.machine.magnets import own_time
 if TYPE_CHECKING:
     from ambkit.data.record import Record
 
-Array = NDArray[np.float64]
 
-MOST = 4
-"""Lines that are looked for."""
-
-LONGEST = 16384
-"""Samples of a periodogram; of longer records several are averaged."""
-
-BY_CHANCE = 1e-3
-"""Probability with which noise alone shows a line somewhere."""
+MOST = 4  #: Lines that are looked for.
+LONGEST = 16384  #: Samples of a periodogram; of longer records several are averaged.
+BY_CHANCE = 1e-3  #: Probability with which noise alone shows a line somewhere.
 
 ENOUGH = 0.1
 """Newton's decrement that ends a search beside a line: who asks for lines searches once more."""
 
-FIGURES = 3
-"""Of a line: frequency, amplitude, bandwidth."""
-
-SLOWEST = 2.0
-"""Times the rate at which a rotor falls: no line is looked for below."""
+FIGURES = 3  #: Of a line: frequency, amplitude, bandwidth.
+SLOWEST = 2.0  #: Times the rate at which a rotor falls: no line is looked for below.
 
 NARROWEST = 0.001
 """Of a record's inverse duration: what a line wanders less by is no more than its noise."""

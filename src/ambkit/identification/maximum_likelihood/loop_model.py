@@ -9,8 +9,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.data.record import Record
 from ambkit.data.signals import CONTROL
 from ambkit.estimate.estimate import Status
@@ -25,8 +25,6 @@ from ambkit.machine.magnets import ConstantStiffness, MagnetModel, magnet_of
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -161,7 +159,7 @@ class LoopModel:
 
     def innovations(
         self, record: Record, kalman: Estimator | None = None
-    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+    ) -> tuple[Array, Array, Bools]:
         """Run the filter along a record."""
         # innovation (n,) [m]; variance (n,) [m^2]; used (n,)
         out, _, _ = self._run(record, kalman)

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

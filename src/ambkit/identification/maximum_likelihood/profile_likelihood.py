@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import ConfigError
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
@@ -24,10 +24,8 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
-Array = NDArray[np.float64]
 
-ASIDE = 1.959964
-"""Standard errors to the ends of a 95 % interval."""
+ASIDE = 1.959964  #: Standard errors to the ends of a 95 % interval.
 
 NEAR = 0.35
 """By which share the loss there may differ from that of a parabola, and still pass for one."""
@@ -35,14 +33,9 @@ NEAR = 0.35
 ALIKE = 0.15
 """By which share an end may be elsewhere than 1.96 standard errors off, and still be there."""
 
-NEARLY = 1.1
-"""Of the loss at an end: where the secants stop."""
-
-FARTHEST = 50.0
-"""End of an interval, in e-folds: what the records do not bound at all."""
-
-ROUNDS = 4
-"""Of the secant's, each a search over all other parameters."""
+NEARLY = 1.1  #: Of the loss at an end: where the secants stop.
+FARTHEST = 50.0  #: End of an interval, in e-folds: what the records do not bound at all.
+ROUNDS = 4  #: Of the secant's, each a search over all other parameters.
 
 ENOUGH = 0.1
 """Newton's decrement that ends such a search: what is left of it is added, to second order."""

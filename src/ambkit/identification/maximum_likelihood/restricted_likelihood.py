@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, Local
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -22,7 +21,6 @@ from ambkit.identification.maximum_likelihood.parameters import NOISES, Coordina
 if TYPE_CHECKING:
     from ambkit.data.record import Record
 
-Array = NDArray[np.float64]
 
 SHIFT = 0.02
 """Of the noises, in e-folds: what is known of the others changes smoothly over many of these."""

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ambkit.base import late_binding
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import figure
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -32,13 +33,9 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
     from ambkit.result.report.figure import Figure
 
-Array = NDArray[np.float64]
 
-TOGETHER = 0.9
-"""Correlation from which on two parameters are known only together."""
-
-CONFIDENCE = 1.959964
-"""Standard errors to either side that hold 95 %."""
+TOGETHER = 0.9  #: Correlation from which on two parameters are known only together.
+CONFIDENCE = 1.959964  #: Standard errors to either side that hold 95 %.
 
 
 @dataclass(frozen=True, eq=False, repr=False)

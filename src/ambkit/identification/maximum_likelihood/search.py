@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import ConfigError
 from ambkit.base.units import engineering
 from ambkit.identification.maximum_likelihood.likelihood import STEP, Likelihood, Local
@@ -18,29 +18,21 @@ from ambkit.identification.maximum_likelihood.parameters import Coordinates, Par
 if TYPE_CHECKING:
     from ambkit.data.record import Record
 
-Array = NDArray[np.float64]
 
 CONVERGED = 1e-3
 """Newton's decrement that ends the search: squared distance to the maximum in standard errors."""
 
-FAR = 1.0
-"""The decrement beyond which the next point is looked at roughly only."""
-
-RIDGE = 0.5
-"""The decrement that is let pass where no step helps any more."""
+FAR = 1.0  #: The decrement beyond which the next point is looked at roughly only.
+RIDGE = 0.5  #: The decrement that is let pass where no step helps any more.
 
 MUCH_LESS_LIKELY = 2.0
 """Loss of log likelihood with which a value counts as ruled out (Edwards 1972)."""
 
-LONGEST_STEP = 1.0
-"""In any coordinate of the search: an e-fold."""
-
-RULED_OUT = 4.5
-"""Loss of log likelihood that one in 370 exceeds by chance: three standard errors."""
+LONGEST_STEP = 1.0  #: In any coordinate of the search: an e-fold.
+RULED_OUT = 4.5  #: Loss of log likelihood that one in 370 exceeds by chance: three standard errors.
 
 LAGS = ("sensor_lag", "current_lag")
-NO_LAG = 0.01
-"""In samples: what counts as none."""
+NO_LAG = 0.01  #: In samples: what counts as none.
 
 NEAR_LIMIT, FAR_FROM_LIMIT = 3.0, 10.0
 """Standard deviations of the control noise within which a current is near its limit, or far off."""
@@ -49,8 +41,7 @@ MORE, LEAST_ROOM = 1.5, 20
 """The stops stand at so many times as far as a record goes; but at no less than that part of the
 travel that the description has."""
 
-WALL = "its search ended at a wall only"
-"""In the reason why a parameter is held."""
+WALL = "its search ended at a wall only"  #: In the reason why a parameter is held.
 
 MOST_DAMPING = 1e8
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import RecordError
 from ambkit.base.units import engineering
 from ambkit.data.reading.despike import spike_free
@@ -19,28 +19,17 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
-Array = NDArray[np.float64]
 
-HORIZONS = (1, 2, 5, 10, 20, 50)
-"""Steps ahead, where the user does not say."""
-
-LAGS = 50
-"""Of the correlations."""
+HORIZONS = (1, 2, 5, 10, 20, 50)  #: Steps ahead, where the user does not say.
+LAGS = 50  #: Of the correlations.
 
 ORDER = 30
 """Samples of its own past from which the control signal is predicted, see `cross_correlation`."""
 
-AS_GOOD = 1.02
-"""Times a baseline's error that still count as no worse."""
-
-LEFT = 0.05
-"""Share of a residual's variance that may be predicted, and the model is still good."""
-
-NIS = (0.8, 1.25)
-"""Mean normalised innovation squared of a noise that is what the model expects."""
-
-WHITE = 0.9
-"""Share of lags within the 95 % bounds from which residuals pass for white."""
+AS_GOOD = 1.02  #: Times a baseline's error that still count as no worse.
+LEFT = 0.05  #: Share of a residual's variance that may be predicted, and the model is still good.
+NIS = (0.8, 1.25)  #: Mean normalised innovation squared of a noise that is what the model expects.
+WHITE = 0.9  #: Share of lags within the 95 % bounds from which residuals pass for white.
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +260,7 @@ def _prewhitened(u: Array) -> Array:
     return np.asarray(past[:, -1] - past[:, :-1] @ solution)
 
 
-def _per_sample(e: Array, S: Array, used: NDArray[np.bool_]) -> float:
+def _per_sample(e: Array, S: Array, used: Bools) -> float:
     return float(-0.5 * np.mean(np.log(S[used]) + e[used] ** 2 / S[used]))
 
 

@@ -8,9 +8,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ambkit.base.arrays import real
+from ambkit.base.arrays import Array, real
 from ambkit.base.pickling import Copyable
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.identification.dead_time import acting
@@ -22,8 +22,6 @@ from ambkit.result.row import Row
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.machine import Bearing
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ambkit.base.arrays import Array
 from ambkit.estimate.augmented import AugmentedKalmanFilter
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.online.result import CONFIDENCE, OnlineResult
@@ -16,8 +17,6 @@ from ambkit.identification.online.result import CONFIDENCE, OnlineResult
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.machine import Bearing
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

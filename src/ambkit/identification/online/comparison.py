@@ -36,8 +36,7 @@ NAMES = {
 
 _THE = NAMES | {"augmented": "the Kalman filter with k"}
 
-LEARNERS = ("learners",)
-"""Section of its rows."""
+LEARNERS = ("learners",)  #: Section of its rows.
 
 NEAR = 0.01
 """Part of itself by which two constants may differ, whatever their errors: what discretisation and

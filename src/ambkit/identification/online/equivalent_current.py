@@ -10,14 +10,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ambkit.base.arrays import Array
 from ambkit.machine.magnets import ClosedLaw, magnet_of
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
-
-Array = NDArray[np.float64]
 
 
 def is_ideal(bearing: Bearing) -> bool:

@@ -5,18 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ambkit.base.arrays import Array, Bools
 from ambkit.result.row import Row
 
-Array = NDArray[np.float64]
-
-CONSTANT = "N m^2/A^2"
-"""Unit of a magnet constant."""
-
-CONFIDENCE = 1.96
-"""Standard errors to either side within which 95 % of normal estimates lie."""
+CONSTANT = "N m^2/A^2"  #: Unit of a magnet constant.
+CONFIDENCE = 1.96  #: Standard errors to either side within which 95 % of normal estimates lie.
 
 DRIFTING = 0.02
 """Part of itself by which a magnet constant moves in the last quarter if it has not settled."""
@@ -29,7 +22,7 @@ class OnlineResult:
     t: Array  #: (n,) Time [s].
     k: Array  #: (n,) Identified magnet constant [N m^2/A^2].
     #: (n,) Where k was held for want of excitation, or because a sample was bad.
-    held: NDArray[np.bool_]
+    held: Bools
 
     @property
     def magnet_constant(self) -> float:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import Given
 from ambkit.identification.online.adaline import AdalineResult, OnlineIdentifier, first_element
 from ambkit.machine.magnets import core_module
@@ -16,8 +17,6 @@ from ambkit.machine.magnets import core_module
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.machine import Bearing
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
