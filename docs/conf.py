@@ -65,12 +65,7 @@ html_css_files = ["ambkit.css"]
 html_copy_source = False
 html_show_sourcelink = False
 html_math_renderer = "mathml"
-html_sidebars = {  # elsewhere there are no neighbours to go to
-    "paper/*": ["sidebar-nav-bs"],
-    "api/*": ["sidebar-nav-bs"],
-    "learn/*": ["sidebar-nav-bs"],
-    "[!pa]*": [],
-}
+html_sidebars = {"index": []}  # the first page leads everywhere itself
 html_theme_options = {
     "logo": {"text": "ambkit"},
     "navbar_align": "left",
@@ -78,7 +73,7 @@ html_theme_options = {
     "navbar_end": ["theme-switcher"],
     "navigation_with_keys": False,
     "show_toc_level": 2,
-    "secondary_sidebar_items": {"[!pl]**": ["page-toc"], "paper/*": [], "learn/*": []},
+    "secondary_sidebar_items": {"**": ["page-toc"], "index": [], "paper/*": []},
     "footer_start": ["copyright"],
     "footer_end": ["sphinx-version"],
 }

@@ -1,4 +1,4 @@
-"""Compute what docs/comparison.md shows: python docs/make_comparison.py, some minutes.
+"""Compute what docs/explanation/comparison.md shows: python docs/make_comparison.py, some minutes.
 
 Writes docs/images/compare_*.png, and prints the figures that the page states. The pictures are
 committed, so that the pages are built without it.

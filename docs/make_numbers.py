@@ -1,9 +1,9 @@
-"""Compute the figures that README.md and docs/comparison.md state in their text.
+"""Compute the figures that README.md and docs/explanation/comparison.md state in their text.
 
 ``python docs/make_numbers.py`` prints all, in some minutes; with names, such as ``reproduction
 experiments``, these sections alone. What the pages show in tables, figures and output is computed
-when they are built. Pictures and tables of docs/comparison.md come from docs/make_comparison.py,
-those of docs/rig.md from examples/rig.py and ``python -m benchmarks.identification``.
+when they are built. Pictures and tables of docs/explanation/comparison.md come from docs/make_comparison.py,
+those of docs/explanation/rig.md from examples/rig.py and ``python -m benchmarks.identification``.
 """
 
 import os
@@ -60,12 +60,12 @@ def force_table() -> None:
 
 
 def excite() -> None:
-    """Print what the cells of docs/excite.md do: a load that nobody knows, coloured noise."""
-    page = (DOCS / "excite.md").read_text(encoding="utf-8")
+    """Print what the cells of docs/how-to/excite.md do: a load that nobody knows, coloured noise."""
+    page = (DOCS / "how-to" / "excite.md").read_text(encoding="utf-8")
     names: dict[str, object] = {}
     for cell in re.findall(r"^```{code-cell}\n(.*?)^```", page, re.MULTILINE | re.DOTALL):
         if not cell.startswith(":tags:"):  # a picture
-            exec(compile(cell, "docs/excite.md", "exec"), names)
+            exec(compile(cell, "docs/how-to/excite.md", "exec"), names)
 
 
 def experiments(count: int = 100) -> None:

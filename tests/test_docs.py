@@ -22,7 +22,7 @@ ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 INDEX = (DOCS / "paper" / "where.md").read_text(encoding="utf-8")
-CORE = (DOCS / "core.md").read_text(encoding="utf-8")
+CORE = (DOCS / "explanation" / "core.md").read_text(encoding="utf-8")
 
 ROLE = re.compile(r"\{py:\w+\}`(?:~|[^`<]*<)?([\w.]+)>?`")
 
@@ -139,7 +139,7 @@ def test_no_python_on_the_pages_goes_unrun():
 
 
 def test_the_pages_have_every_command():
-    page = (DOCS / "commands.md").read_text(encoding="utf-8")
+    page = (DOCS / "reference" / "commands.md").read_text(encoding="utf-8")
     assert re.findall(r"^## ambkit (\w+)$", page, re.MULTILINE) == list(commands())
     assert [name for name in commands() if f"{{manual}} {name}\n" not in page] == []
 

@@ -321,7 +321,7 @@ def test_estimates_of_a_gap_and_without_covariance_are_drawn() -> None:
 def test_the_page_runs_as_a_notebook(tmp_path: Path) -> None:
     nbformat, nbclient = (pytest.importorskip(name) for name in ("nbformat", "nbclient"))
     pytest.importorskip("ipykernel")
-    text = (Path(__file__).parent.parent / "docs" / "notebook.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parent.parent / "docs" / "start" / "notebook.md").read_text(encoding="utf-8")
     cells = re.findall(r"```\{code-cell\}\n(.*?)```", text, re.S)
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell) for cell in cells])
     resources = {"metadata": {"path": str(tmp_path)}}

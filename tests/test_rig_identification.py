@@ -24,7 +24,7 @@ def test_a_model_from_four_seconds_predicts_another_log():
     begun = log("sinusoidal_slow_linear-LQR_tracking-KF", 2.0, 6.0)
     found = maximum_likelihood(begun, LoopModel(ambkit.Bearing.preset("inteco_ml")), FREE)
     assert found.converged
-    # 15.6 um; the lift-offs and the log as a whole say 16.8 (docs/rig.md).
+    # 15.6 um; the lift-offs and the log as a whole say 16.8 (docs/explanation/rig.md).
     assert 13e-6 < found["measurement_noise"] ** 0.5 < 20e-6
     steps = log("step-LQI-KF", 2.0, 8.0)  # another controller, and it goes farther
     check = validate(found.model, steps, start=found.start, horizons=(1, 10), settling=0.2)
@@ -34,6 +34,6 @@ def test_a_model_from_four_seconds_predicts_another_log():
     assert check.fit[10] > 97
     assert check.of_start[10] < check.held[10]  # the start alone does not get there
     assert check.gain > 0.1
-    # What docs/rig.md says of the model's limits is said here, too.
+    # What docs/explanation/rig.md says of the model's limits is said here, too.
     assert not check.good
     assert "not white" in check.verdict
