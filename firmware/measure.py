@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ambkit import Bearing, Record, stiffness_map
+from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import cost, export_c
@@ -16,7 +17,7 @@ from ambkit.export.stiffness_table import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.magnets import MagnetModel
 from ambkit.simulation.run import simulate
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Step
 from firmware import harness, path
 

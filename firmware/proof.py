@@ -17,10 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from ambkit.base import files
+from ambkit.control.control import Control
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c, proof
 from ambkit.export.c.c_literals import CPrecision
-from ambkit.simulation.scenario import Control, Scenario
+from ambkit.simulation.scenario import Scenario
 from firmware import measure
 
 NAMES = tuple(name for name in KINDS if name not in ("steady-state", measure.UNMEASURED))

@@ -14,6 +14,7 @@ import ambkit
 from ambkit import Bearing, FilterNoise, KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
+from ambkit.control.control import Control
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.export.c import export_c
@@ -22,7 +23,8 @@ from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.load_following import least_process_noise, load_capacity
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
 from ambkit.machine.presets import machine_names
-from ambkit.simulation.scenario import Control, Scenario, Step
+from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.waveforms import Step
 from ambkit.workflow import design_candidates, identify
 
 AXIS, BALL = Bearing.preset("zittau_axial"), Bearing.preset("inteco_ml")

@@ -11,6 +11,10 @@ import ambkit
 from ambkit import PID, Bearing, Control, Scenario
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.base.errors import AmbkitError
+from ambkit.control.linear.closed_loop import Loop
+from ambkit.control.linear.linear_controller import compensator, controller
+from ambkit.control.linear.linear_plant import OperatingPoint, plant
+from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.loop.bounds import least_peaks
 from ambkit.judge.loop.margins import bode_integral, margins
@@ -18,10 +22,6 @@ from ambkit.machine import presets
 from ambkit.models import machine_parts
 from ambkit.models.linear import LinearSystem, Signal, linearised
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.simulation.linear.closed_loop import Loop
-from ambkit.simulation.linear.linear_controller import compensator, controller
-from ambkit.simulation.linear.linear_plant import OperatingPoint, plant
-from ambkit.simulation.linear.steady_state_filter import estimator_at
 from ambkit.simulation.run import simulate
 
 ZITTAU = Bearing.preset("zittau_axial")

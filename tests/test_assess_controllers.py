@@ -11,10 +11,11 @@ from ambkit.assessment.amplitude_sweep import _MachineRig
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
+from ambkit.control.control import Control
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.rotordynamics.campbell import stiffnesses
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import Control, Scenario
+from ambkit.simulation.scenario import Scenario
 
 TUM = Machine.preset("tum_mlps")
 TILT = Control(type="translation and tilt")

@@ -12,12 +12,12 @@ from ambkit import Machine
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.assessment.speed_sweep import assess_over_speed
 from ambkit.base.errors import AmbkitError
+from ambkit.control.linear.closed_loop import Loop
+from ambkit.control.linear.linear_plant import OperatingPoint
+from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.result.page import write_result
 from ambkit.rotordynamics.balance_grades import unbalance_forces
-from ambkit.simulation.linear.closed_loop import Loop
-from ambkit.simulation.linear.linear_plant import OperatingPoint
-from ambkit.simulation.linear.steady_state_filter import estimator_at
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 

@@ -10,8 +10,8 @@ import ambkit
 from ambkit import Machine
 from ambkit.assessment.speed_sweep import assess_over_speed, told_speed
 from ambkit.base.errors import AmbkitError
-from ambkit.simulation.linear.linear_plant import OperatingPoint
-from ambkit.simulation.linear.steady_state_filter import estimator_at
+from ambkit.control.linear.linear_plant import OperatingPoint
+from ambkit.control.linear.steady_state_filter import estimator_at
 
 RPM = math.pi / 30
 UFU = Machine.preset("ufu_rig")

@@ -16,11 +16,12 @@ from export_cases import BEARING, KINDS, PRECISIONS, export
 from machine_cases import machine
 
 from ambkit import KalmanFilter, Scenario
+from ambkit.control.control import Control
+from ambkit.control.controller_states import settling_of
+from ambkit.control.lift_off_sequence import LiftOff
+from ambkit.control.pid import PID
 from ambkit.estimate.registry import learned_magnet
 from ambkit.export.c import CExport, export_c
-from ambkit.simulation.controller_states import settling_of
-from ambkit.simulation.lift_off_sequence import LiftOff
-from ambkit.simulation.scenario import PID, Control
 from ambkit.simulation.waveforms import Ramp
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")

@@ -15,9 +15,7 @@ from test_machine_export import compiled
 
 import ambkit
 from ambkit import AmbkitError, Control, Scenario
-from ambkit.export.c import export_c
-from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.simulation.blocks import (
+from ambkit.control.blocks import (
     Biquad,
     Block,
     LeadLag,
@@ -26,8 +24,10 @@ from ambkit.simulation.blocks import (
     StateSpace,
     gain_at_rest,
 )
+from ambkit.control.linear.linear_controller import controller
+from ambkit.export.c import export_c
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.simulation.linear.linear_controller import controller
 
 T = 1e-4
 THIRD = np.array([[-900.0, 0, 0], [400.0, -700.0, 2000.0], [0, -2000.0, -700.0]])

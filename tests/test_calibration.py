@@ -18,13 +18,13 @@ from export_cases import INCLUDES, SAME_BITS, STRICT, program
 from ambkit import Bearing, FilterNoise, KalmanFilter, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
+from ambkit.control.control import Control
+from ambkit.control.controller_states import Controller
+from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.export import a2l
 from ambkit.export.c import CExport, export_c
 from ambkit.export.c.calibration import PARAMETERS
-from ambkit.simulation.controller_states import Controller
-from ambkit.simulation.lift_off_sequence import LiftOff
 from ambkit.simulation.run import simulate
-from ambkit.simulation.scenario import Control
 
 BEARING = Bearing.preset("zittau_axial")
 TIMES = LiftOff(wait=2e-3, lift=0.02, land=0.02)

@@ -29,10 +29,10 @@ from ambkit.campaigns.statistics import clopper_pearson, looks
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.study_tables import UNITS
 from ambkit.campaigns.worker import compute
+from ambkit.control.linear.linear_plant import OperatingPoint, plant, plants
+from ambkit.control.linear.steady_state_filter import estimator_at, estimators_at
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.simulation import many
-from ambkit.simulation.linear.linear_plant import OperatingPoint, plant, plants
-from ambkit.simulation.linear.steady_state_filter import estimator_at, estimators_at
 
 ROOT = Path(__file__).parent.parent
 

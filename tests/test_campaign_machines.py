@@ -18,13 +18,13 @@ from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.run import campaign
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.worker import compute
+from ambkit.control.control import Control
+from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.show.plots.campaign import in_words
-from ambkit.simulation.lift_off_sequence import LiftOff
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.run_figures import OF_SEVERAL, figures_of
-from ambkit.simulation.scenario import Control
 from ambkit.simulation.waveforms import Constant, Ramp
 
 ROOT = Path(__file__).parent.parent

@@ -7,9 +7,9 @@ import pytest
 from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
 
 from ambkit import AmbkitError, ConstantStiffness, Machine, campbell
+from ambkit.control.pid import PID
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.result.report import static
-from ambkit.simulation.scenario import PID
 
 
 def test_modes_at_rest_are_those_of_its_axes_alone() -> None:

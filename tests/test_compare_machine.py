@@ -9,10 +9,10 @@ import pytest
 
 from ambkit import AmbkitError, Bearing, KalmanFilter, Machine, compare
 from ambkit.cli.main import main
+from ambkit.control.stabilising_controller import holding
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import CASES, trials
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.stabilising_controller import holding
 
 MACHINE = Machine.preset("tum_mlps")
 

@@ -18,16 +18,17 @@ from export_cases import SAME_BITS, STRICT, program, understood
 from ambkit import Bearing, ExtendedKalmanFilter, KalmanFilter, Scenario, Step
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
+from ambkit.control.blocks import LeadLag, Notch
+from ambkit.control.control import Control
+from ambkit.control.controller_states import Controller
+from ambkit.control.lift_off_sequence import LiftOff, Mode
+from ambkit.control.pid import PID
 from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.estimate.estimate import Status
 from ambkit.estimate.estimator import Estimator
 from ambkit.export.c import CExport, export_c
-from ambkit.simulation.blocks import LeadLag, Notch
-from ambkit.simulation.controller_states import Controller
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
-from ambkit.simulation.lift_off_sequence import LiftOff, Mode
 from ambkit.simulation.run import simulate, simulate_run
-from ambkit.simulation.scenario import PID, Control
 
 BEARING = Bearing.preset("zittau_axial")
 GAINED = BEARING.replace(sensor__gain=0.8, amplifier__gain=1.6)

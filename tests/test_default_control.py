@@ -11,19 +11,16 @@ import ambkit
 from ambkit import Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
+from ambkit.control.control import Control
+from ambkit.control.control_candidates import REGULATORS
+from ambkit.control.default_control import AS_GOOD, FACTOR, default_control
+from ambkit.control.stabilising_controller import ENOUGH
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import grid
-from ambkit.simulation.control_candidates import REGULATORS
-from ambkit.simulation.default_control import (
-    AS_GOOD,
-    FACTOR,
-    default_control,
-    settled_scenario,
-)
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import Control, Scenario
-from ambkit.simulation.stabilising_controller import ENOUGH
+from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario_control import settled_scenario
 from ambkit.simulation.waveforms import Ramp
 from ambkit.workflow.design_control import control_for
 

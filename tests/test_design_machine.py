@@ -12,12 +12,14 @@ import ambkit
 from ambkit import Machine
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.cli.main import main
+from ambkit.control.control import Control
+from ambkit.control.pid import PID
+from ambkit.control.stabilising_controller import overshoot
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine import presets
 from ambkit.machine.force_laws import slowest_time
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import PID, Control, Reference, Scenario
-from ambkit.simulation.stabilising_controller import overshoot
+from ambkit.simulation.scenario import Reference, Scenario
 from ambkit.simulation.waveforms import Step
 from ambkit.workflow.design import FILES, design
 from ambkit.workflow.design_candidates import objections_to

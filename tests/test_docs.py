@@ -109,7 +109,7 @@ def test_the_readme_shows_the_floors_that_are_checked():
         shown += [[]] if floor else []
         shown[-1].append(room.strip("`"))
     assert shown == checked
-    assert len(shown) <= 12
+    assert len(shown) <= 15  # the rooms of the design, no two of them on the same task
     rooms = {path.parent.name for path in (ROOT / "src/ambkit").glob("*/__init__.py")}
     assert rooms == {room for floor in shown for room in floor}
 

@@ -20,14 +20,14 @@ from test_plant_parts import HEAVY, driven
 
 import ambkit
 from ambkit import PID, Bearing, Machine, Scenario, Sine
+from ambkit.control.control import Control
+from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.export.c import export_c
 from ambkit.machine.magnets import ConstantStiffness
+from ambkit.models import plant_parts
 from ambkit.models.continuous import Behind
-from ambkit.simulation import plant_parts
-from ambkit.simulation.linear.linear_plant import OperatingPoint, plant
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import Control
 
 LAG = 0.3e-3
 ZITTAU = Bearing.preset("zittau_axial")

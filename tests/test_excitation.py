@@ -16,11 +16,11 @@ import ambkit
 from ambkit import Bearing, Record, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
+from ambkit.control.pid import PID
 from ambkit.identification.excitation import Design, Limits, design
 from ambkit.identification.excitation.signals import KINDS, multisine, prbs, stepped_sine
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
-from ambkit.simulation.scenario import PID
 
 BEARING = Bearing.preset("zittau_axial")
 LOOP = Scenario(duration=1.0, controller=PID.textbook(BEARING))

@@ -17,14 +17,14 @@ from typer.testing import CliRunner
 
 from ambkit import AmbkitError, KalmanFilter, Machine, Scenario, simulate_run
 from ambkit.cli.app import app
+from ambkit.control.control import Control
+from ambkit.control.controller_states import Controller
+from ambkit.control.controllers import controllers_of
+from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.export.c import export_c
 from ambkit.export.c.controller_test_cases import vectors
-from ambkit.simulation.controller_states import Controller
-from ambkit.simulation.controllers import controllers_of
+from ambkit.models.plant import Plant
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.simulation.lift_off_sequence import LiftOff
-from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import Control
 
 CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
 UNBALANCE = {"synchronous": ("unbalance",)}

@@ -17,8 +17,8 @@ import pytest
 
 from ambkit import KalmanFilter, Machine, Scenario
 from ambkit.base.errors import AmbkitError
+from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.export.fmu import export_fmu
-from ambkit.simulation.lift_off_sequence import LiftOff
 from ambkit.simulation.run import Run, simulate_run
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")

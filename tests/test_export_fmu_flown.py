@@ -17,10 +17,10 @@ import pytest
 import ambkit
 from ambkit import PID, Bearing, Control, KalmanFilter, Scenario
 from ambkit.base.errors import AmbkitError
+from ambkit.control.controller_states import Controller
+from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.estimate.registry import KINDS
 from ambkit.export.fmu import export_fmu, export_ssp
-from ambkit.simulation.controller_states import Controller
-from ambkit.simulation.lift_off_sequence import LiftOff, Mode
 from ambkit.simulation.noise import drawn
 from ambkit.simulation.run import Run, simulate_run
 

@@ -11,6 +11,8 @@ import pytest
 
 import ambkit
 from ambkit import AmbkitError, Bearing, Scenario, Sine, Status
+from ambkit.control.control import Control
+from ambkit.control.pid import PID
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.faults import FAULTS, FaultCampaign, inject_faults
 from ambkit.judge.faults.fault_run import Flight
@@ -19,7 +21,6 @@ from ambkit.judge.faults.faults import CLEAN, Channel
 from ambkit.show.plots.faults import faults_figure
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import PID, Control
 
 PAPER = Bearing.preset("zittau_axial")
 BEARINGS = {

@@ -19,6 +19,7 @@ from magnet_at import differences, force, tangent, through_origin
 import ambkit
 from ambkit import Bearing, ClosedLaw, Scenario, magnet_of, train
 from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
@@ -35,7 +36,6 @@ from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.forces.spline import ACCURACY, patches
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import PID
 
 CORE = core_module()
 IU, X = fe_map.grid()

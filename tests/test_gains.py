@@ -5,12 +5,13 @@ import pytest
 from scipy import signal
 
 from ambkit import Bearing, KalmanFilter, Machine, Scenario, Step
+from ambkit.control.control import Control
+from ambkit.control.pid import PID
+from ambkit.control.stabilising_controller import chosen, weight_of
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
-from ambkit.simulation.plant import Plant
+from ambkit.models.plant import Plant
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import PID, Control
-from ambkit.simulation.stabilising_controller import chosen, weight_of
 from ambkit.simulation.waveforms import Constant
 
 

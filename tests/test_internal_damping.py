@@ -12,13 +12,14 @@ from test_machine_bending import ROSS, ufu
 
 from ambkit import ConfigError, KalmanFilter, Machine, campbell
 from ambkit.base.errors import RecordError
+from ambkit.control.control import Control
+from ambkit.control.stabilising_controller import holding
 from ambkit.machine.rotors.matrix_file import read_matrices
 from ambkit.machine.rotors.modes import reduced
 from ambkit.models.continuous import continuous, open_loop
 from ambkit.models.machine_parts import machine_model
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import Control, Scenario
-from ambkit.simulation.stabilising_controller import holding
+from ambkit.simulation.scenario import Scenario
 
 FIRST = 2 * np.pi * 100
 OUTER, INNER = 0.004, 0.016

@@ -9,10 +9,10 @@ import math
 import numpy as np
 import pytest
 
+from ambkit.control.linear.closed_loop import Loop
 from ambkit.judge.loop.margins import bode_integral, grid, highest, margins
 from ambkit.models.linear import LinearSystem, Signal, linearised
 from ambkit.models.parts import Amplifier, Delay, Disturbance, MagnetPlace, Rotor, Sensor
-from ambkit.simulation.linear.closed_loop import Loop
 
 T, K_I, K_S = 1e-4, 59.855034, 191_843.057
 MASS, TRANSVERSE, POLAR = 3.27306135, 0.125420374, 0.003642621

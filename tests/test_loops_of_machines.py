@@ -11,13 +11,13 @@ import pytest
 from machine_cases import AND_LONG, RIGID_AND_LONG, made
 
 from ambkit import PID, Machine
+from ambkit.control.linear.closed_loop import Loop
+from ambkit.control.linear.linear_plant import OperatingPoint, plant
+from ambkit.control.stabilising_controller import holding
 from ambkit.judge.loop.bounds import least_peak_of_delay, least_peaks
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import bode_integral, grid, highest
 from ambkit.models.linear import LinearSystem, Signal
-from ambkit.simulation.linear.closed_loop import Loop
-from ambkit.simulation.linear.linear_plant import OperatingPoint, plant
-from ambkit.simulation.stabilising_controller import holding
 
 RPM = math.pi / 30
 UFU = Machine.preset("ufu_rig")

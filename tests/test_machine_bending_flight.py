@@ -12,16 +12,17 @@ from test_machine_flight import CORE, LOADS, at_rest, released
 
 from ambkit import Machine, Scenario, judge_states, simulate_run
 from ambkit.base.errors import AmbkitError
+from ambkit.control.control import Control
+from ambkit.control.pid import PID
+from ambkit.control.stabilising_controller import _Search, chosen, holding
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.models import exponential
 from ambkit.models.continuous import continuous, open_loop
 from ambkit.models.machine_parts import machine_model
+from ambkit.models.plant import Plant
 from ambkit.rotordynamics.campbell import stiffnesses
-from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import PID, Control
-from ambkit.simulation.stabilising_controller import _Search, chosen, holding
 from ambkit.simulation.waveforms import Ramp
 
 UFU = "ufu_flexible"

@@ -7,13 +7,15 @@ import pytest
 import ambkit
 from ambkit import KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.control.control import Control
+from ambkit.control.controllers import controllers_of
+from ambkit.control.pid import PID
+from ambkit.control.regulator import regulator
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
-from ambkit.simulation.controllers import controllers_of
-from ambkit.simulation.plant import Plant
-from ambkit.simulation.regulator import regulator
+from ambkit.models.plant import Plant
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import PID, Control, Disturbance, Reference, Scenario
+from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Ramp, Step
 
 MACHINES = ("hindawi_2011", "tum_mlps", "ufu_rig")

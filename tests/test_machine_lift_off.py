@@ -16,12 +16,13 @@ from machine_cases import AND_LONG, PRESETS, Array
 from quick import quick
 
 from ambkit import AmbkitError, KalmanFilter, Machine, Record, Scenario, harmonics
+from ambkit.control.control import Control
+from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.simulation.lift_off_sequence import LiftOff, Mode
 from ambkit.simulation.run import Run, simulate_run
-from ambkit.simulation.scenario import Control, Disturbance
+from ambkit.simulation.scenario import Disturbance
 from ambkit.simulation.waveforms import Ramp, Step
 from ambkit.workflow.filter import filter as filter_record
 

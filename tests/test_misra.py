@@ -19,9 +19,9 @@ from export_cases import BEARING, CASES
 from machine_cases import machine
 
 from ambkit import PID, Scenario
+from ambkit.control.control import Control
+from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.export.c import CExport, export_c
-from ambkit.simulation.lift_off_sequence import LiftOff
-from ambkit.simulation.scenario import Control
 from ambkit.simulation.waveforms import Ramp
 
 BIN = Path(sys.executable).parent

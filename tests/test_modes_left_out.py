@@ -12,6 +12,7 @@ import pytest
 from ambkit import KalmanFilter, Machine, campbell
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assessment import Assessment
+from ambkit.control.control import Control
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.rotors.descriptions import ShaftRotor
 from ambkit.machine.rotors.whirl import (
@@ -25,7 +26,6 @@ from ambkit.machine.rotors.whirl import (
 from ambkit.rotordynamics.campbell import CriticalSpeed
 from ambkit.rotordynamics.modal_reduction import Reduction, reduction
 from ambkit.rotordynamics.separation_margins import Separation, separations
-from ambkit.simulation.scenario import Control
 from ambkit.workflow.check import inspect
 
 RPM = math.pi / 30

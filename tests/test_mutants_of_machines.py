@@ -15,10 +15,10 @@ import unseen
 from machine_cases import gained
 
 from ambkit import KalmanFilter, Scenario
+from ambkit.control.control import Control
+from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.export.c import export_c
-from ambkit.simulation.default_control import settled_scenario
-from ambkit.simulation.lift_off_sequence import LiftOff
-from ambkit.simulation.scenario import Control
+from ambkit.simulation.scenario_control import settled_scenario
 
 pytestmark = [
     pytest.mark.long,

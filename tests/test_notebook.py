@@ -19,11 +19,11 @@ import ambkit
 from ambkit import Bearing, Estimate, Expert, KalmanFilter, Record
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si
+from ambkit.control.control import Control
 from ambkit.judge.comparison import compare
 from ambkit.judge.comparison.score import Benches
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Heatmap
-from ambkit.simulation.scenario import Control
 from ambkit.workflow.compare_steps import LoopScores, compare_in_case
 from ambkit.workflow.design_candidates import TunedCandidate
 from ambkit.workflow.designed import Design
@@ -321,7 +321,9 @@ def test_estimates_of_a_gap_and_without_covariance_are_drawn() -> None:
 def test_the_page_runs_as_a_notebook(tmp_path: Path) -> None:
     nbformat, nbclient = (pytest.importorskip(name) for name in ("nbformat", "nbclient"))
     pytest.importorskip("ipykernel")
-    text = (Path(__file__).parent.parent / "docs" / "start" / "notebook.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parent.parent / "docs" / "start" / "notebook.md").read_text(
+        encoding="utf-8"
+    )
     cells = re.findall(r"```\{code-cell\}\n(.*?)```", text, re.S)
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell) for cell in cells])
     resources = {"metadata": {"path": str(tmp_path)}}

@@ -11,9 +11,9 @@ from ambkit.assessment.assess import MEASUREMENT
 from ambkit.assessment.orbit import on_orbit
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
+from ambkit.control.linear.linear_plant import OperatingPoint, Orbit, plant
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import magnet_of
-from ambkit.simulation.linear.linear_plant import OperatingPoint, Orbit, plant
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 

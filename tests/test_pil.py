@@ -16,13 +16,13 @@ import ambkit
 from ambkit import Bearing, KalmanFilter, Machine, Record, Scenario, Step
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
+from ambkit.control.control import Control
+from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.export.c import export_c
 from ambkit.export.pil import boards, build, pil
 from ambkit.export.pil.processor import Processor
-from ambkit.simulation.lift_off_sequence import LiftOff, Mode
-from ambkit.simulation.scenario import Control
 from ambkit.simulation.waveforms import Ramp
 
 BEARING = Bearing.preset("zittau_axial")

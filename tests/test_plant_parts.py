@@ -19,8 +19,8 @@ from ambkit import Bearing
 from ambkit.machine import presets
 from ambkit.machine.accessories import ColouredNoise, Hum
 from ambkit.machine.magnets import core_module
+from ambkit.models import plant_parts as plant_parts
 from ambkit.simulation import noise as plant_noise
-from ambkit.simulation import plant_parts as plant_parts
 from ambkit.simulation.noise import Stream
 from ambkit.simulation.run import Loop
 

@@ -15,10 +15,10 @@ from export_cases import KINDS, command, export
 from quick import quick
 
 from ambkit import Machine, Scenario
+from ambkit.control.lift_off_sequence import LiftOff
+from ambkit.control.pid import PID
 from ambkit.export.c import CExport, export_c, proof
 from ambkit.export.c.c_literals import CPrecision
-from ambkit.simulation.lift_off_sequence import LiftOff
-from ambkit.simulation.scenario import PID
 from firmware import proof as prover
 
 Exported = Callable[..., CExport]

@@ -221,7 +221,7 @@ SHAKEN = Scenario.model_validate(
         "duration": 0.5,
         "seed": 4,
         "reference": {"type": "sine", "amplitude": 0.1e-3, "frequency": 5.0},
-        "controller": ambkit.simulation.scenario.PID.for_bearing(TWO_SIDED).model_dump(),
+        "controller": ambkit.PID.for_bearing(TWO_SIDED).model_dump(),
     }
 )
 

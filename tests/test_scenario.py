@@ -12,25 +12,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambkit.base.errors import ConfigError
+from ambkit.control.pid import PID
 from ambkit.data.record import Record
 from ambkit.machine import presets
 from ambkit.machine.machine import Bearing
 from ambkit.simulation import scenario as scenario_module
 from ambkit.simulation.run import simulate
-from ambkit.simulation.scenario import (
-    PID,
+from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.waveforms import (
     Constant,
+    HalfSine,
     Impulse,
     Ramp,
     Recorded,
-    Scenario,
     Sequence,
     Sine,
     Step,
     Sum,
     Waveform,
 )
-from ambkit.simulation.waveforms import HalfSine
 
 T = 1e-3
 t = T * np.arange(101)

@@ -15,8 +15,8 @@ from ambkit import (
     to_control,
 )
 from ambkit.base.errors import AmbkitError
+from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.export import statespace
-from ambkit.simulation.linear.linear_plant import OperatingPoint
 
 LOOPS = [
     Control(kp=3000.0, ki=20000.0, kd=12.0, setpoint_weight=0.7, feedback="estimate"),

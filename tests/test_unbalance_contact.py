@@ -11,13 +11,14 @@ import ambkit
 from ambkit import KalmanFilter, Machine
 from ambkit.assessment.loop import assessed
 from ambkit.assessment.rows import of_loop
+from ambkit.control.control import Control
+from ambkit.control.controllers import controllers_of
+from ambkit.control.stabilising_controller import holding
+from ambkit.control.synchronous_compensation import _Rotor
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.simulation.controllers import controllers_of
-from ambkit.simulation.plant import Plant
+from ambkit.models.plant import Plant
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import Control, Scenario
-from ambkit.simulation.stabilising_controller import holding
-from ambkit.simulation.synchronous_compensation import _Rotor
+from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Constant, Ramp, Sum
 
 OVERHUNG = Path(__file__).parent / "data" / "overhung.toml"

@@ -13,8 +13,8 @@ from machine_cases import machine
 from ambkit import Bearing, assess
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.assessment.assessment import Assessment
+from ambkit.control.pid import PID
 from ambkit.result.report import static
-from ambkit.simulation.scenario import PID
 
 PLANTS = {
     "axis": lambda: assess(Bearing.preset("zittau_axial"), "linear", SHAKY),

@@ -10,10 +10,10 @@ import pytest
 import ambkit
 from ambkit import Bearing, KalmanFilter, Scenario, Sine
 from ambkit.base.errors import AmbkitError
+from ambkit.control.linear.closed_loop import Loop
+from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.machine import presets
-from ambkit.simulation.linear.closed_loop import Loop
-from ambkit.simulation.linear.linear_plant import OperatingPoint, plant
 from ambkit.simulation.run import simulate
 
 ZITTAU = Bearing.preset("zittau_axial")

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.control.control import Control
 from ambkit.estimate.estimate import Estimate
 from ambkit.judge.comparison import rmse
 from ambkit.machine.magnets import evaluate_stiffness
@@ -14,7 +15,6 @@ from ambkit.result.report.blocks import Chapter, FigureBlock, Text
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Rule
 from ambkit.simulation.run import Run
-from ambkit.simulation.scenario import Control
 from paper.study import (
     POSITION,
     SEEDS,

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.control.control import Control
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.fuzzy.expert import Expert
@@ -22,7 +23,7 @@ from ambkit.result.report.blocks import Chapter
 from ambkit.result.report.items import Axis
 from ambkit.result.report.summary import SummaryRow
 from ambkit.simulation.run import Run, simulate_run
-from ambkit.simulation.scenario import Control, Scenario
+from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Constant, Step
 
 SEEDS = 20

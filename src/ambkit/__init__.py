@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from ambkit.campaigns.campaign import Campaign as Campaign
     from ambkit.campaigns.run import campaign as campaign
     from ambkit.campaigns.study import Study as Study
+    from ambkit.control.control import Control as Control
+    from ambkit.control.pid import PID as PID
     from ambkit.data.reading.reader import load as load
     from ambkit.data.reading.reader import read as read
     from ambkit.data.record import Record as Record
@@ -62,8 +64,6 @@ if TYPE_CHECKING:
     from ambkit.rotordynamics.spectrogram import waterfall as waterfall
     from ambkit.simulation.many import Planned as Planned
     from ambkit.simulation.many import simulate_many as simulate_many
-    from ambkit.simulation.scenario import PID as PID
-    from ambkit.simulation.scenario import Control as Control
     from ambkit.simulation.scenario import Scenario as Scenario
     from ambkit.simulation.waveforms import Constant as Constant
     from ambkit.simulation.waveforms import HalfSine as HalfSine
@@ -100,6 +100,8 @@ if TYPE_CHECKING:
 
 _HOME = {
     "base.errors": ["AmbkitError", "ConfigError", "RecordError"],
+    "control.control": ["Control"],
+    "control.pid": ["PID"],
     "data.reading.reader": ["load", "read"],
     "data.record": ["Record"],
     "data.telemetry": ["read_telemetry"],
@@ -132,7 +134,7 @@ _HOME = {
     "machine.stiffness": ["StiffnessMap", "stiffness_map"],
     "result.result": ["Result"],
     "simulation.many": ["Planned", "simulate_many"],
-    "simulation.scenario": ["PID", "Control", "Scenario"],
+    "simulation.scenario": ["Scenario"],
     "simulation.waveforms": [
         "Constant",
         "HalfSine",

@@ -18,6 +18,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.threads import one_thread
 from ambkit.base.units import engineering, percent
+from ambkit.control.pid import PID
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation.signals import sparse_multisine
@@ -28,8 +29,8 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import PID, Injection, Scenario
 from ambkit.simulation.scenario import Disturbance as Load
+from ambkit.simulation.scenario import Injection, Scenario
 from ambkit.simulation.waveforms import Constant, Recorded, Sine
 
 if TYPE_CHECKING:

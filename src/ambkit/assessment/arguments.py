@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from ambkit.assessment.plausibility import check_plausibility
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.quantity_arguments import in_si, names_in, of_type
+from ambkit.control.control import Control
+from ambkit.control.controllers import TYPES
+from ambkit.control.linear.steady_state_filter import tells
 from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.data.reading import load_filled
 from ambkit.data.record import Record
@@ -22,17 +25,15 @@ from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_
 from ambkit.estimate.user_filter import OwnEstimator, is_own
 from ambkit.machine.disturbance_force import load_machine
 from ambkit.machine.machine import Machine
-from ambkit.simulation import default_control
-from ambkit.simulation.controllers import TYPES
-from ambkit.simulation.linear.steady_state_filter import tells
-from ambkit.simulation.scenario import Control, Scenario
+from ambkit.simulation import scenario_control
+from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Constant
 
 if TYPE_CHECKING:
+    from ambkit.control.pid import PID
     from ambkit.data.input_scaling import Inputs
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.simulation.scenario import PID
 
 NOTES = logging.getLogger("ambkit")
 
@@ -184,9 +185,9 @@ def given_controller(machine: Machine, value: Any) -> tuple[PID | None, dict[str
         for axis, signal in scenario.by_axis("disturbance", axes[0]) if isinstance(signal, Constant)
     }  # fmt: skip
     control = scenario.controller
-    if default_control.fastest_of(machine, scenario) > abs(machine.speed):
-        control = default_control.control_of(machine, scenario)
-    return control, forces, default_control.feedback_of(machine, scenario) == "measurement"
+    if scenario_control.fastest_of(machine, scenario) > abs(machine.speed):
+        control = scenario_control.control_of(machine, scenario)
+    return control, forces, scenario_control.feedback_of(machine, scenario) == "measurement"
 
 
 def given_orbit(orbit: Any) -> Any:

@@ -13,9 +13,9 @@ from ambkit.assessment.orbit import on_orbit
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.threads import one_thread
+from ambkit.control.pid import PID
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.machine import Machine
-from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

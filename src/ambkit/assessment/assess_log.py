@@ -27,8 +27,9 @@ from ambkit.result.row import At, Row, put
 from ambkit.result.sections import Section
 
 if TYPE_CHECKING:
+    from ambkit.control.control import Control
+    from ambkit.control.pid import PID
     from ambkit.result.report.figure import Figure
-    from ambkit.simulation.scenario import PID, Control
 
 BASIS = (
     "Zones after ISO 14839-3, of one record at the frequencies that it tells: an aid, not a "

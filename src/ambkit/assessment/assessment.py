@@ -13,6 +13,8 @@ from ambkit.assessment import rows as rows
 from ambkit.assessment.loop import AssessedLoop
 from ambkit.base import units
 from ambkit.base.units import engineering
+from ambkit.control.linear.linear_plant import OperatingPoint
+from ambkit.control.pid import PID
 from ambkit.data.signals import by_name
 from ambkit.judge.loop.loop_of import ZONES, LoopOf, ideal_pieces
 from ambkit.machine.machine import Machine
@@ -23,8 +25,6 @@ from ambkit.rotordynamics.balance_grades import Grade, grade_of, of_grades, unba
 from ambkit.rotordynamics.modal_reduction import reduction
 from ambkit.rotordynamics.separation_margins import BASIS as BASIS_OF_MARGINS
 from ambkit.rotordynamics.separation_margins import Separation, sentence, separations
-from ambkit.simulation.linear.linear_plant import OperatingPoint
-from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

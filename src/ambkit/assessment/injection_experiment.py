@@ -24,10 +24,10 @@ from ambkit.identification.excitation.signals import Excitation, sparse_multisin
 from ambkit.judge.loop.measured_sensitivity import measured_sensitivity
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.rotors.whirl import end_of_range
-from ambkit.simulation.default_control import settled_scenario
 from ambkit.simulation.run import samples, simulate_run
 from ambkit.simulation.scenario import Injection as Added
 from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario_control import settled_scenario
 from ambkit.simulation.waveforms import Recorded
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from ambkit.control.linear.closed_loop import Loop
 from ambkit.judge.loop.capacity import Demands, demands
 from ambkit.judge.loop.loop_of import LoopOf, zone_of
 from ambkit.judge.loop.margins import (
@@ -20,7 +21,6 @@ from ambkit.judge.loop.margins import (
     margins,
     unstable_poles,
 )
-from ambkit.simulation.linear.closed_loop import Loop
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,15 +9,15 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
+from ambkit.control.linear.linear_plant import OperatingPoint, Orbit
 from ambkit.judge.loop.capacity import of_unbalance, orbit, pairs_of
 from ambkit.machine.magnets import magnet_of
-from ambkit.simulation.linear.linear_plant import OperatingPoint, Orbit
 
 if TYPE_CHECKING:
+    from ambkit.control.linear.closed_loop import Loop
     from ambkit.estimate.estimator import Estimator
     from ambkit.judge.loop.loop_of import LoopOf
     from ambkit.models.linear import Complex
-    from ambkit.simulation.linear.closed_loop import Loop
 
 TURNS, SAME = 60, 1e-6
 """Iterations at most, and the relative change of an orbit at which they end."""

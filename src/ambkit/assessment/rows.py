@@ -18,8 +18,8 @@ from ambkit.rotordynamics.balance_grades import Grade
 
 if TYPE_CHECKING:
     from ambkit.assessment.loop import AssessedAxis, AssessedLoop
+    from ambkit.control.control import Control
     from ambkit.estimate.estimator import Estimator
-    from ambkit.simulation.scenario import Control
 
 VERDICT = "zone overall"
 """Name of the row that judges a loop."""

@@ -18,6 +18,7 @@ from ambkit.base import units
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.threads import one_thread
+from ambkit.control.pid import PID
 from ambkit.judge.loop.capacity import (
     ROOM,
     SIGMAS,
@@ -36,12 +37,11 @@ from ambkit.result.result import Result
 from ambkit.result.row import At, Row, put
 from ambkit.result.sections import Section
 from ambkit.rotordynamics.separation_margins import separations
-from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
+    from ambkit.control.linear.closed_loop import Loop
     from ambkit.estimate.estimator import Estimator
     from ambkit.result.report.figure import Figure
-    from ambkit.simulation.linear.closed_loop import Loop
 
 Array = NDArray[np.float64]
 

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.campaigns.study_checks import completed
+from ambkit.control.control import Control
+from ambkit.control.controllers import TYPES, Controllers, controllers_of
+from ambkit.control.default_control import is_default
 from ambkit.machine.machine import Machine
-from ambkit.simulation.controllers import TYPES, Controllers, controllers_of
-from ambkit.simulation.default_control import is_default, settled_scenario
+from ambkit.models.plant import Plant
 from ambkit.simulation.many import Planned
-from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import Control, Scenario
+from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario_control import settled_scenario
 
 if TYPE_CHECKING:
     from ambkit.campaigns.study import Study

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.control.linear.linear_controller import compensator, controller
+from ambkit.control.linear.linear_plant import OperatingPoint, alike, plants
+from ambkit.control.linear.steady_state_filter import estimator_at, estimators_at, tells
 from ambkit.estimate.batch import processors
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.rotors.whirl import end_of_range
-from ambkit.simulation.linear.linear_controller import compensator, controller
-from ambkit.simulation.linear.linear_plant import OperatingPoint, alike, plants
-from ambkit.simulation.linear.steady_state_filter import estimator_at, estimators_at, tells
 from ambkit.simulation.many import Planned
 
 if TYPE_CHECKING:

@@ -24,12 +24,12 @@ from ambkit.campaigns.loop_cases import happening
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.study_checks import key_of
 from ambkit.campaigns.study_tables import UNITS
+from ambkit.control.control import Control
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.machine.bearing import FILES
 from ambkit.machine.disturbance_force import load_machine
 from ambkit.simulation.many import Planned
-from ambkit.simulation.scenario import Control
 
 Array = NDArray[np.float64]
 

@@ -44,7 +44,8 @@ from ambkit.base.config.text_types import Description, Name
 from ambkit.base.errors import AmbkitError
 from ambkit.campaigns.distributions import Vary
 from ambkit.campaigns.study_tables import Correlated, Passes, Recorded, Stop
-from ambkit.simulation.scenario import Control, Scenario
+from ambkit.control.control import Control
+from ambkit.simulation.scenario import Scenario
 
 Way = Literal["sobol", "latin-hypercube", "random", "grid", "saltelli"]
 

@@ -167,7 +167,8 @@ def simulate(
 def _note_default(machine: Machine, scenario: Any) -> None:
     """Say which controllers were chosen, where nobody says them."""
     from ambkit.cli import printing
-    from ambkit.simulation.default_control import default_for, is_default
+    from ambkit.control.default_control import is_default
+    from ambkit.simulation.scenario_control import default_for
 
     if is_default(scenario.controller):
         chosen = default_for(machine, scenario)
@@ -177,7 +178,7 @@ def _note_default(machine: Machine, scenario: Any) -> None:
 
 def _notes(run: Run, scenario: Scenario, estimator: Estimator | None) -> Iterator[str]:
     """Yield what may help, where the rotor does not fly as it is to."""
-    from ambkit.simulation.stabilising_controller import holding
+    from ambkit.control.stabilising_controller import holding
     from ambkit.workflow.simulate import plain_control
 
     machine, touched = run.plant, run.samples_at_the_stop

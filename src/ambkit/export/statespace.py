@@ -9,19 +9,20 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
+from ambkit.control.control import as_control
+from ambkit.control.linear import linear_controller as control_of
+from ambkit.control.linear import linear_plant, steady_state_filter
+from ambkit.control.linear.closed_loop import Loop
+from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.estimate.estimator import Estimator
 from ambkit.models.linear import LinearSystem, Signal
-from ambkit.simulation.linear import linear_controller as control_of
-from ambkit.simulation.linear import linear_plant, steady_state_filter
-from ambkit.simulation.linear.closed_loop import Loop
-from ambkit.simulation.linear.linear_plant import OperatingPoint
-from ambkit.simulation.scenario import as_control
 
 if TYPE_CHECKING:
     import control
 
+    from ambkit.control.control import Control
+    from ambkit.control.pid import PID
     from ambkit.machine.machine import Bearing
-    from ambkit.simulation.scenario import PID, Control
 
 
 def to_control(

@@ -11,6 +11,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
+from ambkit.control.linear.steady_state_filter import tangents_known
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.noise_model import FilterNoise, Variances
@@ -28,7 +29,6 @@ from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
-from ambkit.simulation.linear.steady_state_filter import tangents_known
 from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:

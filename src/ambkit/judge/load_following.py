@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ambkit.control.linear.linear_plant import OperatingPoint
+from ambkit.control.linear.steady_state_filter import settled_gain, tangents_known, tells
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.magnets import magnet_of, own_time
-from ambkit.simulation.linear.linear_plant import OperatingPoint
-from ambkit.simulation.linear.steady_state_filter import settled_gain, tangents_known, tells
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

@@ -15,9 +15,9 @@ from ambkit.machine.force_laws import isolated_axes
 from ambkit.models.parts.synchronous import unbalance_planes
 
 if TYPE_CHECKING:
+    from ambkit.control.linear.closed_loop import Loop
+    from ambkit.control.linear.linear_plant import OperatingPoint
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.linear.closed_loop import Loop
-    from ambkit.simulation.linear.linear_plant import OperatingPoint
 
 GRADES = (0.4e-3, 1e-3, 2.5e-3, 6.3e-3, 16e-3, 40e-3)
 """Balance quality grades of ISO 21940-11 that rotors on magnetic bearings have [m/s]."""

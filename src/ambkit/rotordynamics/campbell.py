@@ -14,19 +14,19 @@ from numpy.typing import NDArray
 from ambkit.base import late_binding, units
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.control.stabilising_controller import holding
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.continuous import continuous
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.show.plots.campbell import campbell_figure
-from ambkit.simulation.stabilising_controller import holding
 
 if TYPE_CHECKING:
+    from ambkit.control.pid import PID
+    from ambkit.control.stabilising_controller import Gains
     from ambkit.machine.machine import Machine
     from ambkit.result.report.figure import Figure
-    from ambkit.simulation.scenario import PID
-    from ambkit.simulation.stabilising_controller import Gains
 
 Array = NDArray[np.float64]
 

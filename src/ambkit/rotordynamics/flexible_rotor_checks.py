@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ambkit.base.units import engineering, percent
+from ambkit.control.control_candidates import PIDS
+from ambkit.control.default_control import default_control
+from ambkit.control.stabilising_controller import holding
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.placement_checks import NODE
 from ambkit.rotordynamics.modal_reduction import reduction
-from ambkit.simulation.control_candidates import PIDS
-from ambkit.simulation.default_control import default_control
-from ambkit.simulation.stabilising_controller import holding
 
 if TYPE_CHECKING:
     from ambkit.machine.components import PlacedBearing, PlacedSensor

@@ -6,12 +6,12 @@ import math
 from typing import TYPE_CHECKING
 
 from ambkit.base.units import engineering
+from ambkit.control.default_control import default_control
 from ambkit.models.continuous import open_loop
 from ambkit.models.machine_parts import machine_model
 from ambkit.rotordynamics.campbell import stiffnesses
 from ambkit.rotordynamics.flexible_rotor_checks import Remark, of_bending
 from ambkit.rotordynamics.separation_margins import sentence, separations
-from ambkit.simulation.default_control import default_control
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine

@@ -11,6 +11,8 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering, percent, rpm
+from ambkit.control.default_control import default_control
+from ambkit.control.stabilising_controller import holding
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import grid, highest
@@ -26,8 +28,6 @@ from ambkit.machine.rotors.whirl import (
 )
 from ambkit.rotordynamics.campbell import campbell
 from ambkit.rotordynamics.separation_margins import DAMPED
-from ambkit.simulation.default_control import default_control
-from ambkit.simulation.stabilising_controller import holding
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine

@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ambkit.base.units import rpm
+from ambkit.control.default_control import default_control
 from ambkit.result.row import Row, put
 from ambkit.rotordynamics.campbell import CriticalSpeed, campbell
-from ambkit.simulation.default_control import default_control
 
 if TYPE_CHECKING:
+    from ambkit.control.pid import PID
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.scenario import PID
 
 DAMPED = 2.5
 """Amplification factor below which API 617 takes a mode for critically damped."""

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given
 from ambkit.base.units import engineering, rpm
+from ambkit.models.plant import Plant
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row
 from ambkit.rotordynamics.campbell import greatest_speed, held
 from ambkit.show.plots.unbalance_response import unbalance_response_figure
-from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine

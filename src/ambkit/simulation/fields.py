@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.control.controller_states import Controller
+from ambkit.control.controllers import Controllers, arrays, controllers_of, gains_of
 from ambkit.machine.levitation import levitation_current
 from ambkit.machine.magnets import Law, MagnetModel, magnet_of
-from ambkit.simulation import plant_parts
-from ambkit.simulation.controller_states import Controller
-from ambkit.simulation.controllers import Controllers, arrays, controllers_of, gains_of
-from ambkit.simulation.plant import Plant
+from ambkit.models import plant_parts
+from ambkit.models.plant import Plant
 
 if TYPE_CHECKING:
+    from ambkit.control.pid import PID
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Bearing, Machine
-    from ambkit.simulation.scenario import PID, Scenario
+    from ambkit.simulation.scenario import Scenario
 
 Array = NDArray[np.float64]
 

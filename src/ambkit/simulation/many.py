@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.control.controllers import Controllers
 from ambkit.estimate.batch import processors
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import MagnetModel, core_module
-from ambkit.simulation.controllers import Controllers
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Loop, Run, Sampled, simulate_run
 from ambkit.simulation.run_figures import FIGURES, FLAGS, OF_SEVERAL, figures_of, first_of, flags_of

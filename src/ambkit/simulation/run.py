@@ -17,19 +17,20 @@ from ambkit.base.arrays import real
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
 from ambkit.base.units import engineering
+from ambkit.control.axis_sensitivity import shown_along_axes
+from ambkit.control.controllers import Controllers
+from ambkit.control.pid import PID
 from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, core_module
-from ambkit.simulation.axis_sensitivity import shown_along_axes
-from ambkit.simulation.controllers import Controllers
-from ambkit.simulation.default_control import feedback_of, settled_scenario
 from ambkit.simulation.external_inputs import ExternalInputs, Faults, columns, series_of
 from ambkit.simulation.fields import InLoops, StraightLine
 from ambkit.simulation.noise import drawn, white
 from ambkit.simulation.recording import recorded
-from ambkit.simulation.scenario import AXES, PID, Scenario
+from ambkit.simulation.scenario import AXES, Scenario
+from ambkit.simulation.scenario_control import feedback_of, settled_scenario
 from ambkit.simulation.simulated import Run as Run
 
 Array = NDArray[np.float64]

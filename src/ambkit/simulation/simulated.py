@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ambkit.base import late_binding
 from ambkit.base.units import figure
+from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate
@@ -21,7 +22,6 @@ from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row
 from ambkit.result.sections import Section
-from ambkit.simulation.lift_off_sequence import Mode
 
 if TYPE_CHECKING:
     from ambkit.result.report.figure import Figure
@@ -41,7 +41,7 @@ class Run(Result):
     #: axis's ``u_NAME`` [V], displacement ``s_NAME`` [m], current ``iu_NAME`` [A], magnet force
     #: ``f_mag_NAME`` [N] and load ``f_d_NAME`` [N]; the rotor's coordinates and velocities; the
     #: speed of rotation [rad/s]. With lift-off and landing the ``mode``,
-    #: `ambkit.simulation.lift_off_sequence.Mode`.
+    #: `ambkit.control.lift_off_sequence.Mode`.
     record: Record
     estimate: Estimate | None  #: What the estimator said meanwhile.
     status: NDArray[np.uint16]  #: (n,) The sum of the flags of estimator and controllers, `Status`.

@@ -140,8 +140,8 @@ def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Descr
     from ambkit.base.units import engineering
     from ambkit.judge.adequacy import judge_adequacy, sentences
     from ambkit.judge.adequacy_criteria import of_machine
+    from ambkit.models.plant_parts import in_words
     from ambkit.rotordynamics import machine_report
-    from ambkit.simulation.plant_parts import in_words
 
     result = _documents()[kind].load(path)
     if kind in _SHORT.values():

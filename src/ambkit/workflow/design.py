@@ -14,6 +14,8 @@ from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.base.threads import one_thread
+from ambkit.control.control import Control
+from ambkit.control.stabilising_controller import overshoot
 from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.data.input_scaling import Inputs
 from ambkit.data.reading import load_filled
@@ -24,8 +26,7 @@ from ambkit.judge.loop.loop_of import ZONE_A
 from ambkit.machine.force_laws import slowest_time
 from ambkit.machine.machine import Machine
 from ambkit.result.page import write_result
-from ambkit.simulation.scenario import Control, Scenario
-from ambkit.simulation.stabilising_controller import overshoot
+from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.design_candidates import (
     adequacy_of,
     best_of,
@@ -75,7 +76,7 @@ def design(
     """Go from what is known of a machine, and its logs, to what flies, as C.
 
     A machine with one axis is identified from its logs first. Its controllers are those that
-    `ambkit.simulation.default_control` chooses for an estimate, on the margins over its speed
+    `ambkit.control.default_control` chooses for an estimate, on the margins over its speed
     range. Each kind of filter is tuned in the loop with them below `max_sensitivity`, by the logs
     or without any by simulated runs, and judged on what it was not tuned on and by simulated truth.
     Each stage writes its files into the folder and is not repeated while what it was made from

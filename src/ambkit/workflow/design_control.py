@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ambkit.base.errors import AmbkitError
+from ambkit.control.control import Control
+from ambkit.control.default_control import default_control
+from ambkit.control.pid import GAINS, PID
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf, zone_of
 from ambkit.machine.machine import Machine
-from ambkit.simulation.default_control import default_control
-from ambkit.simulation.scenario import GAINS, PID, Control
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering, percent
+from ambkit.control.control import Control
+from ambkit.control.control_candidates import name_of
+from ambkit.control.pid import GAINS, PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.adequacy_criteria import Finding
@@ -21,8 +24,6 @@ from ambkit.result.row import Row, put
 from ambkit.result.sections import Part, Section
 from ambkit.show.plots.design import design_figure
 from ambkit.show.plots.filters import filter_figure
-from ambkit.simulation.control_candidates import name_of
-from ambkit.simulation.scenario import GAINS, PID, Control
 from ambkit.workflow.design_candidates import TunedCandidate, evidence_for
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
 

@@ -12,6 +12,7 @@ import numpy as np
 from ambkit.base import late_binding
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.record import Record
 from ambkit.data.signals import by_name, each_of, signal
 from ambkit.estimate.named import USUAL, Factory, FromFile, factories
@@ -22,7 +23,6 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.rotordynamics.harmonics import Harmonic, harmonics
-from ambkit.simulation.lift_off_sequence import Mode
 from ambkit.workflow.tuning import default_disturbance, log_likelihood, tune_disturbance
 from ambkit.workflow.warnings import OutsideOperatingRange, outside_operating_range
 

@@ -19,6 +19,7 @@ from ambkit.base.units import engineering
 from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.study import Study, load
 from ambkit.campaigns.worker import fly
+from ambkit.control.control import Control
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
@@ -27,7 +28,7 @@ from ambkit.judge.loop.loop_of import ZONE_A
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-from ambkit.simulation.scenario import Control, Scenario
+from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

@@ -13,6 +13,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.control.controllers import controllers_of
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
@@ -21,12 +22,11 @@ from ambkit.estimate.user_filter import EstimatorProtocol, OwnEstimator, is_own
 from ambkit.machine.forces.force_map import surface_in
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import ConstantStiffness
+from ambkit.models.plant import Plant
 from ambkit.rotordynamics.harmonics import harmonics
-from ambkit.simulation.controllers import controllers_of
-from ambkit.simulation.default_control import settled_scenario
-from ambkit.simulation.plant import Plant
 from ambkit.simulation.run import simulate_run as looped
 from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario_control import settled_scenario
 from ambkit.simulation.waveforms import Recorded, Step
 
 if TYPE_CHECKING:

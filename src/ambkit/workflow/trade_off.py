@@ -10,13 +10,13 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.base.quantity_arguments import of_type
 from ambkit.base.units import engineering
+from ambkit.control.pid import PID
 from ambkit.data.record import Record
 from ambkit.judge.loop.loop_of import OutOfReachError, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-from ambkit.simulation.scenario import PID
 from ambkit.workflow.tune import BUDGET, RUNS, Tuned, tune
 from ambkit.workflow.tuning_tasks import ByTruth
 

@@ -14,6 +14,9 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.base.quantity_arguments import all_of_type, of_type
 from ambkit.base.threads import one_thread
+from ambkit.control.control import as_control
+from ambkit.control.linear.steady_state_filter import tells
+from ambkit.control.pid import PID
 from ambkit.data.input_scaling import Inputs
 from ambkit.data.record import Record
 from ambkit.estimate.filter_saving import made_by, origin_of
@@ -28,8 +31,7 @@ from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row
 from ambkit.result.sections import Section
-from ambkit.simulation.linear.steady_state_filter import tells
-from ambkit.simulation.scenario import PID, Scenario, as_control
+from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tuning_tasks import JUDGED, RAW, By, ByLikelihood, ByTruth
 
 if TYPE_CHECKING:

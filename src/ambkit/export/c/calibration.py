@@ -16,7 +16,7 @@ from ambkit.export.c.limits import Limits, limits
 from ambkit.machine.magnets import bias_force_of
 
 if TYPE_CHECKING:
-    from ambkit.simulation.controller_states import Controller
+    from ambkit.control.controller_states import Controller
 
 SOURCES = ("src/calibration.c",)
 TEMPLATES = {"{}_calibration.h": "calibration.h", "{}_calibration.c": "calibration.c"}

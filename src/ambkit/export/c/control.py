@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ambkit.base.arrays import Array
+from ambkit.control.controller_states import Controller
+from ambkit.control.controllers import controllers_of
 from ambkit.export.c import c_literals, controller_test_cases, selftest
 from ambkit.export.c.c_literals import CPrecision, Name
 from ambkit.export.c.crc import Constants
 from ambkit.machine.magnets import own_time
-from ambkit.simulation.controller_states import Controller
-from ambkit.simulation.controllers import controllers_of
-from ambkit.simulation.default_control import settled_scenario
-from ambkit.simulation.plant import Plant
+from ambkit.models.plant import Plant
+from ambkit.simulation.scenario_control import settled_scenario
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

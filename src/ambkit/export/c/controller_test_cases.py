@@ -9,20 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array, Bools
+from ambkit.control.controller_states import settling_of
+from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.signals import signal
 from ambkit.estimate.core_model import NODE
 from ambkit.estimate.estimate import Status
 from ambkit.export.c.test_vectors import without_digits
-from ambkit.simulation.controller_states import settling_of
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.simulation.lift_off_sequence import Mode
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Constant, Ramp, Step, Sum
 
 if TYPE_CHECKING:
+    from ambkit.control.controller_states import Controller
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.controller_states import Controller
 
 
 QUICK: dict[str, Any] = {

@@ -14,9 +14,9 @@ from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
+    from ambkit.control.controller_states import Controller
     from ambkit.data.input_scaling import Scaling
     from ambkit.estimate.estimator import Estimator
-    from ambkit.simulation.controller_states import Controller
 
 
 def data_context(

@@ -20,8 +20,8 @@ from ambkit.export.c.c_literals import MAGNETS, CPrecision, Kind
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
+    from ambkit.control.controller_states import Controller
     from ambkit.estimate.estimator import Estimator
-    from ambkit.simulation.controller_states import Controller
     from ambkit.simulation.scenario import Scenario
 
 

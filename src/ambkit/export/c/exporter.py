@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
+from ambkit.control.control import Control
+from ambkit.control.controller_states import Controller
+from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import calibration, control, cost, data_file, folder, render
 from ambkit.export.c.c_literals import CPrecision, called
@@ -23,10 +26,8 @@ from ambkit.machine.magnets import Precision
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-from ambkit.simulation.controller_states import Controller
-from ambkit.simulation.default_control import settled_scenario
-from ambkit.simulation.lift_off_sequence import LiftOff
-from ambkit.simulation.scenario import Control, Scenario
+from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario_control import settled_scenario
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

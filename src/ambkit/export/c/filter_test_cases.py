@@ -59,8 +59,9 @@ def _of_axis(estimator: Estimator, settling: int) -> Iterator[Scene]:
 
 def _flight(estimator: Estimator, sign: float) -> Scene:
     """Hover, then a step of half the expert's reach."""
+    from ambkit.control.control import Control
     from ambkit.simulation.run import simulate
-    from ambkit.simulation.scenario import Control, Scenario
+    from ambkit.simulation.scenario import Scenario
     from ambkit.simulation.waveforms import Step
 
     bearing = estimator.bearing

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
+from ambkit.control.linear.closed_loop import Loop
+from ambkit.control.linear.linear_controller import compensator, controllers, fed
+from ambkit.control.linear.linear_plant import POSITION, VELOCITY, OperatingPoint, plant
+from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.machine.magnets import ConstantStiffness, own_time
-from ambkit.simulation.linear.closed_loop import Loop
-from ambkit.simulation.linear.linear_controller import compensator, controllers, fed
-from ambkit.simulation.linear.linear_plant import POSITION, VELOCITY, OperatingPoint, plant
-from ambkit.simulation.linear.steady_state_filter import estimator_at
 
 if TYPE_CHECKING:
-    from ambkit.simulation.controller_states import Controller
+    from ambkit.control.controller_states import Controller
 
 
 PEAK = 4.0

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 from ambkit.export.c import cost
 
 if TYPE_CHECKING:
+    from ambkit.control.control import Control
     from ambkit.estimate.estimator import Estimator
     from ambkit.export.c.c_literals import CPrecision
     from ambkit.export.c.exported import Export
-    from ambkit.simulation.scenario import Control
 
 STORED = Path(__file__).with_name("proof.json")
 

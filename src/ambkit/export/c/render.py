@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ambkit.base import escaping
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
+from ambkit.control.controller_states import bound_of, settling_of
 from ambkit.export import core_sources
 from ambkit.export.c import (
     c_literals,
@@ -27,7 +28,6 @@ from ambkit.export.c.c_literals import CPrecision, Kind
 from ambkit.export.c.exported import Export
 from ambkit.machine.bearing import FILES
 from ambkit.machine.machine import Machine
-from ambkit.simulation.controller_states import bound_of, settling_of
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

@@ -8,11 +8,11 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
+from ambkit.control.controller_states import Controller, lies_at
 from ambkit.export.c import c_literals, control
 from ambkit.export.c.c_literals import CPrecision, Name
 from ambkit.machine.levitation import levitation_current
 from ambkit.machine.magnets import magnet_of
-from ambkit.simulation.controller_states import Controller, lies_at
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
+from ambkit.control.control import Control
+from ambkit.control.controller_states import Controller
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import kind_called
 from ambkit.export.c import c_literals
@@ -22,8 +24,7 @@ from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Bearing, Machine
-from ambkit.simulation.controller_states import Controller
-from ambkit.simulation.scenario import Control, Scenario
+from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from ambkit.estimate.filter_file import FilterFile

@@ -13,16 +13,17 @@ import numpy as np
 
 from ambkit.base import escaping
 from ambkit.base.arrays import Array
+from ambkit.control.pid import PID
 from ambkit.export import core_sources
 from ambkit.export.c import c_literals, data_file
 from ambkit.export.c.c_literals import MAGNETS, CPrecision
 from ambkit.export.c.model import LOOPS, in_c
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.machine.magnets import core_module, magnet_of, own_time
+from ambkit.models import plant_parts
 from ambkit.models.parts.typical_sizes import Typical
-from ambkit.simulation import plant_parts
-from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.models.plant import Plant
+from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

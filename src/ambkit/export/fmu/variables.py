@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any, Literal
 from ambkit.data.signals import signal
 from ambkit.estimate.machine_model import several
 from ambkit.export.c.model import states
-from ambkit.simulation.plant_parts import between_magnet_and_rotor
+from ambkit.models.plant_parts import between_magnet_and_rotor
 
 if TYPE_CHECKING:
+    from ambkit.control.control import Control
+    from ambkit.control.pid import PID
     from ambkit.estimate.estimator import Estimator
     from ambkit.export.fmu.controller import Flown
     from ambkit.machine.machine import Bearing, Machine
-    from ambkit.simulation.scenario import PID, Control
 
 Kind = Literal["estimator", "plant", "closed-loop", "controller", "whole-controller"]
 Role = Literal["time", "fixed", "tunable", "input", "output", "local"]

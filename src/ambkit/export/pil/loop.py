@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array, Index
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
+from ambkit.control.controller_states import Controller
+from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.data.signals import signal
 from ambkit.data.telemetry import read_telemetry
 from ambkit.export.c.exporter import export_c, made
@@ -20,8 +22,6 @@ from ambkit.export.pil import boards, build
 from ambkit.export.pil.processor import Processor
 from ambkit.export.pil.result import Pil, judged, others_sent
 from ambkit.machine.machine import Machine
-from ambkit.simulation.controller_states import Controller
-from ambkit.simulation.lift_off_sequence import LiftOff, Mode
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 

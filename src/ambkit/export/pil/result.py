@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from ambkit.base import late_binding
 from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
+from ambkit.control.lift_off_sequence import Mode
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION
 from ambkit.export.pil import build
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-from ambkit.simulation.lift_off_sequence import Mode
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record

@@ -16,6 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.control.control import Control
+from ambkit.control.pid import PID
+from ambkit.control.stabilising_controller import holding
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
@@ -28,8 +31,7 @@ from ambkit.machine.magnets import magnet_of, own_time
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.many import Many, Planned, simulate_many
 from ambkit.simulation.run import samples, simulate
-from ambkit.simulation.scenario import PID, Control, Disturbance, Reference, Scenario
-from ambkit.simulation.stabilising_controller import holding
+from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Constant, Recorded, Sequence, Sine, Step
 
 if TYPE_CHECKING:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.control.control import Control, as_control
+from ambkit.control.pid import PID
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Status
 from ambkit.estimate.machine_model import View
@@ -20,7 +22,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Run, simulate_run
-from ambkit.simulation.scenario import PID, Control, Disturbance, Reference, Scenario, as_control
+from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Sine
 
 if TYPE_CHECKING:

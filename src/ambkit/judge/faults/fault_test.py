@@ -16,6 +16,7 @@ from ambkit.base import late_binding
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
 from ambkit.base.quantity_arguments import of_type
+from ambkit.control.pid import PID
 from ambkit.data.files.tables import Table, write_table
 from ambkit.estimate.named import factories
 from ambkit.estimate.registry import KINDS
@@ -26,7 +27,6 @@ from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

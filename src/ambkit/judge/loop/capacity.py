@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.control.linear.linear_plant import OperatingPoint, unbalance_columns
 from ambkit.judge.loop.coil_temperature import Heating, heating
 from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.models.linear import Complex
-from ambkit.simulation.linear.linear_plant import OperatingPoint, unbalance_columns
 
 if TYPE_CHECKING:
+    from ambkit.control.linear.closed_loop import Loop
     from ambkit.machine.machine import Bearing
-    from ambkit.simulation.linear.closed_loop import Loop
 
 Array = NDArray[np.float64]
 

@@ -11,6 +11,18 @@ from typing import Any, Literal
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
+from ambkit.control.control import Control, as_control
+from ambkit.control.controllers import Controllers, controllers_of, pids_of
+from ambkit.control.default_control import (
+    default_control,
+    is_default,
+    settled,
+)
+from ambkit.control.linear.closed_loop import Loop
+from ambkit.control.linear.linear_controller import compensator, controllers, fed
+from ambkit.control.linear.linear_plant import OperatingPoint, plant
+from ambkit.control.linear.steady_state_filter import estimator_at, tells
+from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
@@ -25,18 +37,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.model import Array
-from ambkit.simulation.controllers import Controllers, controllers_of, pids_of
-from ambkit.simulation.default_control import (
-    default_control,
-    is_default,
-    settled,
-)
-from ambkit.simulation.linear.closed_loop import Loop
-from ambkit.simulation.linear.linear_controller import compensator, controllers, fed
-from ambkit.simulation.linear.linear_plant import OperatingPoint, plant
-from ambkit.simulation.linear.steady_state_filter import estimator_at, tells
-from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import PID, Control, as_control
+from ambkit.models.plant import Plant
 
 ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
 """Zones of ISO 14839-3, and the peaks of abs(S) below which they are; D is beyond."""

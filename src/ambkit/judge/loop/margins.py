@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ambkit.models.linear import Complex
 
 if TYPE_CHECKING:
-    from ambkit.simulation.linear.closed_loop import Loop
+    from ambkit.control.linear.closed_loop import Loop
 
 Array = NDArray[np.float64]
 

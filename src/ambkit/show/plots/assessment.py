@@ -13,10 +13,10 @@ from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
+    from ambkit.control.linear.closed_loop import Loop
     from ambkit.judge.loop.margins import UnstablePole
     from ambkit.models.linear import Complex
     from ambkit.result.report.items import Vector
-    from ambkit.simulation.linear.closed_loop import Loop
 
 LOOKS = ("measurement", "estimate", "series 2", "series 3", "series 4")
 """Of the loops, in their order; further ones begin again."""

@@ -22,10 +22,10 @@ from ambkit.show.plots.assessment import (
 )
 
 if TYPE_CHECKING:
+    from ambkit.control.linear.closed_loop import Loop
     from ambkit.judge.loop.measured_sensitivity import MeasuredSensitivity
     from ambkit.models.linear import Complex
     from ambkit.show.plots.assessment import Curves
-    from ambkit.simulation.linear.closed_loop import Loop
 
 Array = NDArray[np.float64]
 Zones = Sequence[tuple[str, float]]

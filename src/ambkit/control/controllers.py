@@ -12,24 +12,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
-from ambkit.machine import geometry
-from ambkit.machine.magnets import ConstantStiffness
-from ambkit.simulation.axis_sensitivity import shown_along_axes
-from ambkit.simulation.blocks import gain_at_rest
-from ambkit.simulation.regulator import regulator, scheduled
-from ambkit.simulation.scenario import GAINS, PID, Control
-from ambkit.simulation.stabilising_controller import holding
-from ambkit.simulation.synchronous_compensation import (
+from ambkit.control.axis_sensitivity import shown_along_axes
+from ambkit.control.blocks import gain_at_rest
+from ambkit.control.control import Control
+from ambkit.control.pid import GAINS, PID
+from ambkit.control.regulator import regulator, scheduled
+from ambkit.control.stabilising_controller import holding
+from ambkit.control.synchronous_compensation import (
     LetTurn,
     check_unbalance,
     let_turn,
     let_turn_fields,
 )
+from ambkit.machine import geometry
+from ambkit.machine.magnets import ConstantStiffness
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.plant import Plant
+    from ambkit.models.plant import Plant
 
 Array = NDArray[np.float64]
 

@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
+from ambkit.control.linear.linear_plant import POSITION, VELOCITY, of_axes
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import LinearSystem, Signal
-from ambkit.simulation.linear.linear_plant import POSITION, VELOCITY, of_axes
 
 if TYPE_CHECKING:
+    from ambkit.control.synchronous_compensation import LetTurn
     from ambkit.machine.machine import Bearing
     from ambkit.models.model import Array
-    from ambkit.simulation.synchronous_compensation import LetTurn
 
 
 class _Gains(Protocol):
-    """What is known of a PID: `ambkit.simulation.scenario.PID`, or what is to become one."""
+    """What is known of a PID: `ambkit.PID`, or what is to become one."""
 
     @property
     def kp(self) -> float: ...
@@ -40,7 +40,7 @@ class _Gains(Protocol):
 
 
 class _Flown(Protocol):
-    """What is known of controllers as they fly, `ambkit.simulation.controllers.Controllers`."""
+    """What is known of controllers as they fly, `ambkit.control.controllers.Controllers`."""
 
     @property
     def pids(self) -> list[list[float]]: ...

@@ -6,12 +6,12 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field
 
 from ambkit.base.errors import AmbkitError
-from ambkit.simulation.blocks.biquad import Biquad
-from ambkit.simulation.blocks.block import Block
-from ambkit.simulation.blocks.lead_lag import LeadLag
-from ambkit.simulation.blocks.notch import Notch
-from ambkit.simulation.blocks.second_order import SecondOrder
-from ambkit.simulation.blocks.state_space import StateSpace, as_block
+from ambkit.control.blocks.biquad import Biquad
+from ambkit.control.blocks.block import Block
+from ambkit.control.blocks.lead_lag import LeadLag
+from ambkit.control.blocks.notch import Notch
+from ambkit.control.blocks.second_order import SecondOrder
+from ambkit.control.blocks.state_space import StateSpace, as_block
 
 AnyBlock = Annotated[
     Annotated[

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ambkit.base.errors import AmbkitError
-from ambkit.simulation.control_candidates import (
+from ambkit.control.control import Control
+from ambkit.control.control_candidates import (
     ERRORS,
     PIDS,
     Candidate,
@@ -20,12 +19,11 @@ from ambkit.simulation.control_candidates import (
     Feedback,
     name_of,
 )
-from ambkit.simulation.scenario import PID, Control
-from ambkit.simulation.stabilising_controller import ENOUGH
+from ambkit.control.pid import PID
+from ambkit.control.stabilising_controller import ENOUGH
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.scenario import Scenario
 
 FACTOR = 1.5
 """The measurement feeds the controllers while their peak of abs(S) is at most so many times that of
@@ -33,8 +31,6 @@ the linear-quadratic regulator, which needs an estimate."""
 AS_GOOD = 1.1
 """Where no peak is at most `ENOUGH`, the simplest is taken whose peak is within this factor of the
 lowest."""
-TIMES = 2001
-"""Times in a run at which its speed is looked at."""
 
 
 @dataclass(frozen=True)
@@ -121,45 +117,6 @@ def settled(
         return control.model_copy(update={"type": "decentralised"})
     chosen = default_control(machine, feedback, max_speed).chosen.control
     return control.model_copy(update={k: getattr(chosen, k) for k in chosen.model_fields_set})
-
-
-def fastest_of(machine: Machine, scenario: Scenario) -> float:
-    """Return the highest speed of rotation of a run, or the machine's own if higher [rad/s]."""
-    if scenario.speed is None:
-        return abs(machine.speed)
-    speed = scenario.speed.sample(np.linspace(0.0, scenario.duration, TIMES))
-    return max(abs(machine.speed), float(np.abs(speed).max()))
-
-
-def default_for(machine: Machine, scenario: Scenario) -> DefaultControl:
-    """Return the default controllers of a scenario, over its speed range and the machine's."""
-    return default_control(machine, scenario.feedback, fastest_of(machine, scenario))
-
-
-def feedback_of(machine: Machine, scenario: Scenario) -> Feedback:
-    """Return what feeds the controllers of a scenario, chosen where it is not given."""
-    control = scenario.controller
-    if scenario.feedback is not None:
-        return scenario.feedback
-    if not is_default(control) or control.needs_estimate:
-        return "measurement"
-    return default_for(machine, scenario).chosen.feedback
-
-
-def control_of(machine: Machine, scenario: Scenario) -> Control:
-    """Return the controllers of a scenario with their type; held or not."""
-    feedback = feedback_of(machine, scenario)
-    return settled(machine, scenario.controller, feedback, fastest_of(machine, scenario))
-
-
-def settled_scenario(machine: Machine, scenario: Scenario) -> Scenario:
-    """Return a scenario with controllers and feedback chosen where they are not given."""
-    if is_default(scenario.controller):
-        result = default_for(machine, scenario)
-        if not result.held:
-            raise AmbkitError(result.summary)
-    control, feedback = control_of(machine, scenario), feedback_of(machine, scenario)
-    return scenario.model_copy(update={"controller": control.fed_by(feedback)})
 
 
 @lru_cache(maxsize=64)

@@ -13,18 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.control.axis_sensitivity import shown_along_axes
+from ambkit.control.control import Control
+from ambkit.control.controllers import Controllers, controllers_of
+from ambkit.control.linear.closed_loop import Loop
+from ambkit.control.linear.linear_controller import compensator, controllers, fed
+from ambkit.control.linear.linear_plant import OperatingPoint, plant
+from ambkit.control.linear.steady_state_filter import estimator_at
+from ambkit.control.pid import GAINS, PID
+from ambkit.control.stabilising_controller import ENOUGH, two_digits, weight_of
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.rotors.whirl import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
-from ambkit.simulation.axis_sensitivity import shown_along_axes
-from ambkit.simulation.controllers import Controllers, controllers_of
-from ambkit.simulation.linear.closed_loop import Loop
-from ambkit.simulation.linear.linear_controller import compensator, controllers, fed
-from ambkit.simulation.linear.linear_plant import OperatingPoint, plant
-from ambkit.simulation.linear.steady_state_filter import estimator_at
-from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import GAINS, PID, Control
-from ambkit.simulation.stabilising_controller import ENOUGH, two_digits, weight_of
+from ambkit.models.plant import Plant
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing, Machine

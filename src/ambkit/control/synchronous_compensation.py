@@ -25,7 +25,7 @@ from ambkit.models.parts.synchronous import SLOWEST, unbalance_planes
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.plant import Plant
+    from ambkit.models.plant import Plant
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -45,7 +45,7 @@ ISO 14839-2 end there. The core holds them too (``AMB_LET_TURN_FULL``)."""
 
 
 class _Control(Protocol):
-    """What is known of plain control, `ambkit.simulation.controllers.Controllers`."""
+    """What is known of plain control, `ambkit.control.controllers.Controllers`."""
 
     @property
     def pids(self) -> list[list[float]]: ...

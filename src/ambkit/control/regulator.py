@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.estimate.linear_model import LinearModel
     from ambkit.machine.machine import Bearing
-    from ambkit.simulation.plant import Plant
+    from ambkit.models.plant import Plant
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
+from ambkit.control.linear.linear_plant import POSITION, VELOCITY, OperatingPoint, of_axes
 from ambkit.machine.magnets import core_module
 from ambkit.models.linear import LinearSystem, Signal
-from ambkit.simulation.linear.linear_plant import POSITION, VELOCITY, OperatingPoint, of_axes
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

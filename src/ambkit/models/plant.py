@@ -16,9 +16,9 @@ from ambkit.machine.force_laws import weights_of
 from ambkit.machine.geometry import Axis
 from ambkit.machine.levitation import levitation_current
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
+from ambkit.models import plant_parts
 from ambkit.models.continuous import Continuous, behind_magnets, continuous
 from ambkit.models.model import compressed_rows
-from ambkit.simulation import plant_parts
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine

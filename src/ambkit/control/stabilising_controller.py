@@ -15,6 +15,11 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
+from ambkit.control.axis_sensitivity import Sensitivities, sensitivities, shown_along_axes
+from ambkit.control.linear.closed_loop import Loop
+from ambkit.control.linear.linear_controller import compensator, controller
+from ambkit.control.linear.linear_plant import OperatingPoint, plant
+from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.levitation import levitation_current
@@ -22,11 +27,6 @@ from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
 from ambkit.models.linear import linearised
 from ambkit.models.machine_parts import machine_parts
 from ambkit.models.parts.rotor import velocities_of
-from ambkit.simulation.axis_sensitivity import Sensitivities, sensitivities, shown_along_axes
-from ambkit.simulation.linear.closed_loop import Loop
-from ambkit.simulation.linear.linear_controller import compensator, controller
-from ambkit.simulation.linear.linear_plant import OperatingPoint, plant
-from ambkit.simulation.linear.steady_state_filter import estimator_at
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing, Machine
@@ -74,7 +74,7 @@ LEFT_TO_IT = 0.5
 
 
 class Gains(NamedTuple):
-    """Gains of a PID, as `ambkit.simulation.scenario.PID` has them."""
+    """Gains of a PID, as `ambkit.PID` has them."""
 
     kp: float
     ki: float

@@ -18,8 +18,8 @@ from ambkit.machine.magnets import magnet_of
 from ambkit.models.linear import Complex, LinearSystem, Signal, linearised
 from ambkit.models.machine_parts import machine_parts
 from ambkit.models.parts.synchronous import SynchronousForce, across
-from ambkit.simulation.plant import Plant
-from ambkit.simulation.plant_parts import between_magnet_and_rotor
+from ambkit.models.plant import Plant
+from ambkit.models.plant_parts import between_magnet_and_rotor
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field
 from ambkit.base.config import Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.errors import AmbkitError
-from ambkit.simulation.blocks.block import Block
+from ambkit.control.blocks.block import Block
 
 
 def _vector(value: Any) -> Any:

@@ -6,7 +6,7 @@ import math
 from typing import Annotated, Literal
 
 from ambkit.base.config.quantities import Quantity
-from ambkit.simulation.blocks.block import Block
+from ambkit.control.blocks.block import Block
 
 
 class LeadLag(Block):

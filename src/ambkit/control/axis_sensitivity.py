@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.control.linear.linear_plant import OperatingPoint, plant
+from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine import geometry
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.magnets import own_time
-from ambkit.simulation.linear.linear_plant import OperatingPoint, plant
-from ambkit.simulation.linear.steady_state_filter import estimator_at
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine

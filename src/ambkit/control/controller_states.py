@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.control.control import Control, as_control
+from ambkit.control.controllers import Controllers, arrays, controllers_of
+from ambkit.control.lift_off_sequence import MOST_COUNTED, LiftOff
+from ambkit.control.pid import PID
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.magnets import ConstantStiffness, own_time
-from ambkit.simulation.controllers import Controllers, arrays, controllers_of
-from ambkit.simulation.lift_off_sequence import MOST_COUNTED, LiftOff
-from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import PID, Control, as_control
+from ambkit.models.plant import Plant
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

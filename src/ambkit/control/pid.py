@@ -1,0 +1,155 @@
+"""A PID controller of one axis, its blocks, and the gains that it has by default."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Self
+
+from pydantic import SerializerFunctionWrapHandler, model_serializer
+
+from ambkit.base.config import Part
+from ambkit.base.config.quantities import Quantity
+from ambkit.base.config.text_types import Name
+from ambkit.base.quantity_arguments import of_type
+from ambkit.control.blocks import AnyBlock, gain_at_rest, sections_of
+from ambkit.control.stabilising_controller import Gains, chosen, textbook, two_digits, weight_of
+from ambkit.machine.machine import Bearing
+
+
+class PID(Part):
+    """The position controller: its output is the control current that it demands.
+
+    ``iu = kp (b r - position) + ki integral(r - position) - kd velocity`` with the reference r and
+    the set-point weight b (Åström and Hägglund 1995). The defaults hold the `zittau_axial` bearing,
+    whose gains the paper does not give; a simulation tunes what was not given to its bearing.
+    """
+
+    kp: Annotated[float, Quantity("A/m", "3000 A/m", at_least=0)] = 1700.0
+    """Proportional gain [A/m]."""
+    ki: Annotated[float, Quantity("A/(m s)", "20000 A/(m s)", at_least=0)] = 7500.0
+    """Integral gain [A/(m s)]."""
+    kd: Annotated[float, Quantity("A s/m", "12 A s/m", at_least=0)] = 11.0
+    """Derivative gain [A s/m]."""
+    derivative_filter: Annotated[float, Quantity("s", "0.2 ms", at_least=0)] = 0.3e-3
+    """Time constant of the low-pass in the derivative [s]."""
+    anti_windup: Annotated[float, Quantity("s", "25 ms", above=0)] = 38e-3
+    """Tracking time: how fast the integral gives way at the current limit [s]."""
+    setpoint_weight: Annotated[float, Quantity("1", "0.5", at_least=0)] = 0.5
+    """Of the reference, the share that kp sees [1]; the integral always sees all of it."""
+    feed_forward: Annotated[float, Quantity("1", "1", at_least=0)] = 0.0
+    """Share of the estimated disturbance force that a current takes back at once [1]."""
+    sensor: Name | None = None
+    """Of a machine, the reading that it sees, such as one that is not beside its magnet; without,
+    the displacement of its axis by all readings."""
+    block: tuple[AnyBlock, ...] = ()
+    """What its current passes in turn before it is held to the limits, such as a notch."""
+
+    @model_serializer(mode="wrap")
+    def _only_what_was_said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out what was not given: it is tuned to the bearing, whatever that will be."""
+        data: dict[str, Any] = handler(self)
+        stated_fields = self.model_fields_set
+        return {
+            key: value
+            for key, value in data.items()
+            if key in stated_fields and value not in (None, {}, (), [])
+        }
+
+    @classmethod
+    def for_bearing(cls, bearing: Bearing) -> Self:
+        """Return the gains that the margins of a bearing's loop allow, see `holding.chosen`.
+
+        Parameters
+        ----------
+        bearing : Bearing
+            What is to be held.
+        """
+        of_type(Bearing, bearing=bearing)
+        return cls(**chosen(bearing).stated)
+
+    @classmethod
+    def textbook(cls, bearing: Bearing) -> Self:
+        """Return gains by a rule of thumb, with which a step overshoots by a half.
+
+        ``kp = 4 k_s/k_i``, a damping of 0.56, and all of the reference to kp.
+
+        Parameters
+        ----------
+        bearing : Bearing
+            What is to be held.
+        """
+        of_type(Bearing, bearing=bearing)
+        return cls(**textbook(bearing).stated)
+
+    def completed(self, bearing: Bearing) -> Self:
+        """Return the controller with what was not given tuned to a bearing, see `for_bearing`.
+
+        The set-point weight goes with the proportional gain that is flown, given or not.
+
+        Parameters
+        ----------
+        bearing : Bearing
+            What it is to hold.
+        """
+        if self.model_fields_set >= GAINS:
+            return self
+        return type(self).for_bearing(bearing).overlaid(self, bearing)
+
+    def overlaid(self, given: PID, bearing: Bearing) -> Self:
+        """Return the controller with what was given of another instead of its own.
+
+        Parameters
+        ----------
+        given : PID
+            The other.
+        bearing : Bearing
+            What both are to hold: the set-point weight is its, where it was not given.
+        """
+        overrides = {name: getattr(given, name) for name in given.model_fields_set}
+        all_, changed = vars(self) | overrides, {*overrides, "setpoint_weight"}
+        if overrides.keys() & {"kp", "ki", "kd"} and "setpoint_weight" not in overrides:
+            weight = weight_of(bearing, all_["kp"], all_["ki"], all_["kd"])
+            all_["setpoint_weight"] = two_digits(weight)
+        return self.model_copy(update={name: all_[name] for name in changed})
+
+    def unseen(self, r: float) -> float:
+        """Return the current [A] by which the integral is ahead where the rotor is held at rest.
+
+        Parameters
+        ----------
+        r : float
+            The reference there [m].
+        """
+        return (1 - self.setpoint_weight) * self.kp * r
+
+    def sections(self, T: float) -> list[list[float]]:
+        """Return the sections of second order b0, b1, b2, a1, a2 that its blocks are.
+
+        Parameters
+        ----------
+        T : float
+            The sampling time [s].
+
+        Raises
+        ------
+        AmbkitError
+            There are too many, or nothing passes them at rest.
+        """
+        return sections_of(self.block, T)
+
+    def integral(self, current: float, r: float, T: float) -> float:
+        """Return the integral [A] with which a rotor is held at rest.
+
+        Parameters
+        ----------
+        current : float
+            The current that holds it [A].
+        r : float
+            The reference there [m].
+        T : float
+            The sampling time [s].
+        """
+        return current / gain_at_rest(self.sections(T)) + self.unseen(r)
+
+
+GAINS = frozenset(Gains._fields)
+"""What is to be known of a PID."""

@@ -1,0 +1,54 @@
+"""The controllers of a scenario, chosen where it does not state them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.control.control import Control
+from ambkit.control.control_candidates import Feedback
+from ambkit.control.default_control import DefaultControl, default_control, is_default, settled
+from ambkit.machine.machine import Machine
+from ambkit.simulation.scenario import Scenario
+
+TIMES = 2001
+"""Times in a run at which its speed is looked at."""
+
+
+def fastest_of(machine: Machine, scenario: Scenario) -> float:
+    """Return the highest speed of rotation of a run, or the machine's own if higher [rad/s]."""
+    if scenario.speed is None:
+        return abs(machine.speed)
+    speed = scenario.speed.sample(np.linspace(0.0, scenario.duration, TIMES))
+    return max(abs(machine.speed), float(np.abs(speed).max()))
+
+
+def default_for(machine: Machine, scenario: Scenario) -> DefaultControl:
+    """Return the default controllers of a scenario, over its speed range and the machine's."""
+    return default_control(machine, scenario.feedback, fastest_of(machine, scenario))
+
+
+def feedback_of(machine: Machine, scenario: Scenario) -> Feedback:
+    """Return what feeds the controllers of a scenario, chosen where it is not given."""
+    control = scenario.controller
+    if scenario.feedback is not None:
+        return scenario.feedback
+    if not is_default(control) or control.needs_estimate:
+        return "measurement"
+    return default_for(machine, scenario).chosen.feedback
+
+
+def control_of(machine: Machine, scenario: Scenario) -> Control:
+    """Return the controllers of a scenario with their type; held or not."""
+    feedback = feedback_of(machine, scenario)
+    return settled(machine, scenario.controller, feedback, fastest_of(machine, scenario))
+
+
+def settled_scenario(machine: Machine, scenario: Scenario) -> Scenario:
+    """Return a scenario with controllers and feedback chosen where they are not given."""
+    if is_default(scenario.controller):
+        result = default_for(machine, scenario)
+        if not result.held:
+            raise AmbkitError(result.summary)
+    control, feedback = control_of(machine, scenario), feedback_of(machine, scenario)
+    return scenario.model_copy(update={"controller": control.fed_by(feedback)})
