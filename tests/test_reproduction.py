@@ -14,7 +14,9 @@ from ambkit.machine import paper
 from ambkit.result.report.summary import number
 from ambkit.workflow.reproduction import reproduce
 
-README = Path(__file__).parents[1] / "README.md"
+ROOT = Path(__file__).parents[1]
+README = ROOT / "README.md"
+FINDINGS = ROOT / "docs/explanation/findings.md"
 SHARED = Path(__file__).parents[2] / "shared" / "reference"
 
 
@@ -167,16 +169,16 @@ def test_an_interrupt_leaves_no_empty_folders(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_the_readme_says_was_found_is_what_is_computed(outcome):
+def test_the_stated_findings_are_what_is_computed(outcome):
     found = by_id(outcome)
-    text = " ".join(README.read_text(encoding="utf-8").partition("## What we found")[2].split())
+    text = " ".join(FINDINGS.read_text(encoding="utf-8").split())
     for sentence, digits, ids in [
         ("the filter as printed has {} µm where the raw", ".2f", ["sampling.printed"]),
         ("filters lie within {} % of each other", ".1f", ["gain.position"]),
         ("is {} N rms with the linear filter", ".2f", ["gain.linear"]),
-        ("drifts by 20 % in flight, the error of the force is {} N;", ".3f", ["chain.wrong"]),
-        ("takes over without a jump, {} N; where", ".3f", ["chain.learned"]),
-        ("where the constant is told, {} N", ".3f", ["chain.told"]),
+        ("drifts by 20 %, the error of the force is {} N.", ".3f", ["chain.wrong"]),
+        ("takes over without a jump, it is {} N;", ".3f", ["chain.learned"]),
+        ("with the true constant, {} N", ".3f", ["chain.told"]),
         ("to {} % in the worst", ".2f", ["fig12.worst"]),
         ("{} N with the paper's 25 operating points", ".2f", ["gain.adaptive"]),
         ("{} N with the rules spread", ".2f", ["gain.wide"]),
@@ -185,7 +187,7 @@ def test_what_the_readme_says_was_found_is_what_is_computed(outcome):
         ("constant stiffness has {} N", ".2f", ["force_rms.constant"]),
         ("it has {} N with the widths, {} N", ".2f", ["force_rms.widths", "force_rms.both"]),
         ("{} µm against {} µm, 10 ms ahead", ".1f", ["recording.ten", "recording.adaptive"]),
-        ("no magnet at all has {} µm there", ".1f", ["recording.naive_ten"]),
+        ("without a magnet has {} µm there", ".1f", ["recording.naive_ten"]),
         (
             "ahead it has {} µm, and the model {} µm",
             ".1f",
@@ -194,6 +196,19 @@ def test_what_the_readme_says_was_found_is_what_is_computed(outcome):
     ]:
         said = sentence.format(*(printed(found[id], digits) for id in ids))
         assert said in text
+    short = " ".join(README.read_text(encoding="utf-8").partition("## What we found")[2].split())
+    for sentence, digits, ids in [
+        ("sensor it has {} µm, worse", ".2f", ["sampling.printed"]),
+        ("agree within {} %.", ".1f", ["gain.position"]),
+        ("linear {} N rms", ".2f", ["gain.linear"]),
+        ("25 operating points {} N, rules over ±0.8 mm {} N", ".2f", ["gain.adaptive", "gain.wide"]),
+        ("from {} N to {} N;", ".3f", ["chain.wrong", "chain.learned"]),
+        ("true constant it is {} N", ".3f", ["chain.told"]),
+        ("{} µm, the adaptive {} µm", ".1f", ["recording.ten", "recording.adaptive"]),
+        ("magnet model {} µm", ".1f", ["recording.naive_ten"]),
+        ("1 ms ahead {} µm against {} µm", ".1f", ["recording.one", "recording.naive_one"]),
+    ]:
+        assert sentence.format(*(printed(found[id], digits) for id in ids)) in short
     median = number(found["fig12.noisy"]["ours"], ".2f")
     assert f"to {median} % in the median of 100 seeds" in text
 
