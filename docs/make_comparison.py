@@ -10,10 +10,10 @@ from make_images import FOLDER, small
 
 import ambkit
 from ambkit.estimate.registry import KINDS
+from ambkit.judge.comparison import figures as figures
 from ambkit.judge.comparison.cases import CASES
 from ambkit.judge.comparison.study import across, study
 from ambkit.result.report import static
-from ambkit.show.plots import study as figures
 
 RUNS, BUDGET = 32, 32
 

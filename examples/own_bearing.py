@@ -7,7 +7,8 @@ from pathlib import Path
 
 import ambkit
 from ambkit.judge.comparison import rmse
-from ambkit.show import plots
+from ambkit.result.saving import save_figure
+from ambkit.simulation.run_figure import simulation_figure
 
 bearing = ambkit.Bearing.load(Path(__file__).with_name("spindle.toml"))
 linear = ambkit.ConstantStiffness.of(bearing)
@@ -35,4 +36,4 @@ print(
 )
 
 run.record.save("spindle.csv")
-plots.save_figure(plots.simulation_figure(run), "spindle.png")
+save_figure(simulation_figure(run), "spindle.png")

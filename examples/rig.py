@@ -19,14 +19,14 @@ from ambkit.estimate.constant_velocity import tune
 from ambkit.estimate.innovations import prediction_error
 from ambkit.identification.forces.lift_off import find_lift_off
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
+from ambkit.identification.maximum_likelihood import figures as figures
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed
 from ambkit.identification.maximum_likelihood.validation import validate
 from ambkit.identification.noise import measurement_noise
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Bars, Line, Rule
-from ambkit.show import plots
-from ambkit.show.plots import maximum_likelihood as figures
+from ambkit.result.saving import save_figure
 
 HERE = Path(__file__).parent
 LOGS = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE.parents[1] / "shared" / "data" / "inteco"
@@ -120,8 +120,8 @@ for name, record in logs.items():
 others = [
     replace(checks["lift-off", name], of_start={}) for name in ("no_filter", "LO", "EKF", "step")
 ]
-plots.save_figure(figures.fit_figure(others), "rig_fit.png")
-plots.save_figure(figures.residual_figure(others), "rig_residuals.png")
+save_figure(figures.fit_figure(others), "rig_fit.png")
+save_figure(figures.residual_figure(others), "rig_residuals.png")
 
 # How quiet is the position after filtering? The truth is not known; a smooth curve stands for it.
 rows = {}
@@ -149,7 +149,7 @@ bars = [
         ("ours", "estimate", "ambkit's extended Kalman filter"),
     )
 ]
-plots.save_figure(
+save_figure(
     Figure("rig_noise", "Scatter of the position about a smooth curve", "",
            [Panel(Axis("log with this filter in the loop"), Axis("scatter", "µm", 1e6), bars)]),
     "rig_noise.png",
@@ -172,7 +172,7 @@ late = [
     for name, gain in gains.items()
     if name in LOOKS  # the others are as EKF
 ]
-plots.save_figure(
+save_figure(
     Figure("rig_late", "Log likelihood, with the logged current taken earlier", "",
            [Panel(Axis("taken earlier by", "ms", 1e3), Axis("gain", limits=(-110.0, 110.0)),
                   [*late, Rule(0.0, signal="bound", label="")])]),

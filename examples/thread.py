@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 import ambkit
 from ambkit.judge.evaluation import evaluate
-from ambkit.show import plots
+from ambkit.judge.filter_figure import filter_figure
+from ambkit.result.saving import save_figure
 
 place = Path("thread")
 place.mkdir(exist_ok=True)
@@ -282,7 +283,7 @@ for (name, (scale, unit)), rms, more in zip(UNITS.items(), ours.T, (ours / best)
 
 # %%
 evaluated = {"the filter to fly": evaluate(flying, runs[0])}
-plots.save_figure(plots.filter_figure(runs[0], evaluated), place / "flying.png")
+save_figure(filter_figure(runs[0], evaluated), place / "flying.png")
 
 # %% [markdown]
 # ![Position, velocity and load of a run, with the estimates](thread/flying.png)

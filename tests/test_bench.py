@@ -18,13 +18,13 @@ from ambkit.judge.comparison import cases, criteria
 from ambkit.judge.comparison.candidates import candidates, expand
 from ambkit.judge.comparison.cases import CASES, Load, trials, walk_case
 from ambkit.judge.comparison.comparison import Sweep, bench, sweep
+from ambkit.judge.comparison.figures import cases_figure, matrix_figure, sweep_figure
 from ambkit.judge.comparison.study import learned, pieces_of, study
 from ambkit.judge.comparison.tolerance import CERTAIN, Spread
 from ambkit.judge.comparison.tuning import errors, tune
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.magnets import own_time
-from ambkit.show.plots.study import cases_figure, matrix_figure, sweep_figure
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.workflow.compare_steps import compare_in_case
 

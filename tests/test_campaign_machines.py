@@ -12,6 +12,7 @@ import ambkit
 from ambkit.assessment.arguments import of_machine
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.campaigns.campaign import Campaign
+from ambkit.campaigns.figures import in_words
 from ambkit.campaigns.keys import changed, key_in, nested
 from ambkit.campaigns.margins import peak_of
 from ambkit.campaigns.plan import Plan
@@ -22,7 +23,6 @@ from ambkit.control.control import Control
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.show.plots.campaign import in_words
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.run_figures import OF_SEVERAL, figures_of
 from ambkit.simulation.waveforms import Constant, Ramp

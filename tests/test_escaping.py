@@ -26,6 +26,7 @@ from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.cli import printing
 from ambkit.cli.main import main
 from ambkit.data.reading import read
+from ambkit.data.reading.reading_figure import reading_figure
 from ambkit.export.c import export_c
 from ambkit.export.fmu import export_fmu
 from ambkit.fuzzy.expert import Expert
@@ -44,8 +45,7 @@ from ambkit.result.report import (
     write_report,
 )
 from ambkit.result.report import Text as Paragraph
-from ambkit.show.plots import save_figure
-from ambkit.show.plots.reading import reading_figure
+from ambkit.result.saving import save_figure
 from tests.hostile import NOT_PRINTABLE, TEXTS, Page, called
 
 BEARING = Bearing.preset("zittau_axial")

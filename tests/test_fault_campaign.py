@@ -18,7 +18,7 @@ from ambkit.judge.faults import FAULTS, FaultCampaign, inject_faults
 from ambkit.judge.faults.fault_run import Flight
 from ambkit.judge.faults.fault_test import BASELINE, recovery_text
 from ambkit.judge.faults.faults import CLEAN, Channel
-from ambkit.show.plots.faults import faults_figure
+from ambkit.judge.faults.faults_figure import faults_figure
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate_run
 

@@ -10,11 +10,11 @@ import pytest
 import ambkit
 from ambkit.identification.dead_time import acting, delayed
 from ambkit.identification.maximum_likelihood import maximum_likelihood
+from ambkit.identification.maximum_likelihood.figures import estimates_figure
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
 from ambkit.identification.maximum_likelihood.validation import cross_correlation, validate
 from ambkit.result.report.items import Rule
-from ambkit.show.plots.maximum_likelihood import estimates_figure
 from ambkit.workflow.identified_toml import carried_over
 from benchmarks.identification import TRUTH, closed_loops
 

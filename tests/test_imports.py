@@ -5,14 +5,10 @@ from __future__ import annotations
 import ast
 import re
 import tomllib
-from importlib import import_module
 from pathlib import Path
 
 import grimp
 import pytest
-
-from ambkit.base import late_binding
-from ambkit.base.showing import Shown
 
 ROOT = Path(__file__).parents[1]
 
@@ -96,20 +92,6 @@ def test_no_import_circle(graph: grimp.ImportGraph) -> None:
     while leaves := {m for m in left if not graph.find_modules_directly_imported_by(m) & left}:
         left -= leaves
     assert not sorted(left)
-
-
-def test_what_is_bound_late_is_there() -> None:
-    """Each class that a notebook shows has its card, and each name its function."""
-    places = dict(late_binding._places)
-    for path in SOURCE.rglob("*.py"):
-        module = ".".join(path.relative_to(SOURCE).with_suffix("").parts)
-        for name in re.findall(r"^class (\w+)\(.*\bShown\b", path.read_text(), re.MULTILINE):
-            assert f"{module}.{name}" in places
-    for name, place in places.items():
-        module, _, function = place.partition(":")
-        assert callable(getattr(import_module(f"ambkit.{module}"), function))
-        module, _, of = name.rpartition(".")
-        assert not module or issubclass(getattr(import_module(f"ambkit.{module}"), of), Shown)
 
 
 @pytest.mark.parametrize(

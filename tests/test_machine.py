@@ -14,7 +14,7 @@ from ambkit.base.config import Document
 from ambkit.machine import geometry, presets
 from ambkit.machine.disturbance_force import load_machine
 from ambkit.models.continuous import open_loop
-from ambkit.rotordynamics.campbell import stiffnesses
+from ambkit.rotordynamics.whirl_modes import stiffnesses
 from ambkit.workflow.check import inspect
 
 RPM = math.pi / 30

@@ -22,7 +22,7 @@ from ambkit.models import exponential
 from ambkit.models.continuous import continuous, open_loop
 from ambkit.models.machine_parts import machine_model
 from ambkit.models.plant import Plant
-from ambkit.rotordynamics.campbell import stiffnesses
+from ambkit.rotordynamics.whirl_modes import stiffnesses
 from ambkit.simulation.waveforms import Ramp
 
 UFU = "ufu_flexible"

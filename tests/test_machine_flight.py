@@ -26,9 +26,9 @@ from ambkit import AmbkitError, Machine, Scenario, magnet_of, simulate
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import core_module
 from ambkit.models.plant import Plant
-from ambkit.show.plots import simulation_figure
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
+from ambkit.simulation.run_figure import simulation_figure
 from ambkit.simulation.waveforms import Constant, HalfSine, Ramp, Step, Sum
 
 CORE = core_module(any_model=True)

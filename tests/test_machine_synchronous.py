@@ -27,7 +27,7 @@ from ambkit.export.c import export_c
 from ambkit.machine.accessories import Runout
 from ambkit.models.continuous import continuous
 from ambkit.models.machine_parts import machine_model
-from ambkit.rotordynamics.campbell import stiffnesses
+from ambkit.rotordynamics.whirl_modes import stiffnesses
 from ambkit.simulation.waveforms import Ramp
 
 BOTH = ("unbalance", "runout")

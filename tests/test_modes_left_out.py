@@ -23,9 +23,9 @@ from ambkit.machine.rotors.whirl import (
     whirl,
     whirl_error,
 )
-from ambkit.rotordynamics.campbell import CriticalSpeed
 from ambkit.rotordynamics.modal_reduction import Reduction, reduction
 from ambkit.rotordynamics.separation_margins import Separation, separations
+from ambkit.rotordynamics.whirl_modes import CriticalSpeed
 from ambkit.workflow.check import inspect
 
 RPM = math.pi / 30

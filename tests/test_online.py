@@ -19,10 +19,9 @@ import ambkit
 from ambkit import Bearing, Constant, Record, Scenario, Sine, Step
 from ambkit.base.errors import AmbkitError
 from ambkit.identification.online.augmented import AugmentedIdentifier, AugmentedResult
-from ambkit.identification.online.comparison import SideBySide, learn_online
+from ambkit.identification.online.comparison import SideBySide, learn_online, online_figure
 from ambkit.identification.online.result import OnlineResult, mean_error
 from ambkit.result.report.items import Band, Line, Rule, Span
-from ambkit.show.plots.online import online_figure
 from ambkit.simulation.external_inputs import ExternalInputs
 
 Array = NDArray[np.float64]

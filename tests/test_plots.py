@@ -9,17 +9,22 @@ import pytest
 
 import ambkit
 from ambkit.data import recordings
+from ambkit.fuzzy.expert_card import training_figure
+from ambkit.fuzzy.rules_figure import with_surface
 from ambkit.identification.forces.lift_off import load_points
-from ambkit.identification.forces.lift_off_fit import fit_lift_off
+from ambkit.identification.forces.lift_off_fit import fit_lift_off, lift_off_figure
+from ambkit.identification.online.magnet_constant import identification_figure
 from ambkit.judge.comparison import compare
+from ambkit.judge.comparison.seeds import comparison_figure
 from ambkit.judge.evaluation import evaluate
+from ambkit.judge.filter_figure import filter_figure
 from ambkit.machine.forces.force_file import load_force_points
 from ambkit.result.report import style
 from ambkit.result.report.items import Band, Bars, Heatmap, Line, Note, Points
 from ambkit.result.report.style import SIGNALS
-from ambkit.show import plots
-from ambkit.show.plots.rules import with_surface
-from ambkit.show.plots.signal_styles import looks
+from ambkit.result.saving import save_figure
+from ambkit.result.signal_styles import looks
+from ambkit.simulation.run_figure import simulation_figure
 from ambkit.workflow.training import measured_force
 
 
@@ -43,7 +48,7 @@ def lines(panel):
 
 
 def test_a_run_is_shown_with_its_truth_and_estimate(run, bearing):
-    figure = plots.simulation_figure(run)
+    figure = simulation_figure(run)
     position, velocity, current, disturbance = figure.panels
     assert set(lines(position)) == {"measured", "reference", "truth", "estimate"}
     np.testing.assert_array_equal(lines(velocity)["estimate"].y, run.estimate.v)
@@ -52,16 +57,16 @@ def test_a_run_is_shown_with_its_truth_and_estimate(run, bearing):
 
 
 def test_a_run_without_estimator_shows_none(run, bearing):
-    figure = plots.simulation_figure(replace(run, estimate=None))
+    figure = simulation_figure(replace(run, estimate=None))
     assert "estimate" not in {text for text, _ in figure.legend()}
 
 
 def test_current_limits_are_shown_where_they_matter(run, bearing):
     weak = bearing.replace(amplifier__current_limit=0.6)
     still = ambkit.simulate_run(bearing, ambkit.Scenario(duration=0.02, noise=False))
-    near = plots.simulation_figure(replace(run, plant=weak))
+    near = simulation_figure(replace(run, plant=weak))
     assert "limit" in {text for text, _ in near.legend()}
-    assert "limit" not in {text for text, _ in plots.simulation_figure(still).legend()}
+    assert "limit" not in {text for text, _ in simulation_figure(still).legend()}
 
 
 def test_currents_and_noise_among_the_states_have_panels(scenario):
@@ -75,13 +80,13 @@ def test_currents_and_noise_among_the_states_have_panels(scenario):
     estimate, record = run.estimate, run.record
     seen = estimate["n_y"] + estimate["hum_c"]
 
-    *_, current, _, noise = plots.simulation_figure(run).panels
+    *_, current, _, noise = simulation_figure(run).panels
     np.testing.assert_array_equal(lines(current)["estimate"].y, estimate["i"])
     np.testing.assert_array_equal(lines(noise)["estimate"].y, seen)
     np.testing.assert_array_equal(lines(noise)["measured"].y, record["y"] - record["x_m"])
 
     evaluated = {"linear": evaluate(kalman, record), "mine": evaluate(observer, record)}
-    current, noise = plots.filter_figure(record, evaluated).panels[3:5]
+    current, noise = filter_figure(record, evaluated).panels[3:5]
     assert set(lines(current)) == {"truth", "linear Kalman filter", "mine"}
     assert set(lines(noise)) == {"measured", "linear Kalman filter"}  # an observer knows none
     np.testing.assert_array_equal(lines(current)["truth"].y, record["iu"])
@@ -97,7 +102,7 @@ def test_filters_are_shown_by_their_own_styles_with_their_innovations(run, beari
         "closed-law": evaluate(ambkit.AdaptiveKalmanFilter(bearing, law), run.record),
         "mine": evaluate(ambkit.KalmanFilter(bearing, gravity="disturbance"), run.record),
     }
-    figure = plots.filter_figure(run.record, evaluated)
+    figure = filter_figure(run.record, evaluated)
     assert len(figure.panels) == 3 + len(evaluated)
     shown = lines(figure.panels[2])
     assert {"linear Kalman filter", "closed law", "mine", "truth"} == set(shown)
@@ -112,7 +117,7 @@ def test_what_is_smoothed_lies_on_what_is_filtered(run, bearing):
     kalman = ambkit.KalmanFilter(bearing)
     evaluated = {"linear": evaluate(kalman, run.record), "mine": evaluate(kalman, run.record)}
     smoothed = {name: kalman.smooth(run.record) for name in evaluated}
-    panel = plots.filter_figure(run.record, evaluated, smoothed).panels[2]
+    panel = filter_figure(run.record, evaluated, smoothed).panels[2]
     shown = lines(panel)
     after = [shown["linear Kalman filter, smoothed"], shown["mine, smoothed"]]
     np.testing.assert_array_equal(after[0].y, smoothed["linear"].f_d)
@@ -124,7 +129,7 @@ def test_what_is_smoothed_lies_on_what_is_filtered(run, bearing):
 
 def test_a_filters_first_guesses_do_not_flatten_the_rest(run, bearing):
     evaluated = {"linear": evaluate(ambkit.KalmanFilter(bearing), run.record)}
-    panel = plots.filter_figure(run.record, evaluated).panels[2]
+    panel = filter_figure(run.record, evaluated).panels[2]
     low, high = panel.y.limits
     f_d = evaluated["linear"].estimate.f_d
     assert f_d.min() < low < f_d[1000:].min()
@@ -137,7 +142,7 @@ def test_a_gap_flattens_nothing(run, bearing):
     y[700:1300] = np.nan
     gap = ambkit.Record(run.record.t, {"y": y, "u": run.record["u"]})
     evaluation = evaluate(ambkit.KalmanFilter(bearing), gap)
-    *_, shown = plots.filter_figure(gap, {"linear": evaluation}).panels
+    *_, shown = filter_figure(gap, {"linear": evaluation}).panels
     e = evaluation.estimate.innovation
     largest = int(np.argmax(np.abs(e)))
     assert 1300 <= largest < 1310
@@ -153,7 +158,7 @@ def test_a_gap_flattens_nothing(run, bearing):
 
     filters = {"linear": ambkit.KalmanFilter(bearing), "low-pass": ambkit.LowPass(bearing)}
     whole = {name: evaluate(one, run.record) for name, one in filters.items()}
-    calm, unbound = plots.filter_figure(run.record, whole).panels[3:]
+    calm, unbound = filter_figure(run.record, whole).panels[3:]
     assert np.isnan(lines(unbound)["±2√S"].y).all()  # a low-pass expects nothing
     assert calm.y.limits is None
     assert not any(isinstance(item, Points) for item in calm.items)
@@ -164,14 +169,14 @@ def test_what_the_rig_logged_is_shown():
     evaluated = {
         "linear": evaluate(ambkit.KalmanFilter(ambkit.Bearing.preset("inteco_ml")), record)
     }
-    position, velocity, *_ = plots.filter_figure(record, evaluated).panels
+    position, velocity, *_ = filter_figure(record, evaluated).panels
     assert "logged by the rig" in lines(position)
     np.testing.assert_array_equal(lines(velocity)["logged by the rig"].y, record["v_logged"])
 
 
 def test_an_identification_shows_how_it_learned(run, bearing):
     found = ambkit.identify_online(run.record, bearing, start=3e-6)
-    panel = plots.identification_figure(found, 3e-6).panels[0]
+    panel = identification_figure(found, 3e-6).panels[0]
     np.testing.assert_array_equal(lines(panel)["identified"].y, found.history.k)
     assert panel.y.shown(np.array([6.7e-6])) == pytest.approx([6.7])
 
@@ -179,7 +184,7 @@ def test_an_identification_shows_how_it_learned(run, bearing):
 def test_lift_off_points_lie_off_the_law_by_their_residuals():
     points = load_points(recordings.folder() / "lift_off_points.csv")
     fit = fit_lift_off(points, 0.06054, gap_range=(4e-3, 16e-3))
-    law, residuals = plots.lift_off_figure(fit).panels
+    law, residuals = lift_off_figure(fit).panels
     (shown,) = (item for item in law.items if isinstance(item, Points))
     np.testing.assert_allclose(shown.y - fit.current(shown.x), fit.residuals, atol=1e-12)
     assert residuals.y.unit == "mA"
@@ -188,7 +193,7 @@ def test_lift_off_points_lie_off_the_law_by_their_residuals():
 def test_a_training_shows_its_curve_and_its_error(bearing):
     stiff = ambkit.stiffness_map(bearing)
     expert = ambkit.train(stiff)
-    curve, error, *_ = plots.training_figure(expert, stiff).panels
+    curve, error, *_ = training_figure(expert, stiff).panels
     (line,) = (item for item in curve.items if isinstance(item, Line))
     np.testing.assert_array_equal(line.y, expert.learning_curve)
     (surface,) = (item for item in error.items if isinstance(item, Heatmap))
@@ -198,7 +203,7 @@ def test_a_training_shows_its_curve_and_its_error(bearing):
 def test_a_comparison_shows_mean_and_spread(bearing, scenario):
     makers = {"linear": lambda: ambkit.KalmanFilter(bearing)}
     scores = {"0.3 mm": compare(bearing, scenario, makers, range(3))}
-    position = plots.comparison_figure(scores).panels[0]
+    position = comparison_figure(scores).panels[0]
     (bars,) = (item for item in position.items if isinstance(item, Bars))
     score = scores["0.3 mm"]["linear"]
     assert bars.values == pytest.approx([score.mean("x")])
@@ -206,14 +211,14 @@ def test_a_comparison_shows_mean_and_spread(bearing, scenario):
 
 
 def test_the_ending_says_how_to_draw(run, bearing, tmp_path):
-    figure = plots.simulation_figure(run)
-    assert plots.save_figure(figure, tmp_path / "a.PNG").read_bytes().startswith(b"\x89PNG")
-    assert ET.parse(plots.save_figure(figure, tmp_path / "a.svg")).getroot().tag.endswith("svg")
-    page = plots.save_figure(figure, tmp_path / "a.html").read_text()
+    figure = simulation_figure(run)
+    assert save_figure(figure, tmp_path / "a.PNG").read_bytes().startswith(b"\x89PNG")
+    assert ET.parse(save_figure(figure, tmp_path / "a.svg")).getroot().tag.endswith("svg")
+    page = save_figure(figure, tmp_path / "a.html").read_text()
     assert "Plotly.newPlot" in page
     assert page.count("<section") == 1
     with pytest.raises(ambkit.AmbkitError, match=r"a.pdf: cannot draw .pdf, use .png, .svg, .html"):
-        plots.save_figure(figure, tmp_path / "a.pdf")
+        save_figure(figure, tmp_path / "a.pdf")
     assert {path.name for path in tmp_path.iterdir()} == {"a.PNG", "a.svg", "a.html"}
 
 
@@ -235,7 +240,7 @@ def test_innovations_of_a_long_record_are_shown_by_how_far_most_reach(bearing):
     y[2000:4000] = np.nan
     record = ambkit.Record(record.t, {"y": y, "u": record["u"]})
     evaluation = evaluate(ambkit.KalmanFilter(bearing), record)
-    panel = plots.filter_figure(record, {"linear": evaluation}).panels[-1]
+    panel = filter_figure(record, {"linear": evaluation}).panels[-1]
     (band,) = (item for item in panel.items if isinstance(item, Band))
     bounds = lines(panel)["±2√S"].y
     assert np.nanmedian(band.high) == pytest.approx(bounds[-1], rel=0.15)
@@ -261,7 +266,7 @@ def test_a_dense_force_map_leaves_room_to_read_how_well_it_is_known(tmp_path):
     assert bearing.magnet.force_map is not None
     expert = ambkit.train(measured.stiffness)
     figure = with_surface(
-        plots.training_figure(expert, measured.stiffness), measured.surface, measured.stiffness
+        training_figure(expert, measured.stiffness), measured.surface, measured.stiffness
     )
     known = figure.panels[1]
     (surface,) = (item for item in known.items if isinstance(item, Heatmap))

@@ -21,11 +21,11 @@ from ambkit.data.reading import Refused, faults, grid, read
 from ambkit.data.reading.clock import examine
 from ambkit.data.reading.plausibility import suspects
 from ambkit.data.reading.propose import guess
+from ambkit.data.reading.reading_figure import reading_figure
+from ambkit.data.reading.rejected_log_figure import refused_figure
 from ambkit.data.record import Record
 from ambkit.judge.plausibility import evaluate_record
-from ambkit.show import plots
-from ambkit.show.plots.reading import reading_figure
-from ambkit.show.plots.rejected_log import refused_figure
+from ambkit.result.saving import save_figure
 from benchmarks import reading as reading_benchmark
 from tests import disguises, logs
 
@@ -627,7 +627,7 @@ def test_the_picture_marks_the_faults(tmp_path):
     frozen = next(i for p in figure.panels for i in p.items if getattr(i, "signal", "") == "frozen")
     assert np.isfinite(frozen.y).sum() == 100
     for ending in (".png", ".svg", ".html"):
-        assert plots.save_figure(figure, tmp_path / f"log{ending}").stat().st_size > 5000
+        assert save_figure(figure, tmp_path / f"log{ending}").stat().st_size > 5000
 
 
 def test_record_read_is_what_the_command_reads(tmp_path):

@@ -8,10 +8,10 @@ import pytest
 from ambkit.base.errors import RecordError
 from ambkit.data.channel_map import ChannelMap
 from ambkit.data.reading import Refused, read
+from ambkit.data.reading.reading_figure import reading_figure
+from ambkit.data.reading.rejected_log_figure import refused_figure
 from ambkit.result.report.items import Line, Rule, Span
-from ambkit.show import plots
-from ambkit.show.plots.reading import reading_figure
-from ambkit.show.plots.rejected_log import refused_figure
+from ambkit.result.saving import ENDINGS, save_figure
 from tests import logs
 
 MAP = logs.MAP
@@ -210,5 +210,5 @@ def test_a_refused_log_is_drawn_in_all_formats(tmp_path):
     with pytest.raises(Refused) as failure:
         read(tmp_path / "log.csv", ChannelMap.from_toml(MAP))
     figure = refused_figure(failure.value)
-    for ending in plots.ENDINGS:
-        assert plots.save_figure(figure, tmp_path / f"log{ending}").stat().st_size > 5000
+    for ending in ENDINGS:
+        assert save_figure(figure, tmp_path / f"log{ending}").stat().st_size > 5000

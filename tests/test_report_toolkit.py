@@ -24,6 +24,8 @@ from hypothesis import strategies as st
 
 from ambkit.base.errors import AmbkitError
 from ambkit.data.reading import Refused, read
+from ambkit.data.reading.reading_figure import reading_figure
+from ambkit.data.reading.rejected_log_figure import refused_figure
 from ambkit.result.report import (
     Axis,
     Band,
@@ -58,9 +60,7 @@ from ambkit.result.report import (
 from ambkit.result.report.decimate import decimate
 from ambkit.result.report.page import render_page
 from ambkit.result.report.terminal import print_summary
-from ambkit.show.plots import save_figure
-from ambkit.show.plots.reading import reading_figure
-from ambkit.show.plots.rejected_log import refused_figure
+from ambkit.result.saving import save_figure
 
 TIME = Axis("time $t$", "s")
 

@@ -96,10 +96,10 @@ def test_a_value_at_its_bound_is_told(walks: list[Record]) -> None:
 
 
 def test_the_picture_and_the_figures(walks: list[Record], tmp_path) -> None:
-    from ambkit.show import plots
+    from ambkit.result.saving import save_figure
 
     found = ambkit.tune(BEARING, walks[:1], "linear", budget=12)
-    plots.save_figure(found.figure(), tmp_path / "t.png")
+    save_figure(found.figure(), tmp_path / "t.png")
     assert (tmp_path / "t.png").stat().st_size > 10_000
     data = found.to_dict()
     assert data["bounds"]["noise.measurement"]["unit"] == "m^2"

@@ -166,60 +166,8 @@ _HOME = {
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
-# Functions of upper rooms behind methods of lower ones: by module, and what calls each, a name or
-# the class that a notebook shows by it.
-_BEHIND = {
-    "estimate.filter_saving": {
-        "load": "load_estimator",
-        "save": "save_estimator",
-    },
-    "result.card": {
-        "image": "image",
-    },
-    "result.axes": {
-        "plot": "plot",
-    },
-    "show.plots.maximum_likelihood": {
-        "estimates_figure": "estimates_figure",
-        "correlation_figure": "correlation_figure",
-    },
-    "show.plots.comparison": {
-        "comparison_figure": "comparison_figure",
-    },
-    "show.plots.study": {
-        "cases_figure": "cases_figure",
-        "cost_figure": "cost_figure",
-        "efficiency_figure": "efficiency_figure",
-        "matrix_figure": "matrix_figure",
-        "run_figure": "compared_run_figure",
-        "sweep_figure": "sweep_figure",
-    },
-    "show.plots.faults": {
-        "faults_figure": "faults_figure",
-    },
-    "show.plots.pil": {
-        "instructions_figure": "instructions_figure",
-    },
-    "show.plots.simulation": {
-        "simulation_figure": "run_figure",
-    },
-    "show.plots.filters": {"filter_figure": "filter_figure"},
-    "judge.evaluation": {"errors_along": "errors_along"},
-    "rotordynamics.separation_margins": {"separations": "separations", "sentence": "separation"},
-    "rotordynamics.modal_reduction": {"reduction": "reduction"},
-    "show.notebook.things": {
-        "record": "data.record.Record",
-        "estimate": "estimate.estimate.Estimate",
-        "expert": "fuzzy.expert.Expert",
-        "bearing": "machine.machine.Bearing",
-    },
-    "show.plots.identification": {"identification_figure": "identification_figure"},
-    "show.plots.excitation": {"excitation_figure": "excitation_figure"},
-    "show.plots.coil": {"coil_figure": "coil_figure"},
-    "show.plots.corpus": {"corpus_figure": "corpus_figure"},
-    "show.plots.reading": {"reading_figure": "reading_figure"},
-    "show.plots.online": {"online_figure": "online_figure"},
-}
+# Files of estimators, behind methods of the estimators.
+_BEHIND = {"estimate.filter_saving": {"load": "load_estimator", "save": "save_estimator"}}
 late_binding.bind(_BEHIND)
 
 __all__ = ["__version__", *sorted(_MODULE_OF)]

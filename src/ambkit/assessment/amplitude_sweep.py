@@ -14,6 +14,7 @@ from ambkit.assessment.arguments import given_estimators, given_load
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assessment import Assessment
 from ambkit.assessment.loop import AssessedAxis, AssessedLoop
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.threads import one_thread
@@ -36,7 +37,6 @@ from ambkit.simulation.waveforms import Constant, Recorded, Sine
 if TYPE_CHECKING:
     from ambkit.result.report.figure import Figure
 
-Array = NDArray[np.float64]
 Kind = Literal["multisine", "stepped-sine"]
 
 AMPLITUDES = (1e-3, 1e-2, 3e-2)
@@ -162,7 +162,7 @@ class Sweep(Result):
 
     def figure(self) -> Figure:
         """Return the sweeps over the model's curve, and how far they are from it, as a picture."""
-        from ambkit.show.plots.sensitivity import sweep_figure
+        from ambkit.assessment.sensitivity_figure import sweep_figure
 
         return sweep_figure(
             self.title,

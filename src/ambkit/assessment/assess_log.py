@@ -158,8 +158,8 @@ class AssessedLog(Result):
 
     def figure(self) -> Figure:
         """Return S with its interval and zones, the open loop, and the coherence as a picture."""
-        from ambkit.show.plots.assessment import Curves
-        from ambkit.show.plots.sensitivity import measured_figure
+        from ambkit.assessment.assessment_figure import Curves
+        from ambkit.assessment.sensitivity_figure import measured_figure
 
         models = [] if self.model is None else [
             Curves(name, loop.loop, self.axis)

@@ -24,7 +24,7 @@ from ambkit.result.sections import Section
 from ambkit.rotordynamics.balance_grades import Grade, grade_of, of_grades, unbalance_forces
 from ambkit.rotordynamics.modal_reduction import reduction
 from ambkit.rotordynamics.separation_margins import BASIS as BASIS_OF_MARGINS
-from ambkit.rotordynamics.separation_margins import Separation, sentence, separations
+from ambkit.rotordynamics.separation_margins import Separations, separations
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
@@ -208,7 +208,7 @@ class Assessment(Result):
         if compared is not None and not compared.good:
             notes.append(f"{compared.text()}.")
         if self.machine.turns and not self.separations:
-            notes.append(f"{sentence([], self.machine.speed).capitalize()}.")
+            notes.append(f"{self.separations.sentence().capitalize()}.")
         own = grade_of(self.machine)
         if own is not None:
             notes.append(f"The unbalance is of balance quality grade G {1e3 * own:.3g}.")
@@ -243,11 +243,11 @@ class Assessment(Result):
         return [self.figure(), *([self.capacity_figure()] if stable else [])]
 
     @cached_property
-    def separations(self) -> list[Separation]:
+    def separations(self) -> Separations:
         """How far the machine's speed is from each critical speed; none where it does not turn."""
         machine = self.machine
         if not machine.turns:
-            return []
+            return Separations(0.0)
         own = [self.controllers.get(name) for name in self.of.axes]
         known = [item for item in own if item is not None]
         return separations(machine, pids=known if len(known) == len(own) else None)
@@ -285,7 +285,7 @@ class Assessment(Result):
         # Of one axis with all loops that are stable; of several with all axes of one loop,
         # singular values, and the determinant of the return difference. Of a loop that is unstable
         # Nyquist, loop gain and poles of just this loop.
-        from ambkit.show.plots.assessment import Curves, assessment_figure, unstable_figure
+        from ambkit.assessment.assessment_figure import Curves, assessment_figure, unstable_figure
 
         name = list(self.loops)[-1] if filter is None else filter
         if not self.loops[name].stable:
@@ -329,7 +329,7 @@ class Assessment(Result):
 
     def capacity_figure(self, filter: str | None = None) -> Figure:
         """Return the load that each loop, or each of several axes, bears over the frequency."""
-        from ambkit.show.plots.capacity import capacity_figure
+        from ambkit.assessment.capacity_figure import capacity_figure
 
         demands: dict[str, tuple[float, float]] = {}
         if len(self.of.axes) == 1:

@@ -15,6 +15,7 @@ from ambkit.assessment.arguments import given_estimators, given_load
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.assessment.orbit import on_orbit
 from ambkit.base import units
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.threads import one_thread
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.result.report.figure import Figure
 
-Array = NDArray[np.float64]
 
 COUNT = 41
 """Speeds, where nobody says how many."""
@@ -215,13 +215,13 @@ class OverSpeed(Result):
 
     def figure(self) -> Figure:
         """Return sensitivity and modes of the closed loop over the speed as a picture."""
-        from ambkit.show.plots.speed_sweep import over_speed_figure
+        from ambkit.assessment.speed_sweep_figure import over_speed_figure
 
         return over_speed_figure(self, ZONES)
 
     def run_up_figure(self) -> Figure:
         """Return displacement, current and voltage in a run-up, beside their limits."""
-        from ambkit.show.plots.speed_sweep import run_up_figure
+        from ambkit.assessment.speed_sweep_figure import run_up_figure
 
         return run_up_figure(self)
 

@@ -1,4 +1,4 @@
-"""Pictures of a campaign: its columns, as `ambkit.show.plots.campaign` wants them."""
+"""Pictures of a campaign: its columns, as `ambkit.campaigns.figures` wants them."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
+from ambkit.campaigns import figures as plots
 from ambkit.campaigns.distributions import OneOf
+from ambkit.campaigns.figures import LABELS, Quantity, Swing, in_words
 from ambkit.campaigns.study_tables import UNITS, limit_of
 from ambkit.judge.loop.loop_of import ZONES
-from ambkit.show.plots import campaign as plots
-from ambkit.show.plots.campaign import LABELS, Quantity, Swing, in_words
 
 if TYPE_CHECKING:
     from ambkit.campaigns.results import Machines

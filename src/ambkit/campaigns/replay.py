@@ -11,7 +11,7 @@ from ambkit.campaigns.study_tables import UNITS
 from ambkit.result.result import Result
 from ambkit.result.row import Row
 from ambkit.result.sections import Section
-from ambkit.show.plots.simulation import simulation_figure
+from ambkit.simulation.run_figure import simulation_figure
 
 if TYPE_CHECKING:
     from ambkit.campaigns.plan import Plan

@@ -89,7 +89,7 @@ def deliver_result(
 
 def save_figure(result: Result, path: Path) -> None:
     """Draw a result's main picture."""
-    from ambkit.show.plots import saving
+    from ambkit.result import saving
 
     saving.save_figure(result.figures()[0], path)
 

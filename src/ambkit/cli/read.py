@@ -100,15 +100,15 @@ def read(
 def _draw_refused(error: Refused, plot: Path) -> None:
     """Say why a log is refused, and draw where."""
     from ambkit.cli import printing
-    from ambkit.show import plots
-    from ambkit.show.plots.rejected_log import refused_figure
+    from ambkit.data.reading.rejected_log_figure import refused_figure
+    from ambkit.result.saving import save_figure
 
     printing.note(f"ambkit: {error}")
     figure = refused_figure(error)
     if figure is None:
         printing.note(f"{plot} is not written: there is nothing to be drawn")
         return
-    plots.save_figure(figure, plot)
+    save_figure(figure, plot)
     printing.note(
         f"wrote {plot}: what could be read, and where the trouble is; no record is written"
     )

@@ -129,7 +129,7 @@ def simulate(
     from ambkit.cli.kinds import factories
     from ambkit.judge.adequacy import judge_adequacy
     from ambkit.machine.forces.force_map import surface_in
-    from ambkit.show import plots
+    from ambkit.result.saving import save_figure
     from ambkit.workflow.simulate import scenario_for, simulate_run
 
     plant = find_machine(bearing)
@@ -155,7 +155,7 @@ def simulate(
         run = simulate_run(plant, scenario, estimator=kalman, magnet=true, **settings)
     adequacy = printing.say_adequacy(judge_adequacy(kalman, plant, full_scenario, run.nis))
     of = None if isinstance(kalman, str) else kalman
-    spectra = (waterfall, lambda path: plots.save_figure(_waterfall(run).figure(), path))
+    spectra = (waterfall, lambda path: save_figure(_waterfall(run).figure(), path))
     printing.deliver_result(
         run, [(out, run.record.save), spectra], as_json=json, verbose=verbose, plot=plot,
         more={"adequacy": adequacy},

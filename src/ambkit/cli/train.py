@@ -152,9 +152,10 @@ def train(
       ambkit train found.toml --force-map force.csv --rules auto --save-filter filter.toml
     """
     from ambkit.cli import printing, train_measured
+    from ambkit.fuzzy.expert_card import training_figure
     from ambkit.judge.adequacy import judge_adequacy
     from ambkit.machine.forces.force_file import load_force_points
-    from ambkit.show import plots
+    from ambkit.result.saving import save_figure
     from ambkit.workflow.expert import FORMS, filter_of
     from ambkit.workflow.expert import save_filter as saved
     from ambkit.workflow.training import RULES, check_within_gap, how_to_train, measured_force
@@ -227,8 +228,8 @@ def train(
         data["adequacy"] = printing.say_adequacy(judge_adequacy(filter_of(result)))
 
     def draw(path: Path) -> None:
-        figure = plots.training_figure(result.expert, result.stiffness)
-        plots.save_figure(train_measured.with_points(figure, result), path)
+        figure = training_figure(result.expert, result.stiffness)
+        save_figure(train_measured.with_points(figure, result), path)
 
     printing.deliver(
         data,

@@ -68,7 +68,7 @@ def say_what_is_taken(result: TrainedExpert, out: Path | None, save_filter: Path
 
 def with_points(figure: Figure, result: TrainedExpert) -> Figure:
     """Put points, their surface, and the choice before the picture of a training."""
-    from ambkit.show.plots.rules import with_choice, with_surface
+    from ambkit.fuzzy.rules_figure import with_choice, with_surface
 
     measured = result.measured
     if measured is None:

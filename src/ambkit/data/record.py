@@ -14,13 +14,15 @@ from numpy.typing import ArrayLike
 from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import RecordError, shortened
 from ambkit.base.quantity_arguments import Given, in_si
-from ambkit.base.showing import Shown
 from ambkit.data import frames
 from ambkit.data import signals as names
+from ambkit.result.showing import Shown
 
 if TYPE_CHECKING:
     import pandas
     import xarray
+
+    from ambkit.result.card import Card
 
 
 TIME_TOLERANCE = 0.01
@@ -294,6 +296,11 @@ class Record(Shown):
     def _of_series(cls, series: frames.Series, units: Mapping[str, str] | None) -> Record:
         result = frames.in_si(series, units)
         return cls(result.t, result.columns, result.units, result.about.get("meta", {}))
+
+    def _card(self) -> Card:
+        from ambkit.data.record_card import record_card
+
+        return record_card(self)
 
 
 def _frozen(name: str, values: ArrayLike) -> Array:

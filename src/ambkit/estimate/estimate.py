@@ -4,44 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from enum import IntFlag
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
-from ambkit.base.showing import Shown
 from ambkit.data import frames
 from ambkit.data.record import Record
+from ambkit.estimate.status import Status as Status
 from ambkit.models.model import Descriptor
+from ambkit.result.showing import Shown
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
-Array = NDArray[np.float64]
+    from ambkit.result.card import Card
+
 
 UNITS = {"k_i": "N/A", "k_s": "N/m", "innovation": "m", "innovation_variance": "m^2", "status": "1"}
-
-
-class Status(IntFlag):
-    """What a step had to say; zero, or a sum of flags (``core/include/ambkit/status.h``)."""
-
-    OK = 0
-    MISSING = 1  #: the measurement was not finite, or far beyond the travel: predicted only
-    FROZEN = 2  #: the measurement had not moved for too many samples: predicted only
-    SATURATED = 4  #: control current beyond its limit: the limit was used
-    BAD_CONTROL = 8  #: the control signal was NaN or infinite: the last good one was used
-    BAD_VARIANCE = 16  #: rounding has eaten the covariance: correlations dropped
-    HELD = 32  #: the position is known no better than the travel: mean and doubt held within it
-    BAD_PARAMETER = 64  #: a stiffness was not finite: not predicted
-    UNEXCITED = 128  #: too little excitation: the identified value was held
-    OUTLIER = 256  #: the measurement was too far from its prediction: predicted only
-    INCONSISTENT = 512  #: too many innovations larger than expected: model or noise is wrong
-    NOISE_LIMIT = 1024  #: the noise found online is at the end of its range
-    RESTARTED = 2048  #: started afresh: from this measurement, or with nothing known
 
 
 def packed(i: int, j: int, n: int) -> int:
@@ -392,3 +376,8 @@ class Estimate(Shown):
             Ends with ``.csv`` or ``.parquet``.
         """
         self.to_record().save(path)
+
+    def _card(self) -> Card:
+        from ambkit.estimate.estimate_card import estimate_card
+
+        return estimate_card(self)

@@ -25,14 +25,15 @@ from ambkit.base.config.problems import Problem, dotted
 from ambkit.base.config.text_types import Description, Line
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.base.json_lines import line_of
-from ambkit.base.showing import Shown
 from ambkit.fuzzy.network import Scaling, default_width, network, scale_factors
 from ambkit.machine import paper
 from ambkit.machine.magnets import evaluate_force, evaluate_stiffness
+from ambkit.result.showing import Shown
 
 if TYPE_CHECKING:
     from ambkit._core import Fuzzy
     from ambkit.machine.stiffness import StiffnessMap
+    from ambkit.result.card import Card
 
 Method = Literal["least-squares", "steepest-gradient"]
 
@@ -385,6 +386,11 @@ class Expert(Shown, Part):
         """
         _check_finite(iu=iu, x=x)
         return evaluate_force(self, iu, x) + self.force_bias
+
+    def _card(self) -> Card:
+        from ambkit.fuzzy.expert_card import expert_card
+
+        return expert_card(self)
 
 
 def _shaped(name: str, values: ArrayLike, shape: tuple[int, int]) -> Array:

@@ -20,11 +20,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.base import late_binding
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.base.units import figure
 from ambkit.data.record import Record
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Line, Points, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
@@ -147,7 +148,7 @@ class CoilFit(Result):
 
     def figures(self) -> list[Figure]:
         """Return a step, the time constant over the distance, and what is left of each log."""
-        return [late_binding.call("coil_figure", self)]
+        return [coil_figure(self)]
 
     def bearing(self, known: Bearing, operating_point: float) -> Bearing:
         """Return a bearing that is driven by the control signal through this coil."""
@@ -292,3 +293,39 @@ def _quiet_noise(record: Record) -> float:
 
 def _rms(values: Array) -> float:
     return math.sqrt(float(np.mean(values**2)))
+
+
+SHOWN = 0.6
+"""Seconds shown around the largest step of a log."""
+
+
+def coil_figure(fit: Any) -> Figure:
+    """Show the largest step down of one log, the time constant, and what is left of each log."""
+    names, records = list(fit.records), list(fit.records.values())
+    distance = Axis("distance $z$", "mm", 1e3)
+    at = np.linspace(0.0, 1.05 * max(fit.distance.values()), 200)
+    far = sorted(range(len(names)), key=lambda k: fit.distance[names[k]])[len(names) // 2]
+    record = records[far]
+    jump = int(np.argmax(np.abs(np.diff(record["u"]))))
+    half_window = round(SHOWN / 2 / record.sampling_time)
+    cut = slice(max(jump - half_window // 3, 0), jump + half_window)
+    parts = np.array([(fit.distance[n], fit.each[n], fit.left_out.get(n, np.nan)) for n in names])
+    return Figure(
+        id="coil",
+        title="A coil, from steps of its control signal",
+        caption=f"Above the largest step of {names[far]}.",
+        panels=[
+            Panel(Axis("time $t$", "s"), Axis("coil current $i$", "A"), [
+                Line(record.t[cut], record["i"][cut], signal="measurement", label="measured"),
+                Line(record.t[cut], fit.coil.current(record)[cut], signal="fit", label="found"),
+            ]),
+            Panel(distance, Axis("time constant", "ms", 1e3), [
+                Line(at, fit.coil.time_constant(at), signal="fit", label="found"),
+            ]),
+            Panel(distance, Axis("left, rms", "mA", 1e3), [
+                Rule(fit.noise, signal="bound", label="noise"),
+                Points(parts[:, 0], parts[:, 1], signal="measurement", label="found from it"),
+                Points(parts[:, 0], parts[:, 2], signal="estimate", label="found without it"),
+            ]),
+        ],
+    )  # fmt: skip

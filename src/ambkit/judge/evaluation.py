@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.data.signals import by_name, each_of, signal
+from ambkit.estimate.errors import errors_along, rms
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.innovations import Whiteness, whiteness
 from ambkit.result.row import Row
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Machine
 
-Array = NDArray[np.float64]
 
 LAGS = 50
 """Lags of the whiteness test."""
@@ -135,7 +136,7 @@ def evaluate(
 
     def errors(predicted: Array, ahead: int) -> Any:
         wrong = (y[ahead:] - predicted)[first:]
-        return by_reading(_rms(one) for one in wrong.T)
+        return by_reading(rms(one) for one in wrong.T)
 
     loads = [estimate[signal("f_d", axis)][first:] for axis in axes]
     return Evaluation(
@@ -156,28 +157,6 @@ def evaluate(
         disturbance_mean=by_name(axes, [float(load.mean()) for load in loads]),
         disturbance_std=by_name(axes, [float(load.std()) for load in loads]),
     )
-
-
-JUDGED = ("position", "velocity", "bending", "bending velocity", "disturbance force")
-"""Roles of the states whose errors are told."""
-
-
-def errors_along(
-    estimate: Estimate, record: Record, first: int = 0, end: int | None = None
-) -> dict[str, float]:
-    """Return root mean square errors of states against a record's truth, each in its unit."""
-    results = {}
-    for state in estimate.states:
-        truth = true_signal(record, state.name)
-        if state.role in JUDGED and truth is not None:
-            results[state.name] = _rms((estimate[state.name] - truth)[first:end])
-    return results
-
-
-def true_signal(record: Record, state: str) -> Array | None:
-    """Return the truth (n,) of a state in its unit; None where a record does not know it."""
-    truth = record.truth
-    return truth.get(f"q_{state}", truth.get(state))
 
 
 def _why(estimate: Estimate, y: Array, first: int) -> str:
@@ -234,12 +213,7 @@ def _last_measured(y: Array) -> Array:
 
 def _error(predicted: Array, record: Record, ahead: int, first: int) -> float:
     """RMS error of predictions made from sample `first` on; missing measurements do not count."""
-    return _rms((record["y"][ahead:] - predicted)[first:])
-
-
-def _rms(error: Array) -> float:
-    known = error[np.isfinite(error)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+    return rms((record["y"][ahead:] - predicted)[first:])
 
 
 def _mean_nis(innovation: Array, variance: Array) -> float:

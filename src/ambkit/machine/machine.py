@@ -17,7 +17,6 @@ from ambkit.base.config import Document, Read, reader, toml_text
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Description, Name
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
 from ambkit.machine import geometry, presets
 from ambkit.machine.accessories import (
@@ -53,6 +52,10 @@ from ambkit.machine.magnets import magnet_of
 from ambkit.machine.placement_checks import beyond_the_rotor, loose, unseen
 from ambkit.machine.rotors.descriptions import OfMatrices
 from ambkit.machine.rotors.modes import Bending
+from ambkit.result.showing import Shown
+
+if TYPE_CHECKING:
+    from ambkit.result.card import Card
 
 
 class Machine(Document):
@@ -562,6 +565,11 @@ class Bearing(Shown, Machine):
                 f"must be {limit}; is {engineering(current, 'A')}",
             )
         yield from parts_contradictions(read)
+
+    def _card(self) -> Card:
+        from ambkit.machine.bearing_card import bearing_card
+
+        return bearing_card(self)
 
 
 def _form_of(data: Mapping[str, Any]) -> type[Machine]:

@@ -14,7 +14,7 @@ from ambkit.result.report.static import draw, draw_into, drawn_as_on_paper
 
 
 def plot(figure: Figure, *, ax: Any = None, panel: int | str = 0, static: bool = False) -> Any:
-    """Draw a figure, see :meth:`ambkit.base.showing.Drawn.plot`."""
+    """Draw a figure, see :meth:`ambkit.result.showing.Drawn.plot`."""
     if ax is not None:
         return _into(figure, ax, panel)
     widget = None if static else _interactive(figure)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
+import numpy as np
+
 from ambkit.base.escaping import one_line
 from ambkit.base.units import figure, typeset
 from ambkit.result.report.figure import Figure
@@ -85,6 +87,19 @@ def _text(text: str) -> str:
 def value(number: Any, unit: str, digits: int = 4) -> str:
     """Print a value with its unit for a table; a dash where there is none."""
     return typeset(figure(number, unit, digits))
+
+
+SPAN = ("from", "to", "rms")
+"""Heads of what `spread` returns."""
+
+
+def spread(values: Any, unit: str) -> list[str]:
+    """Return least and greatest of what is known of a signal, and its root mean square."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return ["–"] * len(SPAN)
+    ends = (known.min(), known.max(), np.sqrt(np.mean(known**2)))
+    return [value(float(end), unit) for end in ends]
 
 
 def card_of(result: Stated) -> Card:

@@ -1,4 +1,4 @@
-"""What a verb returns, and how it is told: by one teller for each form."""
+"""What a verb returns, and how it is written: by one teller for each form."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base import escaping, files
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Drawn
 from ambkit.result.plain import plain
 from ambkit.result.row import Row, singles
 from ambkit.result.sections import Stated
+from ambkit.result.showing import Drawn
 
 if TYPE_CHECKING:
     import pandas

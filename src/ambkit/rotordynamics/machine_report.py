@@ -9,9 +9,9 @@ from ambkit.base.units import engineering
 from ambkit.control.default_control import default_control
 from ambkit.models.continuous import open_loop
 from ambkit.models.machine_parts import machine_model
-from ambkit.rotordynamics.campbell import stiffnesses
 from ambkit.rotordynamics.flexible_rotor_checks import Remark, of_bending
-from ambkit.rotordynamics.separation_margins import sentence, separations
+from ambkit.rotordynamics.separation_margins import separations
+from ambkit.rotordynamics.whirl_modes import stiffnesses
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -34,7 +34,7 @@ def described(machine: Machine) -> tuple[str, tuple[Remark, ...]]:
     remarks = [Remark(_of_the_poles(machine)), *of_bending(machine)]
     if machine.speed:
         remarks.append(Remark(default_control(machine).summary))
-        remarks.append(Remark(sentence(separations(machine), machine.speed)))
+        remarks.append(Remark(separations(machine).sentence()))
     return "; ".join(about), tuple(remarks)
 
 

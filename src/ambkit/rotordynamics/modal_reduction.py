@@ -26,8 +26,8 @@ from ambkit.machine.rotors.whirl import (
     speeds_of,
     whirl_error,
 )
-from ambkit.rotordynamics.campbell import campbell
 from ambkit.rotordynamics.separation_margins import DAMPED
+from ambkit.rotordynamics.whirl_modes import whirl_modes
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -223,7 +223,7 @@ def _critical(machine: Machine, many: Machine, max_speed: float) -> tuple[tuple[
     pids = holding(machine).pids
     some, all_of = (
         [
-            one.speed for one in campbell(item, max_speed, count=SPEEDS, pids=pids).criticals
+            one.speed for one in whirl_modes(item, max_speed, count=SPEEDS, pids=pids).criticals
             if one.amplification >= DAMPED
         ]
         for item in (machine, many)

@@ -10,14 +10,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ambkit.base.units import rpm
 from ambkit.control.default_control import default_control
 from ambkit.result.row import Row, put
-from ambkit.rotordynamics.campbell import CriticalSpeed, campbell
+from ambkit.rotordynamics.whirl_modes import CriticalSpeed, whirl_modes
 
 if TYPE_CHECKING:
     from ambkit.control.pid import PID
@@ -101,26 +101,32 @@ class Separation:
         ], section=("critical_speeds",), of=rpm(self.critical.speed))  # fmt: skip
 
 
+class Separations(list[Separation]):
+    """The distances of an operating speed from all critical speeds up to twice of it."""
+
+    def __init__(self, speed: float, critical: Iterable[CriticalSpeed] = ()) -> None:
+        super().__init__(Separation(one, speed) for one in critical)
+        self.speed = speed  #: Of operation [rad/s].
+
+    def sentence(self) -> str:
+        """Return whether the margins are kept."""
+        if not self:
+            return f"no critical speed up to {rpm(2 * self.speed)}"
+        parts = "; ".join(one.text() for one in self)
+        near = [rpm(one.critical.speed) for one in self if not one.kept]
+        verdict = f"too near to {', '.join(near)} ({BASIS})" if near else f"kept ({BASIS})"
+        return f"separation from critical speeds: {parts}: {verdict}"
+
+
 def separations(
     machine: Machine, speed: float | None = None, pids: Sequence[PID] | None = None
-) -> list[Separation]:
+) -> Separations:
     """Return the distances of a speed from all critical speeds up to twice of it."""
     # Of the rotor on its controllers, see `ambkit.campbell`.
     speed = abs(machine.speed if speed is None else speed)
     if not speed:
-        return []
+        return Separations(speed)
     if pids is None:  # those that are flown by default
         default_pids = default_control(machine).chosen.control.pid
         pids = [default_pids[axis.name] for axis in machine.axes] if default_pids else None
-    result = campbell(machine, 2 * speed, pids=pids)
-    return [Separation(critical, speed) for critical in result.criticals]
-
-
-def sentence(results: Sequence[Separation], speed: float) -> str:
-    """Return what is to be said of a speed of operation."""
-    if not results:
-        return f"no critical speed up to {rpm(2 * abs(speed))}"
-    parts = "; ".join(one.text() for one in results)
-    near = [rpm(one.critical.speed) for one in results if not one.kept]
-    verdict = f"too near to {', '.join(near)} ({BASIS})" if near else f"kept ({BASIS})"
-    return f"separation from critical speeds: {parts}: {verdict}"
+    return Separations(speed, whirl_modes(machine, 2 * speed, pids=pids).criticals)

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
+from ambkit.base.escaping import markdown
 from ambkit.base.quantity_arguments import Given
 from ambkit.base.units import engineering, rpm
+from ambkit.machine.machine import Machine
 from ambkit.models.plant import Plant
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Item, Line
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row
-from ambkit.rotordynamics.campbell import greatest_speed, held
-from ambkit.show.plots.unbalance_response import unbalance_response_figure
+from ambkit.rotordynamics.whirl_modes import held, max_speed
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.result.report.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,7 +74,7 @@ def unbalance_response(
     """Return the steady synchronous motion of a rotor on its controllers."""
     if not machine.unbalance:
         raise AmbkitError(f"{machine.name}: it has no [[unbalance]], and so no response to it")
-    fastest = greatest_speed(machine, fastest)
+    fastest = max_speed(machine, fastest)
     plant = Plant(machine)
     standstill, spin = held(machine)
     ahead, across = plant.unbalance()
@@ -85,3 +88,33 @@ def unbalance_response(
     ]
     motion = np.array(results)[:, : plant.H.shape[1]] @ plant.H.T
     return UnbalanceResponse(machine, speed, np.abs(motion))
+
+
+SPEED = Axis("speed of rotation", "rpm", 30 / math.pi)
+AMPLITUDE = Axis("amplitude", "µm", 1e6)
+
+
+def unbalance_response_figure(
+    machine: Machine, speed: NDArray[np.float64], amplitude: NDArray[np.float64]
+) -> Figure:
+    """Show how far each axis moves."""
+    # speed (n,) [rad/s]; amplitude (n, p) [m]
+    names: dict[int, list[str]] = {}  # axes by the first of those that move alike
+    for k, axis in enumerate(machine.axes):
+        alike = (j for j in names if np.allclose(amplitude[:, j], amplitude[:, k], rtol=1e-3))
+        names.setdefault(next(alike, k), []).append(axis.name)
+    items: list[Item] = [
+        Line(speed, amplitude[:, k], signal=f"series {n % 4 + 1}", label=" and ".join(axes))
+        for n, (k, axes) in enumerate(names.items())
+    ]
+    least = min(axis.bearing.clearance for axis in machine.axes)
+    if amplitude.max() > 0.2 * least:
+        limit = speed[[0, -1]], 0 * speed[[0, -1]] + least
+        items.append(Line(*limit, signal="limit", label="touch-down bearing"))
+    return Figure(
+        id="unbalance-response",
+        title=f"Unbalance response of {markdown(machine.name)}",
+        caption="Steady synchronous motion along each axis, of the linear rotor on its PIDs.",
+        panels=[Panel(SPEED, AMPLITUDE, items)],
+        panel_height=3.2,
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -11,17 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base import late_binding
 from ambkit.base.units import figure
 from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
+from ambkit.estimate.errors import errors_along
 from ambkit.estimate.estimate import Estimate
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row
 from ambkit.result.sections import Section
+from ambkit.simulation.run_figure import simulation_figure
 
 if TYPE_CHECKING:
     from ambkit.result.report.figure import Figure
@@ -49,6 +50,8 @@ class Run(Result):
     usable: NDArray[np.bool_] | None = None
     #: What its estimator says of unbalance and runout at the end, where it flies then.
     turning: Sequence[Any] = ()
+    #: Returns the critical speeds near the speed at the end, see `ambkit.campbell`.
+    near_critical: Callable[[], Any] | None = None
 
     @property
     def title(self) -> str:
@@ -86,9 +89,8 @@ class Run(Result):
         results += [row for item in self._apart for row in item.rows()]
         if self.estimate is None:
             return results
-        units, errors = self.estimate.units, late_binding.call(
-            "errors_along", self.estimate, record, *self._in_flight
-        )  # fmt: skip
+        units = self.estimate.units
+        errors = errors_along(self.estimate, record, *self._in_flight)
         results += [
             Row("estimator", "estimator", self.estimate.estimator),
             Row("nis", "  mean NIS (1: consistent)", self.nis),
@@ -121,14 +123,14 @@ class Run(Result):
     @property
     def notes(self) -> list[str]:
         """What is to be said of its speed, and of the controller where it tripped."""
-        remarks = [late_binding.call("separation", self._apart, self._speed)] if self._apart else []
+        remarks = [self._apart.sentence()] if self._apart else []
         if any(mode["mode"] == "tripped" for mode in self.modes):
             remarks.append("It tripped: see lost and overload in [sequence].")
         return remarks
 
     def figures(self) -> list[Figure]:
         """Return its figure: of several axes with orbits."""
-        return [late_binding.call("run_figure", self)]
+        return [simulation_figure(self)]
 
     @property
     def modes(self) -> list[dict[str, Any]]:
@@ -140,17 +142,14 @@ class Run(Result):
         return [{"mode": Mode(int(mode[k])).name.lower(), "since": float(t[k])} for k in changed]
 
     @property
-    def _speed(self) -> float:
+    def final_speed(self) -> float:
         """The speed at the end [rad/s]."""
         return float(self.record["speed"][-1]) if "speed" in self.record else self.machine.speed
 
     @cached_property
-    def _apart(self) -> Sequence[Any]:
+    def _apart(self) -> Any:
         """The critical speeds near the speed at the end."""
-        result: Sequence[Any] = () if self.plant.single else late_binding.call(
-            "separations", self.machine, self._speed
-        )  # fmt: skip
-        return result
+        return () if self.near_critical is None else self.near_critical()
 
     @property
     def nis(self) -> float:

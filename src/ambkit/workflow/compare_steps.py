@@ -15,14 +15,13 @@ from ambkit.estimate.named import USUAL, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.cases import CASES, Case
 from ambkit.judge.comparison.score import least
-from ambkit.judge.comparison.seeds import Scores, compare
+from ambkit.judge.comparison.seeds import Scores, compare, comparison_figure
 from ambkit.judge.comparison.study import Study, across, pieces_of, study
 from ambkit.judge.comparison.tolerance import Spread
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-from ambkit.show.plots.comparison import comparison_figure
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.simulate import scenario_for
 

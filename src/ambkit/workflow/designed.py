@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering, percent
@@ -18,12 +20,13 @@ from ambkit.estimate.registry import KINDS
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.criteria import EVALUATED
 from ambkit.judge.evaluation import evaluate
+from ambkit.judge.filter_figure import filter_figure
 from ambkit.machine.machine import Machine
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Bars, Item, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Part, Section
-from ambkit.show.plots.design import design_figure
-from ambkit.show.plots.filters import filter_figure
 from ambkit.workflow.design_candidates import TunedCandidate, evidence_for
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
 
@@ -196,3 +199,24 @@ def _of_candidate(of: TunedCandidate) -> list[Row]:
         Row("efficiency", "x: of the bound", of.efficiency, "%"),
         Row("peak", "peak of |S|", of.peak, "|S|"),
     ]  # fmt: skip
+
+
+def design_figure(
+    names: Sequence[str], errors: Sequence[Mapping[str, float]], raw: float, title: str
+) -> Figure:
+    """Show the errors of the filters that were tried, beside those of the raw sensor."""
+
+    def bars(signal: str) -> list[Item]:
+        return [Bars(names, np.array([error[signal] for error in errors]), label="")]
+
+    return Figure(
+        id="design",
+        title=title,
+        caption="In simulated runs of the bearing that was found.",
+        panels=[
+            Panel(Axis(""), Axis("error of position", "µm rms", 1e6),
+                  [*bars("x"), Rule(raw, signal="limit", label="raw sensor")]),
+            Panel(Axis(""), Axis("error of disturbance force", "N rms"), bars("f_d")),
+        ],
+        columns=2,
+    )  # fmt: skip

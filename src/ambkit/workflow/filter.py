@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.base import late_binding
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.record import Record
 from ambkit.data.signals import by_name, each_of, signal
+from ambkit.estimate.errors import errors_along
 from ambkit.estimate.named import USUAL, Factory, FromFile, factories
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.judge.evaluation import Evaluation, errors_along, evaluate
+from ambkit.judge.evaluation import Evaluation, evaluate
+from ambkit.judge.filter_figure import filter_figure
 from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -217,7 +218,7 @@ class Filtering(Result):
 
     def figures(self) -> list[Figure]:
         """Return the estimates over the record."""
-        return [late_binding.call("filter_figure", self.record, self.evaluations, self.smoothed)]
+        return [filter_figure(self.record, self.evaluations, self.smoothed)]
 
     def to_record(self) -> Record:
         """Return the estimates; of several estimators, each signal carries the name."""

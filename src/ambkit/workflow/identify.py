@@ -254,7 +254,7 @@ class Identified(Result):
 
     def figures(self) -> list[Figure]:
         """Return what was found, how surely, and how it does on records."""
-        from ambkit.show.plots import maximum_likelihood as plots
+        from ambkit.identification.maximum_likelihood import figures as plots
 
         record, first = self.records[0], self.validation[0]
         model = self.likelihood.model
@@ -499,7 +499,7 @@ class LiftedOff(Result):
 
     def figures(self) -> list[Figure]:
         """Return the points and the law through them."""
-        from ambkit.show.plots.identification import lift_off_figure
+        from ambkit.identification.forces.lift_off_fit import lift_off_figure
 
         return [lift_off_figure(self.fit)]
 

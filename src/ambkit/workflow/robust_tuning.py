@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.result.report.figure import Figure
 
-Array = NDArray[np.float64]
 
 EVALUATIONS = 60
 """Where nobody says it."""
@@ -167,7 +166,7 @@ class Robust(Result):
 
     def figure(self) -> Figure:
         """Return the Pareto front as a picture."""
-        from ambkit.show.plots.campaign import front_figure
+        from ambkit.campaigns.figures import front_figure
 
         return front_figure(
             f"{markdown(self.plan.study.name)}: {100 * self.quantile:g} % of the machines are no "

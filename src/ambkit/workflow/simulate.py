@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,7 @@ from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.plant import Plant
 from ambkit.rotordynamics.harmonics import harmonics
+from ambkit.rotordynamics.separation_margins import separations
 from ambkit.simulation.run import simulate_run as looped
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.scenario_control import settled_scenario
@@ -235,9 +237,13 @@ def simulate_run(
     run = looped(
         machine, full_scenario, estimator=made, magnet=magnet, external_inputs=external_inputs
     )
-    if made is None or machine.single:
+    if machine.single:
         return run
-    return replace(run, turning=harmonics(made, run.record))
+    return replace(
+        run,
+        turning=() if made is None else harmonics(made, run.record),
+        near_critical=partial(separations, machine.long, run.final_speed),
+    )
 
 
 def simulate(

@@ -105,7 +105,7 @@ class TradeOff(Result):
 
     def figure(self) -> Figure:
         """Return errors over the peak of abs(S) as a picture."""
-        from ambkit.show.plots.tuning import trade_off_figure
+        from ambkit.workflow.tuning_figure import trade_off_figure
 
         reached = [point for point in self.points if point.tuned is not None]
         return trade_off_figure(

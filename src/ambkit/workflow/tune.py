@@ -149,7 +149,7 @@ class Tuned(Result):
 
     def figure(self) -> Figure:
         """Return the picture of all that was tried."""
-        from ambkit.show.plots.tuning import tuning_figure
+        from ambkit.workflow.tuning_figure import tuning_figure
 
         title = f"Tuning of the {self.estimator.name} for {markdown(self.estimator.machine.name)}"
         return tuning_figure(

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.base import late_binding
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError, shortened
 from ambkit.base.quantity_arguments import Given, in_si
@@ -23,6 +22,7 @@ from ambkit.data.reading import grid
 from ambkit.data.reading.clock import Clock, examine, instant
 from ambkit.data.reading.faults import Channel, Fault
 from ambkit.data.reading.plausibility import suspects
+from ambkit.data.reading.reading_figure import reading_figure
 from ambkit.data.reading.rejections import Refused, check_times, refuse_uneven, segments_of
 from ambkit.data.record import Record, time_problems
 from ambkit.result.result import Result
@@ -104,7 +104,7 @@ class Reading(Result):
 
     def figures(self) -> list[Figure]:
         """Return the channels over time, with their faults."""
-        return [late_binding.call("reading_figure", self)]
+        return [reading_figure(self)]
 
 
 def read(
@@ -150,7 +150,7 @@ def read(
     Refused
         The file is damaged; the map does not fit it; or there is no even grid: two clocks, jitter,
         jumps. The message has all of it, each with its place, and what would help; what could be
-        read is there for a picture (`ambkit.show.plots.reading.refused_figure`).
+        read is there for a picture (`ambkit.data.reading.reading_figure.refused_figure`).
     RecordError
         Nothing could be read.
     ExtraMissing

@@ -8,15 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base import late_binding
 from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
 from ambkit.control.lift_off_sequence import Mode
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION
 from ambkit.export.pil import build
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Points
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
+from ambkit.result.signal_styles import TIME
+from ambkit.simulation.run_figure import simulation_figure
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -109,8 +112,8 @@ class Pil(Result):
     def figures(self) -> list[Figure]:
         """Return the flight, and the instructions."""
         counted = self.answers["instructions"]
-        return [late_binding.call("run_figure", self.run),
-                late_binding.call("instructions_figure", self.record.t, counted)]  # fmt: skip
+        return [simulation_figure(self.run),
+                instructions_figure(self.record.t, counted)]  # fmt: skip
 
 
 def others_sent(answers: NDArray[np.void], frames: Record, names: list[str], coils: bool) -> int:
@@ -157,3 +160,14 @@ def judged(
         state=int(greeting["state"]),
         **details,
     )
+
+
+def instructions_figure(t: NDArray[np.float64], instructions: NDArray[np.uint32]) -> Figure:
+    """Show the instructions."""
+    # t (n,) [s]; instructions (n,)
+    counted = instructions > 0
+    counts = instructions[counted].astype(float)
+    points = Points(t[counted], counts, signal="estimate", label="counted")
+    caption = "Counted in some of the samples."
+    panel = Panel(TIME, Axis("instructions of a step"), [points])
+    return Figure(id="instructions", title="Instructions", caption=caption, panels=[panel])

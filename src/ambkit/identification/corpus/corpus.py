@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.base import late_binding
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import engineering, figure
@@ -18,6 +17,7 @@ from ambkit.data.reading.despike import without_spikes
 from ambkit.estimate.constant_velocity import ConstantVelocityFilter, tune
 from ambkit.estimate.innovations import whiteness
 from ambkit.identification.corpus.arx import ORDER, fit_arx, normal_of
+from ambkit.identification.corpus.corpus_figure import corpus_figure
 from ambkit.identification.corpus.magnet_strength import Weakened, weakened
 from ambkit.identification.corpus.pooling import Pooled, pool
 from ambkit.identification.corpus.predicted_control import fit_controls, normal_of_controls
@@ -227,7 +227,7 @@ class Corpus(Result):
 
     def figures(self) -> list[Figure]:
         """Return how each log is predicted by the others."""
-        return [late_binding.call("corpus_figure", self)]
+        return [corpus_figure(self)]
 
 
 def _scale(of: Parameter, value: float) -> float:

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.base import late_binding
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering, percent
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
+from ambkit.identification.excitation.excitation_figure import excitation_figure
 from ambkit.identification.excitation.signals import KINDS, Band, Excitation
 from ambkit.identification.maximum_likelihood.information import Expectation, expect
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -185,7 +185,7 @@ class Design(Result):
 
     def figures(self) -> list[Figure]:
         """Return the experiment and what it would tell."""
-        return [late_binding.call("excitation_figure", self)]
+        return [excitation_figure(self)]
 
 
 def design(

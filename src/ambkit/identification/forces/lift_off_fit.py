@@ -18,6 +18,8 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.identification.forces.lift_off import LiftOff
 from ambkit.machine.bearing import GRAVITY
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Line, Points, Rule
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,3 +113,28 @@ def _robust_line(design: Array, observed: Array) -> tuple[Array, Array, Array]:
     correction = 1 + p / n * (1 - inside) / inside
     variance = correction**2 * ((weights * residuals) ** 2).sum() / (n - p) / inside**2
     return line, np.asarray(variance * np.linalg.inv(design.T @ design)), weights
+
+
+def lift_off_figure(fit: LiftOffFit) -> Figure:
+    """Show lift-off points, the law through them, and what it leaves."""
+    gap = Axis("distance $z$ at lift-off", "mm", 1e3)
+    points = np.array([(p.gap, p.current, p.acceleration) for p in fit.points])
+    at = np.linspace(0.0, 1.05 * points[:, 0].max(), 200)
+    law = fit.current(at)
+    # A point lies off the law for its own acceleration; that is how the residuals count.
+    measured = fit.current(points[:, 0]) + fit.residuals
+    return Figure(
+        id="lift_off",
+        title="Lift-off points and the law fitted to them",
+        caption="Points as they would be without the acceleration that they were measured at.",
+        panels=[
+            Panel(gap, Axis("coil current $i$", "A"), [
+                Line(at, law, signal="fit", label="F = k (i / (z + z_off))²"),
+                Points(points[:, 0], measured, signal="measurement"),
+            ]),
+            Panel(gap, Axis("residual", "mA", 1e3), [
+                Rule(0.0, signal="bound", label=""),
+                Points(points[:, 0], fit.residuals, signal="measurement"),
+            ]),
+        ],
+    )  # fmt: skip

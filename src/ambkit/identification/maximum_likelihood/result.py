@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ambkit.base import late_binding
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import figure
+from ambkit.identification.maximum_likelihood.figures import correlation_figure, estimates_figure
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
     OFFSETS,
@@ -262,8 +262,8 @@ class MaximumLikelihood(Result):
 
     def figures(self) -> list[Figure]:
         """Return estimates and their correlations."""
-        return [late_binding.call("estimates_figure", self),
-                late_binding.call("correlation_figure", self)]  # fmt: skip
+        return [estimates_figure(self),
+                correlation_figure(self)]  # fmt: skip
 
     def _place(self, name: str) -> int:
         for at, parameter in enumerate(self.parameters):

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from ambkit.base import late_binding
 from ambkit.base.errors import AmbkitError
+from ambkit.base.escaping import markdown
 from ambkit.base.quantity_arguments import of_type
 from ambkit.base.units import figure
 from ambkit.data.record import Record
@@ -18,8 +18,11 @@ from ambkit.identification.online.augmented import AugmentedIdentifier
 from ambkit.identification.online.result import CONSTANT, OnlineResult
 from ambkit.identification.online.rls import RecursiveLeastSquares
 from ambkit.machine.machine import Bearing
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Line, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row
+from ambkit.result.signal_styles import TIME
 
 if TYPE_CHECKING:
     from ambkit.result.report.figure import Figure
@@ -55,7 +58,7 @@ class Identification(Result):
 
     def figures(self) -> list[Figure]:
         """Return what was learned over the record."""
-        return [late_binding.call("identification_figure", self, float(self.history.k[0]))]
+        return [identification_figure(self, float(self.history.k[0]))]
 
 
 Learner = type[Adaline] | type[RecursiveLeastSquares] | type[AugmentedIdentifier]
@@ -129,3 +132,26 @@ def identified(bearing: Bearing, history: OnlineResult) -> Identification:
         )
     result = bearing.replace(**bearing.magnet.with_constant(k))
     return Identification(result, k, history.spread, history)
+
+
+def identification_figure(result: Identification, start: float) -> Figure:
+    """Show how the magnet constant was learned along a record, from `start` [N m^2/A^2]."""
+    history = result.history
+    panels = [
+        Panel(TIME, Axis("magnet constant $k$", "N mm²/A²", 1e6), [
+            Rule(start, signal="reference", label="start"),
+            Rule(result.magnet_constant, signal="bound", label="result"),
+            Line(history.t, history.k, signal="identified"),
+        ]),
+    ]  # fmt: skip
+    if isinstance(history, AdalineResult):
+        force = Line(history.t, history.force, signal="force", label="identified force")
+        excitation = Line(history.t, history.excitation, signal="control", label="")
+        panels.append(Panel(TIME, Axis("magnet force", "N"), [force]))
+        panels.append(Panel(TIME, Axis("excitation"), [excitation]))
+    return Figure(
+        id="identification",
+        title=f"Identification of {markdown(result.bearing.name)}",
+        caption="Where the excitation is too small, the magnet constant is held.",
+        panels=panels,
+    )

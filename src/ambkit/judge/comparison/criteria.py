@@ -7,12 +7,12 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.data.signals import signal
+from ambkit.estimate.errors import true_signal
 from ambkit.estimate.innovations import whiteness
 from ambkit.estimate.machine_model import View
-from ambkit.judge.evaluation import true_signal
 from ambkit.machine.force_laws import models_of
 from ambkit.machine.magnets import evaluate_force, magnet_of
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.models.model import Descriptor
 
-Array = NDArray[np.float64]
 
 SETTLING = 2.0
 """What counts begins after this time, in the plant's own: all have then left their start."""

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ambkit.base import late_binding
+from ambkit.base.arrays import Array
 from ambkit.base.units import figure, percent
 from ambkit.judge.comparison.cases import Case
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED
+from ambkit.judge.comparison.figures import cases_figure, cost_figure, matrix_figure
 from ambkit.judge.comparison.tuning import Tuning
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.result.report.figure import Figure
 
-Array = NDArray[np.float64]
 
 SHOWN = ("x", "v", "f_d", "nees", "nis", "lost")
 """Criteria that are shown to all; the others are details."""
@@ -209,7 +208,7 @@ class Bench(Result):
 
     def figures(self) -> list[Figure]:
         """Return all by all criteria, and what a step costs."""
-        return [late_binding.call("matrix_figure", self), late_binding.call("cost_figure", self)]
+        return [matrix_figure(self), cost_figure(self)]
 
 
 class Benches(Result, dict[str, Bench]):
@@ -267,7 +266,7 @@ class Benches(Result, dict[str, Bench]):
         """A chapter for each case."""
         return [
             Part(f"{case}: {bench.case.title}", bench.case.about, ("cases", case),
-                 [late_binding.call("matrix_figure", bench, f"matrix-{case}")])
+                 [matrix_figure(bench, f"matrix-{case}")])
             for case, bench in self.items()
         ]  # fmt: skip
 
@@ -286,7 +285,7 @@ class Benches(Result, dict[str, Bench]):
 
     def figures(self) -> list[Figure]:
         """Return the errors in all cases."""
-        return [late_binding.call("cases_figure", self)]
+        return [cases_figure(self)]
 
 
 def least(rows: Sequence[Row]) -> str:

@@ -5,21 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from operator import methodcaller
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ambkit.base import late_binding
+from ambkit.base.arrays import Array
+from ambkit.base.escaping import label as escaped
 from ambkit.base.quantity_arguments import of_type
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, errors_along, rms
 from ambkit.judge.comparison.score import least
 from ambkit.machine.machine import Machine
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Bars, Item, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
+from ambkit.result.signal_styles import looks
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 
@@ -27,8 +31,6 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.magnets import MagnetModel
     from ambkit.result.report.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ class Scores(Result, dict[str, Score]):
 
     def figures(self) -> list[Figure]:
         """Return the errors as bars."""
-        return [late_binding.call("comparison_figure", {"": self}, "")]
+        return [comparison_figure({"": self}, "")]
 
 
 def rmse(estimate: Estimate, record: Record, signal: str) -> float:
@@ -130,3 +132,43 @@ def compare(
     finally:
         pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not run first
     return scores
+
+
+def comparison_figure(scores: Mapping[str, Mapping[str, Score]], what: str = "step") -> Figure:
+    """Show the errors of several filters as bars."""
+    axes = {
+        "x": Axis("error of position", "µm rms", 1e6),
+        "v": Axis("error of velocity", "mm/s rms", 1e3),
+        "f_d": Axis("error of disturbance force", "N rms"),
+    }
+    cases, names = list(scores), list(next(iter(scores.values())))
+
+    def bars(
+        figure_of: Callable[[Score], float], spread_of: Callable[[Score], float]
+    ) -> list[Item]:
+        return [
+            Bars(
+                [escaped(case) for case in cases],
+                np.array([figure_of(scores[case][name]) for case in cases]),
+                np.array([spread_of(scores[case][name]) for case in cases]),
+                signal=style,
+                label=label,
+            )
+            for name, (style, label) in zip(names, looks(names), strict=True)
+        ]
+
+    errors = [
+        Panel(Axis(what), axis, bars(methodcaller("mean", signal), methodcaller("spread", signal)))
+        for signal, axis in axes.items()
+    ]
+    nis = bars(lambda score: float(score.nis.mean()), lambda score: float(score.nis.std()))
+    return Figure(
+        id="comparison",
+        title="Errors of the filters",
+        caption="Means over the seeds; error bars: standard deviation over them.",
+        panels=[
+            *errors,
+            Panel(Axis(what), Axis("mean NIS"), [*nis, Rule(1.0, signal="bound", label="")]),
+        ],
+        columns=2,
+    )

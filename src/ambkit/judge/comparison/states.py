@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.data.signals import signal
+from ambkit.estimate.errors import true_signal
 from ambkit.estimate.machine_model import several
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import kind_called, learned_magnet
 from ambkit.judge.comparison.criteria import normalised_errors, rows_along
 from ambkit.judge.comparison.reference_run import FINER, finer_filter, run_finer, settled_bound
-from ambkit.judge.evaluation import true_signal
 from ambkit.machine.accessories import Runout
 from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.simulation.waveforms import Signal
 
-Array = NDArray[np.float64]
 
 RAW = "raw sensor"
 

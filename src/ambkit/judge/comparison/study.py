@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.base import late_binding
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.comparison.candidates import Candidate, candidates, suited
 from ambkit.judge.comparison.cases import (
@@ -25,6 +24,7 @@ from ambkit.judge.comparison.cases import (
 )
 from ambkit.judge.comparison.comparison import TRAINING, Sweep, bench, pieces, sweep
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED
+from ambkit.judge.comparison.figures import efficiency_figure, run_figure, sweep_figure
 from ambkit.judge.comparison.score import Bench, Benches
 from ambkit.judge.comparison.tolerance import CERTAIN
 from ambkit.machine.force_laws import isolated_axes
@@ -121,15 +121,15 @@ class Study(Result):
     @property
     def chapters(self) -> list[Part]:
         """Who does best, when it matters, the limit, and how it was compared."""
-        best = [*self.bench.figures(), late_binding.call("compared_run_figure", self)]
+        best = [*self.bench.figures(), run_figure(self)]
         around = {"steps": self.steps, "wrong_k": self.wrong_k}
         results = [Part("Who does best", self.bench.case.about, None, best)]
         if self.steps is not None:
-            swept = [late_binding.call("sweep_figure", *item) for item in around.items()]
+            swept = [sweep_figure(*item) for item in around.items()]
             results.append(Part("When it matters", AROUND, None, swept))
         if self.model is not None:
-            limit = [late_binding.call("sweep_figure", "limit_steps", self.limit),
-                     late_binding.call("efficiency_figure", self.model)]  # fmt: skip
+            limit = [sweep_figure("limit_steps", self.limit),
+                     efficiency_figure(self.model)]  # fmt: skip
             results.append(Part("The limit", LIMIT, ("efficiency",), limit))
         return [*results, Part("How it was compared", self._how(), ("tuning",))]
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.control.control import Control, as_control
 from ambkit.control.pid import PID
 from ambkit.data.signals import signal
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
     from ambkit.machine.magnets import Precision
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 BEFORE, AFTER = 50.0, 160.0
@@ -302,3 +302,25 @@ def _greatest(errors: dict[str, Array], name: str, where: slice) -> float:
         return math.nan
     result = float(np.max(errors[name][where]))
     return result if math.isfinite(result) else math.inf
+
+
+BASELINE = "measurement"
+"""Stands for the loop without an estimator: the controller is fed by the measurement."""
+
+SETTINGS = ("beside the loop", "in the loop")
+
+
+def recovery_text(outcomes: Sequence[Outcome]) -> str:
+    """Say in a word or a number of samples what became of the same flight over the seeds."""
+    if not outcomes:
+        return ""
+    if any(not outcome.finite for outcome in outcomes):
+        return "not finite"
+    if any(outcome.levitation == "lost" for outcome in outcomes):
+        return "lost"
+    if any(outcome.held for outcome in outcomes):
+        return "held"
+    worst = float(np.max([outcome.recovery for outcome in outcomes]))
+    if math.isnan(worst):
+        return "lost"
+    return "never" if math.isinf(worst) else f"{worst:.0f}"

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.base import late_binding
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
 from ambkit.base.quantity_arguments import of_type
@@ -21,8 +20,9 @@ from ambkit.data.files.tables import Table, write_table
 from ambkit.estimate.named import factories
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.candidates import suited
-from ambkit.judge.faults.fault_run import Flight, Outcome
+from ambkit.judge.faults.fault_run import BASELINE, SETTINGS, Flight, Outcome, recovery_text
 from ambkit.judge.faults.faults import CLEAN, FAULTS
+from ambkit.judge.faults.faults_figure import faults_figure
 from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from ambkit.result.report.figure import Figure
     from ambkit.simulation.run import Run
 
-BASELINE = "measurement"
-"""Stands for the loop without an estimator: the controller is fed by the measurement."""
 
 MIXTURE = "mixture"
 """Stands for the faults that are drawn at random."""
@@ -47,8 +45,6 @@ TEXTS = ("fault", "estimator", "precision", "setting", "levitation")
 FLIGHT_UNITS = {
     "at_stop": "s", "worst_x": "m", "worst_f_d": "N", "after_x": "m", "after_f_d": "N",
 }  # fmt: skip
-
-SETTINGS = ("beside the loop", "in the loop")
 
 
 @dataclass(frozen=True, repr=False)
@@ -230,7 +226,7 @@ class FaultCampaign(Result):
 
     def figures(self) -> list[Figure]:
         """Return each estimator in each fault."""
-        return [late_binding.call("faults_figure", self)]
+        return [faults_figure(self)]
 
 
 def chosen_faults(names: Iterable[str] | None) -> list[str]:
@@ -342,19 +338,3 @@ def _campaign(
             work.run(channel), windows, band, fault=MIXTURE, estimator=work.name
         )
         done(MIXTURE)
-
-
-def recovery_text(outcomes: Sequence[Outcome]) -> str:
-    """Say in a word or a number of samples what became of the same flight over the seeds."""
-    if not outcomes:
-        return ""
-    if any(not outcome.finite for outcome in outcomes):
-        return "not finite"
-    if any(outcome.levitation == "lost" for outcome in outcomes):
-        return "lost"
-    if any(outcome.held for outcome in outcomes):
-        return "held"
-    worst = float(np.max([outcome.recovery for outcome in outcomes]))
-    if math.isnan(worst):
-        return "lost"
-    return "never" if math.isinf(worst) else f"{worst:.0f}"

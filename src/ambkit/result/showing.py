@@ -1,10 +1,11 @@
-"""What a notebook shows of an object: of some described in a room above the object's own."""
+"""What a notebook shows of an object: a card, or its picture."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ambkit.base import late_binding
+if TYPE_CHECKING:
+    from ambkit.result.card import Card
 
 
 class Drawn:
@@ -18,8 +19,9 @@ class Drawn:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
-        html: str = late_binding.call("image", self.figure())
-        return html
+        from ambkit.result.card import image
+
+        return image(self.figure())
 
     def plot(self, *, ax: Any = None, panel: int | str = 0, static: bool = False) -> Any:
         """Draw it: interactive in a notebook, or with matplotlib to go on with.
@@ -45,7 +47,9 @@ class Drawn:
         AmbkitError
             There is no such panel, or `ax` is no axes.
         """
-        return late_binding.call("plot", self.figure(), ax=ax, panel=panel, static=static)
+        from ambkit.result.axes import plot
+
+        return plot(self.figure(), ax=ax, panel=panel, static=static)
 
 
 class Shown(Drawn):
@@ -53,9 +57,9 @@ class Shown(Drawn):
 
     __slots__ = ()
 
-    def _card(self) -> Any:
-        names = (f"{of.__module__}.{of.__name__}"[len("ambkit.") :] for of in type(self).__mro__)
-        return late_binding.call(next(filter(late_binding.is_bound, names)), self)
+    def _card(self) -> Card:
+        """Return what a notebook shows."""
+        raise NotImplementedError
 
     def figure(self) -> Any:
         """Return its figure."""
@@ -63,5 +67,4 @@ class Shown(Drawn):
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
-        html: str = self._card().html()
-        return html
+        return self._card().html()

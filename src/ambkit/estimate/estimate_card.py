@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any
+
+import numpy as np
 
 from ambkit.base.escaping import label, markdown
+from ambkit.estimate.estimate_panels import innovation_panel, settled_samples, with_limits
+from ambkit.estimate.status import Status
+from ambkit.result.card import SPAN, Card, spread
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Band, Item, Line
-from ambkit.show.plots.filters import innovation_panel, settled_samples, with_limits
-from ambkit.show.plots.signal_styles import CURRENT, DISTURBANCE, POSITION, TIME, VELOCITY
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimate import Estimate
+from ambkit.result.signal_styles import CURRENT, DISTURBANCE, POSITION, TIME, VELOCITY
 
 AXES = {
     "position": POSITION,
@@ -23,7 +24,7 @@ AXES = {
 """States that are shown, by role."""
 
 
-def estimate_figure(estimate: Estimate) -> Figure:
+def estimate_figure(estimate: Any) -> Figure:
     """Show the states over time, with 95 % of what the filter believes, and the innovations."""
     t = estimate.t
     time = replace(TIME, limits=(float(t[0]), float(t[-1])))
@@ -51,3 +52,20 @@ def estimate_figure(estimate: Estimate) -> Figure:
         caption="First guesses, at the start, may reach beyond the axes.",
         panels=[*panels, innovation_panel("", estimate, time, [])],
     )
+
+
+def estimate_card(of: Any) -> Card:
+    """Describe an estimate by its states, and by how it fared."""
+    rows = [[state.name, *spread(of[state.name], state.unit)] for state in of.states]
+    rows.append(["innovation", *spread(of["innovation"], "m")])
+    nis = of.nis[1:]  # the first sample's is of the start
+    known = nis[np.isfinite(nis)]
+    consistent = f"Mean NIS {known.mean():.3f} (1: consistent). " if known.size else ""
+    flags = ", ".join(
+        f"{flag.name} {count}"
+        for flag in Status
+        if flag and (count := int(((of.status & np.uint16(flag)) != 0).sum()))
+    )
+    title = f"{of.estimator}: {len(of.t)} samples"
+    notes = [f"{consistent}Samples with a status: {flags or 'none'}."]
+    return Card(title, rows, estimate_figure(of), ["", *SPAN], notes)

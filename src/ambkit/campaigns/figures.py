@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Intervals, Item, Line, Note, Points, Rule
-
-Array = NDArray[np.float64]
 
 SERIES = 4
 """Curves of one panel that have a look of their own."""

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Bars
-
-if TYPE_CHECKING:
-    from ambkit.identification.corpus.corpus import Corpus
 
 KINDS = (
     ("error", "estimate", "model of the others"),
@@ -21,7 +18,7 @@ KINDS = (
 )
 
 
-def corpus_figure(corpus: Corpus) -> Figure:
+def corpus_figure(corpus: Any) -> Figure:
     """Show how each log is predicted by the others, beside what knows no magnet."""
     numbers = [str(k) for k in range(1, len(corpus.predictions) + 1)]
     panels = [

@@ -6,13 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ambkit.base.units import engineering
-from ambkit.judge.loop.margins import grid
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Band, Item, Line, Points, Rule
-from ambkit.show.plots.assessment import (
+from ambkit.assessment.assessment_figure import (
     LOOKS,
     NYQUIST_IMAGINARY,
     NYQUIST_REAL,
@@ -20,14 +15,18 @@ from ambkit.show.plots.assessment import (
     near,
     zone_lines,
 )
+from ambkit.base.arrays import Array
+from ambkit.base.units import engineering
+from ambkit.judge.loop.margins import grid
+from ambkit.result.report.figure import Figure, Panel
+from ambkit.result.report.items import Axis, Band, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
+    from ambkit.assessment.assessment_figure import Curves
     from ambkit.control.linear.closed_loop import Loop
     from ambkit.judge.loop.measured_sensitivity import MeasuredSensitivity
     from ambkit.models.linear import Complex
-    from ambkit.show.plots.assessment import Curves
 
-Array = NDArray[np.float64]
 Zones = Sequence[tuple[str, float]]
 
 LOWEST = -30.0

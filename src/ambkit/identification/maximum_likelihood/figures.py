@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from ambkit.result.report.items import Axis, Cells, Intervals, Item, Line, Point
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-    from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
     from ambkit.identification.maximum_likelihood.validation import Validation
 
 RECORDS = ("record 1", "record 2", "record 3", "record 4")
@@ -31,7 +30,7 @@ SHOWN = 400
 """Samples of the stretch in which a prediction is shown."""
 
 
-def identified_figure(result: MaximumLikelihood, checks: Sequence[Validation]) -> Figure:
+def identified_figure(result: Any, checks: Sequence[Validation]) -> Figure:
     """Show all that matters in one picture: estimates, residuals, predictions."""
     estimates = _estimates(result)
     # The two panels of the residuals belong beside each other.
@@ -46,7 +45,7 @@ def identified_figure(result: MaximumLikelihood, checks: Sequence[Validation]) -
     )
 
 
-def estimates_figure(result: MaximumLikelihood) -> Figure:
+def estimates_figure(result: Any) -> Figure:
     """Show what was found beside where the search began, with 95 % intervals."""
     return Figure(
         id="estimates",
@@ -58,7 +57,7 @@ def estimates_figure(result: MaximumLikelihood) -> Figure:
     )
 
 
-def correlation_figure(result: MaximumLikelihood) -> Figure:
+def correlation_figure(result: Any) -> Figure:
     """Show which estimates go together: their errors are not independent."""
     names = [f"${p.symbol}$" for p in result.parameters]
     texts = [[f"{r:+.2f}".replace("-", "−") for r in row] for row in result.correlation]
@@ -122,7 +121,7 @@ def prediction_figure(model: LoopModel, record: Record, ahead: int, name: str) -
     )  # fmt: skip
 
 
-def _estimates(result: MaximumLikelihood) -> list[Panel]:
+def _estimates(result: Any) -> list[Panel]:
     """Group what was found by the axis that suits it, and show each group in a panel."""
     groups: dict[tuple[str, Axis], list[tuple[str, float, float, float, str]]] = {}
     for p in result.parameters:
@@ -152,7 +151,7 @@ def _estimates(result: MaximumLikelihood) -> list[Panel]:
     return panels
 
 
-def _natural(result: MaximumLikelihood, name: str) -> tuple[float, tuple[str, Axis]]:
+def _natural(result: Any, name: str) -> tuple[float, tuple[str, Axis]]:
     """Return what an offset is best counted in, and the panel for that."""
     b = result.bearing
     if name == "delay":

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.assessment.assessment_figure import LOOKS
 from ambkit.base.escaping import markdown
 from ambkit.judge.loop.capacity import ROOM
 from ambkit.judge.loop.coil_temperature import ZERO
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Points, Rule
-from ambkit.show.plots.assessment import LOOKS
-from ambkit.show.plots.campbell import SPEED
+from ambkit.rotordynamics.campbell import SPEED
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine

@@ -7,14 +7,14 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown, one_line
 from ambkit.data.reading.clock import examine
 from ambkit.data.reading.rejections import Refused
+from ambkit.data.signal_panels import axis_of, missing_spans, steps_panel
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line
-from ambkit.show.plots.reading import axis_of, missing_spans, steps_panel
 
-Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 SHOWN = 6

@@ -1,10 +1,10 @@
-"""A simulated run of a machine: orbits in its bearings, and what happened over time."""
+"""A simulated run: what happened over time, and orbits in the bearings of a machine."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 from ambkit.base import units
 from ambkit.base.escaping import label, markdown
 from ambkit.data.signals import signal
+from ambkit.estimate.estimate_panels import true_noise
+from ambkit.machine.components import PlacedBearing
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Rule
-from ambkit.show.plots.signal_styles import CURRENT, TIME
-
-if TYPE_CHECKING:
-    from ambkit.machine.components import PlacedBearing
-    from ambkit.simulation.run import Run
+from ambkit.result.signal_styles import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY
 
 TURNS = 5
 """Revolutions that an orbit shows dark, up to the end of the run."""
@@ -27,7 +25,52 @@ DISPLACEMENT = Axis("displacement", "µm", 1e6)
 _ACROSS = Axis("$x$, against gravity", "µm", 1e6), Axis("$y$", "µm", 1e6)
 
 
-def machine_figure(run: Run) -> Figure:
+def simulation_figure(run: Any) -> Figure:
+    """Show what happened in a simulated run, and what the estimator said to it."""
+    record, estimate = run.record, run.estimate
+    if not run.plant.single:
+        return _machine_figure(run)
+    bearing = run.plant.isolated_axis("")
+    t, name = record.t, "estimate"
+
+    def told(signal: str) -> list[Item]:
+        return [] if estimate is None else [Line(t, estimate[signal], signal=name)]
+
+    limits = [
+        Rule(limit, signal="limit", label="limit")
+        for limit in (bearing.current_min, bearing.current_max)
+        if np.max(np.abs(record["iu"])) > 0.5 * abs(limit)
+    ]
+    position: list[Item] = [
+        Line(t, record["y"], signal="measured"),
+        Line(t, record["r"], signal="reference"),
+        Line(t, record["x"], signal="truth"),
+        *told("x"),
+    ]
+    control = Line(t, record["iu"], signal="control", label="control current")
+    follows = (
+        [] if estimate is None else [item for n in estimate.of_role("current") for item in told(n)]
+    )
+    coloured = None if estimate is None else estimate.sensor_noise
+    noises = (
+        [] if coloured is None
+        else [Panel(TIME, NOISE, [*true_noise(record), Line(t, coloured, signal=name)])]
+    )  # fmt: skip
+    return Figure(
+        id="simulation",
+        title=f"Simulated run of {markdown(bearing.name)}",
+        caption="" if estimate is None else f"In the loop or beside it: {estimate.estimator}.",
+        panels=[
+            Panel(TIME, POSITION, position),
+            Panel(TIME, VELOCITY, [Line(t, record["v"], signal="truth"), *told("v")]),
+            Panel(TIME, CURRENT, [control, *follows, *limits]),
+            Panel(TIME, DISTURBANCE, [Line(t, record["f_d"], signal="truth"), *told("f_d")]),
+            *noises,
+        ],
+    )
+
+
+def _machine_figure(run: Any) -> Figure:
     """Show the orbits of the rotor in its radial bearings, displacements and currents."""
     record, machine = run.record, run.machine
     t = record.t
@@ -75,7 +118,7 @@ def _of(k: int) -> str:
     return {1: "first axis", 2: "second axis"}[k]
 
 
-def orbit_of(run: Run, place: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _orbit_of(run: Any, place: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the displacements x and y of the rotor at a place (n,) [m]."""
     record = run.record
     x, y = (
@@ -85,8 +128,8 @@ def orbit_of(run: Run, place: float) -> tuple[NDArray[np.float64], NDArray[np.fl
     return np.asarray(x), np.asarray(y)
 
 
-def _orbit(run: Run, bearing: PlacedBearing) -> Panel:
-    x, y = orbit_of(run, bearing.place)
+def _orbit(run: Any, bearing: PlacedBearing) -> Panel:
+    x, y = _orbit_of(run, bearing.place)
     late = _last_turns(run)
     items: list[Item] = [
         Line(x, y, signal="measured", label="whole run"),
@@ -102,7 +145,7 @@ def _orbit(run: Run, bearing: PlacedBearing) -> Panel:
     return Panel(*_ACROSS, items, title=f"Orbit in bearing {label(bearing.name)}", equal=True)
 
 
-def _last_turns(run: Run) -> slice:
+def _last_turns(run: Any) -> slice:
     """Return the samples of the last revolutions; of a rotor that hardly turns the last tenth."""
     speed, t = run.record["speed"], run.record.t
     angle = np.concatenate([[0.0], np.cumsum(np.abs(speed[:-1]) * np.diff(t))])

@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.escaping import label
 from ambkit.data.signals import signal as name_of
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.comparison.comparison import Sweep
 from ambkit.judge.comparison.criteria import CRITERIA, Criterion
-from ambkit.judge.comparison.score import Bench, Standing
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
 from ambkit.result.report.markup import symbols
 from ambkit.result.report.style import OF_KINDS
-
-if TYPE_CHECKING:
-    from ambkit.judge.comparison.study import Study
-
-Array = NDArray[np.float64]
 
 TIMES = 3.0
 """So many times the best is as dark as it gets."""
@@ -48,7 +41,7 @@ def _looks(names: Sequence[str]) -> Iterator[tuple[str, str]]:
         yield name, look(name, others)
 
 
-def matrix_figure(bench: Bench, id: str = "matrix") -> Figure:
+def matrix_figure(bench: Any, id: str = "matrix") -> Figure:
     """Show all estimators by all criteria, the darker the worse."""
     scores = list(bench.best.values())
     names = [name for name in CRITERIA if any(np.isfinite(s.mean(name)) for s in scores)]
@@ -75,7 +68,7 @@ def _head(criterion: Criterion) -> str:
     return f"{label}\n[{criterion.unit}]" if criterion.unit else label
 
 
-def _shades(scores: Sequence[Standing], name: str) -> Array:
+def _shades(scores: Sequence[Any], name: str) -> Array:
     criterion = CRITERIA[name]
     means = np.array([score.mean(name) for score in scores])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -88,7 +81,7 @@ def _shades(scores: Sequence[Standing], name: str) -> Array:
     return np.asarray(np.clip(far / np.log(TIMES), 0, 1))
 
 
-def _text(score: Standing, criterion: Criterion) -> str:
+def _text(score: Any, criterion: Criterion) -> str:
     name = next(key for key, value in CRITERIA.items() if value is criterion)
     value = criterion.factor * score.mean(name)
     if not np.isfinite(value):
@@ -113,7 +106,7 @@ SWEPT = {
 """What a row of cases is over, and what is to be seen in it."""
 
 
-def sweep_figure(id: str, swept: Sweep) -> Figure:
+def sweep_figure(id: str, swept: Any) -> Figure:
     """Show how the errors change with one thing, and the limit where it is known."""
     axis, title, caption = SWEPT[id]
     panels = []
@@ -145,7 +138,7 @@ def _from_zero(axis: Axis, items: Sequence[Item]) -> Axis:
     return replace(axis, limits=(0.0, 1.05 * highest))
 
 
-def cost_figure(bench: Bench) -> Figure:
+def cost_figure(bench: Any) -> Figure:
     """Show what a step costs against what it buys."""
     scores = list(bench.best.values())
     items: list[Item] = []
@@ -178,7 +171,7 @@ def cost_figure(bench: Bench) -> Figure:
     )  # fmt: skip
 
 
-def efficiency_figure(bench: Bench) -> Figure:
+def efficiency_figure(bench: Any) -> Figure:
     """Show how close each comes to the limit."""
     names = list(bench.default)
     signals = {"x": "x", "v": "v", "f_d": r"$F_\mathrm{St}$"}
@@ -196,7 +189,7 @@ def efficiency_figure(bench: Bench) -> Figure:
     )
 
 
-def run_figure(study: Study) -> Figure:
+def run_figure(study: Any) -> Figure:
     """Show one run: position, and the disturbance force as the estimators see it."""
     trial, field, bench = study.first, study.field, study.bench
     record, time = trial.record, Axis("time", "s")
@@ -233,14 +226,14 @@ def run_figure(study: Study) -> Figure:
     )  # fmt: skip
 
 
-def cases_figure(benches: Mapping[str, Bench]) -> Figure:
+def cases_figure(benches: Mapping[str, Any]) -> Figure:
     """Show the error of the disturbance force in several cases, relative to the linear filter's."""
     first = next(iter(benches.values()))
     names = list(first.best)
     base = "linear" if "linear" in names else names[0]
 
-    def ratio(bench: Bench, name: str) -> float:
-        return bench.best[name].mean("f_d") / bench.best[base].mean("f_d")
+    def ratio(bench: Any, name: str) -> float:
+        return float(bench.best[name].mean("f_d") / bench.best[base].mean("f_d"))
 
     ratios = np.array([[ratio(bench, name) for bench in benches.values()] for name in names])
     with np.errstate(invalid="ignore"):
@@ -262,7 +255,7 @@ def cases_figure(benches: Mapping[str, Bench]) -> Figure:
     )
 
 
-def _runs(bench: Bench) -> str:
+def _runs(bench: Any) -> str:
     return f"{bench.runs} runs" if bench.runs > 1 else "1 run"
 
 

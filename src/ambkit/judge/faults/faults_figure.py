@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.judge.faults.fault_test import BASELINE, SETTINGS, recovery_text
+from ambkit.judge.faults.fault_run import BASELINE, SETTINGS, recovery_text
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Cells
 
 if TYPE_CHECKING:
     from ambkit.judge.faults.fault_run import Outcome
-    from ambkit.judge.faults.fault_test import FaultCampaign
 
 SLOW = 1000.0
 """Samples until recovery from which on a cell is as dark as that of one that came back can be."""
@@ -24,7 +23,7 @@ RAISED = "\n\n\n"
 """Below every other head, which so stands above its neighbours: they are wider than columns."""
 
 
-def faults_figure(campaign: FaultCampaign) -> Figure:
+def faults_figure(campaign: Any) -> Figure:
     """Show what became of each estimator in each fault, beside the loop and in it."""
     panels = [
         Panel(Axis(""), Axis(""), [_cells(campaign, setting)], title=setting)
@@ -43,7 +42,7 @@ def faults_figure(campaign: FaultCampaign) -> Figure:
     )
 
 
-def _cells(campaign: FaultCampaign, setting: str) -> Cells:
+def _cells(campaign: Any, setting: str) -> Cells:
     columns = [*campaign.estimators, BASELINE]
     rows = [name for name in campaign.faults if campaign.select(setting=setting, fault=name)]
     results = [

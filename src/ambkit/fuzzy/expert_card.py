@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
+from ambkit.result.card import Card, value
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Heatmap, Item, Line
 
 if TYPE_CHECKING:
-    from ambkit.fuzzy.expert import Expert
     from ambkit.machine.stiffness import StiffnessMap
 
-
-Array = NDArray[np.float64]
 
 CURRENT = Axis("control current $i_u$", "A")
 PLACE = Axis("displacement $x$", "mm", 1e3)
 
 
-def training_figure(expert: Expert, stiff: StiffnessMap) -> Figure:
+def training_figure(expert: Any, stiff: StiffnessMap) -> Figure:
     """Show how an expert learned, and by how much its force is off over the box."""
     iu, x = (_fine(nodes[0], nodes[-1]) for nodes in (stiff.current, stiff.displacement))
     grid = np.meshgrid(iu, x)
@@ -43,7 +41,7 @@ def training_figure(expert: Expert, stiff: StiffnessMap) -> Figure:
     )
 
 
-def expert_figure(expert: Expert) -> Figure:
+def expert_figure(expert: Any) -> Figure:
     """Show what an expert says over its box, and how it learned if it was trained."""
     iu, x = _fine(*expert.current_range), _fine(*expert.displacement_range)
     force = Heatmap(iu, x, expert.force(*np.meshgrid(iu, x)), Axis("force", "N"), diverging=True)
@@ -60,7 +58,7 @@ def expert_figure(expert: Expert) -> Figure:
     )
 
 
-def _title(expert: Expert) -> str:
+def _title(expert: Any) -> str:
     return f"Expert of {len(expert.rules)} rules for {markdown(expert.source)}"
 
 
@@ -68,7 +66,7 @@ def _fine(low: float, high: float) -> Array:
     return np.linspace(low, high, 81)
 
 
-def _learning(expert: Expert) -> Panel:
+def _learning(expert: Any) -> Panel:
     curve = expert.learning_curve
     learning: list[Item] = [
         Line(np.arange(curve.size, dtype=float), curve, signal="estimate", label="")
@@ -78,9 +76,25 @@ def _learning(expert: Expert) -> Panel:
     )
 
 
-def _stiffnesses(expert: Expert, iu: Array, x: Array) -> list[Panel]:
+def _stiffnesses(expert: Any, iu: Array, x: Array) -> list[Panel]:
     k_i, k_s = expert.stiffness(*np.meshgrid(iu, x))
     return [
         Panel(CURRENT, PLACE, [Heatmap(iu, x, k_i, Axis("$k_i$", "N/A"))], title="$k_i$"),
         Panel(CURRENT, PLACE, [Heatmap(iu, x, k_s, Axis("$k_s$", "N/mm", 1e-3))], title="$k_s$"),
     ]
+
+
+def expert_card(of: Any) -> Card:
+    """Describe an expert by its box, its rules and its training."""
+    (low_i, high_i), (low_x, high_x) = of.current_range, of.displacement_range
+    rows = [
+        ("rules", str(len(of.rules))),
+        ("control current", f"{value(low_i, 'A')} to {value(high_i, 'A')}"),
+        ("displacement", f"{value(low_x, 'm')} to {value(high_x, 'm')}"),
+        ("memberships", "divided by their sum" if of.normalised else "as printed (eq. 33)"),
+    ]
+    if of.training is not None:
+        first, last = of.training.force_rms[0], of.training.force_rms[-1]
+        rows.append(("trained by", of.training.method))
+        rows.append(("force error", f"{value(first, 'N')} untrained, {value(last, 'N')} trained"))
+    return Card("Expert", rows, expert_figure(of), notes=[f"Of {of.source}."])

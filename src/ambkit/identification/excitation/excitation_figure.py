@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Rule
-from ambkit.show.plots.signal_styles import CURRENT, POSITION, TIME
-
-if TYPE_CHECKING:
-    from ambkit.identification.excitation.design import Design
-
-Array = NDArray[np.float64]
+from ambkit.result.signal_styles import CURRENT, POSITION, TIME
 
 FREQUENCY = Axis("frequency", "Hz", scale="log")
 
 _LOOKS = ("series 1", "series 2", "series 3", "series 4", "constant")
 
 
-def excitation_figure(design: Design) -> Figure:
+def excitation_figure(design: Any) -> Figure:
     """Show an experiment over time and over frequency."""
     record, limits = design.record, design.limits
     t = record.t
@@ -69,7 +64,7 @@ def _amplitudes(values: Array, T: float) -> tuple[Array, Array]:
     return np.asarray(np.fft.rfftfreq(values.size, T)[1:], dtype=float), amplitude[1:]
 
 
-def _shares(design: Design, T: float) -> list[Item]:
+def _shares(design: Any, T: float) -> list[Item]:
     """Lines of the parts of the information on each parameter in thirds of an octave."""
     expectation = design.expectation
     low, high = 0.5 * design.band[0], 2 * design.band[1]

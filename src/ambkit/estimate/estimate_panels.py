@@ -1,0 +1,108 @@
+"""Panels of estimates over time: axes without first guesses, innovations beside their bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.arrays import Array
+from ambkit.base.escaping import label as label_of
+from ambkit.data.record import Record
+from ambkit.estimate.status import Status
+from ambkit.result.report.figure import Panel
+from ambkit.result.report.items import Axis, Band, Item, Line, Note, Points
+
+STRETCHES, STRETCH = 200, 20
+"""Innovations of a longer record are shown by so many stretches, of so many samples at least."""
+
+BEYOND = 1.5
+"""An axis of innovations is cut where the largest is farther out by this than most are."""
+
+
+def true_noise(record: Record) -> list[Item]:
+    """Show all of the sensor's noise, where the truth is known."""
+    if "x_m" not in record.truth:
+        return []
+    return [Line(record.t, record["y"] - record["x_m"], signal="measured")]
+
+
+def with_limits(axis: Axis, items: Iterable[Item], where: NDArray[np.bool_]) -> Axis:
+    """Return the axis with limits that show the lines whole where they count."""
+    edges = [item.y for item in items if isinstance(item, Line)]
+    edges += [edge for item in items if isinstance(item, Band) for edge in (item.low, item.high)]
+    values = np.concatenate([edge[where] for edge in edges])
+    low, high = np.nanmin(values), np.nanmax(values)
+    margin = 0.05 * (high - low)
+    if not margin > 0:
+        return axis
+    return replace(axis, limits=(float(low - margin), float(high + margin)))
+
+
+def settled_samples(t: NDArray[np.float64], estimates: Iterable[Any]) -> NDArray[np.bool_]:
+    """Where no filter guesses: in the dark at the start, and anew after a gap where it was HELD."""
+    # What they guess there would flatten all else.
+    blind = np.zeros(t.size, dtype=bool)
+    blind[0] = True
+    for estimate in estimates:
+        blind |= (estimate.status & np.uint16(Status.HELD)) != 0
+    last = np.maximum.accumulate(np.where(blind, np.arange(t.size), 0))
+    settled = np.asarray(t >= t[last] + 0.02 * np.ptp(t))
+    return settled if settled.any() else np.ones(t.size, dtype=bool)
+
+
+def _innovations(t: Array, innovation: Array) -> Item:
+    """Show innovations one by one, or of a long record how far most of each stretch reach."""
+    count = t.size // STRETCH
+    if count < STRETCHES:
+        return Line(t, innovation, signal="innovation")
+    length = t.size // STRETCHES
+    stretches = innovation[: STRETCHES * length].reshape(STRETCHES, length)
+    known = np.isfinite(stretches).sum(axis=1) >= STRETCH // 2
+    low, high = np.full((2, STRETCHES), np.nan)
+    low[known], high[known] = np.nanquantile(stretches[known], (0.025, 0.975), axis=1)
+    middle = t[: STRETCHES * length].reshape(STRETCHES, length).mean(axis=1)
+    return Band(middle, low, high, signal="innovation", label="innovation, 95 % of a stretch")
+
+
+def innovation_panel(name: str, estimate: Any, time: Axis, absent: Sequence[Item]) -> Panel:
+    """Show innovations beside what the filter expects; mark those that would flatten the rest."""
+    # Of several readings those whose innovations are largest by what is expected.
+    t, e, S = estimate.t, estimate.innovation, estimate.innovation_variance
+    if e.ndim > 1:
+        k = int(np.argmax((e**2 / np.where(S > 0, S, np.inf)).mean(axis=0)))
+        e, S, name = e[:, k], S[:, k], f"{name} {estimate.readings[k]}".strip()
+    usable = estimate.used | ((estimate.status & np.uint16(Status.OUTLIER)) != 0)
+    innovation, expected = np.where(usable, e, np.nan), 2 * np.sqrt(S)
+    # The first bounds are so wide that they would make a line of all others.
+    expected[expected > 1.5 * np.median(expected)] = np.nan
+    expected[expected == 0] = np.nan  # a low-pass has no idea of them
+    items: list[Item] = [
+        _innovations(t, innovation),
+        Line(t, expected, signal="bound", label="±2√S"),
+        Line(t, -expected, signal="bound", label=""),
+        *absent,
+    ]
+    axis = Axis(f"innov. {label_of(name)}" if name else "innovation", "µm", 1e6)
+    sizes = np.abs(innovation[np.isfinite(innovation)])
+    if not sizes.size:
+        return Panel(time, axis, items)
+    most = float(np.nanmax([np.quantile(sizes, 0.995), *expected]))
+    if sizes.max() <= BEYOND * most:
+        return Panel(time, axis, items)
+    edge = 1.3 * most
+    far = np.flatnonzero(np.abs(np.nan_to_num(innovation)) > edge)
+    for sign, style in ((1, "beyond above"), (-1, "beyond below")):
+        side = far[np.sign(innovation[far]) == sign]
+        if side.size:
+            items.append(Points(t[side], np.full(side.size, 0.9 * sign * edge), signal=style))
+    largest = far[np.argmax(np.abs(innovation[far]))]
+    value = f"{1e6 * innovation[largest]:.0f} µm".replace("-", "−")
+    up = innovation[largest] > 0
+    # Beside the record's end the text would not fit.
+    at = float(np.clip(t[largest], *(t[0] + np.ptp(t) * np.array([0.05, 0.95]))))
+    items.append(Note(at, 0.84 * edge * (1 if up else -1), value, "below" if up else "above"))
+    return Panel(time, replace(axis, limits=(-edge, edge)), items)

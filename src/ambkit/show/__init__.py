@@ -1,1 +1,0 @@
-"""Every picture and page: what results look like, and the figure language that draws them."""
