@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import objects
 import pytest
 from hypothesis import settings
 
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
 # A busy machine must not fail a test: what must be fast is measured in benchmarks/.
 settings.register_profile("ambkit", deadline=None)
 settings.load_profile("ambkit")
+
+subprocess.run = objects.run
 
 
 class Result(NamedTuple):

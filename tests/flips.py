@@ -7,7 +7,6 @@ import subprocess
 from pathlib import Path
 from typing import NamedTuple
 
-import objects
 from export_cases import INCLUDES, SAME_BITS
 
 from ambkit.export.c import CExport
@@ -137,7 +136,9 @@ def compiled(made: CExport, program: str, *flags: str) -> Path:
     main, out = made.folder / "bit_flips.c", made.folder / "bit_flips"
     main.write_text(program)
     command = ["gcc", "-std=gnu99", *SAME_BITS[1:], "-O2", *flags, *INCLUDES]
-    done = objects.build(command, [*made.sources, str(main)], out, made.folder)
+    done = subprocess.run(
+        [*command, *made.sources, main, "-o", out], cwd=made.folder, capture_output=True, text=True
+    )
     assert (done.returncode, done.stderr) == (0, "")
     return out
 

@@ -1,10 +1,8 @@
-"""C that tests compile again and again: the same text is compiled once.
+"""C that tests compile again and again: the same text is compiled once, whoever compiles it.
 
-The texts of a file and of all that it includes name its object, together with the compiler and its
-options, much as in ccache. The objects lie in pytest's cache, so that a second call of the tests
-has them too.
-
-As a script it is a compiler: ``python tests/objects.py cc -O2 -shared a.c b.c -o library``.
+`run` stands in for `subprocess.run` in all tests (conftest.py). The texts of a file and of all that
+it includes name its object, together with the compiler and its options, much as in ccache. The
+objects lie in pytest's cache: workers share them, and a second call of the tests has them too.
 """
 
 from __future__ import annotations
@@ -13,80 +11,99 @@ import functools
 import hashlib
 import os
 import re
+import shutil
 import subprocess
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 FOLDER = Path(__file__).parents[1] / ".pytest_cache" / "objects"
 WEEK = 7 * 24 * 3600.0  # after which an object that nothing asked for goes
 
-LINKING = re.compile("-shared|-s|-Wl,.*|-l.+")  # options that compiling alone does not know
+COMPILER = re.compile(r"([\w-]+-)?(cc|gcc|g\+\+|c\+\+|clang|clang\+\+)(-\d+)?")
+SOURCE = (".c", ".cpp")
+# Options of linking alone, and what makes something else of a source than an object of its text.
+LINKING = re.compile(r"-shared|-static|-s|-Wl,.*|-l.+|-L.+|-nostdlib|-r")
+OTHER = re.compile(
+    r"-E|-S|-M.*|-fsyntax-only|--coverage|-include|-x|-save-temps.*|-fstack-usage|@.*"
+)
 
-Done = subprocess.CompletedProcess[str]
+plain_run = subprocess.run
+
+Done = subprocess.CompletedProcess[Any]
 
 
-def build(
-    command: Sequence[str],
-    files: Sequence[str | Path],
-    out: Path,
-    cwd: Path,
-    link: Sequence[str] = ("-lm",),
-) -> Done:
-    """Compile C files and link them; return how it ended, at the first file that has a warning.
+def run(command: Any, **options: Any) -> Done:
+    """Run a command as `subprocess.run` does; a compiler takes the objects that were made before.
 
-    Parameters
-    ----------
-    command : sequence of str
-        Compiler and options, for compiling and for linking.
-    files : sequence of path
-        C files.
-    out : path
-        The program or library.
-    cwd : path
-        Where the paths are from.
-    link : sequence of str
-        What linking takes beside them.
+    What warns or fails is not kept, and compiled as it was asked for.
     """
-    made = []
-    for file in files:
-        compiled, done = object_of(command, file, cwd)
-        if done.returncode or done.stderr:
-            return done
-        made.append(str(compiled))
-    return _run([*command, *made, *link, "-o", str(out)], cwd)
+    words = [str(word) for word in command] if isinstance(command, list | tuple) else []
+    if not words or not COMPILER.fullmatch(Path(words[0]).name) or "env" in options:
+        return plain_run(command, **options)
+    sources = [word for word in words[1:] if word.endswith(SOURCE)]
+    if not sources or any(OTHER.fullmatch(word) for word in words):
+        return plain_run(command, **options)
+    cwd = Path(options.get("cwd") or ".")
+    out = words.index("-o") if "-o" in words else len(words)
+    flags = [word for word in [*words[:out], *words[out + 2 :]] if word not in (*sources, "-c")]
+    compiling = [word for word in flags if not LINKING.fullmatch(word) and not _input(word)]
+    found = {}
+    for source in sources:
+        if (kept := _object(compiling, source, cwd)) is None:
+            return plain_run(command, **options)
+        found[source] = str(kept)
+    if "-c" not in words:
+        return plain_run([found.get(word, word) for word in words], **options)
+    for source, kept in found.items():
+        to = words[out + 1] if out < len(words) else f"{Path(source).stem}.o"
+        shutil.copyfile(kept, cwd / to)
+    text = options.get("text") or options.get("encoding")
+    silence = ("" if text else b"") if options.get("capture_output") else None
+    return Done(command, 0, silence, silence)
 
 
-def object_of(command: Sequence[str], file: str | Path, cwd: Path) -> tuple[Path, Done]:
-    """Return the object of a C file, which is there unless compiling failed or warned."""
+def _input(word: str) -> bool:
+    return word.endswith((".o", ".a", ".so"))
+
+
+def _object(command: Sequence[str], source: str, cwd: Path) -> Path | None:
+    """Return the object of a source, or nothing where compiling fails or warns."""
     folders = [cwd / word.removeprefix("-I") for word in command if word.startswith("-I")]
-    options = (word for word in command if not word.startswith("-I"))
-    words = [_version(command[0]), *options, *_texts(cwd / file, folders)]
-    kept = _folder() / f"{hashlib.sha256(chr(0).join(words).encode()).hexdigest()}.o"
+    options = (word for word in command[1:] if not word.startswith("-I"))
+    try:
+        words = [_identity(command[0]), *options, *_texts(cwd / source, folders)]
+    except OSError:
+        return None
+    kept = (
+        _folder()
+        / f"{hashlib.sha256(chr(0).join(words).encode(errors='surrogateescape')).hexdigest()}.o"
+    )
     if kept.exists():
         with suppress(OSError):
             os.utime(kept)
-        return kept, Done([], 0, "", "")
+        return kept
     # Others may do the same now: each writes a file of its own, and the last puts it in place.
     temporary = kept.with_suffix(f".{os.getpid()}.o")
-    done = _run([*command, "-c", str(file), "-o", str(temporary)], cwd)
+    compiling = [*command, "-c", source, "-o", str(temporary)]
+    done = plain_run(compiling, cwd=cwd, capture_output=True, timeout=300)
     if done.returncode or done.stderr:
         temporary.unlink(missing_ok=True)
-    else:
-        temporary.replace(kept)
-    return kept, done
+        return None
+    temporary.replace(kept)
+    return kept
 
 
 def _texts(file: Path, folders: Sequence[Path]) -> Iterator[str]:
-    """Yield the text of a file, and of all that it includes in quotes, each once."""
+    """Yield the text of a file, and of all of ours that it includes, each once."""
     waiting, seen = [file], {file}
     while waiting:
         here = waiting.pop()
-        text = here.read_text()
+        text = here.read_text(errors="surrogateescape")
         yield text
-        for name in re.findall(r'^\s*#\s*include\s+"(.+?)"', text, re.MULTILINE):
+        for name in re.findall(r'^\s*#\s*include\s+["<](.+?)[">]', text, re.MULTILINE):
             places = (folder / name for folder in (here.parent, *folders))
             found = next((place for place in places if place.exists()), None)
             if found is not None and found not in seen:
@@ -104,26 +121,7 @@ def _folder() -> Path:
     return FOLDER
 
 
-@functools.cache
-def _version(compiler: str) -> str:
-    return _run([compiler, "--version"], Path.cwd()).stdout
-
-
-def _run(command: Sequence[str], cwd: Path) -> Done:
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
-
-
-def main(compiler: str, *words: str) -> int:
-    """Compile as the compiler would with these words; return its exit code."""
-    out = words.index("-o")
-    rest = [*words[:out], *words[out + 2 :]]
-    files = [word for word in rest if word.endswith(".c")]
-    link = [word for word in rest if LINKING.fullmatch(word)]
-    command = [compiler, *(word for word in rest if word not in {*files, *link})]
-    done = build(command, files, Path(words[out + 1]), Path.cwd(), link)
-    sys.stderr.write(done.stderr)
-    return done.returncode
-
-
-if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+def _identity(compiler: str) -> str:
+    """Return the compiler's own path and date, whatever it is called by; OSError without one."""
+    path = os.path.realpath(shutil.which(compiler) or compiler)
+    return f"{path} {os.stat(path).st_mtime_ns}"

@@ -15,7 +15,6 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from objects import object_of
 from quick import quick
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -94,9 +93,9 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
         objects = []
         for source in [*SOURCES, ROOT / "tests" / "c" / "axis.c"]:
             flags = built_in.flags if source.stem == "axis" else build.flags
-            made, done = object_of([*GCC, *flags, *INCLUDES], source, ROOT)
+            objects.append(folder / f"{build} {source.stem}.o")
+            done = gcc(*flags, *INCLUDES, "-c", source, "-o", objects[-1])
             assert (done.returncode, done.stderr) == (0, "")
-            objects.append(made)
         return objects
 
     return compiled

@@ -11,7 +11,6 @@ from typing import Any
 
 import flips
 import numpy as np
-import objects
 import pytest
 from export_cases import INCLUDES, SAME_BITS, STRICT, program
 
@@ -92,7 +91,8 @@ def flown(
     files = [made.folder / file for file in made.sources]
     flags = [flag for flag in STRICT if flag != "-Wdouble-promotion"]
     command = ["gcc", "-std=c99", *flags, *SAME_BITS, *INCLUDES]
-    done = objects.build(command, [source, *files], program, made.folder)
+    words = [*command, source, *files, "-lm", "-o", program]
+    done = subprocess.run(words, cwd=made.folder, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     rows = subprocess.run([program], capture_output=True, text=True, check=True).stdout.split("\n")
     told = np.array([row.split() for row in rows[:-1]], np.float32).astype(float)

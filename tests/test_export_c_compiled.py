@@ -10,7 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import objects
 import pytest
 from export_cases import (
     BEARING,
@@ -185,9 +184,8 @@ class Filters:
         (folder / "sizes.c").write_text("".join(map(SIZES.format, made)))
         includes = [f"-I{one / part}" for one in folders for part in (".", "core/include", "core")]
         library = folder / "filters.so"
-        words = command("gcc", (*SAME_BITS, "-fPIC", *includes))
-        done = objects.build(words, [*files.values(), "sizes.c"], library, folder, ["-shared"])
-        assert (done.returncode, done.stderr) == (0, "")
+        words = [*command("gcc", (*SAME_BITS, "-fPIC", *includes)), *files.values(), "sizes.c"]
+        subprocess.run([*words, "-shared", "-o", library], cwd=folder, check=True)
         self.library = ctypes.CDLL(str(library))
 
     def start(self, name: str) -> Filter:
@@ -265,9 +263,9 @@ def test_every_name_has_the_prefix_and_nothing_is_borrowed(
     )
     compiled = []
     for name in made.sources:
-        file, done = objects.object_of(command("gcc"), name, made.folder)
-        assert (done.returncode, done.stderr) == (0, "")
-        compiled.append(str(file))
+        compiled.append(str(tmp_path / f"{Path(name).stem}.o"))
+        words = [*command("gcc"), "-c", name, "-o", compiled[-1]]
+        subprocess.run(words, cwd=made.folder, check=True)
 
     def symbols(*options: str) -> set[str]:
         words = ["nm", "--extern-only", "--just-symbols", "--quiet", *options, *compiled]
@@ -303,9 +301,8 @@ def test_init_is_all_there_is_to_do_at_power_on(
     """The first measurement is where it starts; what may be fed back is said."""
     made = exported(kind)
     library = tmp_path / "filter.so"
-    words = command("gcc", (*SAME_BITS, "-fPIC"))
-    done = objects.build(words, made.sources, library, made.folder, ["-shared"])
-    assert (done.returncode, done.stderr) == (0, "")
+    words = [*command("gcc", (*SAME_BITS, "-fPIC")), *made.sources, "-shared", "-o", library]
+    subprocess.run(words, cwd=made.folder, check=True)
     lib = ctypes.CDLL(str(library))
     step = getattr(lib, f"{made.name}_step")
     step.argtypes = [ctypes.c_void_p, ctypes.c_float, ctypes.c_float, ctypes.c_void_p]

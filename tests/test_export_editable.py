@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import objects
 import pytest
 from export_cases import BEARING, SAME_BITS, command, export, program
 from machine_cases import machine
@@ -54,10 +53,8 @@ class Compiled:
             f'#include "{made.name}.h"\nsize_t f_size(void);\n'
             "size_t f_size(void)\n{\n  return sizeof(f_state);\n}\n"
         )
-        words = command("gcc", (*SAME_BITS, "-fPIC"))
-        sources = [*made.sources, str(library.parent / "size.c")]
-        done = objects.build(words, sources, library, made.folder, ["-shared"])
-        assert (done.returncode, done.stderr) == (0, "")
+        words = [*command("gcc", (*SAME_BITS, "-fPIC")), *made.sources, library.parent / "size.c"]
+        subprocess.run([*words, "-shared", "-o", library], cwd=made.folder, check=True)
         self.of = ctypes.CDLL(str(library))
         self.of.f_step.argtypes = [ctypes.c_void_p, ctypes.c_float, ctypes.c_float, ctypes.c_void_p]
         self.state = ctypes.create_string_buffer(self.of.f_size())

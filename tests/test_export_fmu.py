@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-import shlex
 import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import objects
 import pytest
 
 import ambkit
@@ -54,14 +52,6 @@ def disturbed(bearing: Bearing) -> ambkit.Scenario:
         disturbance=ambkit.Step(amplitude=0.5 * bearing.weight, time=150 * T),
         controller=ambkit.PID.for_bearing(bearing),
     )
-
-
-@pytest.fixture(scope="module", autouse=True)
-def same_text_compiled_once() -> Iterator[None]:
-    """The FMUs have most of their C in common."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setenv("CC", shlex.join([sys.executable, objects.__file__, "cc"]))
-        yield
 
 
 @pytest.fixture(scope="session")

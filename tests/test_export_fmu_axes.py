@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import pickle
-import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import objects
 import pytest
 
 from ambkit import KalmanFilter, Machine, Scenario
@@ -42,14 +39,6 @@ other.fmu.setFMUState(other.fmu.deserializeFMUState(state))
 other.at = len(inputs["y_La1"])
 pickle.dump(other.run(inputs, names), open(out, "wb"))
 """
-
-
-@pytest.fixture(scope="module", autouse=True)
-def same_text_compiled_once() -> Iterator[None]:
-    """The FMUs have most of their C in common."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setenv("CC", shlex.join([sys.executable, objects.__file__, "cc"]))
-        yield
 
 
 def flown(**options: Any) -> tuple[Scenario, Run]:

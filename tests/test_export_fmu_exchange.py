@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import shlex
 import shutil
 import subprocess
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import objects
 import pytest
 
 import ambkit
@@ -49,14 +45,6 @@ CASES = {
     ),
     "voltage": (BEARING.replace(**PARTS, **VOLTS), 5),
 }
-
-
-@pytest.fixture(scope="module", autouse=True)
-def same_text_compiled_once() -> Iterator[None]:
-    """The FMUs have most of their C in common."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setenv("CC", shlex.join([sys.executable, objects.__file__, "cc"]))
-        yield
 
 
 def held(t: Any, **series: Any) -> Any:

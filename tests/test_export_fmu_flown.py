@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import shlex
 import shutil
 import subprocess
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import objects
 import pytest
 
 import ambkit
@@ -55,14 +51,6 @@ CASES = {
     "feed forward in flight that lands": Case(SOFT, PID(feed_forward=1.0), QUICK),
     "from rest": Case(BEARING, Control(type="lqg"), None, "rest"),
 }
-
-
-@pytest.fixture(scope="module", autouse=True)
-def same_text_compiled_once() -> Iterator[None]:
-    """The FMUs have most of their C in common."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setenv("CC", shlex.join([sys.executable, objects.__file__, "cc"]))
-        yield
 
 
 def scenario_of(case: Case) -> Scenario:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from export_cases import SAME_BITS, command, program
+from export_cases import command, program
 from machine_cases import AND_LONG, PRESETS, Array
 from quick import quick
 
@@ -178,7 +178,7 @@ def test_a_summary_ends_where_the_power_fails() -> None:
 
 
 def printed_by(folder: Path) -> str:
-    done = program(str(COMPILER), folder, folder / "selftest.out", flags=("-O0", *SAME_BITS[1:]))
+    done = program(str(COMPILER), folder, folder / "selftest.out")
     assert done.returncode == 0, done.stderr
     return subprocess.run([folder / "selftest.out"], capture_output=True, text=True).stdout
 
@@ -247,7 +247,7 @@ def signals_of_c(made: CExport, record: Record, machine: Machine, flight: Scenar
     """What the exported controller gives for a record's readings: control signals, and the mode."""
     folder = made.folder
     (folder / "main.c").write_text(MAIN)
-    words = [*command(str(COMPILER), ("-O1", *SAME_BITS[1:])), *made.sources, "main.c", "-o", "fly"]
+    words = [*command(str(COMPILER)), *made.sources, "main.c", "-o", "fly"]
     subprocess.run(words, cwd=folder, check=True, capture_output=True)
     assert flight.sequence is not None
     given = [record[f"y_{r.name}"] for r in machine.readings]
