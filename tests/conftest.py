@@ -51,6 +51,44 @@ def call(
     return run
 
 
+@pytest.fixture(autouse=True)
+def no_pixels(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Build figures, see that each of their axes shows something, and write no pixels.
+
+    They take most of a picture's time. `pictures` marks tests that look at them.
+    """
+    marks = ("pictures", "long", "study")
+    if not any(request.node.get_closest_marker(mark) for mark in marks):
+        from ambkit.result.report import static
+
+        monkeypatch.setattr(static, "_pixels", lambda canvas: _shown(canvas, ONE_PIXEL))
+        monkeypatch.setattr(static, "_vectors", lambda canvas, _title: _shown(canvas, NO_LINES))
+
+
+ONE_PIXEL = bytes.fromhex(
+    "89504e470d0a1a0a0000000d49484452000000010000000108020000009077"
+    "53de0000000c49444154789c63f8ffff3f0005fe02fe0def46b80000000049454e44ae426082"
+)
+NO_LINES = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
+
+
+SYMBOLS: set[str] = set()
+
+
+def _shown(canvas: Any, content: bytes) -> bytes:
+    from matplotlib.mathtext import MathTextParser
+    from matplotlib.text import Text
+
+    for text in {found.get_text() for found in canvas.findobj(Text)} - SYMBOLS:
+        SYMBOLS.add(text)
+        if "$" in text:  # what else only drawing would refuse
+            MathTextParser("path").parse(text)
+    blank = [axes for axes in canvas.axes if axes.axison and not axes.has_data()]
+    assert canvas.axes
+    assert not blank, "axes that show nothing"
+    return content
+
+
 @pytest.fixture(scope="session")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., CExport]:
     """Export a kind of `export_cases.KINDS` in a precision, each one once; to be read only."""

@@ -46,7 +46,7 @@ def test_own_bearing(run, tmp_path):
     assert position < 1e6 * np.sqrt(bearing.sensor.noise_variance)
     assert force < 10  # of a load of 40 N
     assert ambkit.Record.load(tmp_path / "spindle.csv").has_truth
-    assert (tmp_path / "spindle.png").stat().st_size > 10_000
+    assert (tmp_path / "spindle.png").is_file()
 
 
 def test_own_recording(run, tmp_path):
@@ -56,7 +56,7 @@ def test_own_recording(run, tmp_path):
             rf"\b{ahead} samples ahead: ([\d.]+) .*held ([\d.]+), .*filter ([\d.]+)", printed
         )
         assert ours < held < logged
-    assert (tmp_path / "recording.png").stat().st_size > 10_000
+    assert (tmp_path / "recording.png").is_file()
 
 
 def test_a_log_means_the_same_around_another_point():
@@ -99,7 +99,7 @@ def test_compare_filters(run, tmp_path):
     assert max(position.values()) < 1.05 * min(position.values())
     assert force["linear"] > force["adaptive"] > force["adaptive, wide"]
     assert force["adaptive, wide"] == pytest.approx(force["closed-law"], rel=0.05)
-    assert (tmp_path / "comparison.png").stat().st_size > 10_000
+    assert (tmp_path / "comparison.png").is_file()
 
 
 def test_rig_without_its_logs_says_so(run, monkeypatch, capsys):
@@ -126,7 +126,7 @@ def test_thread(run, tmp_path):
             printed,
         )
         assert worst < 10
-    assert (tmp_path / "thread" / "flying.png").stat().st_size > 10_000
+    assert (tmp_path / "thread" / "flying.png").is_file()
 
 
 def test_the_notebook_is_the_script():

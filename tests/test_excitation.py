@@ -196,7 +196,7 @@ def test_excite_then_simulate(
     assert found["kind"] == "stepped-sine"
     assert found["greatest_displacement"] <= 2e-4
     assert set(found["expected"]["parameters"]) <= {"magnet_constant", "mass"}
-    assert (tmp_path / "excitation.svg").stat().st_size > 1000
+    assert (tmp_path / "excitation.svg").is_file()
     excitation = Record.load("excitation.csv")
     assert list(excitation) == ["r"]
     run("simulate", "zittau_axial", "--reference", "excitation.csv", "--out", "run.csv")

@@ -486,6 +486,7 @@ def test_the_summary_is_typeset():
 # Static
 
 
+@pytest.mark.pictures
 @pytest.mark.parametrize("build", ALL)
 def test_pictures_are_the_same_bytes_each_time_and_of_reasonable_size(build):
     import matplotlib
@@ -708,6 +709,7 @@ def test_report_writes_all_files_and_the_same_ones_again(written, tmp_path):
     assert len(said) == 7
 
 
+@pytest.mark.pictures
 def test_another_process_writes_the_same_bytes(tmp_path):
     """Nothing depends on the order of sets or on addresses."""
     code = (

@@ -89,17 +89,9 @@ class Picture:
 
 def render(figure: Figure) -> Picture:
     """Draw a figure."""
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-
-    svg = StringIO()
     with drawn_as_on_paper(figure):
         canvas, _ = draw(figure)
-        png = _pixels(canvas)
-        canvas.set_dpi(PIXELS_PER_INCH / 2)  # of heat maps only, the rest has no pixels
-        vector: Any = FigureCanvasSVG(canvas)
-        metadata = {"Date": None, "Creator": None, "Title": plain(figure.title)}
-        vector.print_svg(svg, metadata=metadata)
-    return Picture(png, _shorten(svg.getvalue()).encode())
+        return Picture(_pixels(canvas), _vectors(canvas, plain(figure.title)))
 
 
 def light(figure: Figure) -> bytes:
@@ -133,6 +125,16 @@ def _pixels(canvas: "Canvas") -> bytes:
     agg: Any = FigureCanvasAgg(canvas)
     agg.print_png(png, metadata={"Software": None})
     return png.getvalue()
+
+
+def _vectors(canvas: "Canvas", title: str) -> bytes:
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    svg = StringIO()
+    canvas.set_dpi(PIXELS_PER_INCH / 2)  # of heat maps only, the rest has no pixels
+    vector: Any = FigureCanvasSVG(canvas)
+    vector.print_svg(svg, metadata={"Date": None, "Creator": None, "Title": title})
+    return _shorten(svg.getvalue()).encode()
 
 
 def save(figure: Figure, folder: Path) -> tuple[Path, Path]:
