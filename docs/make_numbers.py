@@ -2,8 +2,9 @@
 
 ``python docs/make_numbers.py`` prints all, in some minutes; with names, such as ``reproduction
 experiments``, these sections alone. What the pages show in tables, figures and output is computed
-when they are built. Pictures and tables of docs/explanation/comparison.md come from docs/make_comparison.py,
-those of docs/explanation/rig.md from examples/rig.py and ``python -m benchmarks.identification``.
+when they are built. Pictures and tables of docs/explanation/comparison.md come from
+docs/make_comparison.py, those of docs/explanation/rig.md from examples/rig.py and
+``python -m benchmarks.identification``.
 """
 
 import os
@@ -60,7 +61,7 @@ def force_table() -> None:
 
 
 def excite() -> None:
-    """Print what the cells of docs/how-to/excite.md do: a load that nobody knows, coloured noise."""
+    """Print what docs/how-to/excite.md does: a load that nobody knows, coloured noise."""
     page = (DOCS / "how-to" / "excite.md").read_text(encoding="utf-8")
     names: dict[str, object] = {}
     for cell in re.findall(r"^```{code-cell}\n(.*?)^```", page, re.MULTILINE | re.DOTALL):
