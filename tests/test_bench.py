@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from ambkit.judge.comparison import cases, criteria
 from ambkit.judge.comparison.candidates import candidates, expand
 from ambkit.judge.comparison.cases import CASES, Load, trials, walk_case
 from ambkit.judge.comparison.comparison import Sweep, bench, sweep
-from ambkit.judge.comparison.figures import cases_figure, matrix_figure, sweep_figure
+from ambkit.judge.comparison.figures import _shades, cases_figure, matrix_figure, sweep_figure
 from ambkit.judge.comparison.study import learned, pieces_of, study
 from ambkit.judge.comparison.tolerance import CERTAIN, Spread
 from ambkit.judge.comparison.tuning import errors, tune
@@ -321,6 +322,21 @@ def test_a_sweep_and_the_limit_near_the_centre_and_far_out() -> None:
     linear, law = found.errors["linear"]["f_d"], found.errors["closed-law"]["f_d"]
     assert linear[1] > 1.4 * law[1]
     assert law / found.limit["f_d"] == pytest.approx([1, 1], abs=0.12)
+
+
+class OfMean:
+    """What a picture asks of a score."""
+
+    def __init__(self, mean: float) -> None:
+        self.mean = lambda _name: mean
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.3, 2.0, 2.9, 4.0])
+def test_a_ratio_too_small_is_shaded_as_one_too_large(ratio: float) -> None:
+    small, large, double = _shades([OfMean(1 / ratio), OfMean(ratio), OfMean(2 * ratio)], "nis")  # type: ignore[list-item]
+    assert small == pytest.approx(large)
+    assert small == pytest.approx(min(math.log(ratio) / math.log(3), 1))
+    assert double >= large
 
 
 def test_the_report_of_a_whole_study() -> None:

@@ -52,6 +52,37 @@ def loop(dead_time, speed=0.0):
     return Loop(plant, pd, 4)
 
 
+class Turned(Loop):
+    """A loop of one crossing, at 173 Hz, whose phase there is as it is made."""
+
+    def __init__(self, phase):
+        object.__setattr__(self, "phase", phase)
+
+    measurements, shown = 2, None
+
+    def of_axis(self, axis, f):
+        return 1 / (1 + self.broken(f))
+
+    def broken(self, f):
+        return 2 * np.exp(1j * self.phase) / (1 + 1j * f / 100)
+
+
+@pytest.mark.parametrize("phase", np.arange(-3.0, 3.2, 0.5))
+def test_the_delay_margin_is_the_least_dead_time_that_leads_through_minus_one(phase):
+    """At every angle of the crossing, above the real axis and below."""
+    turned, f = Turned(phase), np.geomspace(1, 1e4, 2000)
+    found = margins(turned, f=f)
+    at = 100 * math.sqrt(3)
+    assert found.crossover == pytest.approx(at, rel=1e-9)
+
+    def distance(dead_time):
+        return abs(1 + turned.broken(at) * np.exp(-2j * math.pi * at * dead_time))
+
+    assert distance(found.delay) < 1e-6
+    assert distance(np.linspace(0, 0.999, 500) * found.delay).min() > 5e-5
+    assert found.phase == pytest.approx(abs(np.angle(-turned.broken(at))), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("dead_time", "peaks", "largest"),
     [(1.0, (1.390, 1.396), 1.602), (1.5, (1.462, 1.473), 1.674)],

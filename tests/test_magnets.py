@@ -190,6 +190,21 @@ def test_the_tables_tangent_is_the_slope_of_its_force(iu: float, x: float) -> No
     )
 
 
+@pytest.mark.parametrize("x", np.linspace(-5, 5, 11) * 2.0**-12)
+@pytest.mark.parametrize("iu", np.linspace(-2, 2, 9))
+def test_the_tables_tangent_holds_at_each_node_edge_and_beyond(iu: float, x: float) -> None:
+    """Where both sides have one slope; an edge belongs to the table, beyond it nothing changes."""
+    columns, rows = np.linspace(-1.5, 1.5, 7), np.linspace(-4, 4, 5) * 2.0**-12
+    grid = np.meshgrid(columns, rows)
+    magnet = CORE.Table(rows[0], rows[1] - rows[0], columns[0], columns[1] - columns[0],
+                        k_i_surface(*grid), k_s_surface(*grid))  # fmt: skip
+    i, d = np.clip(iu, -1.5, 1.5), np.clip(x, rows[0], rows[-1])
+    by_iu = ((2 + 4e3 * d) * iu + (-500 - 2e6 * d) * x) * (i == iu)
+    by_x = ((-3e3 + 4e3 * i) * iu + (1e6 - 2e6 * i) * x) * (d == x)
+    expected = k_i_surface(i, d) + by_iu, k_s_surface(i, d) + by_x
+    assert tangent(magnet, iu, x) == pytest.approx(expected, rel=1e-12)
+
+
 def test_a_table_asked_at_no_number_answers_with_none() -> None:
     magnet = table(k_i_surface, k_s_surface)
     for iu, x in ((np.nan, 0.0), (0.0, np.nan), (np.nan, np.nan)):

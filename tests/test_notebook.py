@@ -14,6 +14,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 import pytest
+from quick import quick
 
 import ambkit
 from ambkit import Bearing, Estimate, Expert, KalmanFilter, Record
@@ -82,15 +83,23 @@ def read(html: str) -> str:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_notebook_shows_a_table_and_a_light_picture(shown: dict[str, Any], name: str) -> None:
+def test_a_notebook_shows_a_table_and_a_picture(shown: dict[str, Any], name: str) -> None:
     html = shown[name]._repr_html_()
-    (packed,) = re.findall(r'src="data:image/png;base64,([^"]+)"', html)
-    png = base64.b64decode(packed)
-    assert png.startswith(b"\x89PNG")
-    assert 1_000 < len(png) < 150_000
+    assert picture(html).startswith(b"\x89PNG")
     assert html.count("<tr>") > 1
     page = Page(html)
     assert (page.found, page.scripts) == ([], 0)
+
+
+def picture(html: str) -> bytes:
+    (packed,) = re.findall(r'src="data:image/png;base64,([^"]+)"', html)
+    return base64.b64decode(packed)
+
+
+@pytest.mark.pictures
+@pytest.mark.parametrize("name", quick(NAMES, ("Record", "Expert", "Bench")))
+def test_pictures_of_a_notebook_are_light(shown: dict[str, Any], name: str) -> None:
+    assert 1_000 < len(picture(shown[name]._repr_html_())) < 150_000
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,7 +1,7 @@
 """Times as text: exact to the nanosecond, in any layout; what cannot be told is refused."""
 
 import time
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
 import pyarrow as pa
@@ -74,6 +74,27 @@ def test_a_layout_is_read_as_python_reads_it(layout, start, steps):
     )
     found = seconds([m.strftime(layout) for m in moments], layout).seconds
     np.testing.assert_array_equal(found, expected)
+
+
+@given(
+    moments=st.lists(
+        st.tuples(
+            st.datetimes(datetime(1971, 1, 1), datetime(2065, 1, 1)),
+            st.integers(-14 * 60, 14 * 60),
+        ),
+        min_size=1, max_size=6,
+    ),
+    separator=st.sampled_from("T "),
+    colon=st.booleans(),
+)  # fmt: skip
+def test_a_zone_is_read_as_python_reads_it(moments, separator, colon):
+    """West of Greenwich and with odd minutes, too; a clock that goes back is another matter."""
+    zoned = [m.replace(tzinfo=timezone(timedelta(minutes=z))) for m, z in moments]
+    zoned.sort()
+    cells = [m.isoformat(separator, timespec="microseconds") for m in zoned]
+    cells = cells if colon else [cell[:-3] + cell[-2:] for cell in cells]
+    expected = [(datetime.fromisoformat(c) - zoned[0]) / timedelta(seconds=1) for c in cells]
+    np.testing.assert_allclose(seconds(cells).seconds, expected, atol=1e-9, rtol=1e-15)
 
 
 @pytest.mark.parametrize(
