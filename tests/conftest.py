@@ -51,18 +51,32 @@ def call(
     return run
 
 
-@pytest.fixture(autouse=True)
-def no_pixels(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Build figures, see that each of their axes shows something, and write no pixels.
+class Drawing:
+    """Whether pictures are drawn, which takes most of their time, or only built."""
 
-    They take most of a picture's time. `pictures` marks tests that look at them.
-    """
+    real = False
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Draw pictures for tests that look at them, fixtures of a module included."""
     marks = ("pictures", "long", "study")
-    if not any(request.node.get_closest_marker(mark) for mark in marks):
-        from ambkit.result.report import static
+    Drawing.real = any(item.get_closest_marker(mark) for mark in marks)
 
-        monkeypatch.setattr(static, "_pixels", lambda canvas: _shown(canvas, ONE_PIXEL))
-        monkeypatch.setattr(static, "_vectors", lambda canvas, _title: _shown(canvas, NO_LINES))
+
+@pytest.fixture(scope="session", autouse=True)
+def pictures_that_nobody_looks_at() -> None:
+    """Build them, see that each of their axes shows something, and write no pixels."""
+    from ambkit.result.report import static
+
+    pixels, vectors = static._pixels, static._vectors
+
+    def png(canvas: Any) -> bytes:
+        return pixels(canvas) if Drawing.real else _shown(canvas, ONE_PIXEL)
+
+    def svg(canvas: Any, title: str) -> bytes:
+        return vectors(canvas, title) if Drawing.real else _shown(canvas, NO_LINES)
+
+    static._pixels, static._vectors = png, svg
 
 
 ONE_PIXEL = bytes.fromhex(

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import functools
+import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 from ambkit import Bearing
 from ambkit.assessment.arguments import Chosen, export_given
@@ -24,6 +27,8 @@ CASES = (*((kind, "float") for kind in KINDS), ("adaptive", "double"))
 CORE_PRECISION: dict[str, Any] = {"float": "float32", "double": "float64"}
 STRICT = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror")
 SAME_BITS = ("-O0", "-ffp-contract=off", "-DAMB_NO_CONTRACTION")
+COMPILER = shutil.which("gcc") or shutil.which("clang")
+compiled = pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc or clang) here")
 INCLUDES = ("-I.", "-Icore/include", "-Icore", "-Iselftest")
 
 
@@ -70,3 +75,10 @@ def program(
     files = sorted(path.relative_to(folder) for path in folder.rglob("*.c"))
     words = [*command(compiler, flags), *files, "-lm", "-o", out]
     return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=300)
+
+
+def printed_by(folder: Path) -> str:
+    """What the self-test of an exported folder prints."""
+    done = program(str(COMPILER), folder, folder / "selftest.out")
+    assert done.returncode == 0, done.stderr
+    return subprocess.run([folder / "selftest.out"], capture_output=True, text=True).stdout

@@ -52,8 +52,12 @@ def test_the_simulated_loop_is_the_models_within_two_percent(control, fed):
 
 @pytest.mark.parametrize(
     ("control", "rpm"),
-    [(TILT, 0.0), (LQG, 0.0), (CROSSED, 20e3), (STILL, 20e3), (FREE, 20e3), (LQG, 20e3)],
-)
+    [
+        (TILT, 0.0), (LQG, 20e3),
+        *(pytest.param(*case, marks=pytest.mark.long)
+          for case in ((LQG, 0.0), (CROSSED, 20e3), (STILL, 20e3), (FREE, 20e3))),
+    ],
+)  # fmt: skip
 def test_bodes_integral_holds(control, rpm):
     machine = TUM.model_copy(update={"speed": rpm * math.pi / 30, "unbalance": ()})
     filter = told(machine, control)

@@ -92,6 +92,7 @@ def test_the_stiffnesses_of_the_work_are_new_at_each_sample(work: Work) -> None:
     assert np.all(np.diff(work.k_s) != 0)
 
 
+@pytest.mark.long
 def test_numba_does_the_work_of_the_hand_loop(work: Work, hand: Callable[[Work], Array]) -> None:
     pytest.importorskip("numba", reason="numba is in the dependency group benchmarks")
     for entry in entries.in_numba(work):

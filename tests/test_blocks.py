@@ -8,10 +8,9 @@ from typing import Any
 import control
 import numpy as np
 import pytest
-from export_cases import BEARING
+from export_cases import BEARING, compiled
 from machine_cases import machine
 from test_export_control import run
-from test_machine_export import compiled
 
 import ambkit
 from ambkit import AmbkitError, Control, Scenario

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from export_cases import BEARING, INCLUDES, SAME_BITS, STRICT, command
+from export_cases import BEARING, INCLUDES, SAME_BITS, STRICT, command, compiled
 from machine_cases import machine
 from quick import quick
-from test_machine_export import compiled
 from typer.testing import CliRunner
 
 from ambkit import AmbkitError, KalmanFilter, Machine, Scenario, simulate_run

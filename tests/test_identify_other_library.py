@@ -49,6 +49,7 @@ def test_poles_agree_with_an_autoregressive_model_by_instruments_and_likelihood_
     assert abs(ours / own - 1) < abs(theirs / own - 1)
 
 
+@pytest.mark.long
 def test_filterpy_and_scipy_find_the_same_noises():
     """The same linear model in filterpy's filter, its likelihood maximised by SciPy."""
     filterpy = pytest.importorskip("filterpy.kalman")

@@ -8,7 +8,8 @@ import math
 
 import numpy as np
 import pytest
-from machine_cases import AND_LONG, RIGID_AND_LONG, made
+from machine_cases import PRESETS, made
+from quick import quick
 
 from ambkit import PID, Machine
 from ambkit.control.linear.closed_loop import Loop
@@ -130,7 +131,7 @@ def test_least_peak_by_the_dead_time_is_that_of_the_fastest_pole():
 # ---- Bode's integral
 
 
-@pytest.mark.parametrize("name", RIGID_AND_LONG)
+@pytest.mark.parametrize("name", quick(PRESETS, {"tum_mlps"}))
 @pytest.mark.parametrize("rpm", [0.0, 30_000.0])
 def test_bodes_integral_of_presets(name, rpm):
     preset = Machine.preset(name).model_copy(update={"speed": rpm * RPM, "unbalance": ()})
@@ -143,7 +144,7 @@ def test_bodes_integral_of_presets(name, rpm):
         assert found.holds
 
 
-@pytest.mark.parametrize("name", AND_LONG)
+@pytest.mark.parametrize("name", quick(PRESETS, {"tum_mlps"}))
 @pytest.mark.parametrize("rpm", [0.0, 30_000.0])
 def test_bodes_integral_of_presets_in_continuous_time(name, rpm):
     """With an integrator, whose singularity at 0 is handled, and a dead time with its tail."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 from dataclasses import replace
 from itertools import product
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from export_cases import command, program
+from export_cases import COMPILER, command, compiled, printed_by
 from machine_cases import AND_LONG, PRESETS, Array
 from quick import quick
 
@@ -26,8 +25,6 @@ from ambkit.simulation.scenario import Disturbance
 from ambkit.simulation.waveforms import Ramp, Step
 from ambkit.workflow.filter import filter as filter_record
 
-COMPILER = shutil.which("gcc") or shutil.which("clang")
-compiled = pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc or clang) here")
 QUICK = LiftOff(start=0.005, stop=0.25, lift=0.1, land=0.1)
 
 
@@ -175,12 +172,6 @@ def test_a_summary_ends_where_the_power_fails() -> None:
 
 
 # ---- As C ----
-
-
-def printed_by(folder: Path) -> str:
-    done = program(str(COMPILER), folder, folder / "selftest.out")
-    assert done.returncode == 0, done.stderr
-    return subprocess.run([folder / "selftest.out"], capture_output=True, text=True).stdout
 
 
 FLIGHTS = {

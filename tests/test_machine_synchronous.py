@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from export_cases import program
+from export_cases import compiled, printed_by
 from machine_cases import Array, integrated, machine, sensor
 from scipy.linalg import solve_discrete_are
 
@@ -32,7 +30,6 @@ from ambkit.simulation.waveforms import Ramp
 
 BOTH = ("unbalance", "runout")
 SERVICE = 12_000 * np.pi / 30
-COMPILER = shutil.which("gcc") or shutil.which("clang")
 
 
 def spoilt(amount: float = 20 / SERVICE**2, runout: float = 3e-6) -> tuple[Machine, Machine]:
@@ -284,13 +281,9 @@ def test_an_estimator_in_the_loop_follows_a_run_up() -> None:
     assert 0.9 < np.mean(run.estimate.nis[late]) < 1.1
 
 
-@pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc or clang) here")
+@compiled
 def test_they_are_exported(tmp_path: Path) -> None:
     one = machine()
     export_c(one, None, tmp_path / "c", kind="linear", prefix="f", synchronous=BOTH)
-    folder = tmp_path / "c"
-    done = program(str(COMPILER), folder, folder / "t.out")
-    assert done.returncode == 0, done.stderr
-    printed = subprocess.run([folder / "t.out"], capture_output=True, text=True).stdout
-    assert "equal to the last bit" in printed
-    assert "amb_real U1_x;" in (folder / "f.h").read_text()
+    assert "equal to the last bit" in printed_by(tmp_path / "c")
+    assert "amb_real U1_x;" in (tmp_path / "c" / "f.h").read_text()

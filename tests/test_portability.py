@@ -138,7 +138,7 @@ def msp430(tmp_path_factory: pytest.TempPathFactory) -> None:
         pytest.skip("this clang does not know the MSP430")
 
 
-@pytest.mark.parametrize(("kind", "precision"), CASES)
+@pytest.mark.parametrize(("kind", "precision"), quick(CASES, FEW))
 def test_a_compiler_with_an_int_of_16_bits_finds_nothing(
     msp430: None, exported: Callable[..., CExport], kind: str, precision: str
 ) -> None:

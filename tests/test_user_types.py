@@ -50,6 +50,7 @@ def test_the_script_has_all_public_names() -> None:
     assert used == set(ambkit.__all__)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_the_script_runs(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("control")

@@ -1,0 +1,184 @@
+"""Exports of machines that are not the paper's axis: the self-test in C gives Python's bits.
+
+Their own model is code, straight-line, or arrays that loops go through.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import pytest
+from export_cases import BEARING, compiled, printed_by, program
+from machine_cases import PRESETS, RIGS, machine
+from quick import quick
+
+from ambkit import AmbkitError, Machine, Scenario
+from ambkit.estimate.registry import KINDS
+from ambkit.export.c import CExport, export_c
+from ambkit.export.c.model import MOST_UNROLLED, states
+from ambkit.models.model import Descriptor
+
+NOISE = {"variance": 1e-12, "bandwidth": 200.0}
+LATE = 1.5 * BEARING.sampling_time
+
+
+def hum(*frequencies: float) -> list[dict[str, float]]:
+    return [{"frequency": f, "amplitude": 5e-6, "bandwidth": 0.5} for f in frequencies]
+
+
+AXES = {
+    "amplifier": BEARING.replace(amplifier__bandwidth=2000.0),
+    "delay": BEARING.replace(delay=LATE),
+    "noise": BEARING.replace(sensor__coloured_noise=NOISE),
+    "hum": BEARING.replace(sensor__hum=hum(50.0)),
+    "all": BEARING.replace(
+        delay=LATE,
+        amplifier__bandwidth=2000.0,
+        sensor__coloured_noise=NOISE,
+        sensor__hum=hum(50.0),
+    ),
+}
+# One of each C file; those that have a constant gain or no model are further below.
+OF_MACHINES = (
+    "linear", "closed-law", "extended", "ud", "augmented", "multiple-model", "unscented",
+)  # fmt: skip
+OF_AXES = (
+    *OF_MACHINES, "observer", "steady-state", "extended-adaptive-noise", "linear-adaptive-noise",
+)  # fmt: skip
+BUILDS = (("double", False), ("double", True), ("float", None))
+# Machine, kind, precision, and whether by loops; None: as the export chooses.
+CASES: list[Any] = [
+    *(("all", kind, *build) for kind, build in product(OF_AXES, BUILDS)),
+    *product(AXES.keys() - {"all"}, ("linear", "extended"), ("double",), (False, True)),
+    *product(("rigid rotor",), OF_MACHINES, ("float",), (None, False)),
+    *product(PRESETS, ("linear",), ("float", "double"), (None,)),
+]
+QUICK = {
+    *(case for case in CASES if case[0] not in ("all", *PRESETS)),
+    *(("all", kind, *build) for kind in ("linear", "extended", "augmented", "observer")
+      for build in BUILDS),
+    *product(RIGS, ("linear",), ("float", "double"), (None,)),
+}  # fmt: skip
+
+
+def made(machine: Any, kind: str, out: Path, **options: Any) -> CExport:
+    magnet = None if kind == "linear" else KINDS[kind].magnet(machine)  # type: ignore[misc]
+    return export_c(machine, magnet, out, kind=kind, prefix="f", **options)
+
+
+@compiled
+@pytest.mark.parametrize(
+    ("name", "kind", "precision", "loops"), quick(sorted(CASES, key=str), QUICK)
+)
+def test_c_has_python_s_bits(
+    name: str, kind: str, precision: str, loops: bool | None, tmp_path: Path
+) -> None:
+    if name in AXES:
+        exported: Any = AXES[name]
+    else:
+        exported = machine() if name == "rigid rotor" else Machine.preset(name)
+    made(exported, kind, tmp_path, precision=precision, loops=loops)
+    assert "equal to the last bit" in printed_by(tmp_path)
+    if name not in AXES:
+        header = (tmp_path / "f.h").read_text()
+        assert "amb_real th_x;" in header
+        assert "A1, A2, B1, B2" in header
+
+
+@compiled
+def test_a_large_model_is_computed_by_loops(tmp_path: Path) -> None:
+    large = BEARING.replace(sensor__hum=hum(50.0, 100.0, 150.0, 300.0, 600.0))
+    export = made(large, "extended", tmp_path)
+    assert "core/src/loops.c" in export.files
+    assert "core/generated/model.h" not in export.files
+    (states,) = re.findall(
+        r"#define AMB_STATES (\d+)", (tmp_path / "core/include/ambkit/precision.h").read_text()
+    )
+    assert int(states) == 4 + 2 * 5 > MOST_UNROLLED
+    assert "equal to the last bit" in printed_by(tmp_path)
+
+
+def test_its_header_names_its_states(tmp_path: Path) -> None:
+    export = made(AXES["all"], "linear", tmp_path)
+    header = (tmp_path / "f.h").read_text()
+    (fields,) = re.findall(r"typedef struct f_estimates \{\n(.*?)\n\}", header, re.DOTALL)
+    names = re.findall(r"amb_real (\w+);", fields)
+    assert names[:4] == ["x", "v", "f_d", "x_m"]
+    assert {"i", "u_1", "u_2", "hum_c", "hum_s"} < set(names)
+    assert names[-4:] == ["k_i", "k_s", "innovation", "variance"]
+    model = (tmp_path / "core" / "generated" / "model.h").read_text()
+    assert f"#define AMB_STATES {len(names) - 4}\n" in model
+    assert "core/include/ambkit/loops.h" not in export.files
+    assert max(map(len, model.splitlines())) <= 100
+    assert export.cost is None
+
+
+def test_a_state_of_a_name_that_c_has_gets_another() -> None:
+    described = [Descriptor(n, "m", 1.0, "noise") for n in ("x", "double", "k_i", "feed_back")]
+    assert [s.field for s in states(described)] == ["x", "double_", "k_i_", "feed_back_"]
+
+
+FLOWN = {
+    "estimate": Scenario(feedback="estimate"),
+    "measurement": Scenario(feedback="measurement"),
+}
+FUSED = ("-O2", "-ffp-contract=fast", "-march=native")
+"""What gcc and clang take by default for aarch64, or for this processor."""
+
+
+def fuses(compiler: str) -> bool:
+    words = [compiler, *FUSED, "-dM", "-E", "-x", "c", "/dev/null"]
+    defined = subprocess.run(words, capture_output=True, text=True).stdout
+    return "__FMA__" in defined or "__aarch64__" in defined
+
+
+@pytest.mark.parametrize(
+    ("name", "flight", "precision", "compiler"),
+    quick(
+        product(
+            ("tum_mlps", "ufu_flexible", "compressor", "tum_mlps_flexible"), FLOWN,
+            ("float", "double"), ("gcc", "clang"),
+        ),
+        [("tum_mlps", "measurement", "float", "clang"),
+         ("ufu_flexible", "estimate", "double", "gcc")],
+    ),
+)  # fmt: skip
+def test_contraction_is_let_pass(
+    name: str, flight: str, precision: Any, compiler: str, tmp_path: Path
+) -> None:
+    """Where rounding is amplified, the self-test asks only those for bits that promise them."""
+    if shutil.which(compiler) is None or not fuses(compiler):
+        pytest.skip(f"{compiler} is not there, or this processor fuses nothing")
+    made(Machine.preset(name), "linear", tmp_path, precision=precision, scenario=FLOWN[flight])
+    done = program(compiler, tmp_path, tmp_path / "out", flags=FUSED)
+    assert done.returncode == 0, done.stderr
+    said = subprocess.run([tmp_path / "out"], capture_output=True, text=True)
+    assert said.returncode == 0, said.stdout
+    assert "let pass" in said.stdout  # bits differ, or it says nothing
+
+
+@pytest.mark.parametrize(
+    ("exported", "kind", "options", "text"),
+    [
+        (BEARING, "linear", {"loops": True}, "loops are for other models"),
+        (machine(), "observer", {}, "one axis"),
+    ],
+)
+def test_what_cannot_be_exported_says_so(
+    exported: Any, kind: str, options: dict[str, Any], text: str, tmp_path: Path
+) -> None:
+    with pytest.raises(AmbkitError, match=text):
+        export_c(exported, None, tmp_path / "c", kind=kind, **options)
+    assert not (tmp_path / "c").exists()
+
+
+def test_the_configuration_changes_with_the_machine(tmp_path: Path) -> None:
+    first = export_c(machine(), None, tmp_path / "a")
+    again = export_c(machine(), None, tmp_path / "b")
+    other = export_c(machine(speed=501.0), None, tmp_path / "c")
+    assert first.configuration == again.configuration != other.configuration
