@@ -201,7 +201,11 @@ def test_the_stated_findings_are_what_is_computed(outcome):
         ("sensor it has {} µm, worse", ".2f", ["sampling.printed"]),
         ("agree within {} %.", ".1f", ["gain.position"]),
         ("linear {} N rms", ".2f", ["gain.linear"]),
-        ("25 operating points {} N, rules over ±0.8 mm {} N", ".2f", ["gain.adaptive", "gain.wide"]),
+        (
+            "25 operating points {} N, rules over ±0.8 mm {} N",
+            ".2f",
+            ["gain.adaptive", "gain.wide"],
+        ),
         ("from {} N to {} N;", ".3f", ["chain.wrong", "chain.learned"]),
         ("true constant it is {} N", ".3f", ["chain.told"]),
         ("{} µm, the adaptive {} µm", ".1f", ["recording.ten", "recording.adaptive"]),
