@@ -13,7 +13,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.control.control import Control
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.rotordynamics.whirl_modes import stiffnesses
+from ambkit.judge.whirl_modes import stiffnesses
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 

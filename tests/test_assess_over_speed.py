@@ -8,10 +8,11 @@ from machine_cases import made
 
 import ambkit
 from ambkit import Machine
-from ambkit.assessment.speed_sweep import assess_over_speed, told_speed
+from ambkit.assessment.speed_sweep import assess_over_speed
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.control.linear.steady_state_filter import estimator_at
+from ambkit.judge.loop.loop_of import LoopOf
 
 RPM = math.pi / 30
 UFU = Machine.preset("ufu_rig")
@@ -46,7 +47,8 @@ def test_a_filter_over_speed_is_told_the_speed():
     still = UFU.model_copy(update={"speed": 0.0})
     point = OperatingPoint.of_machine(still)
     for name in ("linear", "linear-adaptive-noise"):
-        told, expected = told_speed(made(name, still), fast), made(name, fast)
+        _, told = LoopOf(still).at_speed(3000.0, made(name, still))
+        expected = made(name, fast)
         a, b = (estimator_at(each, point) for each in (told, expected))
         np.testing.assert_allclose(a.A, b.A, rtol=1e-9, atol=1e-12)
         assert not np.allclose(a.A, estimator_at(made(name, still), point).A, rtol=1e-6)

@@ -11,10 +11,10 @@ from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
 
 from ambkit import Bearing, ConfigError, ConstantStiffness, Machine
 from ambkit.base.config import Document
+from ambkit.judge.whirl_modes import stiffnesses
 from ambkit.machine import geometry, presets
 from ambkit.machine.disturbance_force import load_machine
 from ambkit.models.continuous import open_loop
-from ambkit.rotordynamics.whirl_modes import stiffnesses
 from ambkit.workflow.check import inspect
 
 RPM = math.pi / 30

@@ -16,13 +16,13 @@ from ambkit.control.control import Control
 from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import _Search, chosen, holding
 from ambkit.estimate.kalman import ExtendedKalmanFilter
+from ambkit.judge.whirl_modes import stiffnesses
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.models import exponential
 from ambkit.models.continuous import continuous, open_loop
 from ambkit.models.machine_parts import machine_model
 from ambkit.models.plant import Plant
-from ambkit.rotordynamics.whirl_modes import stiffnesses
 from ambkit.simulation.waveforms import Ramp
 
 UFU = "ufu_flexible"

@@ -22,10 +22,10 @@ from ambkit import (
 )
 from ambkit.estimate.estimate import Estimate
 from ambkit.export.c import export_c
+from ambkit.judge.whirl_modes import stiffnesses
 from ambkit.machine.accessories import Runout
 from ambkit.models.continuous import continuous
 from ambkit.models.machine_parts import machine_model
-from ambkit.rotordynamics.whirl_modes import stiffnesses
 from ambkit.simulation.waveforms import Ramp
 
 BOTH = ("unbalance", "runout")

@@ -12,8 +12,15 @@ import pytest
 from ambkit import KalmanFilter, Machine, campbell
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assessment import Assessment
+from ambkit.assessment.speed_sweep import assess_over_speed
 from ambkit.control.control import Control
+from ambkit.control.default_control import default_control
+from ambkit.judge.adequacy import judge_adequacy
+from ambkit.judge.loop.capacity import of_unbalance
 from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.modal_reduction import Reduction, reduction
+from ambkit.judge.whirl_modes import CriticalSpeed
+from ambkit.machine.components import Unbalance
 from ambkit.machine.rotors.descriptions import ShaftRotor
 from ambkit.machine.rotors.whirl import (
     SHARP,
@@ -23,9 +30,8 @@ from ambkit.machine.rotors.whirl import (
     whirl,
     whirl_error,
 )
-from ambkit.rotordynamics.modal_reduction import Reduction, reduction
+from ambkit.rotordynamics.loop_criticals import loop_criticals
 from ambkit.rotordynamics.separation_margins import Separation, separations
-from ambkit.rotordynamics.whirl_modes import CriticalSpeed
 from ambkit.workflow.check import inspect
 
 RPM = math.pi / 30
@@ -199,14 +205,67 @@ def test_check_and_rotor_print_the_comparison(call: Any, one_mode: Machine, tmp_
     remarks = " ".join(inspect(path).remarks)
     assert "1 of 128 bending modes kept, against all" in remarks
     assert "raise it to 11.5 kHz" in remarks
-    assert "too near to 49" in remarks
+    assert "too near to 52" in remarks
     found = call("rotor", str(path))
     assert found.code == 0, found.err
     assert "not within 1 %" in found.out
-    assert "too near to 49" in found.out
+    assert "too near to 52" in found.out
     data = call("rotor", str(path), "--json").json
     assert data["modes_left_out"]["within"] is False
     assert list(data["critical_speeds"].values())[-1]["margin_kept"] is False
+
+
+def test_what_flies_is_judged_by_all_modes(one_mode: Machine) -> None:
+    """``simulate`` and the exports were silent on the modes that a model leaves out."""
+    (kept,) = judge_adequacy("none", one_mode)
+    assert kept.name == "error of the modes kept"
+    assert kept.sentence.startswith("1 of 128 bending modes kept, against all")
+    assert kept.value > kept.limit == 0.01
+    assert not kept.fatal
+    over = assess_over_speed(one_mode, fastest=100.0, count=2)
+    assert any(note.startswith("1 of 128 bending modes kept") for note in over.notes)
+
+
+@pytest.mark.long
+def test_critical_speeds_are_those_of_the_controllers_that_fly(chosen: Machine) -> None:
+    """At 5,000 rpm, where no PID holds this rotor, one was told 5.6 % away by PIDs' gains."""
+    slow = chosen.replace(speed=5000 * RPM)
+    assert default_control(slow).chosen.control.type == "lqg"
+    apart = separations(slow)
+    assert all(each.kept for each in apart)
+    assert all(each.critical.amplification < 1 for each in apart)  # nothing peaks up to 10,000 rpm
+
+
+def test_a_critical_speed_is_where_the_response_to_unbalance_peaks(one_mode: Machine) -> None:
+    """By ideal sensors and amplifiers it was 6 % too low, its amplification 6.6 in place of 30."""
+    of = LoopOf(one_mode, Control(type="decentralised"))
+    (found,) = (one for one in loop_criticals(of, None, 1.2 * one_mode.speed)
+                if one.amplification > 2.5)  # fmt: skip
+    planes = (Unbalance(place=0.325, amount=1e-6),)
+    moved = one_mode.model_copy(update={"unbalance": planes})
+    shaken = LoopOf(moved, of.control).with_controllers(None, 1.2 * one_mode.speed)
+    speed = found.speed * np.linspace(0.95, 1.05, 41)
+    size = []
+    for at in speed:
+        moved, _ = shaken.at_speed(float(at), None)
+        size.append(np.abs(of_unbalance(moved.loop(), moved.machine, of.point).x).max())
+    peak = int(np.argmax(size))
+    assert speed[peak] == pytest.approx(found.speed, rel=0.005)
+    above_half = speed[np.array(size) > size[peak] / math.sqrt(2)]
+    half_power = speed[peak] / (above_half[-1] - above_half[0])
+    assert found.amplification == pytest.approx(
+        half_power, rel=0.3
+    )  # the whirl moves with the speed
+
+
+def test_a_diagram_to_a_greater_speed_tells_the_distance_of_all_its_criticals() -> None:
+    slow = Machine.preset("ufu_rig").replace(speed=500 * RPM)
+    diagram = campbell(slow, 4000 * RPM)
+    assert diagram.critical
+    assert min(diagram.critical) > 2 * slow.speed
+    told = [row.value for row in diagram.rows if row.key == "critical_speed"]
+    assert len(told) == len(diagram.critical)
+    assert told == pytest.approx(diagram.critical, rel=0.15)  # sensors and amplifiers are not ideal
 
 
 def test_separation_margins() -> None:
@@ -226,10 +285,10 @@ def test_separation_margins() -> None:
 def test_no_limit_is_kept_at_a_critical_speed(
     one_mode: Machine, assessment: Assessment, tmp_path: Path
 ) -> None:
-    """At 50,000 rpm, a hundredth above a critical speed: it was told to keep all limits."""
+    """At 50,000 rpm, a twentieth below a critical speed: it was told to keep all limits."""
     (at,) = [each for each in assessment.separations if not each.kept]
-    assert at.critical.speed == pytest.approx(campbell(one_mode).critical[-1], rel=1e-9)
-    assert at.margin < 0.015
+    assert at.critical.speed > one_mode.speed
+    assert at.margin < 0.1
     margins = [row for row in assessment.rows if row.key == "margin"]
     assert [row.kept for row in margins].count(False) == 1
     assessment.page(tmp_path / "v.html")

@@ -17,12 +17,12 @@ from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.control.pid import PID
 from ambkit.data.signals import by_name
 from ambkit.judge.loop.loop_of import ZONES, LoopOf, ideal_pieces
+from ambkit.judge.modal_reduction import reduction
 from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.rotordynamics.balance_grades import Grade, grade_of, of_grades, unbalance_forces
-from ambkit.rotordynamics.modal_reduction import reduction
 from ambkit.rotordynamics.separation_margins import BASIS as BASIS_OF_MARGINS
 from ambkit.rotordynamics.separation_margins import Separations, separations
 
@@ -248,9 +248,8 @@ class Assessment(Result):
         machine = self.machine
         if not machine.turns:
             return Separations(0.0)
-        own = [self.controllers.get(name) for name in self.of.axes]
-        known = [item for item in own if item is not None]
-        return separations(machine, pids=known if len(known) == len(own) else None)
+        fed_by = next(reversed(self.estimators.values()), None)
+        return separations(machine, loop=self.of, fed_by=fed_by)
 
     def plain(self) -> list[str]:
         """Return a sentence where unbalance control is plain control at the machine's speed."""

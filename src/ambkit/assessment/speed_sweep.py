@@ -32,12 +32,13 @@ from ambkit.judge.loop.capacity import (
 from ambkit.judge.loop.coil_temperature import heating
 from ambkit.judge.loop.loop_of import ZONE_A, ZONES, LoopOf, zone_of
 from ambkit.judge.loop.margins import BodeIntegral, bode_integral, grid, highest
+from ambkit.judge.modal_reduction import reduction
 from ambkit.machine.components import Unbalance
 from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row, put
 from ambkit.result.sections import Section
-from ambkit.rotordynamics.separation_margins import separations
+from ambkit.rotordynamics.separation_margins import Separation, separations
 
 if TYPE_CHECKING:
     from ambkit.control.linear.closed_loop import Loop
@@ -86,6 +87,8 @@ class OverSpeed(Result):
     temperature: Array | None
     #: The check, at rest, at the machine's speed, and at the greatest.
     integrals: dict[float, BodeIntegral]
+    #: How far the machine's speed is from each critical speed.
+    apart: tuple[Separation, ...] = ()
 
     @property
     def clearance(self) -> Array:
@@ -176,7 +179,7 @@ class OverSpeed(Result):
                 Row("poles", "ln|p| of the unstable poles", integral.poles, digits=9),
                 Row("holds", "they agree", integral.holds),
             ], section=("bode",), of=units.rpm(speed), detail=True)  # fmt: skip
-        for apart in separations(self.machine):
+        for apart in self.apart:
             result += apart.rows()
         return result
 
@@ -189,6 +192,12 @@ class OverSpeed(Result):
             ("bode",): Section("Check: Bode's integral of ln|det S|", across=True),
             ("critical_speeds",): Section(f"Separation of {own} from critical speeds", across=True),
         }
+
+    @property
+    def notes(self) -> list[str]:
+        """What the bending modes left out change, where that is too much."""
+        compared = reduction(self.machine)
+        return [] if compared is None or compared.good else [f"{compared.text()}."]
 
     @property
     def series(self) -> dict[str, Any]:
@@ -276,6 +285,9 @@ def assess_over_speed(
         voltage=np.array(volts) if len(volts) == count else None,
         temperature=np.array(warm) if len(warm) == count else None,
         integrals={speed: bode_integral(run.loop(speed)[1]) for speed in checked},
+        apart=tuple(
+            separations(machine, loop=run.of, fed_by=estimator, max_speed=float(speeds[-1]))
+        ),
     )
 
 
@@ -297,7 +309,7 @@ class _Run:
     def __init__(
         self,
         machine: Machine,
-        estimator: Estimator | None,
+        fed_by: Estimator | None,
         controller: PID | None,
         load: Any,
         orbit: bool,
@@ -308,16 +320,14 @@ class _Run:
             for place, amount, angle in machine.unbalances()
         )
         self.machine = machine.model_copy(update={"unbalance": planes})
-        self.estimator, self.orbit = estimator, orbit
+        self.fed_by, self.orbit = fed_by, orbit
         of = LoopOf(self.machine, controller, load=load)
-        self.point, self.axes, self.control = of.point, of.axes, of.control
-        self.flown = of.flown_by(estimator, max_speed)
+        self.point, self.axes = of.point, of.axes
+        self.of = of.with_controllers(fed_by, max_speed)
 
     def loop(self, speed: float) -> tuple[LoopOf, Loop]:
         """Return the loop at a speed [rad/s], and what it is of."""
-        machine = self.machine.model_copy(update={"speed": speed})
-        of = LoopOf(machine, self.control, point=self.point, flown=self.flown)
-        inner = None if self.estimator is None else told_speed(self.estimator, machine)
+        of, inner = self.of.at_speed(speed, self.fed_by)
         if self.orbit and speed:
             of = on_orbit(of, inner)
         return of, of.loop(inner)
@@ -387,12 +397,3 @@ class _Run:
             limit - coil[0][0] + sum(float(volts[0]) for _room, volts in coil) for coil in coils
         ]
         return float(max(used) / limit)
-
-
-def told_speed(estimator: Estimator, machine: Machine) -> Estimator:
-    """Return an estimator anew, for a machine that turns at another speed."""
-    estimator = estimator.nominal
-    args, options = estimator._made
-    if args:
-        return type(estimator)(machine, *args[1:], **options)
-    return type(estimator)(**options | {"bearing": machine})

@@ -34,6 +34,8 @@ def judge_adequacy(
     results = list(criteria.innovations(nis))
     if isinstance(estimator, Estimator) and plant is not None:
         results += _static(estimator, plant, *_control_of(plant, scenario))
+    if plant is not None:
+        results += criteria.modes_kept(plant)
     if plant is not None and scenario is not None:
         results += criteria.demands(plant, scenario)
     return results

@@ -25,6 +25,7 @@ from ambkit.judge.load_following import (
 )
 from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
 from ambkit.judge.loop.margins import grid
+from ambkit.judge.modal_reduction import reduction
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
@@ -185,6 +186,14 @@ def of_machine(plant: Machine) -> Iterator[Finding]:
         text = f"the magnet lifts {most:.3g} times the rotor's weight: is rotor.mass right?"
     yield Finding("load capacity over weight", most, "1", WEIGHTS, text)
     yield from _steps(plant)
+
+
+def modes_kept(plant: Machine) -> Iterator[Finding]:
+    """Yield how far the bending modes that are kept are from all of them, where that is known."""
+    compared = None if plant.bending is None else reduction(plant)
+    if compared is not None:
+        text = "" if compared.good else compared.text()
+        yield Finding("error of the modes kept", compared.error, "1", compared.tolerance, text)
 
 
 def _steps(plant: Machine) -> Iterator[Finding]:

@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from ambkit.base import units
 from ambkit.base.escaping import markdown
 from ambkit.base.quantity_arguments import Given
+from ambkit.judge.modal_reduction import Reduction, reduction
+from ambkit.judge.whirl_modes import WhirlModes, whirl_modes
 from ambkit.machine.machine import Machine
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-from ambkit.rotordynamics.modal_reduction import Reduction, reduction
 from ambkit.rotordynamics.separation_margins import Separations, separations
-from ambkit.rotordynamics.whirl_modes import WhirlModes, whirl_modes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -76,7 +76,7 @@ class Campbell(WhirlModes, Result):
 
     @cached_property
     def _separations(self) -> Separations:
-        return separations(self.machine)
+        return separations(self.machine, max_speed=float(self.speed[-1]))
 
     @property
     def _modes_left_out(self) -> Reduction | None:

@@ -12,10 +12,10 @@ from ambkit.base.units import engineering, percent
 from ambkit.control.control_candidates import PIDS
 from ambkit.control.default_control import default_control
 from ambkit.control.stabilising_controller import holding
+from ambkit.judge.modal_reduction import reduction
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.placement_checks import NODE
-from ambkit.rotordynamics.modal_reduction import reduction
 
 if TYPE_CHECKING:
     from ambkit.machine.components import PlacedBearing, PlacedSensor

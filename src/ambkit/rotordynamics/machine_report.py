@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from ambkit.base.units import engineering
 from ambkit.control.default_control import default_control
+from ambkit.judge.whirl_modes import stiffnesses
 from ambkit.models.continuous import open_loop
 from ambkit.models.machine_parts import machine_model
 from ambkit.rotordynamics.flexible_rotor_checks import Remark, of_bending
 from ambkit.rotordynamics.separation_margins import separations
-from ambkit.rotordynamics.whirl_modes import stiffnesses
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine

@@ -10,21 +10,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ambkit.base.errors import AmbkitError
 from ambkit.base.units import rpm
 from ambkit.control.default_control import default_control
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.whirl_modes import DAMPED, CriticalSpeed, whirl_modes
 from ambkit.result.row import Row, put
-from ambkit.rotordynamics.whirl_modes import CriticalSpeed, whirl_modes
+from ambkit.rotordynamics.loop_criticals import loop_criticals
 
 if TYPE_CHECKING:
-    from ambkit.control.pid import PID
+    from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Machine
-
-DAMPED = 2.5
-"""Amplification factor below which API 617 takes a mode for critically damped."""
 
 SHARE, ABOVE = 0.17, 0.10
 """Factor of the margin that a critical speed needs, and how much more one above the operating speed
@@ -32,6 +33,9 @@ needs."""
 
 MOST = 0.16
 """The greatest margin that a critical speed below the operating speed needs."""
+
+MOST_SPEED = 0.99
+"""Highest speed of the search, of half a revolution a sample."""
 
 BASIS = "API 617"
 """Where the margins are from."""
@@ -102,16 +106,19 @@ class Separation:
 
 
 class Separations(list[Separation]):
-    """The distances of an operating speed from all critical speeds up to twice of it."""
+    """The distances of an operating speed from all critical speeds up to an end."""
 
-    def __init__(self, speed: float, critical: Iterable[CriticalSpeed] = ()) -> None:
+    def __init__(
+        self, speed: float, critical: Iterable[CriticalSpeed] = (), end: float = 0.0
+    ) -> None:
         super().__init__(Separation(one, speed) for one in critical)
         self.speed = speed  #: Of operation [rad/s].
+        self.end = end  #: Of the search [rad/s].
 
     def sentence(self) -> str:
         """Return whether the margins are kept."""
         if not self:
-            return f"no critical speed up to {rpm(2 * self.speed)}"
+            return f"no critical speed up to {rpm(self.end)}"
         parts = "; ".join(one.text() for one in self)
         near = [rpm(one.critical.speed) for one in self if not one.kept]
         verdict = f"too near to {', '.join(near)} ({BASIS})" if near else f"kept ({BASIS})"
@@ -119,14 +126,22 @@ class Separations(list[Separation]):
 
 
 def separations(
-    machine: Machine, speed: float | None = None, pids: Sequence[PID] | None = None
-) -> Separations:
-    """Return the distances of a speed from all critical speeds up to twice of it."""
-    # Of the rotor on its controllers, see `ambkit.campbell`.
+    machine: Machine, speed: float | None = None, loop: LoopOf | None = None,
+    fed_by: Estimator | None = None, max_speed: float = 0.0,
+) -> Separations:  # fmt: skip
+    """Return the distances of a speed from all critical speeds up to twice of it, or further."""
+    # Of the closed loop, with the controllers that are flown by default where none is given; where
+    # nothing holds the rotor, of the Campbell diagram.
     speed = abs(machine.speed if speed is None else speed)
     if not speed:
         return Separations(speed)
-    if pids is None:  # those that are flown by default
-        default_pids = default_control(machine).chosen.control.pid
-        pids = [default_pids[axis.name] for axis in machine.axes] if default_pids else None
-    return Separations(speed, whirl_modes(machine, 2 * speed, pids=pids).criticals)
+    top = min(max(2 * speed, max_speed), MOST_SPEED * math.pi / machine.sampling_time)
+    try:
+        if loop is None:
+            chosen = default_control(machine).chosen
+            loop = LoopOf(machine, chosen.control)
+            fed_by = KalmanFilter(machine) if chosen.feedback == "estimate" else None
+        criticals = loop_criticals(loop, fed_by, top)
+    except AmbkitError:
+        criticals = whirl_modes(machine, top).criticals
+    return Separations(speed, criticals, top)

@@ -14,13 +14,13 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.base.quantity_arguments import Given
 from ambkit.base.units import engineering, rpm
+from ambkit.judge.whirl_modes import held, max_speed
 from ambkit.machine.machine import Machine
 from ambkit.models.plant import Plant
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row
-from ambkit.rotordynamics.whirl_modes import held, max_speed
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine

@@ -17,7 +17,8 @@ def campbell(machine: Machine, fastest: Speed | None = None, *, count: int = 121
 
     The rotor is held by the proportional and derivative gains that a simulation has, as if sensors
     and amplifiers were at once and without dead time; a flexible rotor also by the filters of the
-    derivatives. Separation margins are those of API 617, with the controllers flown by default.
+    derivatives. Separation margins after API 617 are those of the closed loop, with its sensors,
+    amplifiers, dead time and default controllers.
 
     Parameters
     ----------

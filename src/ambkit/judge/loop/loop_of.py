@@ -192,6 +192,24 @@ class LoopOf:
         moved.point, moved.plant = point, plant(self.machine, point)
         return moved
 
+    def at_speed(self, speed: float, fed_by: Estimator | None) -> tuple[LoopOf, Estimator | None]:
+        """Return the same controllers at another speed [rad/s], and the filter, which knows it."""
+        machine = self.machine.model_copy(update={"speed": speed})
+        of = LoopOf(machine, self.control, point=self.point, flown=self._flown)
+        if fed_by is None:
+            return of, None
+        fed_by = fed_by.nominal
+        args, options = fed_by._made
+        if args:
+            return of, type(fed_by)(machine, *args[1:], **options)
+        return of, type(fed_by)(**options | {"bearing": machine})
+
+    def with_controllers(self, fed_by: Estimator | None, max_speed: float) -> LoopOf:
+        """Return the same loop with its controllers chosen up to a speed [rad/s]."""
+        moved = copy(self)
+        moved._flown = self.flown_by(fed_by, max_speed)
+        return moved
+
     def with_unbalance(self, scale: float) -> LoopOf:
         """Return the same loop of a machine whose unbalance is larger by a factor."""
         planes = tuple(

@@ -16,6 +16,7 @@ from ambkit.control.stabilising_controller import holding
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import grid, highest
+from ambkit.judge.whirl_modes import DAMPED, whirl_modes
 from ambkit.machine.rotors.descriptions import OfMatrices
 from ambkit.machine.rotors.whirl import (
     BEYOND,
@@ -26,8 +27,6 @@ from ambkit.machine.rotors.whirl import (
     speeds_of,
     whirl_error,
 )
-from ambkit.rotordynamics.separation_margins import DAMPED
-from ambkit.rotordynamics.whirl_modes import whirl_modes
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -90,10 +89,15 @@ class Reduction:
         return max((math.inf if math.isnan(one) else one for one in parts), default=0.0)
 
     @property
+    def error(self) -> float:
+        """Greatest error of a whirl, a critical speed or a peak [1]; infinite: one is missing."""
+        share = 0.0 if self.peak is None else self.peak.share
+        return max(self.whirl.error, self.critical_error, share)
+
+    @property
     def good(self) -> bool:
         """Whether all is within the tolerance."""
-        share = 0.0 if self.peak is None else self.peak.share
-        return max(self.whirl.error, self.critical_error, share) <= self.tolerance
+        return self.error <= self.tolerance
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as plain data, in SI; what is infinite or unknown is None."""

@@ -20,6 +20,9 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.continuous import continuous
 
+DAMPED = 2.5
+"""Amplification factor below which API 617 takes a mode for critically damped."""
+
 
 class CriticalSpeed(NamedTuple):
     """A speed at which unbalance meets a forward whirl."""
@@ -102,7 +105,7 @@ def whirl_modes(
             along = _goes_along(vectors[:q, least_damped], machine)
             forwards = _goes_forwards(vectors[:q, least_damped], machine) & ~along
         else:
-            poles[k] = _followed(poles[k + 1 : k + 3], result[above])
+            poles[k] = followed(poles[k + 1 : k + 3], result[above])
     order = np.argsort(poles[0].imag, kind="stable")
     return WhirlModes(machine, speed, poles[:, order], forwards[order], along[order])
 
@@ -169,8 +172,8 @@ def _goes_along(shapes: NDArray[np.complex128], machine: Machine) -> NDArray[np.
     return np.asarray(2 * energy[axial].sum(axis=0) > energy.sum(axis=0))
 
 
-def _followed(
-    after: NDArray[np.complex128], result: NDArray[np.complex128]
+def followed(
+    after: Sequence[NDArray[np.complex128]] | NDArray[np.complex128], result: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
     """Return poles in the order of those after, each next to where its path leads."""
     from scipy.optimize import linear_sum_assignment
