@@ -32,7 +32,7 @@ unit = "V"
 
 
 def seconds(cells, layout="", **options):
-    return timestamps.read(pa.array(cells, pa.string()), layout, "time", "log:{}".format, **options)
+    return timestamps.read(cells, layout, "time", "log:{}".format, **options)
 
 
 def log(path, cells, separator=",", decimal="."):
@@ -344,7 +344,7 @@ def test_what_looks_like_a_time_and_is_none():
 
 def test_no_loop_of_python_goes_over_the_rows():
     rows = np.datetime_as_string(np.datetime64("2024-05-03", "us") + np.arange(50_000))
-    few, many = (lines_run(lambda n=n: timestamps.read(pa.array(rows[:n]), "", "time", str))
+    few, many = (lines_run(lambda n=n: timestamps.read(rows[:n].tolist(), "", "time", str))
                  for n in (2000, 50_000))  # fmt: skip
     assert many < few + 2000
-    assert timestamps.read(pa.array(rows), "", "time", str).seconds[-1] == 0.049999
+    assert timestamps.read(rows.tolist(), "", "time", str).seconds[-1] == 0.049999

@@ -20,8 +20,9 @@ import math
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
+from decimal import Decimal, InvalidOperation
 from typing import Any
 
 import numpy as np
@@ -146,7 +147,7 @@ def parse(
         columns, early = result
     else:
         place = name, dialect.body + 1
-        columns, problems = _read_slow(body, names, chosen, dialect, stamps, place)
+        columns, problems, early = _read_slow(body, names, chosen, dialect, stamps, place)
     rows = len(columns[chosen[0]]) if chosen else 0
     stamped = {item: columns.pop(item) for item in chosen if item in stamps}
     unusual = dialect.in_words()
@@ -247,11 +248,12 @@ def _names(dialect: Dialect) -> list[str]:
 def _read_fast(
     body: str, names: list[str], chosen: list[str], dialect: Dialect, stamps: Collection[str]
 ) -> tuple[dict[str, Any], list[str]] | None:
-    """Read with Arrow's parser; None where the text is not plain enough for it."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-    from pyarrow import csv as arrow
-
+    """Read with Arrow's parser; None where it is missing, or the text is not plain enough."""
+    try:
+        import pyarrow as pa
+        from pyarrow import csv as arrow
+    except ModuleNotFoundError:
+        return None
     if dialect.separator == " ":
         return None
     # Arrow counts what follows the separator at a line's end as a column.
@@ -282,16 +284,21 @@ def _read_fast(
     remarks: list[str] = []
     for name, place in read.items():
         if name in stamps:
-            columns[name] = result.column(place)
+            columns[name] = result.column(place).to_pylist()
             continue
         columns[name] = np.asarray(result.column(place).to_numpy(), dtype=np.float64)
         if too_coarse(columns[name]):
             with suppress(pa.ArrowInvalid):  # more digits than that, or an exponent
                 exact = table({place: pa.decimal128(37, 9)}).column(place)
-                from_first = pc.cast(pc.subtract(exact, exact[0]), pa.float64())
-                columns[name] = np.asarray(from_first.to_numpy(), dtype=np.float64)
-                remarks.append(counted_from(name, f"{exact[0].as_py():f}".rstrip("0").rstrip(".")))
+                columns[name], remark = _from_first(name, exact.to_pylist())
+                remarks.append(remark)
     return columns, remarks
+
+
+def _from_first(name: str, exact: Sequence[Decimal]) -> tuple[Array, str]:
+    """Return exact numbers counted from the first one, and a remark on that."""
+    counted = np.array([float(number - exact[0]) for number in exact])
+    return counted, counted_from(name, f"{exact[0]:f}".rstrip("0").rstrip("."))
 
 
 def _read_slow(
@@ -301,10 +308,8 @@ def _read_slow(
     dialect: Dialect,
     stamps: Collection[str],
     place: tuple[str, int],
-) -> tuple[dict[str, Any], dict[int, list[str]]]:
+) -> tuple[dict[str, Any], dict[int, list[str]], list[str]]:
     """Read cell by cell, and say of each sample what is wrong with it."""
-    import pyarrow as pa
-
     file, first = place
     columns: dict[str, list[Any]] = {name: [] for name in chosen}
     problems: dict[int, list[str]] = {}
@@ -333,10 +338,19 @@ def _read_slow(
                 what = f"{line}: column {name}: {cell!r} is not a number{_hint(cell)}"
                 problems.setdefault(sample, []).append(what)
             columns[name].append(math.nan if number is None else number)
-    return {
-        name: pa.array(cells, pa.string()) if name in stamps else np.array(cells)
-        for name, cells in columns.items()
-    }, problems
+    results: dict[str, Any] = {}
+    remarks: list[str] = []
+    for name, values in columns.items():
+        results[name] = values if name in stamps else np.array(values)
+        if name in stamps or problems or not too_coarse(results[name]):
+            continue
+        at = names.index(name)
+        written = (dialect.cells(text)[at].strip() for text in lines if text.strip())
+        with suppress(InvalidOperation):
+            exact = [Decimal(cell.replace(dialect.decimal, ".")) for cell in written]
+            results[name], remark = _from_first(name, exact)
+            remarks.append(remark)
+    return results, problems, remarks
 
 
 def _hint(cell: str) -> str:

@@ -27,8 +27,6 @@ def read(
     """Read data sets; see `ambkit.data.files.formats.read_log`."""
     # A data set of a compound type gives each of its fields, ``rig/log.current``.
     check_readable(path)
-    import pyarrow as pa
-
     try:
         import h5py
     except ModuleNotFoundError:
@@ -48,8 +46,9 @@ def read(
                 progress(f"reading {name}")
                 values = data[()] if part is None else data[part]
                 if values.dtype.kind not in "fiub":
-                    cells = pa.array(map(_plain, values.tolist()), pa.string())
-                    if name in texts or layouts_of(cells):
+                    cells = list(map(_plain, values.tolist()))
+                    is_text = all(isinstance(cell, str) for cell in cells)
+                    if is_text and (name in texts or layouts_of(cells)):
                         stamped[name] = cells
                     continue
                 arrays[name], remark = whole_numbers(name, values)

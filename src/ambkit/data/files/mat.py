@@ -40,8 +40,6 @@ def read(
     texts: Collection[str | int] = (),
 ) -> Log:
     """Read all arrays of numbers, and times as text; see `ambkit.data.files.formats.read_log`."""
-    import pyarrow as pa
-
     inside = {k: v for k, v in content(path).items() if not k.startswith("__")}
     arrays = {
         one_line(name): values
@@ -51,7 +49,7 @@ def read(
     closed = [message for key, value in inside.items() for message in _objects(key, value)]
     if closed and not arrays:
         raise RecordError(f"{os.fspath(path)}: {'; '.join(closed)}")
-    cells = {k: pa.array(v.ravel().tolist()) for k, v in arrays.items() if v.dtype.kind == "U"}
+    cells = {k: v.ravel().tolist() for k, v in arrays.items() if v.dtype.kind == "U"}
     titles = _titles(arrays)
     arrays = {name: values for name, values in arrays.items() if name not in cells}
     stamped = {k: v for k, v in cells.items() if k in texts or layouts_of(v)}

@@ -10,7 +10,7 @@ import numpy as np
 
 from ambkit.base import files, memory_limit
 from ambkit.base.arrays import Array
-from ambkit.base.errors import RecordError
+from ambkit.base.errors import ExtraMissing, RecordError
 from ambkit.base.escaping import one_line
 from ambkit.data.files.log import Log, check_readable, column_names, damaged, whole_numbers
 from ambkit.data.files.timestamps import layouts_of, unwrapped
@@ -23,6 +23,16 @@ if TYPE_CHECKING:
 _LESS = " a channel map that names fewer columns takes less;"
 
 
+def _arrow(path: str | os.PathLike[str]) -> tuple[Any, Any]:
+    """Return the modules that read and write Parquet."""
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ModuleNotFoundError:
+        raise ExtraMissing(f"{path}: a Parquet file", "pyarrow", "parquet") from None
+    return pyarrow, parquet
+
+
 def write(
     path: str | os.PathLike[str],
     columns: Mapping[str, Array],
@@ -30,9 +40,7 @@ def write(
     meta: Mapping[str, str],
 ) -> None:
     """Write columns (n,), the unit of each, and JSON by key; through a temporary file."""
-    import pyarrow as pa
-    from pyarrow import parquet
-
+    pa, parquet = _arrow(path)
     fields = [pa.field(name, pa.float64(), metadata={"unit": units[name]}) for name in columns]
     schema = pa.schema(fields, metadata={f"ambkit.{key}": text for key, text in meta.items()})
     arrays = [pa.array(values, from_pandas=True) for values in columns.values()]
@@ -48,10 +56,8 @@ def read(
     texts: Collection[str | int] = (),
 ) -> Log:
     """Read the columns; see `ambkit.data.files.formats.read_log`."""
-    import pyarrow as pa
-    from pyarrow import parquet
-
     check_readable(path)
+    pa, parquet = _arrow(path)
     columns: dict[str, Array] = {}
     remarks: list[str] = []
     stamped: dict[str, Any] = {}
@@ -72,8 +78,10 @@ def read(
             for name in chosen:
                 progress(f"reading column {name}")
                 column = _column(file, path, places[name])
-                if _is_text(column.type) and (name in text_columns or layouts_of(column)):
-                    stamped[name] = column
+                if _is_text(column.type) and (
+                    name in text_columns or layouts_of(column.slice(0, 200).to_pylist())
+                ):
+                    stamped[name] = column.to_pylist()
                     continue
                 try:
                     columns[name], remark = _numbers(column, f"{path}: column {name}")

@@ -6,9 +6,10 @@ Columns are parsed by Arrow as a whole: a log has millions of rows.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
-from typing import Any, NamedTuple
+from operator import methodcaller
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,13 @@ HOUR = 3600 * SECOND
 DAY = 24 * HOUR
 
 
+Texts = Sequence[str | None] | NDArray[np.object_]
+"""Cells of a column; empty or None where there is none."""
+
+
+_NONE = np.array(None)
+
+
 class Moments(NamedTuple):
     """A column of times."""
 
@@ -36,17 +44,14 @@ class Moments(NamedTuple):
 
 
 def read(
-    texts: Any, layout: str, name: str, place: Callable[[int], str], *, lenient: bool = False
+    texts: Texts, layout: str, name: str, place: Callable[[int], str], *, lenient: bool = False
 ) -> Moments:
     """Read a column of times."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    if hasattr(texts, "combine_chunks"):
-        texts = texts.combine_chunks()
-    texts = pc.utf8_trim_whitespace(pc.cast(texts, pa.string()))
+    cells = np.array(texts, dtype=object)
+    cells[cells == _NONE] = ""
+    texts = np.array(list(map(str.strip, cells.tolist())), dtype=object)
     possible = (layout,) if layout else layouts_of(texts)
-    first = next((cell.as_py() for cell in texts if cell.is_valid), "")
+    first = next(iter(texts), "")
     if not possible:
         what = f'"{first}" is no time that is known' if first else "is empty"
         raise RecordError(f'{name} {what}; give its format in the map, as "%d.%m.%Y %H:%M:%S.%f"')
@@ -55,7 +60,7 @@ def read(
     if not sound:
         chosen = min(parsed, key=lambda entry: int(parsed[entry].wrong.sum()))
         problems = [
-            f"{place(at)}: {name}: {texts[at].as_py()!r} is no time of the format {chosen}"
+            f"{place(at)}: {name}: {texts[at]!r} is no time of the format {chosen}"
             for at in np.flatnonzero(parsed[chosen].wrong).tolist()
         ]
         raise RecordError(shortened(problems))
@@ -76,10 +81,9 @@ def read(
     return Moments(seconds, chosen, tuple(remarks), same)
 
 
-def layouts_of(texts: Any) -> tuple[str, ...]:
+def layouts_of(texts: Texts) -> tuple[str, ...]:
     """Return the layouts of a column's first times; none where they are of no known one."""
-    head = [cell.as_py() for cell in texts[:200]]
-    return next((layouts(cell.strip()) for cell in head if cell), ())
+    return next((layouts(cell.strip()) for cell in texts[:200] if cell), ())
 
 
 def unwrapped(ticks: Ticks, period: int) -> tuple[Ticks, int]:
@@ -89,11 +93,8 @@ def unwrapped(ticks: Ticks, period: int) -> tuple[Ticks, int]:
     return ticks + period * np.concatenate([[0], np.cumsum(again)]), int(again.sum())
 
 
-def _absent(texts: Any) -> Bools:
-    import pyarrow.compute as pc
-
-    empty = pc.fill_null(pc.equal(texts, ""), True)
-    return np.asarray(empty.to_numpy(zero_copy_only=False), dtype=bool)
+def _absent(texts: Texts) -> Bools:
+    return np.asarray(np.asarray(texts) == "", dtype=bool)
 
 
 class _Parsed(NamedTuple):
@@ -102,35 +103,37 @@ class _Parsed(NamedTuple):
     zoned: bool  #: Whether they say how far they are from UTC.
 
 
-def _parse(texts: Any, layout: str) -> _Parsed:
-    import pyarrow as pa
-    import pyarrow.compute as pc
+def _parse(texts: Texts, layout: str) -> _Parsed:
+    expression = re.compile(pattern(layout), re.ASCII)
+    matches = np.array(list(map(expression.fullmatch, texts)), dtype=object)
+    wrong = np.asarray(matches == _NONE, dtype=bool)
+    right = ~wrong
+    fields = list(zip(*map(methodcaller("groups", ""), matches[right]), strict=True))
+    names = expression.groupindex if fields else {}
 
-    expression = f"^{pattern(layout)}$"
-    fields = pc.extract_regex(texts, expression)
-    wrong = np.asarray(pc.is_null(fields).to_numpy(zero_copy_only=False), dtype=bool)
-    names = re.findall(r"\?P<(\w)>", expression)
-
-    def text(name: str) -> Any:
-        return pc.fill_null(pc.struct_field(fields, name), "")
+    def text(name: str) -> NDArray[np.str_]:
+        known = np.array(fields[names[name] - 1])
+        cells = np.full(len(texts), "", dtype=known.dtype)
+        cells[right] = known
+        return cells
 
     def number(name: str, absent: int = 0) -> Ticks:
         if name not in names:
             return np.full(len(texts), absent, dtype=np.int64)
-        digits = pc.if_else(pc.equal(text(name), ""), str(absent), text(name))
-        return np.asarray(pc.cast(digits, pa.int64()).to_numpy(), dtype=np.int64)
+        cells = text(name)
+        return np.where(cells == "", str(absent), cells).astype(np.int64)
 
     year, month, day = number("Y", 1970), number("m", 1), number("d", 1)
     if "y" in names:
         year = number("y") + np.where(number("y") < 70, 2000, 1900)
     if "b" in names:
-        place = pc.index_in(pc.utf8_lower(text("b")), pa.array(MONTHS))
-        month = np.asarray(pc.fill_null(place, 0).to_numpy(), dtype=np.int64) % 12 + 1
-        wrong |= np.asarray(pc.is_null(place).to_numpy(zero_copy_only=False), dtype=bool)
+        is_month = np.char.lower(text("b"))[:, None] == np.array(MONTHS)
+        month = is_month.argmax(axis=1) % 12 + 1
+        wrong |= ~is_month.any(axis=1)
     hour = number("I" if "I" in names else "H")
     wrong |= (hour < (1 if "I" in names else 0)) | (hour > (12 if "I" in names else 23))
     if "p" in names:
-        late = np.asarray(pc.equal(pc.utf8_lower(text("p")), "p").to_numpy(zero_copy_only=False))
+        late = np.char.lower(text("p")) == "p"
         hour = hour % 12 + 12 * late
     minute, second = number("M"), number("S")
     wrong |= (minute > 59) | (second > 59) | (month < 1) | (month > 12)
@@ -144,8 +147,7 @@ def _parse(texts: Any, layout: str) -> _Parsed:
         wrong |= (day < 1) | (day > _first_day(months + 1) - start)
     fraction = np.zeros(len(texts), dtype=np.int64)
     if "f" in names:
-        digits = pc.utf8_rpad(text("f"), 9, "0")
-        fraction = np.asarray(pc.cast(digits, pa.int64()).to_numpy(), dtype=np.int64)
+        fraction = np.char.ljust(text("f"), 9, "0").astype(np.int64)
     zone, zoned = np.zeros(len(texts), dtype=np.int64), False
     if "z" in names:
         zone, some = _zone(text("z"))
@@ -165,10 +167,9 @@ def _first_day(months: Ticks) -> Ticks:
     return months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
 
 
-def _zone(texts: Any) -> tuple[Ticks, Bools]:
+def _zone(texts: NDArray[np.str_]) -> tuple[Ticks, Bools]:
     """Return how far each zone is ahead of UTC [minutes], and which times have one."""
-    different, place = np.unique(np.asarray(texts.to_numpy(zero_copy_only=False)).astype(str),
-                                 return_inverse=True)  # fmt: skip
+    different, place = np.unique(texts, return_inverse=True)
     minutes = []
     for item in different.tolist():
         digits = item[1:].replace(":", "") or "0"
@@ -178,14 +179,14 @@ def _zone(texts: Any) -> tuple[Ticks, Bools]:
 
 
 def _carried_on(
-    name: str, parsed: _Parsed, texts: Any, place: Callable[[int], str], layout: str
+    name: str, parsed: _Parsed, texts: Texts, place: Callable[[int], str], layout: str
 ) -> tuple[Ticks, list[str]]:
     """Take midnight, and summer time, out of a column; and say so."""
     there = np.flatnonzero(~_absent(texts))
     if there.size == 0:
         return parsed.ticks, []
     went = parsed.ticks[there]
-    remarks = [f"{name} is text, {layout}: seconds from {texts[int(there[0])].as_py()}"]
+    remarks = [f"{name} is text, {layout}: seconds from {texts[int(there[0])]}"]
     dated = any(part in layout for part in ("%d", "%j"))
     if not dated:
         timed = "%H" in layout or "%I" in layout
