@@ -13,6 +13,7 @@ from ambkit import AmbkitError, Bearing
 from ambkit.base import units
 from ambkit.estimate.filter_file import FORMAT
 from ambkit.estimate.registry import KINDS
+from ambkit.export.c import export_c
 from ambkit.workflow.check import inspect
 
 ZITTAU = Bearing.preset("zittau_axial")
@@ -148,6 +149,23 @@ def test_what_is_no_machine_is_named_in_a_line(given: Any) -> None:
 def test_a_pid_for_several_axes_is_refused_in_a_line() -> None:
     with pytest.raises(TypeError, match="bearing must be of type Bearing, is the PlacedMachine"):
         ambkit.PID.for_bearing(ambkit.Machine.preset("tum_mlps"))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("call", "said"), [
+    (lambda _: ambkit.AdaptiveKalmanFilter(ZITTAU, 3), "magnet must be of type MagnetModel, is"),
+    (lambda _: ambkit.inject_faults(ZITTAU, {"a": 3}), "a must be a function that makes"),
+    (lambda to: export_c("zittau_axial", None, to), "bearing must be of type Machine, is the str"),
+])  # fmt: skip
+def test_what_does_not_fit_is_named_in_a_line(call: Any, said: str, tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match=said):
+        call(tmp_path / "c")
+
+
+def test_a_document_that_never_ends_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """``ambkit simulate <(yes)`` read on until it was killed."""
+    monkeypatch.setenv("AMBKIT_READ_MEMORY", "1 GB")
+    with pytest.raises(AmbkitError, match="would take more than 1 GB of memory to read"):
+        ambkit.Machine.load("/dev/zero")
 
 
 def test_compare_by_a_list_in_the_place_of_a_case() -> None:

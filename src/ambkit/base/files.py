@@ -10,6 +10,9 @@ from pathlib import Path
 from ambkit.base import memory_limit
 from ambkit.base.errors import AmbkitError
 
+DOCUMENT_SHARE = 100
+"""Memory that a document takes to read, in sizes of the file: a pipe may never end."""
+
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
@@ -86,7 +89,7 @@ def replacing_in(path: str | os.PathLike[str], first: str = "") -> Iterator[Path
 def read_text(path: str | os.PathLike[str]) -> str:
     """Read UTF-8 text."""
     try:
-        text = memory_limit.read_bytes(path).decode("utf-8-sig")
+        text = memory_limit.read_bytes(path, DOCUMENT_SHARE).decode("utf-8-sig")
         return text.replace("\r\n", "\n").replace("\r", "\n")
     except OSError as error:
         raise AmbkitError(f"{path}: cannot be read: {error.strerror or error}") from error

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,6 +58,7 @@ def equally_far(bearing: Bearing) -> tuple[float, float]:
     return bearing.magnet.bias_current / 1.5, bearing.magnet.air_gap / 2
 
 
+@runtime_checkable
 class MagnetModel(Protocol):
     """What an estimator knows of its magnet: anything that can be asked for force, k_i and k_s."""
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
+from ambkit.base.quantity_arguments import of_type
 from ambkit.machine import geometry
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.machine import Bearing, Machine
@@ -37,6 +38,8 @@ class Bank:
 def bank_of(magnet: MagnetModel | Sequence[MagnetModel], of: Machine) -> MagnetModel:
     """Return what is known of magnets as one: of several axes a `Bank`."""
     models = tuple(magnet) if isinstance(magnet, list | tuple) else models_of(magnet)
+    for model in models:
+        of_type(MagnetModel, magnet=model)
     return models[0] if of.single and len(models) == 1 else Bank(models)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import of_type
 from ambkit.base.units import engineering
 from ambkit.control.control import Control
 from ambkit.control.controller_states import Controller
@@ -110,6 +111,7 @@ def export_c(
     **options: Any,
 ) -> CExport:
     """Write a folder of C99 that compiles alone."""
+    of_type(Machine, bearing=bearing)
     flown_on, bearing = bearing, (bearing if filter_file is None else filter_file.plant).short
     name = checked(prefix, bearing.name)
     for limit in ("frozen_limit", "outlier_limit"):

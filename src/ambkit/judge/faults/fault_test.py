@@ -14,7 +14,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
-from ambkit.base.quantity_arguments import of_type
+from ambkit.base.quantity_arguments import all_callable, of_type
 from ambkit.control.pid import PID
 from ambkit.data.files.tables import Table, write_table
 from ambkit.estimate.named import factories
@@ -267,7 +267,7 @@ def inject_faults(
         named.remove("lift-off")
     kinds = suited(list(KINDS), bearing)
     built: Mapping[str, Callable[..., Estimator]] = (
-        estimators
+        all_callable(estimators)
         if isinstance(estimators, Mapping)
         else factories(kinds if estimators is None else estimators, bearing)
     )
