@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import json
 import os
 from collections.abc import Callable
@@ -18,7 +19,7 @@ from scipy.stats import binomtest, norm
 
 import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
-from ambkit.campaigns import run, store
+from ambkit.campaigns import run, store, worker
 from ambkit.campaigns.campaign import Campaign
 from ambkit.campaigns.distributions import Choice, Normal, Truncated, Uniform
 from ambkit.campaigns.keys import changed, nested
@@ -32,6 +33,7 @@ from ambkit.campaigns.worker import compute
 from ambkit.control.linear.linear_plant import OperatingPoint, plant, plants
 from ambkit.control.linear.steady_state_filter import estimator_at, estimators_at
 from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.machine import levitation
 from ambkit.simulation import many
 
 ROOT = Path(__file__).parent.parent
@@ -345,6 +347,28 @@ def test_margins_of_a_campaign_solve_no_equation_for_each_machine(
     rows = compute(a, 0, 64).runs.to_pydict()
     assert np.isfinite(rows["peak_S"]).all()
     assert len(solved) < 20
+
+
+def test_flight_and_margins_share_the_levitation_current(monkeypatch: pytest.MonkeyPatch) -> None:
+    solved: list[int] = []
+    old = levitation.levitation_current
+    monkeypatch.setattr(
+        levitation, "levitation_current", lambda *of: (solved.append(1), old(*of))[1]
+    )
+    mass = Uniform(what="rotor.mass", tolerance="3 %")
+    a = varied("sobol", mass, runs=16, scenario={"duration": 0.002})
+    compute(a, 0, 16)
+    assert len(solved) == 16
+
+
+def test_a_part_is_computed_with_rare_collections(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, during = gc.get_threshold(), []
+    monkeypatch.setattr(
+        worker, "table", lambda plan, columns: during.append(gc.get_threshold()) or "rows"
+    )
+    compute(varied("sobol", Uniform(what="rotor.mass", tolerance="3 %"), runs=4), 0, 4)
+    assert during[0][0] > 100 * before[0]
+    assert gc.get_threshold() == before
 
 
 def test_signals_are_sampled_once_where_amplifiers_vary(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,7 +1,8 @@
-"""Threads of BLAS: where matrices are small and many, they would wait for each other."""
+"""What Python and its libraries do beside the work: threads of BLAS, garbage collections."""
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -14,8 +15,26 @@ if TYPE_CHECKING:
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Let BLAS and LAPACK compute in the thread that calls them; a context, or a decorator."""
+    # Where matrices are small and many, threads would wait for each other.
     with _libraries().limit(limits=1):
         yield
+
+
+@contextmanager
+def rare_collections() -> Iterator[None]:
+    """Let the garbage collector run only after many new objects; a context, or a decorator."""
+    # The machines of a part live until its end, and Python would look through the modules, too,
+    # each time a quarter more of them are there.
+    before = gc.get_threshold()
+    gc.set_threshold(RARELY, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+
+
+RARELY = 200_000
+"""New objects until the garbage collector runs."""
 
 
 @cache

@@ -39,7 +39,7 @@ LOWEST = 1e-4
 """Of the end of the range, where they begin."""
 TOPS, REFINED = 3, 32
 """So many of the highest peaks among them are refined, by steps of golden section (Kiefer 1953)."""
-AT_ONCE = 128
+AT_ONCE = 512
 """Loops side by side."""
 
 

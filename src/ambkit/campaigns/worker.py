@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
-from ambkit.base.threads import one_thread
+from ambkit.base.threads import one_thread, rare_collections
 from ambkit.campaigns.distributions import OneOf
 from ambkit.campaigns.margins import peaks as peaks_of
 from ambkit.campaigns.plan import Drawn, Plan
@@ -63,6 +63,7 @@ def _plan_in(pickled: bytes) -> Plan:
     return result
 
 
+@rare_collections()
 def compute(
     plan: Plan,
     first: int,

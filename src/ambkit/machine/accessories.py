@@ -142,14 +142,14 @@ def line_contradictions(
     T: float, speed: float | None, runout: Any, hum: Any
 ) -> Iterator[tuple[str, str]]:
     """Yield (key of the sensor, what is wrong) for lines too fast for the sampling time T [s]."""
-    nyquist = engineering(0.5 / T, "Hz") if T > 0 else ""
     for at, line in enumerate(runout if isinstance(runout, tuple) else ()):
         frequency = line.order * (speed or 0.0) / (2 * math.pi)
         if 2 * T * frequency >= 1:
             text = f"{line.order} times the speed is {engineering(frequency, 'Hz')}, must be"
-            limit = f"less than half the sampling frequency, {nyquist}"
+            limit = f"less than half the sampling frequency, {engineering(0.5 / T, 'Hz')}"
             yield f"runout.{at}.order", f"{text} {limit}"
     for at, line in enumerate(hum if isinstance(hum, tuple) else ()):
         if 2 * T * line.frequency >= 1:
+            nyquist = engineering(0.5 / T, "Hz")
             text = f"must be less than half the sampling frequency, {nyquist}"
             yield f"hum.{at}.frequency", f"{text}; is {engineering(line.frequency, 'Hz')}"

@@ -295,7 +295,9 @@ def along_x(gravity: Any) -> float:
 def levitation_current_of(read: Read, enough: float = 0.0) -> float:
     """Return the current that carries the rotor at x = 0; 0 where ``enough`` [A] carries it."""
     weight = along_x(read("rotor.gravity")) * read("rotor.mass") * GRAVITY
-    magnet = SimpleNamespace(**{key: read(f"magnet.{key}") for key in Magnet.model_fields})
+    magnet: Any = read("magnet")
+    if not isinstance(magnet, Magnet):  # it has a mistake
+        magnet = SimpleNamespace(**{key: read(f"magnet.{key}") for key in Magnet.model_fields})
     wrong = any(isinstance(value, float) and math.isnan(value) for value in vars(magnet).values())
     if wrong or math.isnan(weight) or (magnet.type == "one-sided" and not weight < 0):
         return math.nan

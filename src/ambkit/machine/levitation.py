@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.machine.force_law import MagnetModel, core_module
+from ambkit.machine.magnets import Law, magnet_of
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
@@ -29,3 +30,16 @@ def levitation_current(bearing: Bearing, plant: MagnetModel, x: float, balance: 
         # No current can hold it there: start from the end that comes closest.
         return low if abs(at_low) < abs(at_high) else high
     return float(brentq(force, low, high, xtol=1e-15 * (high - low)))
+
+
+def levitation_current_at(
+    bearing: Bearing, x: float = 0.0, load: float = 0.0, magnet: MagnetModel | None = None
+) -> float:
+    """Control current [A] with which a magnet, by default its own, carries weight and load at x."""
+    # Both the flight of each machine of a campaign and its margins need it.
+    known = bearing.levitation_currents if magnet is None else {}
+    if (x, load) not in known:
+        law = magnet if isinstance(magnet, Law) else magnet_of(bearing)
+        balance = bearing.weight + law.bias_force + load
+        known[x, load] = levitation_current(bearing, magnet or law, x, balance)
+    return known[x, load]

@@ -191,7 +191,7 @@ class Machine(Document):
         """The axes of its bearings."""
         return geometry.axes_of(self.bearings, self.shaft)
 
-    @property
+    @cached_property
     def readings(self) -> tuple[Reading, ...]:
         """What its sensors show."""
         return geometry.readings_of(self.sensors, self.shaft)
@@ -201,7 +201,7 @@ class Machine(Document):
         """Coordinates of the rotor's rigid body: x, y [m], th_x, th_y [rad], with thrust z [m]."""
         return geometry.positions_of(self.axes)
 
-    @property
+    @cached_property
     def positions(self) -> tuple[str, ...]:
         """Coordinates of the rotor: of its rigid body, and m1_x, m1_y, ... where it bends [m]."""
         return self.rigid_positions + geometry.modal_positions(self.bending)
@@ -500,6 +500,16 @@ class Bearing(Shown, Machine):
     def isolated_made(self) -> dict[str, Bearing]:
         """Itself."""
         return {"": self}
+
+    @cached_property
+    def levitation_currents(self) -> dict[tuple[float, float], float]:
+        """Control currents [A] by displacement [m] and load [N]: those computed so far."""
+        return {}
+
+    @property
+    def single(self) -> bool:
+        """True: the short form has one axis and one reading, without names."""
+        return True
 
     @cached_property
     def long(self) -> PlacedMachine:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ambkit.control.controller_states import Controller
 from ambkit.control.controllers import Controllers, arrays, controllers_of, gains_of
-from ambkit.machine.levitation import levitation_current
+from ambkit.machine.levitation import levitation_current_at
 from ambkit.machine.magnets import Law, MagnetModel, magnet_of
 from ambkit.models import plant_parts
 from ambkit.models.plant import Plant
@@ -36,10 +36,9 @@ class StraightLine:
         self.law = magnet if isinstance(magnet, Law) else magnet_of(bearing)
         self.magnet = self.law if magnet is None else magnet
         self.coil = plant_parts.coil_fields(bearing) if magnet is None else None
-        hover = scenario.start == "hover"
-        self.place = at if hover else 0.0
-        balance = bearing.weight + self.law.bias_force + load
-        self.held = levitation_current(bearing, self.magnet, self.place, balance) if hover else 0.0
+        self.place, self.held = 0.0, 0.0
+        if scenario.start == "hover":
+            self.place, self.held = at, levitation_current_at(bearing, at, load, magnet)
         # What was demanded before the start is the controller's own, and known.
         self.current = min(max(self.held, bearing.current_min), bearing.current_max)
 

@@ -179,7 +179,7 @@ class Loop:
         if not self._straight:
             self._y_injected = self._injected @ np.linalg.pinv(shown_along_axes(machine)).T
         adds = [_adds_noise(reading.sensor) for reading in machine.readings]
-        if self._injected.any() and not all(adds):  # after what the sensor does to its noise
+        if not all(adds) and self._injected.any():  # after what the sensor does to its noise
             faults = Faults.none(n) if self._faults is None else self._faults
             if self._faults is None and not self._straight:
                 faults = faults.among(0, m, 0, p)

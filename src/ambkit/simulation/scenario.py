@@ -252,11 +252,11 @@ class Scenario(Document):
                     known = f"there are {', '.join(axes)}" if axes[0] else "the one axis has none"
                     yield f"{what}[{at}].axis: there is no axis {axis}; {known}"
         if not body:
-            control, usual = self.controller, Control()
+            control = self.controller
             for name in control.pid.keys() - {"x", axes[0]}:
                 yield f"controller.pid.{name}: there is no {name}; known: {axes[0] or 'x'}"
             for key in OF_BODY:
-                if getattr(control, key) != getattr(usual, key):
+                if getattr(control, key) != Control.model_fields[key].default:
                     yield f"controller.{key}: is of a rotor that is a body; this one is a mass"
             if control.type == "translation and tilt":
                 yield f'controller.type: "{control.type}" is of a body; this rotor is a mass'

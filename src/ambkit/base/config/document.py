@@ -269,7 +269,11 @@ def _path(key: str) -> tuple[str | int, ...]:
 
 def reader(model: BaseModel) -> Read:
     """Return a function that reads a dotted key of a checked model."""
-    return lambda key: attrgetter(key)(model)
+    return lambda key: _getter(key)(model)
+
+
+_getter = cache(attrgetter)
+"""The getter of a dotted key: keys are few, and read for each machine of a campaign."""
 
 
 def read_unchecked(model: type[BaseModel], data: Any, context: Any) -> Read:

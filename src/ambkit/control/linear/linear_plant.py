@@ -12,9 +12,9 @@ from ambkit.base.errors import AmbkitError
 from ambkit.data.signals import signal as named
 from ambkit.estimate.machine_model import View
 from ambkit.machine.force_laws import isolated_axes
-from ambkit.machine.levitation import levitation_current
+from ambkit.machine.levitation import levitation_current_at
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import magnet_of
+from ambkit.machine.magnets import core_module, magnet_of
 from ambkit.models.linear import Complex, LinearSystem, Signal, linearised
 from ambkit.models.machine_parts import machine_parts
 from ambkit.models.parts.synchronous import SynchronousForce, across
@@ -72,9 +72,7 @@ class OperatingPoint(NamedTuple):
             raise AmbkitError(
                 f"the rotor can be held up to its stops at {travel:g} m, not at {x:g} m"
             )
-        law = magnet_of(bearing)
-        held = law.bias_force + bearing.weight + load
-        iu = levitation_current(bearing, law, x, held)
+        iu = levitation_current_at(bearing, x, load)
         if not bearing.current_min < iu < bearing.current_max:
             raise AmbkitError(
                 f"no control current from {bearing.current_min:g} to {bearing.current_max:g} A "
@@ -147,8 +145,9 @@ def plants(bearings: Sequence[Bearing], points: Sequence[OperatingPoint]) -> Lin
     """Return `plant` of bearings whose parts are alike, as matrices (bearings, ...)."""
     values = [machine_parts(b, noise=False) for b in bearings]
     parts = [_stacked(of) for of in zip(*values, strict=True)]
+    core = core_module()
     k = np.array([
-        [float(of[0]) for of in magnet_of(b).tangent(np.array([at.iu]), np.array([at.x]))]
+        [k[0] for k in magnet_of(b).in_core(core).tangent(np.array([at.iu]), np.array([at.x]))]
         for b, at in zip(bearings, points, strict=True)
     ])  # fmt: skip
     system = linearised(parts, bearings[0].sampling_time, k[:, :1], k[:, 1:])

@@ -11,8 +11,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.control.controller_states import Controller, lies_at
 from ambkit.export.c import c_literals, control
 from ambkit.export.c.c_literals import CPrecision, Name
-from ambkit.machine.levitation import levitation_current
-from ambkit.machine.magnets import magnet_of
+from ambkit.machine.levitation import levitation_current_at
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
@@ -66,12 +65,6 @@ def starts_at(bearing: Bearing, scenario: Scenario) -> float:
     """Return where the rotor is at the start [m]."""
     lies = scenario.start == "rest" and scenario.sequence is not None
     return lies_at(bearing) if lies else 0.0
-
-
-def levitation_current_at(bearing: Bearing) -> float:
-    """Return the current that holds the rotor in the middle [A]."""
-    law = magnet_of(bearing)
-    return levitation_current(bearing, law, 0.0, bearing.weight + law.bias_force)
 
 
 def flown_data(of: Flown, precision: CPrecision) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from ambkit.export.fmu import controller as flown
 from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.judge.adequacy import require_adequate
+from ambkit.machine.levitation import levitation_current_at
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.simulation.scenario import Scenario
 
@@ -174,7 +175,7 @@ def _regulator(estimator: Estimator, scenario: Scenario) -> _Parts:
             "whole-controller or closed-loop"
         )
     controller = Controller.of_axis(bearing, estimator, scenario.controller, scenario.sequence)
-    current = flown.levitation_current_at(bearing)
+    current = levitation_current_at(bearing)
     return _Parts(
         f"The {_called(scenario.controller)} of bearing {bearing.name}, fed by an estimator",
         "regulator",

@@ -418,11 +418,9 @@ def _rig(bearing: Bearing, place: float = 0.0) -> list[Variable]:
 
 
 def _gains(controller: PID, bearing: Bearing) -> list[Variable]:
-    from ambkit.machine.levitation import levitation_current
-    from ambkit.machine.magnets import magnet_of
+    from ambkit.machine.levitation import levitation_current_at
 
-    law = magnet_of(bearing)
-    current = levitation_current(bearing, law, 0.0, bearing.weight + law.bias_force)
+    current = levitation_current_at(bearing)
     return [
         Variable("start_current", "fixed", "A", "of the controller's integral", current),
         Variable("controller.kp", "tunable", "A/m", "proportional gain", controller.kp),
