@@ -144,6 +144,14 @@ def test_headers_separators_decimal_signs_and_encodings(
     assert ("decimal comma" in " ".join(log.remarks)) == (decimal == ",")
 
 
+def test_of_lines_of_words_the_last_two_are_names_and_units(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("rig 3,bearing A,by hand\nt,pos,i\ns,mm,A\n0.0,1.5,2.5\n0.5,2.5,3.5\n")
+    log = read_log(path)
+    assert log.units == {"t": "s", "pos": "mm", "i": "A"}
+    np.testing.assert_array_equal(log.arrays["pos"], [1.5, 2.5])
+
+
 def test_spaces_between_columns(tmp_path):
     path = tmp_path / "log.txt"
     path.write_text("  t [s]   pos [mm]  i\n 0.0   1e-3 2\n 0.5  -2.0D+01    3\n")

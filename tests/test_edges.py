@@ -1,0 +1,126 @@
+"""Edges that no preset and no log of ours reaches, each against what it is by definition."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ambkit import Machine
+from ambkit.control.lift_off_sequence import Mode
+from ambkit.data.reading import weight_scale
+from ambkit.data.reading.clock import Clock
+from ambkit.data.reading.grid import resample
+from ambkit.data.reading.levitation_test import Levitated
+from ambkit.data.reading.position_search import Rotor
+from ambkit.export.pil.result import judged
+from ambkit.judge.faults import fault_run
+from ambkit.machine.components import Unbalance
+from ambkit.machine.forces.spline import _nodes
+from ambkit.rotordynamics.balance_grades import permitted
+
+NONE = np.zeros(0, dtype=np.intp)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_between_the_samples_beyond_them_and_in_a_gap(held: bool) -> None:
+    clock = Clock(
+        "t", np.array([0.0, 1, 2, 5, 6]), 1.0, 0.0, NONE, np.array([3]), np.array([2]), NONE
+    )
+    values = np.array([10.0, 20, 40, 70, 90])
+    times = np.array([-0.5, 0, 0.25, 1.75, 2, 3, 5, 5.5, 6, 6.5, 7.5])
+    nan = math.nan
+    straight = [nan, 10, 12.5, 35, 40, nan, 70, 80, 90, nan, nan]
+    steps = [nan, 10, 10, 20, 40, nan, 70, 70, 90, 90, nan]
+    found = resample(values, clock, times, held=held)
+    np.testing.assert_allclose(found, steps if held else straight)
+
+
+@pytest.mark.parametrize("gap", [2e-3, 12e-3])
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e-6, 2.5e-2])
+@pytest.mark.parametrize("way", [1, -1])
+def test_gravity_tells_gap_and_unit_of_what_hangs(gap: float, scale: float, way: int) -> None:
+    """``x'' = (2 g / gap) x + (2 g / i) di`` in units of the log."""
+    step, usual, g = 1e-3, 0.8, 9.81
+    fit = Levitated(0, 1, step * math.sqrt(2 * g / gap), 0.0, 0.9, 1, 1.0, sure=True)
+    gain = way * 2 * g / usual / scale * step**2
+    moves = Rotor(0, 1, fit, gain, (), (), ())
+    position = np.linspace(4, 6, 101) * 1e-4 / scale
+    found = weight_scale.hanging(moves, position, np.full(101, usual), step)
+    assert found is not None
+    assert found.gap == pytest.approx(gap)
+    assert found.scale == pytest.approx(scale)
+    assert found.zero == pytest.approx(5e-4 / scale + way * gap / scale)
+    said = " ".join(found.in_words("pos", ""))
+    assert f"gap {1e3 * gap:.3g} mm" in said
+    # 25 mm a unit is 25 of the nearest unit, on a logarithmic scale.
+    assert ("scale = 25  #" in said) == (scale == 2.5e-2)
+    assert weight_scale.hanging(moves, position, np.full(101, -usual), step) is None
+
+
+def test_of_two_faults_in_a_flight_the_slower_recovery_counts() -> None:
+    n, T = 1000, 1e-4
+    for slow, quick in ((slice(120, 180), slice(510, 515)), (slice(510, 570), slice(120, 125))):
+        error = np.zeros(n)
+        error[slow] = error[quick] = 100.0
+        flight: Any = SimpleNamespace(
+            _errors=lambda _run, error=error: {"x": error}, _off=lambda _record: np.zeros(n),
+            _stopped=lambda _record: np.zeros(n, dtype=bool), in_loop=True, precision="float64",
+            seed=0, bearing=SimpleNamespace(sampling_time=T),
+        )  # fmt: skip
+        run: Any = SimpleNamespace(record=range(n), estimate=None)
+        band = fault_run.Band({"x": 1.0}, {"x": 1.0}, 1.0)
+        windows = [slice(100, 110), slice(500, 510)]
+        outcome = fault_run.Flight.evaluate(
+            flight, run, windows, band, fault="two", estimator="none"
+        )
+        after = windows[0] if slow.start < 500 else windows[1]
+        assert outcome.recovery == slow.stop - after.stop
+
+
+@pytest.mark.parametrize(("low", "high"), [(-1.0, 0.3), (-0.3, 1.0), (-1.0, 1.0), (-0.5, 0.51)])
+def test_nodes_of_a_force_divide_its_longer_side(low: float, high: float) -> None:
+    nodes = _nodes(low, high, 8)
+    step = max(-low, high) / 8
+    np.testing.assert_allclose(np.diff(nodes), step)
+    assert np.abs(nodes).min() == 0
+    assert low - step < nodes[0] <= low
+    assert high <= nodes[-1] < high + step
+
+
+def test_of_three_planes_a_grade_is_shared_by_the_outer_two() -> None:
+    """A rotor that bends has as many planes as modes more."""
+    planes = tuple(Unbalance(place=at, amount=1e-6) for at in (-0.05, 0.02, 0.07))
+    bends = Machine.preset("ufu_flexible").model_copy(update={"unbalance": planes})
+    assert [at.place for at in permitted(bends, 2.5e-3)] == [-0.05, 0.07]
+
+
+def test_a_processor_s_answers_are_counted_by_their_modes() -> None:
+    kinds = [("mode", "u1"), ("instructions", "u4"), ("stack", "u4")]
+    answers = np.zeros(100, kinds)
+    flying = slice(20, 80)
+    answers["mode"][flying] = Mode.FLYING
+    answers["instructions"] = [0, *range(1001, 1100)]
+    answers["stack"] = np.arange(100)
+    off, moved = np.zeros((100, 2)), np.zeros((100, 2))
+    off[20:26] = 9e-5  # still settling
+    off[50] = [3e-6, -4e-6]
+    moved[[10, 30, 31], [0, 1, 0]] = [1.0, -1.0, 1.0]  # the first one before it flew
+    greeting = np.array(
+        (1, 2, 3, 40), [(k, "u4") for k in ("unequal", "wrong_status", "wrong", "state")]
+    )[()]
+    record: Any = SimpleNamespace(t=1e-3 * np.arange(100))
+    found = judged(
+        answers, greeting, off=off, moved=moved, travel=np.array([1.0, 1.0]), record=record,
+        unequal=0, frames=record, unequal_frames=0, run=record, board="none", built=record,
+    )  # fmt: skip
+    assert (found.selftest, found.state, found.stack_seen) == (6, 40, 99)
+    assert (found.instructions, found.most) == (1050, 1099)
+    assert found.worst == 4e-6
+    assert found.rms == pytest.approx(math.sqrt((3e-6**2 + 4e-6**2) / (2 * 54)))
+    assert found.touched == 2
+    assert [round(1e3 * t) for t, _ in found.modes] == [0, 20, 80]
+    assert not found.passed
