@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,6 @@ from model_oracles import random_model, random_settings
 from numpy.typing import NDArray
 
 from ambkit.models import NUMBER, ONE, ZERO, compose, machine_model
-from ambkit.models import machine_parts as compositions
 from ambkit.models.declaration import UNIT, Part, Plan
 from ambkit.models.model import compressed_rows
 from ambkit.models.parts import (
@@ -146,7 +146,9 @@ class Mount:
 
 
 def test_a_new_part_is_one_class_and_its_registration(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compositions, "PARTS", (*PARTS, Mount))
+    # The package has a function of the module's name.
+    parts = import_module("ambkit.models.machine_parts")
+    monkeypatch.setattr(parts, "PARTS", (*PARTS, Mount))
     model = machine_model(BEARING)
     assert [at.name for at in model.states] == ["x", "v", "f_d", "x_m", "creep"]
     assert model.L[4, 4] == pytest.approx(math.exp(-3.0 * model.T))
