@@ -272,6 +272,19 @@ def test_check_and_simulate_say_the_same(
     assert exit_of("check", str(tmp_path / "good.toml"), "--bearing", "inteco_ml") == 2
 
 
+def test_check_judges_a_filter_on_a_machine_with_several_axes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``--bearing`` took one axis only, and a machine's filter was not held to it."""
+    path = tmp_path / "filter.toml"
+    KalmanFilter(Machine.preset("heart_pump")).save(path)
+    assert exit_of("check", str(path), "--bearing", "tum_mlps") == 2
+    assert "axes or readings are others" in capsys.readouterr().err
+    assert exit_of("check", str(path), "--bearing", "zittau_axial") == 2
+    assert "axes or readings are others" in capsys.readouterr().err
+    assert exit_of("check", str(path), "--bearing", "heart_pump") == 0
+
+
 def test_identify_writes_no_process_noise_that_follows_no_load() -> None:
     made, raised = identify._following_a_load(AXIS, 1.12e-3)  # as a log whose load rests has it
     assert sentences(judge_adequacy(made)) == []

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.parameters import Json, MapFile, find_axis
+from ambkit.cli.parameters import Json, MapFile, find_machine
 
 
 class Schema(StrEnum):
@@ -65,7 +65,7 @@ def check(
     if schema is not None:
         printing.deliver(schema_of(schema.value), [], as_json=True)
         return
-    known = find_axis(bearing) if bearing is not None else None
+    known = find_machine(bearing) if bearing is not None else None
     results = [inspect(path, channel_map, known) for path in files or ()]
     data: list[dict[str, Any]] = [
         {

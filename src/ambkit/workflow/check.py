@@ -13,7 +13,7 @@ from ambkit.base.errors import AmbkitError, ConfigError, RecordError, shortened
 from ambkit.data.files.formats import ENDINGS
 
 if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing
+    from ambkit.machine.machine import Machine
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class _Described(NamedTuple):
 def inspect(
     path: str | os.PathLike[str],
     channel_map: str | os.PathLike[str] | None = None,
-    bearing: Bearing | None = None,
+    machine: Machine | None = None,
 ) -> Finding:
     """Find out what a file is by what it holds, and check it."""
     path = Path(path)
@@ -60,7 +60,7 @@ def inspect(
     try:
         if path.exists() and not path.is_file() and not path.is_dir():
             raise AmbkitError(f"{path}: is no file but a device or a pipe, which may never end")
-        kind, describe = _recognise(path, channel_map, bearing)
+        kind, describe = _recognise(path, channel_map, machine)
         result = describe(path)
         return Finding(path, kind, result.about, result.problems, result.remarks)
     except (ConfigError, RecordError) as error:
@@ -70,20 +70,20 @@ def inspect(
 
 
 def _recognise(
-    path: Path, channel_map: str | os.PathLike[str] | None, bearing: Bearing | None
+    path: Path, channel_map: str | os.PathLike[str] | None, machine: Machine | None
 ) -> tuple[str, Callable[[Path], _Described]]:
     match path.suffix.lower():
         case ".toml":
             kind = kind_of_toml(path)
-            return kind, lambda p: _describe_document(kind, p, bearing)
+            return kind, lambda p: _describe_document(kind, p, machine)
         case ".json":
             return "expert", _describe_expert
         case ".csv" | ".parquet" if channel_map is None:
-            return _kind_of_table(path, bearing)
+            return _kind_of_table(path, machine)
         case ending if ending in ENDINGS:
             if channel_map is not None and kind_of_toml(Path(channel_map)) == _SHORT["force"]:
                 return "measured force", lambda p: _describe_force(p, channel_map)
-            return "record", lambda p: _describe_record(p, channel_map, bearing)
+            return "record", lambda p: _describe_record(p, channel_map, machine)
         case _:
             return "file", _unknown
 
@@ -135,7 +135,7 @@ def kind_of_toml(path: str | os.PathLike[str]) -> str:
     return best
 
 
-def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Described:
+def _describe_document(kind: str, path: Path, machine: Machine | None) -> _Described:
     from ambkit.base.config import toml_text
     from ambkit.base.units import engineering
     from ambkit.judge.adequacy import judge_adequacy, sentences
@@ -148,7 +148,7 @@ def _describe_document(kind: str, path: Path, bearing: Bearing | None) -> _Descr
         return _Described(f"signals {', '.join(result.signals)}")
     if kind == "filter":
         made = result.make()  # what only the whole tells: starts, options, the magnet's file
-        judged = judge_adequacy(made, bearing if made.view.single else None)
+        judged = judge_adequacy(made, machine)
         fatal = sentences([item for item in judged if item.fatal])
         others = [text for text in sentences(judged) if text not in fatal]
         problems = tuple(f"{path}: this filter must not fly: {text}" for text in fatal)
@@ -198,7 +198,7 @@ def _describe_expert(path: Path) -> _Described:
     return _Described(f"{len(expert.rules)} rules for {expert.source}")
 
 
-def _kind_of_table(path: Path, bearing: Bearing | None) -> tuple[str, Callable[[Path], _Described]]:
+def _kind_of_table(path: Path, machine: Machine | None) -> tuple[str, Callable[[Path], _Described]]:
     from ambkit.data.files.tables import read_table
     from ambkit.identification.forces import lift_off
     from ambkit.machine.forces import force_file as force_file
@@ -213,7 +213,7 @@ def _kind_of_table(path: Path, bearing: Bearing | None) -> tuple[str, Callable[[
         return "measured force", _describe_force
     if "t" not in columns and (hint := _perhaps_a_force(path)):
         raise RecordError([f"{path}: has no column t [s]; it has {', '.join(columns)}", *hint])
-    return "record", lambda p: _describe_record(p, None, bearing)
+    return "record", lambda p: _describe_record(p, None, machine)
 
 
 def _perhaps_a_force(path: Path) -> list[str]:
@@ -265,7 +265,7 @@ def _lost(missing: Mapping[str, int]) -> str:
 
 
 def _describe_record(
-    path: Path, channel_map: str | os.PathLike[str] | None, bearing: Bearing | None
+    path: Path, channel_map: str | os.PathLike[str] | None, machine: Machine | None
 ) -> _Described:
     import numpy as np
 
@@ -291,10 +291,10 @@ def _describe_record(
         if fault.kind != "missing"
     ]
     remarks = account(faults, record.sampling_time)
-    if bearing is None:
+    if machine is None or not machine.single:  # of several each axis moves by the forces on all
         findings = suspects(record.t, record.signals, record.units)
         return _Described(about, (), (*remarks, *findings))
-    verdict = evaluate_record(record, bearing)
+    verdict = evaluate_record(record, machine.isolated_axis(""))
     return _Described(
         about, tuple(f"{path}: {p}" for p in verdict.problems), (*remarks, *verdict.remarks)
     )
