@@ -346,3 +346,30 @@ def test_the_page_runs_as_a_notebook(tmp_path: Path) -> None:
     assert all("data:image/png;base64," in html for html in shown[:2])
     assert any("image/png" in page for page in pages)  # the user's own axes
     nbformat.validate(notebook)
+
+
+@pytest.mark.parametrize(
+    "thing",
+    [
+        BEARING, ambkit.Machine.preset("tum_mlps"), SCENARIO, RECORD, ESTIMATE, Expert.paper(),
+        KalmanFilter(BEARING), ambkit.ExtendedKalmanFilter(ambkit.Machine.preset("tum_mlps")),
+        ambkit.AdaptiveNoise(KalmanFilter(BEARING)),
+    ],
+    ids=lambda thing: type(thing).__name__,
+)  # fmt: skip
+def test_what_is_public_has_a_short_repr_and_a_card(thing: Any) -> None:
+    text = repr(thing)
+    assert text.startswith(f"<{type(thing).__name__.removeprefix('Placed')}")
+    assert text.endswith(">")
+    assert len(text) < 200
+    assert "\n" not in text
+    page = thing._repr_html_()
+    assert "<table>" in page
+    assert page.count("<tr>") > 0
+
+
+def test_a_repr_escapes_what_a_file_says() -> None:
+    assert (
+        re.search(r"[\x1b\n]", repr(Expert.paper().model_copy(update={"source": "a\x1b[31m\nb"})))
+        is None
+    )

@@ -89,6 +89,11 @@ class Estimate(Shown):
     axes: tuple[str, ...] = ()
     readings: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        columns = ", ".join(f"{state.name} [{state.unit}]" for state in self.states)
+        span = f"{self.t[0]:g} to {self.t[-1]:g} s, {len(self.t)} samples"
+        return f"<Estimate of the {self.estimator}, {span}: {columns}>"
+
     @classmethod
     def from_core(
         cls,

@@ -30,12 +30,14 @@ from ambkit.models.declaration import Part
 from ambkit.models.linear import LinearSystem
 from ambkit.models.machine_parts import machine_parts
 from ambkit.models.model import Descriptor, Model
+from ambkit.result.showing import Described
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
+    from ambkit.result.card import Card
 
 
-class Estimator(Copyable):
+class Estimator(Described, Copyable):
     """An estimator of any kind: the same inputs, the same outputs, one interface in C.
 
     Each kind says in `_build` which of the core's it is (``core/include/ambkit/estimator.h``).
@@ -149,6 +151,13 @@ class Estimator(Copyable):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of {self.machine.name}>"
+
+    def _card(self) -> Card:
+        from ambkit.result.card import Card
+
+        rows = [(state.name, state.role, state.unit) for state in self.states]
+        title = f"{type(self).__name__} of {self.machine.name}"
+        return Card(title, rows, None, ["state", "role", "unit"])
 
     @property
     def whole(self) -> View | None:

@@ -24,6 +24,7 @@ from ambkit.base.config import Part, Read
 from ambkit.base.config.problems import Problem, dotted
 from ambkit.base.config.text_types import Description, Line
 from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.base.escaping import one_line
 from ambkit.base.json_lines import line_of
 from ambkit.fuzzy.network import Scaling, default_width, network, scale_factors
 from ambkit.machine import paper
@@ -110,6 +111,9 @@ class Expert(Shown, Part):
     """The rules, in the order of the paper's Table 6: through the currents first."""
     training: Training | None = None
     """How it was trained; None: it was not."""
+
+    def __repr__(self) -> str:
+        return f"<Expert of {len(self.rules)} rules for {one_line(self.source)}>"
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
-from ambkit.base.config.problems import quantity_of
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
-from ambkit.result.card import Card, value
+from ambkit.result.card import Card, settings_card, value
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Points, Rule
 
@@ -60,29 +57,8 @@ def bearing_figure(bearing: Any) -> Figure:
 def bearing_card(of: Any) -> Card:
     """Describe a bearing by what its file says, and by the stiffnesses that follow."""
     linear = ConstantStiffness.of(of)
-    own = ", ".join(_said(of))
-    parts = {name: ", ".join(_said(getattr(of, name))) for name in type(of).model_fields
-             if isinstance(getattr(of, name), BaseModel)}  # fmt: skip
     centre = (
         f"k_i {value(linear.k_i, 'N/A')}, k_s {value(linear.k_s, 'N/m')}, "
         f"hovers with {value(of.levitation_current, 'A')}"
     )
-    rows = [("", own), *parts.items(), ("at x = 0", centre)]
-    return Card(
-        of.name, rows, bearing_figure(of), notes=[text for text in (of.description,) if text]
-    )
-
-
-def _said(part: Any) -> Iterator[str]:
-    """Yield the values of a part that are not as if nothing had been said."""
-    for name, field in type(part).model_fields.items():
-        of, quantity = getattr(part, name), quantity_of(field)
-        words = name.replace("_", " ")
-        if of is None or (of == field.default and not field.is_required()):
-            continue
-        if quantity and isinstance(of, float):
-            yield f"{words} {value(of, quantity.unit)}"
-        elif isinstance(of, tuple):
-            yield f"{len(of)} {words}"
-        elif isinstance(of, str) and name not in ("name", "description", "source"):
-            yield of if name == "type" else f"{words} {of}"
+    return settings_card(of, [("at x = 0", centre)], bearing_figure(of))

@@ -52,13 +52,13 @@ from ambkit.machine.magnets import magnet_of
 from ambkit.machine.placement_checks import beyond_the_rotor, loose, unseen
 from ambkit.machine.rotors.descriptions import OfMatrices
 from ambkit.machine.rotors.modes import Bending
-from ambkit.result.showing import Shown
+from ambkit.result.showing import Described, Shown
 
 if TYPE_CHECKING:
     from ambkit.result.card import Card
 
 
-class Machine(Document):
+class Machine(Described, Document):
     """A rotor on magnetic bearings: one axis, or several that the rotor and its rotation couple.
 
     Frozen, and checked as a whole: from TOML (`load`, `from_toml`, `preset`) or from Python, where
@@ -393,6 +393,9 @@ class PlacedMachine(Machine):
     """The position sensors."""
     unbalance: tuple[Unbalance, ...] = ()
     """Unbalance, by its planes."""
+
+    def __repr_name__(self) -> str:
+        return "Machine"
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:

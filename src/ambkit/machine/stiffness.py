@@ -71,6 +71,11 @@ class StiffnessMap:
     delta_displacement: float
     name: str
 
+    def __repr__(self) -> str:
+        parts = (("k_i", self.k_i, "N/A"), ("k_s", self.k_s, "N/m"))
+        ends = (f"{name} {of.min():.4g} to {of.max():.4g} {unit}" for name, of, unit in parts)
+        return f"<StiffnessMap of {' x '.join(map(str, self.k_i.shape))}: {', '.join(ends)}>"
+
     def stiffness_at(self, iu: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
         """k_i [N/A] and k_s [N/m] by the LSM at any operating points, on nodes or between them.
 

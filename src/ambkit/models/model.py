@@ -101,6 +101,10 @@ class Model:
     pattern: Mapping[str, Pattern] = field(repr=False)
     """For each matrix, of its shape: `ZERO`, `ONE` or `NUMBER`, by the kind of machine alone."""
 
+    def __repr__(self) -> str:
+        names = ", ".join(state.name for state in self.states)
+        return f"<Model {self.name}, sampled every {self.T:g} s: {names}>"
+
     def __post_init__(self) -> None:
         if not (self.name.isidentifier() and self.name.isascii()):
             raise ValueError(f"name must be an identifier of C, is {self.name!r}")

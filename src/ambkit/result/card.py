@@ -9,7 +9,9 @@ from html import escape
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
+from ambkit.base.config.settings import settings_of
 from ambkit.base.escaping import one_line
 from ambkit.base.units import figure, typeset
 from ambkit.result.report.figure import Figure
@@ -100,6 +102,22 @@ def spread(values: Any, unit: str) -> list[str]:
         return ["–"] * len(SPAN)
     ends = (known.min(), known.max(), np.sqrt(np.mean(known**2)))
     return [value(float(end), unit) for end in ends]
+
+
+def settings_card(
+    of: Any, more: Sequence[Sequence[str]] = (), figure: Figure | None = None
+) -> Card:
+    """Describe what stands in a file by what it sets, its parts one below the other."""
+    rows = [("", ", ".join(settings_of(of, value)))]
+    for name in type(of).model_fields:
+        part = getattr(of, name)
+        for item in part if isinstance(part, tuple) else (part,):
+            if isinstance(item, BaseModel):
+                label = " ".join(filter(None, (name.replace("_", " "), getattr(item, "name", ""))))
+                rows.append((label, ", ".join(settings_of(item, value))))
+    title = getattr(of, "name", "") or type(of).__name__
+    notes = [text for text in (getattr(of, "description", ""),) if text]
+    return Card(title, [*(row for row in rows if row[1]), *more], figure, notes=notes)
 
 
 def card_of(result: Stated) -> Card:

@@ -52,19 +52,27 @@ class Drawn:
         return plot(self.figure(), ax=ax, panel=panel, static=static)
 
 
-class Shown(Drawn):
-    """An object that notebooks show as a table with a picture."""
+class Described:
+    """An object that notebooks show as a card; one from a file by what it sets."""
 
     __slots__ = ()
 
     def _card(self) -> Card:
         """Return what a notebook shows."""
-        raise NotImplementedError
+        from ambkit.result.card import settings_card
 
-    def figure(self) -> Any:
-        """Return its figure."""
-        return self._card().figure
+        return settings_card(self)
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
         return self._card().html()
+
+
+class Shown(Described, Drawn):
+    """An object that notebooks show as a table with a picture."""
+
+    __slots__ = ()
+
+    def figure(self) -> Any:
+        """Return its figure."""
+        return self._card().figure

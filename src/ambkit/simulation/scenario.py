@@ -25,6 +25,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control, as_control, merged
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.machine.machine import Bearing
+from ambkit.result.showing import Described
 from ambkit.simulation.waveforms import (
     Constant,
     Signal,
@@ -93,7 +94,7 @@ OF_BODY = ("cross_feedback", "gain_scheduling", "unbalance", "unbalance_from")
 """Keys of the controllers of such a rotor."""
 
 
-class Scenario(Document):
+class Scenario(Described, Document):
     """A run: what is demanded of a machine, what disturbs it, and who controls it.
 
     Frozen, and checked as a whole: from TOML (`load`, `from_toml`) or from Python, in SI.

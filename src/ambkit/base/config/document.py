@@ -31,6 +31,7 @@ from pydantic_core import CoreSchema
 from ambkit.base import escaping, files
 from ambkit.base.config import toml_text
 from ambkit.base.config.problems import Problem, dotted, in_words, quantity_of, without_tags
+from ambkit.base.config.settings import settings_of
 from ambkit.base.errors import ConfigError, shortened
 
 Read = Callable[[str], Any]
@@ -153,6 +154,13 @@ class Part(BaseModel, metaclass=_OwnNames):
 
 class Document(Part):
     """A description that stands in a TOML file of its own."""
+
+    def __repr__(self) -> str:
+        name = getattr(self, "name", "") or getattr(self, "source", "")
+        kind = self.__repr_name__()  # type: ignore[misc]  # pydantic's own, of another self
+        head = " ".join(filter(None, (kind, name)))
+        parts = filter(None, (head, ", ".join(settings_of(self))))
+        return f"<{escaping.one_line(': '.join(parts))}>"
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
