@@ -11,6 +11,7 @@ from filter_cases import made
 
 import ambkit
 from ambkit import Bearing, FilterNoise, KalmanFilter, Record, Scenario
+from ambkit.base.errors import RecordError
 from ambkit.machine.magnets import core_module
 
 BEARING = Bearing.preset("zittau_axial")
@@ -95,7 +96,7 @@ def test_stiffnesses_that_are_no_numbers_are_not_predicted_with() -> None:
 
 def test_a_record_that_does_not_fit_is_told() -> None:
     slow = Record(np.arange(100) * 1e-3, {"y": np.zeros(100), "u": np.zeros(100)})
-    with pytest.raises(ValueError, match=r"sampled every 0.001 s, .* sampling_time = 0.0001 s"):
+    with pytest.raises(RecordError, match=r"sampled every 0.001 s, .* sampling_time = 0.0001 s"):
         KalmanFilter(BEARING).run(slow)
     without_u = Record(RECORD.t, {"y": RECORD["y"]})
     with pytest.raises(ambkit.RecordError, match="no signal u; it has y"):

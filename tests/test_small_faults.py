@@ -161,6 +161,20 @@ def test_what_does_not_fit_is_named_in_a_line(call: Any, said: str, tmp_path: Pa
         call(tmp_path / "c")
 
 
+def test_tune_names_a_sampling_time_that_is_not_the_records(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It ended with "this is an error of ambkit"."""
+    from ambkit.cli.main import main
+
+    log = tmp_path / "slow.csv"
+    log.write_text("t [s],y [mm],u [V]\n" + "".join(f"{k / 1000},0.1,0\n" for k in range(900)))
+    with pytest.raises(SystemExit) as left:
+        main(["tune", "zittau_axial", str(log), "--budget", "2"])
+    assert left.value.code == 2
+    assert "is sampled every 0.001 s, but 'zittau_axial'" in capsys.readouterr().err
+
+
 def test_a_document_that_never_ends_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """``ambkit simulate <(yes)`` read on until it was killed."""
     monkeypatch.setenv("AMBKIT_READ_MEMORY", "1 GB")

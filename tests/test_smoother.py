@@ -10,6 +10,7 @@ from filter_cases import full
 
 import ambkit
 from ambkit import Bearing, Estimate, Record, Scenario, Status
+from ambkit.base.errors import RecordError
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.linear_model import LinearModel
 from ambkit.estimate.registry import KINDS
@@ -206,5 +207,5 @@ def test_a_short_record() -> None:
 
 def test_it_asks_for_the_record_s_own_sampling_time() -> None:
     slow = Record(2 * RECORD.t, {"y": RECORD["y"], "u": RECORD["u"]})
-    with pytest.raises(ValueError, match="sampling_time"):
+    with pytest.raises(RecordError, match="sampling_time"):
         KINDS["linear"].make(BEARING).smooth(slow)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base import late_binding
 from ambkit.base.arrays import real
+from ambkit.base.errors import RecordError
 from ambkit.base.pickling import Copyable
 from ambkit.base.quantity_arguments import of_type
 from ambkit.data.input_scaling import Inputs, Scaling
@@ -484,7 +485,7 @@ class Estimator(Described, Copyable):
 
         Raises
         ------
-        ValueError
+        RecordError
             Where the record's sampling time is not the bearing's.
         """
         y, u = self._start(record)
@@ -574,8 +575,9 @@ class Estimator(Described, Copyable):
         Raises
         ------
         ValueError
-            This kind has no covariance that the smoother could go back by; or the record's sampling
-            time is not the bearing's.
+            This kind has no covariance that the smoother could go back by.
+        RecordError
+            The record's sampling time is not the bearing's.
         """
         if not self.smooths:
             raise ValueError(
@@ -679,12 +681,12 @@ class Estimator(Described, Copyable):
 
 
 def check_sampling(bearing: Machine, record: Record) -> None:
-    """Raise ValueError where the record was not sampled as the bearing says."""
+    """Refuse a record that was not sampled as the bearing says."""
     if len(record.t) < 2:
         return
     T = float(record.t[-1] - record.t[0]) / (len(record.t) - 1)
     if abs(T - bearing.sampling_time) > 1e-3 * bearing.sampling_time:
-        raise ValueError(
+        raise RecordError(
             f"the record is sampled every {T:.6g} s, but {bearing.name!r} has "
             f"sampling_time = {bearing.sampling_time:.6g} s"
         )

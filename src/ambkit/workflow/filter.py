@@ -291,10 +291,10 @@ def filter(
     TypeError
         `bearing` is no bearing, or `record` no record.
     RecordError
-        See :func:`ambkit.judge.evaluation.evaluate`.
+        The record's sampling time is not the bearing's, or see
+        :func:`ambkit.judge.evaluation.evaluate`.
     ValueError
-        `tune` or `settling` is out of its range, `tune` beside ``noise.disturbance``, or the
-        record's sampling time is not the bearing's.
+        `tune` or `settling` is out of its range, or `tune` beside ``noise.disturbance``.
 
     Examples
     --------
