@@ -1,6 +1,7 @@
-#include "magnets.h"
+#include "laws.h"
 
 #include <algorithm>
+#include <nanobind/stl/string.h>
 
 extern "C" {
 #include "ambkit/phi.h"
@@ -15,6 +16,10 @@ struct Constant : Magnet {
   {
     magnet = {&amb_constant_magnet, &k};
   }
+  InC in_c() const override
+  {
+    return {"amb_stiffness", "amb_constant_magnet", "magnet", "constant stiffnesses"};
+  }
   Named parameters() const override
   {
     nb::dict d;
@@ -24,46 +29,48 @@ struct Constant : Magnet {
   }
 };
 
-// What all force laws have in common, by the names of the fields.
-template <typename Of> nb::dict shown_law(const Of &law)
-{
-  nb::dict d;
-  d["k"] = law.k;
-  d["s0"] = law.s0;
-  d["i0"] = law.i0;
-  d["two_sided"] = law.two_sided;
-  d["ampere"] = law.ampere;
-  d["metre"] = law.metre;
-  return d;
-}
-
 struct Law : Magnet {
-  amb_law law;
-  Law(amb_real k, amb_real s0, amb_real i0, bool two_sided, amb_real ampere, amb_real metre)
-      : law{k, s0, i0, two_sided, ampere, metre}
+  const LawInCore *of = nullptr;
+  std::vector<std::max_align_t> room; // the struct
+  char *at(size_t offset)
   {
-    magnet = {&amb_law_magnet, &law};
+    return reinterpret_cast<char *>(room.data()) + offset;
+  }
+  const char *at(size_t offset) const
+  {
+    return reinterpret_cast<const char *>(room.data()) + offset;
+  }
+  Law(const std::string &name, const nb::kwargs &fields)
+  {
+    for (const LawInCore &law : of_laws)
+      if (name == law.name)
+        of = &law;
+    if (of == nullptr)
+      throw std::invalid_argument("there is no law " + name);
+    if (fields.size() != of->fields.size())
+      throw std::invalid_argument("the law " + name + " has " + std::to_string(of->fields.size()) +
+                                  " fields, got " + std::to_string(fields.size()));
+    room.resize(of->size / sizeof(std::max_align_t) + 1);
+    for (const LawInCore::Field &field : of->fields)
+      if (field.is_bool)
+        new (at(field.offset)) bool(nb::cast<bool>(fields[field.name]));
+      else
+        new (at(field.offset)) amb_real(nb::cast<amb_real>(fields[field.name]));
+    magnet = {of->methods, room.data()};
   }
   Named parameters() const override
   {
-    return shown_law(law);
-  }
-};
-
-struct Saturating : Magnet {
-  amb_saturating_law law;
-  Saturating(amb_real k, amb_real s0, amb_real i0, amb_real iron, amb_real knee, bool two_sided,
-             amb_real ampere, amb_real metre)
-      : law{k, s0, i0, iron, knee, two_sided, ampere, metre}
-  {
-    magnet = {&amb_saturating_magnet, &law};
-  }
-  Named parameters() const override
-  {
-    nb::dict d = shown_law(law);
-    d["iron"] = law.iron;
-    d["knee"] = law.knee;
+    nb::dict d;
+    for (const LawInCore::Field &field : of->fields)
+      if (field.is_bool)
+        d[field.name] = *reinterpret_cast<const bool *>(at(field.offset));
+      else
+        d[field.name] = *reinterpret_cast<const amb_real *>(at(field.offset));
     return d;
+  }
+  InC in_c() const override
+  {
+    return of->in_c;
   }
 };
 
@@ -91,6 +98,10 @@ struct Table : Magnet {
     magnet = {&amb_table_magnet, &table};
   }
 
+  InC in_c() const override
+  {
+    return {"amb_table", "amb_table_magnet", "table", "bilinear stiffness tables"};
+  }
   Named parameters() const override
   {
     Fresh<amb_real> pairs({nodes.size(), 2});
@@ -141,6 +152,10 @@ struct Surface : Magnet {
     magnet = {&amb_surface_magnet, &surface};
   }
 
+  InC in_c() const override
+  {
+    return {"amb_surface", "amb_surface_magnet", "surface", "a smooth force map"};
+  }
   Named parameters() const override
   {
     Fresh<amb_real> rows({nodes.size(), 4});
@@ -196,6 +211,10 @@ struct Fuzzy : Magnet {
     magnet = {&amb_fuzzy_magnet, &net};
   }
 
+  InC in_c() const override
+  {
+    return {"amb_fuzzy", "amb_fuzzy_magnet", "fuzzy", "the fuzzy expert"};
+  }
   Named parameters() const override
   {
     const size_t n = centre_iu.size();
@@ -280,16 +299,20 @@ void bind_magnets(nb::module_ &m)
           },
           nb::arg("iu"), nb::arg("x"), "k_i = dF/diu [N/A], k_s = dF/dx [N/m].")
       .def_prop_ro("parameters", &Magnet::parameters, nb::rv_policy::move,
-                   "What the C struct holds, by the names of its fields.");
+                   "What the C struct holds, by the names of its fields.")
+      .def_prop_ro(
+          "in_c",
+          [](const Magnet &self) {
+            const InC c = self.in_c();
+            return nb::typed<nb::tuple, nb::str, nb::str, nb::str, nb::str>(
+                nb::make_tuple(c.type, c.methods, c.source, c.about));
+          },
+          "How it is called in C: struct, methods, header and source, and what it is.");
   nb::class_<Constant, Magnet>(m, "Constant", "Constant stiffness (paper, eq. 14).")
       .def(nb::init<amb_real, amb_real>(), nb::arg("k_i"), nb::arg("k_s"));
-  nb::class_<Law, Magnet>(m, "Law", "The closed force law (paper, eq. 1).")
-      .def(nb::init<amb_real, amb_real, amb_real, bool, amb_real, amb_real>(), nb::arg("k"),
-           nb::arg("s0"), nb::arg("i0"), nb::arg("two_sided"), nb::arg("ampere"), nb::arg("metre"));
-  nb::class_<Saturating, Magnet>(m, "Saturating", "Iron that saturates (ambkit/saturating.h).")
-      .def(nb::init<amb_real, amb_real, amb_real, amb_real, amb_real, bool, amb_real, amb_real>(),
-           nb::arg("k"), nb::arg("s0"), nb::arg("i0"), nb::arg("iron"), nb::arg("knee"),
-           nb::arg("two_sided"), nb::arg("ampere"), nb::arg("metre"));
+  nb::class_<Law, Magnet>(m, "Law", "A force law (models/laws), by its name and fields.")
+      .def(nb::init<const std::string &, const nb::kwargs &>(),
+           nb::sig("def __init__(self, name: str, **fields: float) -> None"));
   nb::class_<Table, Magnet>(m, "Table", "Bilinear stiffness tables, rows of x.")
       .def(nb::init<amb_real, amb_real, amb_real, amb_real, const Matrix &, const Matrix &>(),
            nb::arg("x_min"), nb::arg("dx"), nb::arg("iu_min"), nb::arg("diu"), nb::arg("k_i"),

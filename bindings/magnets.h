@@ -5,10 +5,29 @@
 
 extern "C" {
 #include "ambkit/fuzzy.h"
-#include "ambkit/saturating.h"
 #include "ambkit/surface.h"
 #include "ambkit/table.h"
 }
+
+// How a magnet of the core is called in C: its struct and methods, its header and source, and what
+// it is.
+struct InC {
+  const char *type, *methods, *source, *about;
+};
+
+// A law of models/laws, and where the fields of its struct are.
+struct LawInCore {
+  const char *name;
+  InC in_c;
+  const amb_magnet_methods *methods;
+  size_t size;
+  struct Field {
+    const char *name;
+    size_t offset;
+    bool is_bool;
+  };
+  std::vector<Field> fields;
+};
 
 struct Magnet {
   amb_magnet magnet{};
@@ -16,4 +35,5 @@ struct Magnet {
   Magnet() = default;
   Magnet(const Magnet &) = delete;      // `magnet.self` points into the object
   virtual Named parameters() const = 0; // the fields of what `magnet.self` points to
+  virtual InC in_c() const = 0;
 };

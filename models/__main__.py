@@ -1,4 +1,4 @@
-"""Write core/generated/ from the models: ``python -m models`` (``--check`` only compares)."""
+"""Write what follows from the models: ``python -m models`` (``--check`` only compares)."""
 
 import shutil
 import subprocess
@@ -12,18 +12,21 @@ from ambkit.models.parts import Amplifier, Disturbance, MagnetPlace, Rotor, Sens
 from models.axial import axial
 from models.closed import initialisation
 from models.exponential import exponential_header
-from models.laws import LAWS
-from models.laws import law as force_law
+from models.laws import LAWS, written
 
 ROOT = Path(__file__).resolve().parent.parent
-GENERATED = ROOT / "core" / "generated"
+GENERATED = "core/generated"
 BY = "`python -m models`"
 
 
-def formatted(text: str) -> str:
-    """Return C as clang-format writes it with the project's style."""
-    tool = shutil.which("clang-format", path=str(Path(sys.executable).parent)) or "clang-format"
-    command = [tool, f"--style=file:{ROOT / '.clang-format'}"]
+def formatted(text: str, name: str) -> str:
+    """Return C as clang-format writes it with the project's style, and Python as ruff does."""
+    tool = "ruff" if name.endswith(".py") else "clang-format"
+    options = ["format", "--line-length=100", "-"] if tool == "ruff" else [
+        f"--style=file:{ROOT / '.clang-format'}", f"--assume-filename={name}",
+    ]  # fmt: skip
+    program = shutil.which(tool, path=str(Path(sys.executable).parent)) or tool
+    command = [program, *options]
     return subprocess.run(command, input=text, capture_output=True, text=True, check=True).stdout
 
 
@@ -43,16 +46,27 @@ def axial_headers() -> dict[str, str]:
     }
 
 
+def texts() -> dict[str, str]:
+    """Return all that is written, by its place in the checkout."""
+    results = {f"{GENERATED}/exponential.h": exponential_header()}
+    results |= {f"{GENERATED}/{name}": text for name, text in axial_headers().items()}
+    for law in LAWS:
+        results[f"{GENERATED}/{law.name}_law.h"] = written.header(law)
+        results[f"core/include/ambkit/{law.name}.h"] = written.declaration(law)
+        results[f"core/src/{law.name}.c"] = written.methods(law)
+    results["bindings/laws.h"] = written.binding(LAWS)
+    results["src/ambkit/machine/laws.py"] = written.python(LAWS)
+    return results
+
+
 def main() -> int:
-    """Write, or compare, all headers; return 1 where a committed file is stale."""
+    """Write, or compare, all files; return 1 where a committed file is stale."""
     stale = 0
-    written = {"exponential.h": exponential_header()} | axial_headers()
-    written |= {f"{law.name}.h": force_law.header(law) for law in LAWS}
-    for name, unformatted in written.items():
-        path, text = GENERATED / name, formatted(unformatted)
+    for name, unformatted in texts().items():
+        path, text = ROOT / name, formatted(unformatted, name)
         if "--check" in sys.argv:
             if not path.exists() or path.read_text() != text:
-                print(f"{path.relative_to(ROOT)} is not what the models say", file=sys.stderr)
+                print(f"{name} is not what the models say", file=sys.stderr)
                 stale = 1
         else:
             path.write_text(text)

@@ -1,4 +1,5 @@
 #include "batch.h"
+#include "ambkit/closed.h"
 #include "ambkit/low_pass.h"
 #include "ambkit/observer.h"
 #include "lanes_run.h"

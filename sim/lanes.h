@@ -51,6 +51,7 @@ typedef struct lanes_law {
 #define amb_law lanes_law
 #define amb_law_force lanes_law_force
 #define amb_law_tangent lanes_law_tangent
+#define amb_law_regressor lanes_law_regressor
 #define amb_law_force_one_sided lanes_law_force_one_sided
 #define amb_turn_square lanes_turn_square
 #define amb_turn lanes_turn
@@ -79,6 +80,7 @@ typedef struct lanes_law {
 #undef amb_law
 #undef amb_law_force
 #undef amb_law_tangent
+#undef amb_law_regressor
 #undef amb_law_force_one_sided
 #undef amb_turn_square
 #undef amb_turn

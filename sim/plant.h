@@ -10,7 +10,7 @@
 #ifndef AMBKIT_SIM_PLANT_H
 #define AMBKIT_SIM_PLANT_H
 
-#include "ambkit/magnet.h"
+#include "ambkit/closed.h"
 #include "ambkit/model.h"
 #include "parts.h"
 

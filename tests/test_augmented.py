@@ -159,7 +159,15 @@ def test_metres_and_micrometres_give_one_answer() -> None:
     def means(name: str, um: float) -> Any:
         s, k = oracles.settings_of(BEARING), magnet.magnet_constant
         s |= {"m": s["m"] / um, "var_y": s["var_y"] * um**2, "x_max": s["x_max"] * um}
-        law = core.Law(k * um**2, magnet.air_gap * um, magnet.bias_current, True, 1.0, 1e-3 * um)
+        law = core.Law(
+            "closed",
+            k=k * um**2,
+            s0=magnet.air_gap * um,
+            i0=magnet.bias_current,
+            two_sided=True,
+            ampere=1.0,
+            metre=1e-3 * um,
+        )
         estimator = made(core, name, law, s, **own[name])
         length = np.array([um, um, 1.0, um])
         estimator.reset(np.zeros(4), length * np.array([3e-5, 1e-2, 5.0, 3e-5]))

@@ -40,8 +40,10 @@ def test_metres_and_micrometres_give_one_answer(adaptive: bool) -> None:
     um, r, core = 1e6, moving_record(2.0), core_module()
     k, s0, i0 = 6.7e-6, 2e-3, 1.5
     if adaptive:
-        in_m = core.Law(k, s0, i0, True, 1.0, 1e-3)
-        in_um = core.Law(k * um**2, s0 * um, i0, True, 1.0, 1e-3 * um)
+        in_m = core.Law("closed", k=k, s0=s0, i0=i0, two_sided=True, ampere=1.0, metre=1e-3)
+        in_um = core.Law(
+            "closed", k=k * um**2, s0=s0 * um, i0=i0, two_sided=True, ampere=1.0, metre=1e-3 * um
+        )
         given_m = given_um = {}
     else:
         in_m, in_um = core.Constant(1, 1), core.Constant(1, 1)

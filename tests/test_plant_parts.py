@@ -45,7 +45,7 @@ ALL: dict[str, Any] = {
 
 def law(**changes: Any) -> Any:
     fields = {"k": K, "s0": S0, "i0": I0, "two_sided": True, "ampere": 1.0, "metre": 1e-3}
-    return core_module().Law(**(fields | changes))
+    return core_module().Law("closed", **(fields | changes))
 
 
 def driven(

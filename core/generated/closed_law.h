@@ -1,9 +1,8 @@
-/* The closed force law (paper, eq. 1), without a branch: sim/lanes.h compiles it once more, with
- * vectors. Written by `python -m models`; do not edit. */
+/* The closed force law (models/laws/closed.py). Written by `python -m models`; do not edit. */
 #ifndef AMBKIT_GENERATED_CLOSED_LAW_H
 #define AMBKIT_GENERATED_CLOSED_LAW_H
 
-#include "ambkit/magnet.h"
+#include "ambkit/closed.h"
 
 /* F of two sides, as a product, a^2 - b^2 = (a + b)(a - b): no cancellation near the origin. */
 AMB_INLINE amb_real amb_law_force(const amb_law *law, amb_real iu, amb_real x)
@@ -39,6 +38,16 @@ AMB_INLINE void amb_law_tangent(const amb_law *law, amb_real there, amb_real iu,
   const amb_real b = (i0 - iu) * other;
   *k_i = AMB_C(2.0) * k * (a * own + there * b * other);
   *k_s = AMB_C(2.0) * k * (a * a * own + there * b * b * other);
+}
+
+/* What multiplies k in the force, bias force and all (paper, eq. 25). */
+AMB_INLINE amb_real amb_law_regressor(const amb_law *law, amb_real there, amb_real iu, amb_real x)
+{
+  const amb_real s0 = law->s0;
+  const amb_real i0 = law->i0;
+  const amb_real own = (i0 + iu) / (s0 - x);
+  const amb_real other = (i0 - iu) / (s0 + x);
+  return own * own - there * (other * other);
 }
 
 #endif

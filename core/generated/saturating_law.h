@@ -1,8 +1,9 @@
-/* The force law of iron that saturates (Froehlich 1881). Written by `python -m models`; do not
- * edit. */
+/* The force law of saturating iron (models/laws/saturating.py). Written by `python -m models`; do
+ * not edit. */
 #ifndef AMBKIT_GENERATED_SATURATING_LAW_H
 #define AMBKIT_GENERATED_SATURATING_LAW_H
 
+#include "ambkit/root.h"
 #include "ambkit/saturating.h"
 
 /* F - F(0, 0) of two sides, as a product, a^2 - b^2 = (a + b)(a - b). */

@@ -1,11 +1,18 @@
 #include "ambkit/adaline.h"
 #include "ambkit/exponential.h"
+#include "generated/closed_law.h"
 
 void amb_adaline_reset(amb_adaline_state *state, amb_real k)
 {
   const amb_adaline_state fresh = {0};
   *state = fresh;
   state->k = k;
+}
+
+/* Whole force over k. */
+static amb_real regressor(const amb_law *law, amb_real iu, amb_real x)
+{
+  return amb_law_regressor(law, law->two_sided ? AMB_C(1.0) : AMB_C(0.0), iu, x);
 }
 
 /* Critically damped low-pass z'' = w^2 (input - z) - 2 w z', exact for an input held over T. */
@@ -38,7 +45,7 @@ amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *s, amb_real
   if (!s->started) {
     s->last_y = now;
     s->x = now;
-    s->phi = amb_law_regressor(&a->law, iu, now);
+    s->phi = regressor(&a->law, iu, now);
     s->phi_shown = s->phi;
     s->phi_late = s->phi;
     s->load = s->load_shown = f_d;
@@ -52,7 +59,7 @@ amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *s, amb_real
    * than its mean. */
   const amb_real place = AMB_C(0.5) * (s->last_y + now);
   s->last_y = now;
-  const amb_real phi = sensed(a, amb_law_regressor(&a->law, iu, place), &s->phi_shown);
+  const amb_real phi = sensed(a, regressor(&a->law, iu, place), &s->phi_shown);
   const amb_real load = sensed(a, f_d, &s->load_shown);
 
   const amb_real keep = amb_exp_negative(a->bandwidth * a->T);

@@ -103,17 +103,11 @@ static amb_stiffness surface_through_origin(const void *self, amb_real iu, amb_r
 {
   const amb_surface *s = (const amb_surface *)self;
   amb_real force;
-  amb_stiffness k = ask(s, iu, x, &force);
-  const amb_real square = amb_turn_square(s->ampere, s->metre, iu, x);
-  if (square < NEAR) {
+  const amb_stiffness k = ask(s, iu, x, &force);
+  if (amb_turn_square(s->ampere, s->metre, iu, x) < NEAR) {
     force = surface_force(self, iu, x);
   }
-  if (square >= AMB_TURN_LEAST) {
-    amb_turn(s->ampere, s->metre, force, square, iu, x, &k.k_i, &k.k_s);
-    k.k_i = amb_clamp(k.k_i, -AMB_STIFFEST, AMB_STIFFEST);
-    k.k_s = amb_clamp(k.k_s, -AMB_STIFFEST, AMB_STIFFEST);
-  }
-  return k;
+  return amb_through_origin(s->ampere, s->metre, force, k, iu, x);
 }
 
 const amb_magnet_methods amb_surface_magnet = {surface_force, surface_through_origin,

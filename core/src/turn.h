@@ -36,4 +36,20 @@ AMB_INLINE void amb_turn(amb_real ampere, amb_real metre, amb_real force, amb_re
   *k_s = (along * q + across * p) / metre;
 }
 
+#if !defined(AMB_SIDE_BY_SIDE)
+/* The through-origin form of a magnet with this force and these tangents at (iu, x). */
+AMB_INLINE amb_stiffness amb_through_origin(amb_real ampere, amb_real metre, amb_real force,
+                                            amb_stiffness tangent, amb_real iu, amb_real x)
+{
+  amb_stiffness k = tangent;
+  const amb_real square = amb_turn_square(ampere, metre, iu, x);
+  if (square >= AMB_TURN_LEAST) {
+    amb_turn(ampere, metre, force, square, iu, x, &k.k_i, &k.k_s);
+    k.k_i = amb_clamp(k.k_i, -AMB_STIFFEST, AMB_STIFFEST);
+    k.k_s = amb_clamp(k.k_s, -AMB_STIFFEST, AMB_STIFFEST);
+  }
+  return k;
+}
+#endif
+
 #endif

@@ -1,13 +1,12 @@
-"""From a force law to the C that computes it.
+"""A force law: its statement, and its functions as they are computed.
 
 A law is stated as physics has it. Computed so, it would lose all digits near the origin, where two
 equal pulls are subtracted. So each function is written out as steps, in the order in which the C
-adds and multiplies, and is held to the law: `header` refuses steps that are not the force of the
+adds and multiplies, and is held to the law: `check` refuses steps that are not the force of the
 statement, or not its derivatives as SymPy finds them.
 """
 
 import random
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -24,12 +23,43 @@ DIGITS, POINTS = 60, 5
 
 
 @dataclass(frozen=True)
+class Parameter:
+    """A parameter of a law.
+
+    Attributes
+    ----------
+    symbol : Symbol
+        In the equations, and the field of the C struct.
+    about : str
+        What it is, with its unit.
+    value : str
+        Its value in Python, from ``m``, the ``[magnet]`` of a machine.
+    """
+
+    symbol: Expr
+    about: str
+    value: str
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of ``[magnet]`` that only this law needs: it may be absent."""
+
+    name: str
+    unit: str
+    example: str
+    about: str
+
+
+@dataclass(frozen=True)
 class Function:
     """A function of a law, as it is computed.
 
     Attributes
     ----------
-    name, about : str
+    name : {"force", "force_one_sided", "tangent", ...}
+        Its name in C, behind that of the law. `force` and `tangent` must be there.
+    about : str
         In C.
     steps : tuple of (str, str)
         Intermediate results in their order: name, expression.
@@ -49,14 +79,56 @@ class Function:
 
 @dataclass(frozen=True)
 class Law:
-    """A force law: its parameters in C and its functions."""
+    """A force law.
+
+    Attributes
+    ----------
+    name : str
+        As of its files.
+    about, reference : str
+        What it is, and where it is published.
+    parameters : tuple of Parameter
+        In the order of the C struct.
+    functions : tuple of Function
+        As they are computed.
+    holds_for : str
+        Which magnets it is the law of: a condition in Python on ``m``. The closed law has none,
+        and holds where no other does.
+    keys : tuple of Key
+        What it adds to ``[magnet]``.
+    stem, struct : str
+        In C, where they are not ``amb_NAME`` and ``amb_NAME_law``.
+    """
 
     name: str
     about: str
-    struct: str
-    include: str
-    parameters: tuple[Expr, ...]
+    parameters: tuple[Parameter, ...]
     functions: tuple[Function, ...]
+    holds_for: str = ""
+    keys: tuple[Key, ...] = ()
+    reference: str = ""
+    stem: str = ""
+    struct: str = ""
+
+    @property
+    def title(self) -> str:
+        """What it is, at the start of a sentence."""
+        return self.about[0].upper() + self.about[1:]
+
+    @property
+    def prefix(self) -> str:
+        """What its names in C begin with."""
+        return self.stem or f"amb_{self.name}"
+
+    @property
+    def type(self) -> str:
+        """Its struct in C."""
+        return self.struct or f"{self.prefix}_law"
+
+    @property
+    def symbols(self) -> list[Expr]:
+        """Its parameters in the equations."""
+        return [item.symbol for item in self.parameters]
 
 
 def two_sides(side: Expr, gap: Expr, current: Expr) -> Expr:
@@ -71,42 +143,6 @@ def relative(force: Expr) -> Expr:
     return force - force.subs({iu: 0, x: 0})
 
 
-def header(law: Law) -> str:
-    """Return the text of ``core/generated/<name>.h``."""
-    guard = f"AMBKIT_GENERATED_{law.name.upper()}_H"
-    return "\n".join([
-        f"/* {law.about}. Written by `python -m models`; do not edit. */",
-        f"#ifndef {guard}\n#define {guard}\n",
-        f'#include "{law.include}"\n',
-        *(_function(law, one) for one in law.functions),
-        "#endif\n",
-    ])  # fmt: skip
-
-
-def _function(law: Law, f: Function) -> str:
-    check(law, f)
-    values = {name: text for name, (text, _) in f.results.items()}
-    whole = " ".join([*(text for _, text in f.steps), *values.values()])
-    used = set(re.findall(r"[A-Za-z_]\w*", whole))
-    lines = [f"const amb_real {p} = law->{p};" for p in law.parameters if str(p) in used]
-    lines += [f"const amb_real {name} = {_c(text)};" for name, text in f.steps]
-    lines += [
-        f"return {_c(text)};" if name == "return" else f"*{name} = {_c(text)};"
-        for name, text in values.items()
-    ]
-    given = [f"const {law.struct} *law", *(f"amb_real {s}" for s in (*f.more, iu, x))]
-    given += [f"amb_real *{name}" for name in values if name != "return"]
-    kind = "amb_real" if "return" in values else "void"
-    body = "\n".join(f"  {line}" for line in lines)
-    return f"/* {f.about} */\nAMB_INLINE {kind} {f.name}({', '.join(given)})\n{{\n{body}\n}}\n"
-
-
-def _c(text: str) -> str:
-    """Return an expression as C of either precision."""
-    text = re.sub(r"(?<![\w.])(\d+)(?:\.0)?(?![\w.])", r"AMB_C(\1.0)", text)
-    return re.sub(r"\bsqrt\(", "amb_root(", text)
-
-
 def check(law: Law, f: Function) -> None:
     """Refuse a function that does not compute what the law says.
 
@@ -115,12 +151,12 @@ def check(law: Law, f: Function) -> None:
     ValueError
         With the name of the function and of the result.
     """
-    known = {str(s): s for s in (*law.parameters, there, iu, x)}
+    known = {str(s): s for s in (*law.symbols, there, iu, x)}
     for name, text in f.steps:
         known[name] = sp.sympify(text, known)
     for name, (text, stated) in f.results.items():
         off = sp.sympify(text, known) - stated
-        for place in _places([*law.parameters, *f.more, iu, x]):
+        for place in _places([*law.symbols, *f.more, iu, x]):
             if abs(sp.N(off.subs(place), DIGITS)) > sp.Float(10) ** (20 - DIGITS):
                 raise ValueError(f"{f.name}: {name} is not that of the law, at {place}")
 

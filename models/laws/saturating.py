@@ -14,7 +14,8 @@ tangents are short, because h solves ``h^2 - (g + e + c i) h + g c i = 0``.
 
 import sympy as sp
 
-from models.laws.law import Function, Law, i0, iu, k, relative, s0, there, two_sides, x
+from models.laws.closed import I0, S0, K
+from models.laws.law import Function, Law, Parameter, iu, k, relative, there, two_sides, x
 
 gap, current = sp.symbols("gap current")
 iron, knee = sp.symbols("iron knee")
@@ -64,7 +65,7 @@ def product(gap: str, current: str, by_gap: str, by_current: str) -> Function:
     )
     sides = "two sides" if two else "one side"
     return Function(
-        "amb_saturating_force" + ("" if two else "_one_sided"),
+        "force" + ("" if two else "_one_sided"),
         f"F - F(0, 0) of {sides}, as a product, a^2 - b^2 = (a + b)(a - b).",
         steps,
         {
@@ -77,16 +78,31 @@ def product(gap: str, current: str, by_gap: str, by_current: str) -> Function:
 
 
 saturating = Law(
-    name="saturating_law",
-    about="The force law of iron that saturates (Froehlich 1881)",
-    struct="amb_saturating_law",
-    include="ambkit/saturating.h",
-    parameters=(k, s0, i0, iron, knee),
+    name="saturating",
+    about="the force law of saturating iron",
+    parameters=(
+        K,
+        S0,
+        I0,
+        Parameter(
+            iron,
+            "e, the iron as so much more gap, length / (2 mu_r) [m], > 0",
+            "(m.iron_length or 0.0) / (2 * (m.relative_permeability or math.inf))",
+        ),
+        Parameter(
+            knee,
+            "c, mu0 N / (2 Bs): c i is the gap at which i saturates ideal iron [m/A]",
+            "MU_0 * (m.turns or 0) / (2 * (m.saturation or math.inf))",
+        ),
+    ),
+    holds_for="m.saturation is not None",
+    reference="Froehlich, Investigations of dynamoelectric machines and electric power "
+    "transmission, 1881.",
     functions=(
         product("s0 + x", "i0 - iu", "-2 * x", "2 * iu"),
         product("s0", "i0", "-x", "iu"),
         Function(
-            "amb_saturating_tangent",
+            "tangent",
             "dF/diu and dF/dx; `there` is 1, or 0 where there is no magnet on the other side.",
             (
                 *side(1, "s0 - x", "i0 + iu"),

@@ -23,20 +23,21 @@ class Magnet:
     def parameters(self) -> dict[str, Any]:
         """What the C struct holds, by the names of its fields."""
 
+    @property
+    def in_c(self) -> tuple[str, str, str, str]:
+        """
+        How it is called in C: struct, methods, header and source, and what it is.
+        """
+
 class Constant(Magnet):
     """Constant stiffness (paper, eq. 14)."""
 
     def __init__(self, k_i: float, k_s: float) -> None: ...
 
 class Law(Magnet):
-    """The closed force law (paper, eq. 1)."""
+    """A force law (models/laws), by its name and fields."""
 
-    def __init__(self, k: float, s0: float, i0: float, two_sided: bool, ampere: float, metre: float) -> None: ...
-
-class Saturating(Magnet):
-    """Iron that saturates (ambkit/saturating.h)."""
-
-    def __init__(self, k: float, s0: float, i0: float, iron: float, knee: float, two_sided: bool, ampere: float, metre: float) -> None: ...
+    def __init__(self, name: str, **fields: float) -> None: ...
 
 class Table(Magnet):
     """Bilinear stiffness tables, rows of x."""

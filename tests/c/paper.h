@@ -2,6 +2,7 @@
 #ifndef AMBKIT_TESTS_PAPER_H
 #define AMBKIT_TESTS_PAPER_H
 
+#include "ambkit/closed.h"
 #include "axis.h"
 
 #define PAPER_T AMB_C(1e-4)

@@ -21,7 +21,7 @@
 #ifndef AMBKIT_ADALINE_H
 #define AMBKIT_ADALINE_H
 
-#include "ambkit/magnet.h"
+#include "ambkit/closed.h"
 #include "ambkit/status.h"
 
 #ifdef __cplusplus

@@ -43,21 +43,6 @@ typedef struct amb_magnet {
 /* ---- Constant stiffness (paper, eq. 14): `self` is an amb_stiffness. ---- */
 extern const amb_magnet_methods amb_constant_magnet;
 
-/* ---- The closed law (paper, eq. 1, first equality): `self` is an amb_law. ---- */
-typedef struct amb_law {
-  amb_real k;      /* magnet constant, mu0 A N^2 / 4 [N m^2/A^2] */
-  amb_real s0;     /* nominal air gap [m] */
-  amb_real i0;     /* bias current [A] */
-  bool two_sided;  /* two magnets in differential mode; else one, against gravity */
-  amb_real ampere; /* what the through-origin form takes for equally far: [A] ... */
-  amb_real metre;  /* ... and [m]; the paper's least squares steps 0.01 A and 0.01 mm */
-} amb_law;
-
-extern const amb_magnet_methods amb_law_magnet;
-
-/* Whole force of the magnet, bias force and all [N]: k times the regressor. */
-amb_real amb_law_regressor(const amb_law *law, amb_real iu, amb_real x);
-
 #ifdef __cplusplus
 }
 #endif

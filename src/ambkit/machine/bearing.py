@@ -20,6 +20,7 @@ from ambkit.base.config.quantities import InOther, Quantity, WordOrQuantity
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine.accessories import ColouredNoise, Hum, Runout
+from ambkit.machine.laws import LawKeys
 from ambkit.machine.magnets import MU_0, magnet_of
 
 GRAVITY = 9.81
@@ -49,7 +50,7 @@ FILES = ("force_map", "force_channels")
 """What names a file."""
 
 
-class Magnet(Part):
+class Magnet(LawKeys):
     """The electromagnets of one axis, and the law of their force."""
 
     # With the magnet constant k, the bias current i0, the gap s0, the control current iu and the

@@ -1,4 +1,4 @@
-"""Force laws of a magnet: that of ideal iron, and that of iron that saturates.
+"""What force laws have in common; the laws are in `ambkit.machine.laws`.
 
 Each model of a magnet (these, :class:`ambkit.StiffnessMap`, :class:`ambkit.Expert`) has the
 method ``in_core(core)`` that builds the C implementation of ``ambkit/magnet.h`` from it.
@@ -10,13 +10,12 @@ import math
 from dataclasses import dataclass
 from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
-from ambkit.base.errors import AmbkitError
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -81,14 +80,11 @@ class Law:
     """The force of a bearing's magnet, as the C core computes it."""
 
     bearing: Bearing
-
-    @classmethod
-    def holds_for(cls, magnet: Any) -> bool:
-        """Whether this is the law of a ``[magnet]``."""
-        raise NotImplementedError
+    ideal: ClassVar[bool] = False
+    """Whether it is that of ideal iron, in which ADALINE and a coil's voltage are stated."""
 
     def of_one_coil(self) -> dict[str, Any] | None:
-        """Return the fields of the law of one coil alone; None where only their sum is known."""
+        """Return the fields of the law of one coil; None where only their sum is known."""
         return None
 
     def in_core(self, core: ModuleType) -> Magnet:
@@ -206,75 +202,40 @@ class Law:
 
 
 @dataclass(frozen=True)
-class ClosedLaw(Law):
-    """The force law of ideal iron (paper, eq. 1, first equality), two-sided or one-sided.
+class ForceLaw(Law):
+    """A force law of models/laws.
 
     Parameters
     ----------
-    bearing : Bearing
-        Gives magnet constant, air gap and bias current.
+    bearing : Machine
+        A machine of one axis, whose ``[magnet]``.
     """
 
     bearing: Bearing
+    name: ClassVar[str]
+    """As the core calls it."""
 
     @classmethod
-    def holds_for(cls, magnet: Any) -> bool:
-        """Whether the iron is ideal.
+    def holds_for(cls, m: Any) -> bool:
+        """Whether the keys of a ``[magnet]`` state this law."""
+        return False
 
-        Parameters
-        ----------
-        magnet : Magnet
-            The ``[magnet]`` of a bearing.
-        """
-        return magnet.saturation is None
+    @classmethod
+    def parameters_of(cls, m: Any) -> dict[str, float]:
+        """Return the parameters of a ``[magnet]``, by their names in C."""
+        raise NotImplementedError
 
-    def of_one_coil(self) -> dict[str, Any]:
-        """Return the fields of one coil's law."""
-        fields: dict[str, Any] = self.in_core(core_module()).parameters
-        return fields | {"two_sided": False}
-
-    def in_core(self, core: ModuleType) -> Magnet:
-        """Build the C implementation.
-
-        Parameters
-        ----------
-        core : module
-            The build of the core that computes, see `core_module`.
-        """
-        m = self.bearing.magnet
+    @property
+    def fields(self) -> dict[str, Any]:
+        """The fields of the core's struct."""
         ampere, metre = equally_far(self.bearing)
-        return core.Law(  # type: ignore[no-any-return]
-            m.magnet_constant, m.air_gap, m.bias_current, m.type == "two-sided", ampere, metre
-        )
+        m = self.bearing.magnet
+        common = {"two_sided": m.type == "two-sided", "ampere": ampere, "metre": metre}
+        return self.parameters_of(m) | common
 
-
-@dataclass(frozen=True)
-class SaturatingLaw(Law):
-    """The force law of iron of finite permeability that saturates, two-sided or one-sided.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Whose ``[magnet]`` has ``iron_length``, ``relative_permeability`` and ``saturation``;
-        without them it is the ideal law.
-
-    References
-    ----------
-    Froehlich, Investigations of dynamoelectric machines and electric power transmission, 1881.
-    """
-
-    bearing: Bearing
-
-    @classmethod
-    def holds_for(cls, magnet: Any) -> bool:
-        """Whether the iron saturates.
-
-        Parameters
-        ----------
-        magnet : Magnet
-            The ``[magnet]`` of a bearing.
-        """
-        return magnet.saturation is not None
+    def of_one_coil(self) -> dict[str, Any] | None:
+        """Return the fields of the law of one coil; None where only their sum is known."""
+        return self.fields | {"two_sided": False} if self.ideal else None
 
     def in_core(self, core: ModuleType) -> Magnet:
         """Build the C implementation.
@@ -284,32 +245,7 @@ class SaturatingLaw(Law):
         core : module
             The build of the core that computes, see `core_module`.
         """
-        m = self.bearing.magnet
-        # Ideal iron, where nothing is said of it.
-        iron = (m.iron_length or 0.0) / (2 * (m.relative_permeability or math.inf))
-        knee = MU_0 * (m.turns or 0) / (2 * (m.saturation or math.inf))
-        return core.Saturating(  # type: ignore[no-any-return]
-            m.magnet_constant,
-            m.air_gap,
-            m.bias_current,
-            iron,
-            knee,
-            m.type == "two-sided",
-            *equally_far(self.bearing),
-        )
-
-
-LAWS: tuple[type[ClosedLaw | SaturatingLaw], ...] = (ClosedLaw, SaturatingLaw)
-"""All laws; of each magnet one holds."""
-
-
-def law_of(bearing: Bearing) -> Law:
-    """Return the law that a bearing describes, without what a force map says of its magnet."""
-    results = [law for law in LAWS if law.holds_for(bearing.magnet)]
-    if len(results) != 1:
-        names = ", ".join(law.__name__ for law in results) or "none"
-        raise AmbkitError(f"a magnet must have one force law, has {names}")
-    return results[0](bearing)
+        return core.Law(self.name, **self.fields)  # type: ignore[no-any-return]
 
 
 def _evaluate(

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING
 
 from ambkit.machine.force_law import MU_0 as MU_0
 from ambkit.machine.force_law import Bearing as Bearing
-from ambkit.machine.force_law import ClosedLaw as ClosedLaw
 from ambkit.machine.force_law import Law as Law
 from ambkit.machine.force_law import MagnetModel as MagnetModel
 from ambkit.machine.force_law import Precision as Precision
-from ambkit.machine.force_law import SaturatingLaw as SaturatingLaw
 from ambkit.machine.force_law import core_module as core_module
 from ambkit.machine.force_law import equally_far as equally_far
 from ambkit.machine.force_law import evaluate_force as evaluate_force
 from ambkit.machine.force_law import evaluate_stiffness as evaluate_stiffness
-from ambkit.machine.force_law import law_of as law_of
 from ambkit.machine.forces.force_map import surface_of
+from ambkit.machine.law_choice import law_of as law_of
+from ambkit.machine.laws import ClosedLaw as ClosedLaw
+from ambkit.machine.laws import SaturatingLaw as SaturatingLaw
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet

@@ -117,7 +117,7 @@ class Plant:
             ],
             "behind": [[index[name] for name in behind.states] for behind in self.behind],
             "coils": [
-                None if fields is None else core.Law(**fields)
+                None if fields is None else core.Law("closed", **fields)
                 for fields in map(plant_parts.coil_fields, self.isolated)
             ],
             "base": [place.get(way, -1) for way in "xyz"],

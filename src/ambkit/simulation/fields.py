@@ -98,7 +98,7 @@ class StraightLine:
             "travel": bearing.rotor.clearance,
             "substeps": plant_parts.substeps(bearing, self.scenario.substeps),
             "parts": plant_parts.parts_of(bearing, precision),
-            "coil": None if self.coil is None else core.Law(**self.coil),
+            "coil": None if self.coil is None else core.Law("closed", **self.coil),
         }
 
 

@@ -31,19 +31,6 @@ class Kind(NamedTuple):
     about: str
 
 
-MAGNETS = {
-    "Constant": Kind("amb_stiffness", "amb_constant_magnet", "magnet", "constant stiffnesses"),
-    "Law": Kind("amb_law", "amb_law_magnet", "magnet", "the closed force law"),
-    "Saturating": Kind(
-        "amb_saturating_law", "amb_saturating_magnet", "saturating", "iron that saturates"
-    ),
-    "Table": Kind("amb_table", "amb_table_magnet", "table", "bilinear stiffness tables"),
-    "Surface": Kind("amb_surface", "amb_surface_magnet", "surface", "a smooth force map"),
-    "Fuzzy": Kind("amb_fuzzy", "amb_fuzzy_magnet", "fuzzy", "the fuzzy expert"),
-}
-"""The core's magnets by the names of their bindings."""
-
-
 class Name(str):
     """A value that is C already."""
 

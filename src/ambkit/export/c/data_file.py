@@ -150,7 +150,7 @@ def crc(
     else:
         (magnet,) = magnets
         paper = c_literals.called(estimator) is PAPER and flown is None
-        constant_stiffness = paper and type(magnet).__name__ == "Constant"
+        constant_stiffness = paper and magnet.in_c[0] == "amb_stiffness"
         place = f"{name}_stiffness" if constant_stiffness else "magnet"
         constants.fields(place, magnet.parameters, arrays=False)
     constants.fields("own", estimator.core.own, arrays=True)

@@ -16,7 +16,7 @@ from ambkit.export.c import (
     data_file,
     model,
 )
-from ambkit.export.c.c_literals import MAGNETS, CPrecision, Kind
+from ambkit.export.c.c_literals import CPrecision, Kind
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -63,7 +63,7 @@ class Export:
     @cached_property
     def kinds(self) -> list[Kind]:
         """What each of them is in C."""
-        return [MAGNETS[type(magnet).__name__] for magnet in self.magnets]
+        return [Kind(*magnet.in_c) for magnet in self.magnets]
 
     @cached_property
     def in_core(self) -> InCore | None:
@@ -74,7 +74,7 @@ class Export:
     @property
     def given(self) -> bool:
         """Whether the paper's filter is given its constants, and asks no magnet."""
-        return self.in_core is None and self.kinds[0] is MAGNETS["Constant"]
+        return self.in_core is None and self.kinds[0].type == "amb_stiffness"
 
     @cached_property
     def speeds(self) -> tuple[float, float] | None:

@@ -16,7 +16,7 @@ from ambkit.base.arrays import Array
 from ambkit.control.pid import PID
 from ambkit.export import core_sources
 from ambkit.export.c import c_literals, data_file
-from ambkit.export.c.c_literals import MAGNETS, CPrecision
+from ambkit.export.c.c_literals import CPrecision, Kind
 from ambkit.export.c.model import LOOPS, in_c
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.machine.magnets import core_module, magnet_of, own_time
@@ -214,7 +214,7 @@ def _starts(estimator: Estimator) -> dict[str, Array]:
 
 def magnet_data(held: Any, name: str, precision: CPrecision = "double") -> dict[str, Any]:
     """Return what the data file says of a magnet of the core, which it calls `name`."""
-    kind, fields = MAGNETS[type(held).__name__], held.parameters
+    kind, fields = Kind(*held.in_c), held.parameters
     arrays = c_literals.arrays_of(fields)
     names = {path: f"{name}_{path.replace('.', '_')}" for path in arrays}
     return {

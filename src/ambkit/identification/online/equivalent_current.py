@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array
-from ambkit.machine.magnets import ClosedLaw, magnet_of
+from ambkit.machine.magnets import magnet_of
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def is_ideal(bearing: Bearing) -> bool:
     """Whether a bearing's magnet is the ideal law itself."""
-    return isinstance(magnet_of(bearing), ClosedLaw)
+    return magnet_of(bearing).ideal
 
 
 def as_ideal(bearing: Bearing, y: ArrayLike, u: ArrayLike) -> Array:

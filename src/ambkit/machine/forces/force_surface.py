@@ -24,9 +24,10 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.base.arrays import real
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
-from ambkit.machine.force_law import Law, equally_far, law_of
+from ambkit.machine.force_law import Law, equally_far
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.spline import Patches, patches
+from ambkit.machine.law_choice import law_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet

@@ -1,0 +1,76 @@
+"""The force laws of magnets (models/laws). Written by `python -m models`; do not edit."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ambkit.base.config import Part
+from ambkit.machine.force_law import MU_0, ForceLaw
+
+
+class LawKeys(Part):
+    """The keys of ``[magnet]`` that laws add to the common ones."""
+
+
+@dataclass(frozen=True)
+class ClosedLaw(ForceLaw):
+    """The closed force law, two-sided or one-sided.
+
+    Parameters
+    ----------
+    bearing : Machine
+        A machine of one axis, whose ``[magnet]``.
+
+    References
+    ----------
+    Paper, eq. 1, first equality: ideal iron.
+    """
+
+    name = "closed"
+    ideal = True
+
+    @classmethod
+    def parameters_of(cls, m: Any) -> dict[str, float]:
+        """Return the parameters of a ``[magnet]``, by their names in C."""
+        return {"k": m.magnet_constant, "s0": m.air_gap, "i0": m.bias_current}
+
+
+@dataclass(frozen=True)
+class SaturatingLaw(ForceLaw):
+    """The force law of saturating iron, two-sided or one-sided.
+
+    Parameters
+    ----------
+    bearing : Machine
+        A machine of one axis, whose ``[magnet]``.
+
+    References
+    ----------
+    Froehlich, Investigations of dynamoelectric machines and electric power transmission, 1881.
+    """
+
+    name = "saturating"
+    ideal = False
+
+    @classmethod
+    def holds_for(cls, m: Any) -> bool:
+        """Whether the keys of a ``[magnet]`` state this law."""
+        return m.saturation is not None
+
+    @classmethod
+    def parameters_of(cls, m: Any) -> dict[str, float]:
+        """Return the parameters of a ``[magnet]``, by their names in C."""
+        return {
+            "k": m.magnet_constant,
+            "s0": m.air_gap,
+            "i0": m.bias_current,
+            "iron": (m.iron_length or 0.0) / (2 * (m.relative_permeability or math.inf)),
+            "knee": MU_0 * (m.turns or 0) / (2 * (m.saturation or math.inf)),
+        }
+
+
+LAWS: tuple[type[ForceLaw], ...] = (
+    ClosedLaw,
+    SaturatingLaw,
+)
+"""All laws; of each magnet one holds, the first where no other does."""
