@@ -46,7 +46,7 @@ struct Law : Magnet {
       if (name == law.name)
         of = &law;
     if (of == nullptr)
-      throw std::invalid_argument("there is no law " + name);
+      throw std::invalid_argument("the core was built without the force law " + name);
     if (fields.size() != of->fields.size())
       throw std::invalid_argument("the law " + name + " has " + std::to_string(of->fields.size()) +
                                   " fields, got " + std::to_string(fields.size()));

@@ -37,6 +37,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     away = shutil.ignore_patterns("__pycache__", "*.so")
     for part in ("src/ambkit", "models", "core"):
         shutil.copytree(ROOT / part, folder / part, ignore=away)
+    (folder / "bindings").mkdir()
     shutil.copy(ROOT / ".clang-format", folder)
     for built in Path(ambkit._core.__file__).parent.glob("_*.so"):
         (folder / "src" / "ambkit" / built.name).symlink_to(built)
@@ -57,12 +58,12 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(copy: Path, *command: str | Path, cwd: Path | None = None) -> str:
+def run(copy: Path, *command: str | Path, cwd: Path | None = None, timeout: float = 300) -> str:
     """What a command of the copy prints; it must succeed."""
     environment = os.environ | {"PYTHONPATH": f"{copy / 'src'}{os.pathsep}{copy}"}
     done = subprocess.run(
         [str(word) for word in command], cwd=cwd or copy, env=environment,
-        capture_output=True, text=True, timeout=300,
+        capture_output=True, text=True, timeout=timeout,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -108,24 +109,95 @@ def test_the_examples_are_in_our_style(copy: Path) -> None:
     run(copy, ruff, "format", "--diff", *files)
 
 
-@needs_cc
-def test_the_law_becomes_c_that_computes_it(copy: Path, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def law(copy: Path) -> Path:
+    """The copy with all that is written of the new law."""
     run(copy, sys.executable, "-m", "models")
-    header = copy / "core" / "generated" / "lorentz_law.h"
-    (copy / "core/include/ambkit/lorentz.h").write_text(
-        '#include "ambkit/real.h"\ntypedef struct { amb_real c, reach; } amb_lorentz_law;\n'
-    )
+    return copy
+
+
+@needs_cc
+def test_the_law_becomes_c_that_computes_it(law: Path, tmp_path: Path) -> None:
     (tmp_path / "main.c").write_text(
-        f'#include "{header.name}"\n#include <stdio.h>\nint main(void) {{\n'
-        "  const amb_lorentz_law law = {12.0, 0.002};\n  double k_i, k_s;\n"
-        "  amb_lorentz_tangent(&law, 0.5, 0.001, &k_i, &k_s);\n"
-        '  printf("%.15g %.15g %.15g", amb_lorentz_force(&law, 0.5, 0.001), k_i, k_s);\n'
+        '#include "ambkit/lorentz.h"\n#include <stdio.h>\nint main(void) {\n'
+        "  const amb_lorentz_law law = {12.0, 0.002, true, 1.0, 0.001};\n"
+        "  const amb_magnet_methods m = amb_lorentz_magnet;\n"
+        "  const amb_stiffness t = m.tangent(&law, 0.5, 0.001);\n"
+        "  const amb_stiffness k = m.through_origin(&law, 0.5, 0.001);\n"
+        '  printf("%.15g %.15g %.15g %.15g", m.force(&law, 0.5, 0.001), t.k_i, t.k_s,\n'
+        "         k.k_i * 0.5 + k.k_s * 0.001);\n"
         "  return 0;\n}\n"
     )
-    includes = [f"-I{copy / 'core' / part}" for part in ("generated", "include")]
-    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-DAMB_DOUBLE", *includes]
-    run(copy, "cc", *flags, "main.c", "-o", "main", cwd=tmp_path)
-    assert run(copy, tmp_path / "main").split() == ["4.5", "9", "-3000"]
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-DAMB_DOUBLE"]
+    flags += [f"-I{law / folder}" for folder in ("core", "core/include")]
+    run(law, "cc", *flags, law / "core/src/lorentz.c", "main.c", "-o", "main", cwd=tmp_path)
+    assert run(law, tmp_path / "main").split() == ["4.5", "9", "-3000", "4.5"]
+
+
+MAGNET = """
+import ambkit
+bearing = ambkit.Bearing.preset("zittau_axial").replace(
+    magnet__force_constant="12 N/A", magnet__reach="2 mm"
+)
+magnet = ambkit.magnet_of(bearing)
+"""
+
+
+def test_the_law_has_its_class_and_keys(law: Path) -> None:
+    text = python(
+        law,
+        """
+from types import SimpleNamespace
+from ambkit.machine.bearing import Magnet
+from ambkit.machine.laws import LAWS
+magnet = SimpleNamespace(saturation=None, force_constant=12.0, reach=None)
+print(*(law.parameters_of(magnet) for law in LAWS if law.holds_for(magnet)))
+print("force_constant" in Magnet.model_fields, "reach" in Magnet.model_fields)
+""",
+    )
+    assert text == "{'c': 12.0, 'reach': inf}\nTrue True\n"
+    assert '"lorentz"' in (law / "bindings" / "laws.h").read_text()
+
+
+@pytest.mark.long
+@needs_cc
+def test_the_law_flies_and_is_exported(law: Path, tmp_path: Path) -> None:
+    """The extension with the law, built anew: plant, filter and exported C take it."""
+    pytest.importorskip("nanobind")
+    shutil.copytree(ROOT / "sim", law / "sim")
+    shutil.copytree(ROOT / "bindings", law / "bindings", dirs_exist_ok=True,
+                    ignore=shutil.ignore_patterns("laws.h"))  # fmt: skip
+    for folder in ("examples/recordings", "docs/paper"):
+        (law / folder).mkdir(parents=True)
+    shutil.copy(ROOT / "CMakeLists.txt", law)
+    cmake = [sys.executable, "-m", "nanobind", "--cmake_dir"]
+    where = subprocess.run(cmake, capture_output=True, text=True, check=True).stdout.strip()
+    run(law, "cmake", "-S", law, "-B", tmp_path / "build", f"-Dnanobind_DIR={where}",
+        f"-DPython_EXECUTABLE={sys.executable}", "-DAMBKIT_VECTORS=OFF", timeout=1800)  # fmt: skip
+    run(law, "cmake", "--build", tmp_path / "build", "--target", "_core", timeout=1800)
+    (built,) = (tmp_path / "build").glob("_core.*so")
+    for old in (law / "src" / "ambkit").glob("_core.*so"):
+        old.unlink()
+    shutil.copy(built, law / "src" / "ambkit")
+    text = python(
+        law,
+        f"""{MAGNET}
+import numpy as np
+from ambkit.export.c import export_c
+scenario = ambkit.Scenario(duration=0.1, controller=ambkit.Control(feedback="measurement"))
+record = ambkit.simulate(bearing, scenario)
+kf = ambkit.ExtendedKalmanFilter(bearing, magnet)
+estimate = kf.run(record)
+print(float(magnet.force(0.5, 0.001)), bool(np.abs(record["x"]).max() < 1e-4))
+print(bool(np.std(estimate["x"] - record["x"]) < np.std(record["y"] - record["x"])))
+export_c(bearing, magnet, {str(tmp_path / "c")!r}, precision="double")
+""",
+    )
+    assert text.split() == ["4.5", "True", "True"]
+    assert (tmp_path / "c" / "core/src/lorentz.c").is_file()
+    run(law, "cmake", "-S", tmp_path / "c", "-B", tmp_path / "c/build")
+    run(law, "cmake", "--build", tmp_path / "c/build")
+    run(law, "ctest", "--test-dir", tmp_path / "c/build", "--output-on-failure")
 
 
 def test_the_state_is_in_the_filter_and_in_its_c(copy: Path, tmp_path: Path) -> None:

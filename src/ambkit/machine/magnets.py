@@ -32,7 +32,10 @@ if TYPE_CHECKING:
 
 def own_time(bearing: Bearing) -> float:
     """Return ``sqrt(m/k_s)``, in which the uncontrolled rotor falls away by e [s]."""
-    return math.sqrt(bearing.rotor.mass / abs(ConstantStiffness.of(bearing).k_s))
+    at, m = ConstantStiffness.of(bearing), bearing.magnet
+    # Of ideal iron both are the same; a Lorentz actuator has no stiffness in its middle.
+    stiffness = at.k_s or at.k_i * m.bias_current / m.air_gap
+    return math.sqrt(bearing.rotor.mass / abs(stiffness))
 
 
 @dataclass(frozen=True)
