@@ -111,7 +111,7 @@ def test_the_examples_are_in_our_style(copy: Path) -> None:
 
 @pytest.fixture(scope="module")
 def law(copy: Path) -> Path:
-    """The copy with all that is written of the new law."""
+    """The copy with everything that follows from the new law."""
     run(copy, sys.executable, "-m", "models")
     return copy
 

@@ -168,7 +168,7 @@ class {law.name.title()}Law(ForceLaw):
     Parameters
     ----------
     bearing : Machine
-        A machine of one axis, whose ``[magnet]``.{reference}
+        A machine with one axis, whose ``[magnet]``.{reference}
     \"""
 
     name = "{law.name}"

@@ -208,7 +208,7 @@ class ForceLaw(Law):
     Parameters
     ----------
     bearing : Machine
-        A machine of one axis, whose ``[magnet]``.
+        A machine with one axis, whose ``[magnet]``.
     """
 
     bearing: Bearing

@@ -19,7 +19,7 @@ class ClosedLaw(ForceLaw):
     Parameters
     ----------
     bearing : Machine
-        A machine of one axis, whose ``[magnet]``.
+        A machine with one axis, whose ``[magnet]``.
 
     References
     ----------
@@ -42,7 +42,7 @@ class SaturatingLaw(ForceLaw):
     Parameters
     ----------
     bearing : Machine
-        A machine of one axis, whose ``[magnet]``.
+        A machine with one axis, whose ``[magnet]``.
 
     References
     ----------
