@@ -23,7 +23,7 @@ from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.levitation import levitation_current
-from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
+from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time, typical_stiffness
 from ambkit.models.linear import linearised
 from ambkit.models.machine_parts import machine_parts
 from ambkit.models.parts.rotor import velocities_of
@@ -155,10 +155,11 @@ def two_digits(value: float) -> float:
 
 
 def _gains(bearing: Bearing, ratio: float, damping: float) -> Gains:
-    k, m = ConstantStiffness.of(bearing), bearing.rotor.mass
-    w = math.sqrt((ratio - 1) * k.k_s / m)
-    kp = two_digits(ratio * k.k_s / k.k_i)
-    ki, kd = two_digits(kp * w / 31), two_digits(2 * damping * m * w / k.k_i)
+    k_i, k_s = ConstantStiffness.of(bearing).k_i, typical_stiffness(bearing)
+    m = bearing.rotor.mass
+    w = math.sqrt((ratio - 1) * k_s / m)
+    kp = two_digits(ratio * k_s / k_i)
+    ki, kd = two_digits(kp * w / 31), two_digits(2 * damping * m * w / k_i)
     weight = two_digits(weight_of(bearing, kp, ki, kd))
     return Gains(kp, ki, kd, two_digits(1 / (24 * w)), two_digits(5.2 / w), weight)
 

@@ -32,10 +32,14 @@ if TYPE_CHECKING:
 
 def own_time(bearing: Bearing) -> float:
     """Return ``sqrt(m/k_s)``, in which the uncontrolled rotor falls away by e [s]."""
-    at, m = ConstantStiffness.of(bearing), bearing.magnet
-    # Of ideal iron both are the same; a Lorentz actuator has no stiffness in its middle.
-    stiffness = at.k_s or at.k_i * m.bias_current / m.air_gap
-    return math.sqrt(bearing.rotor.mass / abs(stiffness))
+    return math.sqrt(bearing.rotor.mass / typical_stiffness(bearing))
+
+
+def typical_stiffness(bearing: Bearing) -> float:
+    """Return ``|k_s|`` [N/m], or ``k_i i0/s0`` of a magnet that has none in the middle."""
+    # Both are the same of ideal iron. A Lorentz actuator is an example of the second.
+    k, m = ConstantStiffness.of(bearing), bearing.magnet
+    return abs(k.k_s or k.k_i * m.bias_current / m.air_gap)
 
 
 @dataclass(frozen=True)
