@@ -39,7 +39,7 @@ def typical_stiffness(bearing: Bearing) -> float:
     """Return ``|k_s|`` [N/m], or ``k_i i0/s0`` of a magnet that has none in the middle."""
     # Both are the same of ideal iron. A Lorentz actuator is an example of the second.
     k, m = ConstantStiffness.of(bearing), bearing.magnet
-    return abs(k.k_s or k.k_i * m.bias_current / m.air_gap)
+    return float(abs(k.k_s or k.k_i * m.bias_current / m.air_gap))
 
 
 @dataclass(frozen=True)
