@@ -64,6 +64,7 @@ def test_a_bearing_is_driven_through_it(logs: list[Record]) -> None:
     tau = 26e-3 + 8e-3 * np.exp(-10 / 6)
     assert 1 / (2 * np.pi * driven.amplifier.bandwidth) == pytest.approx(tau, rel=0.1)
     assert driven.delay == pytest.approx(1.7e-3, rel=0.2)
+    assert driven.amplifier.noise_variance == pytest.approx((6e-3 / fit.coil.gain) ** 2, rel=0.2)
     hover = (known.magnet.bias_current + 0.0) / 2.7 + 0.05  # control that gives the bias current
     assert -fit.offset(known) == pytest.approx(hover, rel=0.01)
     states = [state.name for state in ambkit.ExtendedKalmanFilter(driven).states]

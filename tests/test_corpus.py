@@ -152,6 +152,17 @@ def test_a_log_is_cut_where_it_does_not_fly() -> None:
     assert all(a.end == b.begin for a, b in pairwise(stretches))
 
 
+def test_logs_that_agree_halve_the_error_of_each_when_four_are_pooled() -> None:
+    """Of a logarithm, and of what is counted in milliseconds."""
+    logs: list[Any] = [SimpleNamespace(
+        parameters=named(["magnet_constant", "delay"]), values=np.array([2.0, 1.5e-3]),
+        errors=np.array([0.05, 1e-4]), covariance=np.diag([0.05**2, 1e-8]),
+    )] * 4  # fmt: skip
+    pooled = pool(logs)
+    np.testing.assert_allclose(pooled.values, [2.0, 1.5e-3], rtol=1e-9)
+    np.testing.assert_allclose(pooled.errors, [0.025, 0.5e-4], rtol=0.01)
+
+
 @pytest.mark.long
 def test_pooling_finds_the_scatter_between_logs_and_its_error() -> None:
     """Truth: logs scatter by 0.2 about 1, each known to 0.05; 200 times 8 logs."""

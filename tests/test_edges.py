@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ambkit import Machine
+from ambkit import Bearing, Machine
 from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.reading import weight_scale
 from ambkit.data.reading.clock import Clock
@@ -17,9 +17,12 @@ from ambkit.data.reading.grid import resample
 from ambkit.data.reading.levitation_test import Levitated
 from ambkit.data.reading.position_search import Rotor
 from ambkit.export.pil.result import judged
+from ambkit.fuzzy.rule_selection import BLOCKS, numbered
 from ambkit.judge.faults import fault_run
+from ambkit.machine import presets
 from ambkit.machine.components import Unbalance
 from ambkit.machine.forces.spline import _nodes
+from ambkit.models.parts.typical_sizes import Typical
 from ambkit.rotordynamics.balance_grades import permitted
 
 NONE = np.zeros(0, dtype=np.intp)
@@ -89,6 +92,29 @@ def test_nodes_of_a_force_divide_its_longer_side(low: float, high: float) -> Non
     assert np.abs(nodes).min() == 0
     assert low - step < nodes[0] <= low
     assert high <= nodes[-1] < high + step
+
+
+@pytest.mark.parametrize("name", presets.names())
+def test_typical_sizes_are_what_they_are_said_to_be(name: str) -> None:
+    """Force at twice the bias current; half of it brings the rotor to the stop at that velocity."""
+    axis = Bearing.preset(name)
+    typical, magnet = Typical.of(axis), axis.magnet
+    assert (typical.displacement, typical.current) == (axis.rotor.clearance, magnet.bias_current)
+    pull = magnet.magnet_constant * (2 * magnet.bias_current / magnet.air_gap) ** 2
+    assert typical.force == pytest.approx(pull)
+    work = 0.5 * typical.force * typical.displacement
+    assert 0.5 * axis.rotor.mass * typical.velocity**2 == pytest.approx(work)
+
+
+def test_points_of_a_grid_lie_in_the_middle_of_blocks() -> None:
+    current, displacement = np.linspace(-2, 2, BLOCKS), np.linspace(-1e-3, 1e-3, BLOCKS)
+    iu, x = (values.ravel() for values in np.meshgrid(current, displacement))
+    box = ((-2.0, 2.0), (-1e-3, 1e-3))
+    for off in (-0.4, 0.0, 0.4):  # of a block
+        points: Any = SimpleNamespace(
+            current=iu + off * np.diff(current)[0], displacement=x - off * np.diff(displacement)[0]
+        )
+        np.testing.assert_array_equal(numbered(points, box), np.arange(BLOCKS**2))
 
 
 def test_of_three_planes_a_grade_is_shared_by_the_outer_two() -> None:

@@ -66,6 +66,19 @@ def test_settling_leaves_out_the_start(bearing, record):
     assert late.disturbance_std < evaluate(ambkit.KalmanFilter(bearing), record).disturbance_std
 
 
+def test_what_settles_is_in_no_figure(bearing, record):
+    y = record["y"].copy()
+    y[100:2000] += np.random.default_rng(2).normal(0, 1e-4, 1900)
+    clean, disturbed = (
+        evaluate(ambkit.KalmanFilter(bearing), one, settling=0.5)
+        for one in (record, changed(record, y=y))
+    )
+    for name in ("prediction", "held"):
+        assert getattr(disturbed, name) == pytest.approx(getattr(clean, name), rel=0.01)
+    for name in ("nis", "innovation_std", "disturbance_std"):
+        assert getattr(disturbed, name) == pytest.approx(getattr(clean, name), rel=0.01)
+
+
 def test_missing_samples_are_counted_and_the_last_one_held(bearing, record):
     y = record["y"].copy()
     y[1000:1010] = np.nan
