@@ -1,0 +1,252 @@
+"""Each row of a result, read back from each teller, is its value under its name."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pandas
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rich.cells import cell_len
+from rich.console import Console
+
+import ambkit
+from ambkit import Result
+from ambkit.base import units
+from ambkit.base.units import typeset
+from ambkit.result.card import MOST_ROWS, card_of
+from ambkit.result.latex import escaped
+from ambkit.result.plain import plain
+from ambkit.result.row import FORMS, ZERO, Row, singles
+from ambkit.result.sections import Section
+from ambkit.result.table import Table
+from ambkit.result.tables import MISSED, by_name
+
+READ = {
+    "dB": lambda text: 10 ** (float(text.removesuffix(" dB")) / 20),
+    "|S|": float,
+    "deg": lambda text: math.radians(float(text.removesuffix("°"))),
+    "%": lambda text: float(text.removesuffix(" %")) / 100,
+    "degC": lambda text: float(text.removesuffix(" °C")) + ZERO,
+    "rpm": lambda text: float(text.removesuffix(" rpm")) * math.pi / 30,
+    "turns": lambda text: 2 * math.pi * units.parse(text, "Hz"),
+    "g mm": lambda text: 1e-6 * float(text.removesuffix(" g mm")),
+    "mm/s": lambda text: 1e-3 * float(text),
+}
+"""How a number is read that is written in one of the forms."""
+
+COARSE = {"dB": 7e-3, "|S|": 6e-4, "deg": 1e-3, "degC": 0.06, "rpm": 0.0, "1": 6e-4}
+"""What is lost of a number that is written with so many digits after the point."""
+
+
+def check_cell(row: Row, cell: str) -> None:
+    """Hold a cell to the value of its row."""
+    text, value = cell.removesuffix(MISSED).strip(), row.value
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        assert text == "–"
+    elif isinstance(value, bool):
+        assert text == ("yes" if value else "no")
+    elif isinstance(value, str | int):
+        assert text == str(value).strip()
+    elif isinstance(value, float) and math.isfinite(value) and text != "creeps":
+        number = re.sub(r"^(\S+) ± \S+", r"\1", text)
+        read = READ[row.unit](number) if row.unit in FORMS else units.parse(number, row.unit)
+        coarse = 0.0 if row.error else COARSE.get(row.unit, 0.0)
+        if row.unit == "1":
+            coarse = 0.6 * 10.0 ** (1 - row.digits)
+        relative = 0.5 if row.error else 6 * 10.0 ** -min(row.digits, 3)
+        assert math.isclose(read, value, rel_tol=relative, abs_tol=coarse + 6e-7 * (value == 0))
+    assert (row.kept is False) == cell.endswith(MISSED)
+
+
+def check_grid(table: Table, rows: Sequence[Row], *, across: bool) -> None:
+    """Find each row of a section in its table, by its name and what it is of."""
+    known = {row.name for row in rows if row.known}
+    heads = [head.strip() for head in table.headers]
+    for row in rows:
+        if row.name not in known:
+            continue
+        line, column = (row.of, row.name.strip()) if across else (row.name, row.of)
+        at = 1 + heads[1:].index(column.strip())
+        (cells,) = [cells for cells in table.rows if cells[0] == line]
+        check_cell(row, cells[at])
+
+
+class Tables(HTMLParser):
+    """The cells of the tables of a page, line by line."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.lines: list[list[str]] = []
+        self._inside = 0
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: Any) -> None:
+        if tag == "tr":
+            self.lines.append([])
+        elif tag in ("td", "th"):
+            self._inside += 1
+            self.lines[-1].append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        self._inside -= tag in ("td", "th")
+
+    def handle_data(self, data: str) -> None:
+        if self._inside:
+            self.lines[-1][-1] += data
+
+
+def bare(text: str) -> str:
+    return re.sub(r"[\s\u00a0]+", " ", text).strip()
+
+
+def check_page(lines: Sequence[Sequence[str]], table: Table) -> None:
+    """Find each line of a table as it is typeset."""
+    there = {tuple(map(bare, line)) for line in lines}
+    for cells in table.rows:
+        assert (bare(cells[0]), *(bare(typeset(cell)) for cell in cells[1:])) in there
+
+
+def check_json(result: Result) -> None:
+    data = json.loads(result.to_json())
+    for row in result.rows:
+        place = data
+        for name in (*row.section, *([row.of] if row.of else []), *row.key.split(".")):
+            place = place[name]
+        assert place == json.loads(json.dumps(plain(row.value)))
+
+
+def check_pandas(result: Result) -> None:
+    frame = result.to_pandas()
+    rows = list(singles(result.rows))
+    assert len(frame) == len(rows)
+    for row, line in zip(rows, frame.itertuples(), strict=True):
+        assert (line.section, line.of, line.key) == (".".join(row.section), row.of, row.key)
+        assert (line.name, line.unit) == (row.name.strip(), row.si)
+        unknown = row.value is None or row.value != row.value
+        assert pandas.isna(line.value) if unknown else line.value == row.value
+
+
+def written(table: Table, width: int) -> str:
+    stream = io.StringIO()
+    Console(file=stream, width=width, highlight=False, markup=False).print(table)
+    return stream.getvalue()
+
+
+def check_terminal(table: Table) -> None:
+    """Wide, each line is a row; narrow, no line is too long and no number is cut."""
+    lines = {tuple(re.split(r"\s{2,}", line.strip())) for line in written(table, 5000).splitlines()}
+    for cells in table.rows:
+        assert tuple(part for cell in cells for part in re.split(r"\s{2,}", cell.strip()) if part
+                     ) in lines  # fmt: skip
+    narrow = written(table, 80)
+    assert all(cell_len(line) <= 80 for line in narrow.splitlines())
+    for cells in table.rows:
+        assert all(word in narrow for word in cells[0].split())
+        assert all(cell in narrow for cell in cells[1:] if cell[:1].isdigit() and len(cell) < 30)
+
+
+def check(result: Result, tmp_path: Path) -> None:
+    """Read each row of a result back from each teller."""
+    check_json(result)
+    check_pandas(result)
+    latex, rows = result.to_latex(), list(singles(result.rows))
+    result.page(tmp_path / "page.html")
+    page = Tables((tmp_path / "page.html").read_text(encoding="utf-8")).lines
+    for section, table in by_name(result):
+        across = result.sections.get(section, Section("")).across
+        check_grid(table, [row for row in rows if row.section == section], across=across)
+        check_terminal(table)
+        check_page(page, table)
+        for cells in table.rows:
+            assert " & ".join(map(escaped, cells)) + r" \\" in latex
+    first = next(by_name(result, verbose=False), None)
+    if first is not None:
+        shown = Table(*first[1][:2], first[1].rows[:MOST_ROWS], wide=False)
+        check_page(Tables(card_of(result).html()).lines, shown)
+
+
+@dataclass(frozen=True, repr=False)
+class Given(Result):
+    """A result of given rows."""
+
+    given: list[Row]
+    across: bool
+
+    title = property(lambda self: "given")
+    finding = property(lambda self: "given: rows.")
+    rows = property(lambda self: self.given)
+    sections = property(lambda self: {("a",): Section("First", self.across)})
+
+
+UNITS = ("1", "m", "N", "s", "A", "W", "kg", "Hz", "V", *FORMS)
+WORDS = st.text("abcdefgxyz", min_size=1, max_size=12)
+NUMBERS = st.one_of(
+    st.floats(1e-7, 1e7), st.floats(-1e3, -1e-3), st.sampled_from([0.0, math.nan]), st.none(),
+    st.booleans(), st.integers(-999, 10**6), WORDS,
+)  # fmt: skip
+
+
+@st.composite
+def results(draw: st.DrawFn) -> Result:
+    names = draw(st.lists(WORDS, min_size=1, max_size=5, unique=True))
+    things = draw(st.lists(st.sampled_from(["linear", "A.x", "b c", "3"]), min_size=1, max_size=3,
+                           unique=True))  # fmt: skip
+    rows = []
+    for section in draw(st.sampled_from([[("a",)], [("a",), ("b", "c")]])):
+        for name in names:
+            unit, digits = draw(st.sampled_from(UNITS)), draw(st.integers(3, 6))
+            limit = draw(st.none() | st.floats(0.1, 10))
+            for of in things:
+                value = draw(NUMBERS)
+                number = isinstance(value, float) and not math.isnan(value)
+                positive = number and unit in ("dB", "turns", "degC", "%", "|S|", "deg", "mm/s")
+                value = min(abs(value), 1e3) + 0.1 if positive else value
+                error = draw(st.none() | st.just(0.01)) if number and unit not in FORMS else None
+                rows.append(Row(
+                    f"k_{name}", f"  {name}" if len(name) == 3 else f"the {name}", value, unit,
+                    digits, of, section, error=error and abs(value) * error,
+                    below=limit if number else None, detail=draw(st.booleans()),
+                ))  # fmt: skip
+    return Given(rows, draw(st.booleans()))
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow,
+          HealthCheck.function_scoped_fixture])  # fmt: skip
+@given(result=results())
+def test_rows_are_read_back_from_every_teller(result: Result, tmp_path: Path) -> None:
+    check(result, tmp_path)
+
+
+def some() -> Iterator[tuple[str, Any]]:
+    """Results of verbs that take little time."""
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    rig = "tum_mlps"
+    yield "run", lambda: ambkit.simulate_run(bearing, estimator="extended", duration="50 ms")
+    yield (
+        "run of a machine",
+        lambda: ambkit.simulate_run(
+            ambkit.Machine.preset(rig), estimator="extended", duration="20 ms"
+        ),
+    )
+    yield "campbell", lambda: ambkit.campbell(rig)
+    yield "modes", lambda: ambkit.mode_shapes("ufu_flexible")
+    yield "unbalance", lambda: ambkit.unbalance_response(rig)
+    yield "assess", lambda: ambkit.assess(bearing, ["none", "extended"])
+    yield "online", lambda: ambkit.identify_online(ambkit.simulate(bearing, step="0.1 mm"), bearing)
+    yield "filter", lambda: ambkit.filter(bearing, ambkit.simulate(bearing, duration="0.1 s"))
+    yield "injection", lambda: ambkit.design_injection(bearing, ambkit.Scenario(duration=1.0))
+
+
+@pytest.mark.parametrize(("name", "make"), [*some()])
+def test_each_row_of_a_verb_is_read_back(name: str, make: Any, tmp_path: Path) -> None:
+    check(make(), tmp_path)
