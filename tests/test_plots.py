@@ -217,9 +217,15 @@ def test_the_ending_says_how_to_draw(run, bearing, tmp_path):
     page = save_figure(figure, tmp_path / "a.html").read_text()
     assert "Plotly.newPlot" in page
     assert page.count("<section") == 1
-    with pytest.raises(ambkit.AmbkitError, match=r"a.pdf: cannot draw .pdf, use .png, .svg, .html"):
-        save_figure(figure, tmp_path / "a.pdf")
-    assert {path.name for path in tmp_path.iterdir()} == {"a.PNG", "a.svg", "a.html"}
+    paper = save_figure(figure, tmp_path / "a.pdf").read_bytes()
+    assert paper.startswith(b"%PDF")
+    run.save(tmp_path / "b.pdf")
+    assert (tmp_path / "b.pdf").read_bytes() == paper
+    wrong = r"a.gif: cannot draw .gif, use .png, .svg, .pdf, .html"
+    with pytest.raises(ambkit.AmbkitError, match=wrong):
+        save_figure(figure, tmp_path / "a.gif")
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"a.PNG", "a.svg", "a.html", "a.pdf", "b.pdf"}
 
 
 @pytest.mark.parametrize("colours", [style.SEQUENTIAL, style.DIVERGING])

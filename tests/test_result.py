@@ -143,7 +143,9 @@ def test_it_is_saved_by_the_ending(tmp_path):
     for ending, begins in ((".json", "{"), (".csv", "section,"), (".tex", "%"), (".html", "<!")):
         result.save(tmp_path / f"r{ending}")
         assert (tmp_path / f"r{ending}").read_text(encoding="utf-8").startswith(begins)
-    with pytest.raises(AmbkitError, match=r"must end in \.json, \.csv, \.tex or \.html"):
+    with pytest.raises(
+        AmbkitError, match=r"must end in \.json, \.csv, \.tex, \.html, \.png, \.svg or \.pdf"
+    ):
         result.save(tmp_path / "r.xls")
 
 

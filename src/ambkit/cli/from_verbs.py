@@ -56,7 +56,7 @@ MAKES = {
 }  # fmt: skip
 """Endings of what a command makes, beside those of all results."""
 
-PICTURES = (".png", ".svg", ".html")
+PICTURES = (".png", ".svg", ".pdf", ".html")
 ROWS = (".json", ".csv", ".tex", ".html")
 """What every result can be written as."""
 

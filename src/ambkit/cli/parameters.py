@@ -15,7 +15,7 @@ from ambkit.base.errors import AmbkitError
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing, Machine
 
-PICTURES = (".png", ".svg", ".html")
+PICTURES = (".png", ".svg", ".pdf", ".html")
 RECORDS = (".csv", ".parquet")
 CONSTANT = "N m^2/A^2"
 """Unit of a magnet constant."""
@@ -100,7 +100,7 @@ Force = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, in SI units, for machines.")]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Print all figures.")]
 Plot = Annotated[
-    Path | None, file_option("Draw a picture: .png, .svg or .html.", PICTURES, "--plot")
+    Path | None, file_option("Draw a picture: .png, .svg, .pdf or .html.", PICTURES, "--plot")
 ]
 MapFile = Annotated[
     Path | None,

@@ -96,8 +96,9 @@ class Result(Stated, Drawn):
         Parameters
         ----------
         path : str or path
-            Ends in ``.json``, ``.csv`` or ``.tex``; or ``.html`` for a page. What makes a record
-            writes it as ``.csv`` or ``.parquet``.
+            Ends in ``.json``, ``.csv`` or ``.tex``; ``.png``, ``.svg`` or ``.pdf`` for its main
+            picture; or ``.html`` for a page. What makes a record writes it as ``.csv`` or
+            ``.parquet``.
 
         Raises
         ------
@@ -110,6 +111,10 @@ class Result(Stated, Drawn):
             made.save(path)
         elif ending == ".html":
             self.page(path)
+        elif ending in (".png", ".svg", ".pdf"):
+            from ambkit.result.saving import save_figure
+
+            save_figure(self.figure(), path)
         elif ending == ".json":
             files.write_text(path, self.to_json() + "\n")
         elif ending == ".csv":
@@ -117,7 +122,7 @@ class Result(Stated, Drawn):
         elif ending == ".tex":
             files.write_text(path, self.to_latex() + "\n")
         else:
-            raise AmbkitError(f"{path} must end in .json, .csv, .tex or .html")
+            raise AmbkitError(f"{path} must end in .json, .csv, .tex, .html, .png, .svg or .pdf")
 
     def file(self) -> Any:
         """Return what is written as ``.csv`` and ``.parquet``; None: the rows, as ``.csv``."""

@@ -1,4 +1,4 @@
-"""A figure as a file: ``.png``, ``.svg`` or, to zoom in, ``.html``."""
+"""A figure as a file: ``.png``, ``.svg``, ``.pdf`` or, to zoom in, ``.html``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from ambkit.base.errors import AmbkitError
 from ambkit.result.report.figure import Figure
 
-ENDINGS = (".png", ".svg", ".html")
+ENDINGS = (".png", ".svg", ".pdf", ".html")
 """What `save_figure` can write."""
 
 
@@ -22,6 +22,9 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
     ending = path.suffix.lower()
     if ending not in ENDINGS:
         raise AmbkitError(f"{path}: cannot draw {ending or 'that'}, use {', '.join(ENDINGS)}")
+    if ending == ".pdf":
+        files.write_bytes(path, static.pdf(figure))
+        return path
     picture = static.render(figure)
     if ending == ".html":
         files.write_text(path, _page(figure, picture))
