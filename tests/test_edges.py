@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from machine_cases import bearing, machine, sensor
 
-from ambkit import Bearing, Machine
+from ambkit import AmbkitError, Bearing, Machine
 from ambkit.control.lift_off_sequence import Mode
+from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.data.reading import weight_scale
 from ambkit.data.reading.clock import Clock
 from ambkit.data.reading.grid import resample
@@ -18,7 +20,9 @@ from ambkit.data.reading.levitation_test import Levitated
 from ambkit.data.reading.position_search import Rotor
 from ambkit.export.pil.result import judged
 from ambkit.fuzzy.rule_selection import BLOCKS, numbered
+from ambkit.judge.comparison.candidates import candidate_of_kind
 from ambkit.judge.faults import fault_run
+from ambkit.judge.loop.capacity import of_runout
 from ambkit.machine import presets
 from ambkit.machine.components import Unbalance
 from ambkit.machine.forces.spline import _nodes
@@ -115,6 +119,44 @@ def test_points_of_a_grid_lie_in_the_middle_of_blocks() -> None:
             current=iu + off * np.diff(current)[0], displacement=x - off * np.diff(displacement)[0]
         )
         np.testing.assert_array_equal(numbered(points, box), np.arange(BLOCKS**2))
+
+
+def test_a_rotor_is_held_within_the_narrowest_of_its_stops() -> None:
+    narrow = machine(bearing=[bearing("A", 0.2), bearing("B", -0.3, clearance=0.2e-3)])
+    OperatingPoint.of_machine(narrow, x=0.02e-3)
+    with pytest.raises(AmbkitError, match=r"up to its stops at 0\.0002 m, not at 0\.00025 m"):
+        OperatingPoint.of_machine(narrow, x=0.25e-3)
+
+
+def test_noise_of_several_axes_is_scaled_alike() -> None:
+    """Twice the number is twice the variance of each, whatever its own."""
+    noisy = {"noise_variance": 16e-5}
+    unlike = machine(bearing=[bearing("A", 0.2), bearing("B", -0.3, amplifier=noisy)])
+    build = candidate_of_kind("linear", unlike).build
+    once, twice = (
+        np.array(build(**{"noise.control": value}).variances.control) for value in (1e-12, 2e-12)
+    )
+    np.testing.assert_allclose(twice, 2 * once)
+    np.testing.assert_allclose(once[2:] / once[:2], 16.0)
+
+
+def test_runout_of_an_order_acts_at_so_many_times_the_speed() -> None:
+    """As the sensor shows it: behind its lag; the reading a quarter turn on sees it later."""
+    order, amplitude, lag = 3, 2e-6, 5e-5
+    lines = [{"order": order, "amplitude": amplitude}]
+    one = machine(sensor=[sensor("A", 0.2, runout=lines), sensor("B", -0.3)])
+    frequencies: list[float] = []
+
+    def response(f: list[float]) -> Any:
+        frequencies.append(f[0])
+        return np.eye(4)[None]
+
+    loop: Any = SimpleNamespace(noise_to_position=response, noise_to_control=response)
+    (turned,) = of_runout(loop, one)
+    f = order * one.speed / (2 * math.pi)
+    assert frequencies == pytest.approx([f, f])
+    shown = amplitude / (1 + 2j * math.pi * f * lag)
+    np.testing.assert_allclose(turned.x, [shown, 1j * shown, 0, 0], atol=1e-20)
 
 
 def test_of_three_planes_a_grade_is_shared_by_the_outer_two() -> None:
