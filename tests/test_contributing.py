@@ -48,7 +48,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     for kind, block in BLOCKS:
         first, _, rest = block.partition("\n")
-        if kind == "python":
+        if kind in ("python", "toml"):
             file = folder / first.removeprefix("# ")
             assert not file.exists()
             file.write_text(rest, encoding="utf-8")
@@ -84,13 +84,14 @@ def test_there_is_an_example_for_each_thing_to_add() -> None:
         "sensor",
         "estimator",
         "block of a controller",
+        "preset",
         "file format",
         "command",
     ]
     assert heads == wanted
     texts = re.split(r"^## An? .*$", TEXT, flags=re.MULTILINE)[1:]
     for head, text in zip(wanted, texts, strict=True):
-        assert "```python" in text, head
+        assert "```python" in text or "```toml" in text, head
 
 
 def test_files_that_are_named_are_there() -> None:
@@ -271,6 +272,19 @@ def test_the_estimator_is_a_kind_everywhere(copy: Path, tmp_path: Path) -> None:
     run(copy, *ambkit_, "export", "c", "zittau_axial", "--estimator", "halved", "--out", "c",
         cwd=tmp_path)  # fmt: skip
     assert (tmp_path / "c" / "CMakeLists.txt").is_file()
+
+
+def test_the_preset_is_there_and_flies(copy: Path) -> None:
+    text = python(
+        copy,
+        """
+import ambkit
+machine = ambkit.preset("heavy_axis")
+print(machine.single, bool(abs(ambkit.simulate(machine, duration=0.02)["x"]).max() < 1e-4))
+""",
+    )
+    assert text.split() == ["True", "True"]
+    assert "heavy_axis" in run(copy, sys.executable, "-m", "ambkit", "presets")
 
 
 def test_the_format_is_read_and_its_faults_have_a_line(copy: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from ambkit import Bearing, ConfigError, ConstantStiffness, Machine
 from ambkit.base.config import Document
 from ambkit.judge.whirl_modes import stiffnesses
 from ambkit.machine import geometry, presets
-from ambkit.machine.disturbance_force import load_machine
+from ambkit.machine.loading import load_machine
 from ambkit.models.continuous import open_loop
 from ambkit.workflow.check import inspect
 

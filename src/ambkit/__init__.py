@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from ambkit.identification.online.rls import RecursiveLeastSquares as RecursiveLeastSquares
     from ambkit.judge.comparison.states import Judgement as Judgement
     from ambkit.judge.comparison.states import judge_states as judge_states
+    from ambkit.machine.loading import preset as preset
     from ambkit.machine.machine import Bearing as Bearing
     from ambkit.machine.machine import Machine as Machine
     from ambkit.machine.magnets import ClosedLaw as ClosedLaw
@@ -129,6 +130,7 @@ _HOME = {
     "identification.online.magnet_constant": ["identify_online"],
     "identification.online.rls": ["RecursiveLeastSquares"],
     "judge.comparison.states": ["Judgement", "judge_states"],
+    "machine.loading": ["preset"],
     "machine.machine": ["Bearing", "Machine"],
     "machine.magnets": ["ClosedLaw", "ConstantStiffness", "SaturatingLaw", "magnet_of"],
     "machine.stiffness": ["StiffnessMap", "stiffness_map"],

@@ -23,7 +23,7 @@ from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.named import AT, factories
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
 from ambkit.estimate.user_filter import OwnEstimator, is_own
-from ambkit.machine.disturbance_force import load_machine
+from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
 from ambkit.simulation import scenario_control
 from ambkit.simulation.scenario import Scenario

@@ -28,7 +28,7 @@ from ambkit.control.control import Control
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.machine.bearing import FILES
-from ambkit.machine.disturbance_force import load_machine
+from ambkit.machine.loading import load_machine
 from ambkit.simulation.many import Planned
 
 Array = NDArray[np.float64]

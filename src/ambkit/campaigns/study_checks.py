@@ -11,7 +11,7 @@ from ambkit.base.config import Read
 from ambkit.base.errors import AmbkitError
 from ambkit.campaigns.distributions import Choice, Varied, Wrong
 from ambkit.campaigns.keys import OF_RUN, Key, by_places, key_in
-from ambkit.machine.disturbance_force import load_machine
+from ambkit.machine.loading import load_machine
 
 Problem = tuple[str, str]
 

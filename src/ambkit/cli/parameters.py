@@ -146,7 +146,7 @@ Synchronous = Annotated[
 
 def find_machine(text: str) -> Machine:
     """Return the machine that the user named: a preset, or one in a TOML file."""
-    from ambkit.machine.disturbance_force import load_machine
+    from ambkit.machine.loading import load_machine
 
     return load_machine(text)
 

@@ -14,7 +14,7 @@ from ambkit.base.config.quantities import OneOrEach
 from ambkit.base.config.text_types import Line, Name
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import presets
-from ambkit.machine.disturbance_force import load_machine
+from ambkit.machine.loading import load_machine
 
 
 class Reference(Part):

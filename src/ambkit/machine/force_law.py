@@ -217,12 +217,24 @@ class ForceLaw(Law):
 
     @classmethod
     def holds_for(cls, m: Any) -> bool:
-        """Whether the keys of a ``[magnet]`` state this law."""
+        """Whether the keys of a ``[magnet]`` state this law.
+
+        Parameters
+        ----------
+        m : Magnet
+            The ``[magnet]`` of a machine.
+        """
         return False
 
     @classmethod
     def parameters_of(cls, m: Any) -> dict[str, float]:
-        """Return the parameters of a ``[magnet]``, by their names in C."""
+        """Return the parameters of a ``[magnet]``, by their names in C.
+
+        Parameters
+        ----------
+        m : Magnet
+            The ``[magnet]`` of a machine.
+        """
         raise NotImplementedError
 
     @property

@@ -31,7 +31,13 @@ class ClosedLaw(ForceLaw):
 
     @classmethod
     def parameters_of(cls, m: Any) -> dict[str, float]:
-        """Return the parameters of a ``[magnet]``, by their names in C."""
+        """Return the parameters of a ``[magnet]``, by their names in C.
+
+        Parameters
+        ----------
+        m : Magnet
+            The ``[magnet]`` of a machine.
+        """
         return {"k": m.magnet_constant, "s0": m.air_gap, "i0": m.bias_current}
 
 
@@ -54,12 +60,24 @@ class SaturatingLaw(ForceLaw):
 
     @classmethod
     def holds_for(cls, m: Any) -> bool:
-        """Whether the keys of a ``[magnet]`` state this law."""
+        """Whether the keys of a ``[magnet]`` state this law.
+
+        Parameters
+        ----------
+        m : Magnet
+            The ``[magnet]`` of a machine.
+        """
         return m.saturation is not None
 
     @classmethod
     def parameters_of(cls, m: Any) -> dict[str, float]:
-        """Return the parameters of a ``[magnet]``, by their names in C."""
+        """Return the parameters of a ``[magnet]``, by their names in C.
+
+        Parameters
+        ----------
+        m : Magnet
+            The ``[magnet]`` of a machine.
+        """
         return {
             "k": m.magnet_constant,
             "s0": m.air_gap,
