@@ -101,7 +101,8 @@ static void test_restart(void)
   CHECK(s.cov[0] * s.cov[9] > s.cov[3] * s.cov[3]);
   /* By the velocity it goes away from what the sensor shows, over the lag and a sample. */
   const amb_real away = (kf.set.T + kf.set.lag[0]) * 10 * some[1];
-  CHECK_WITHIN(s.cov[0] - s.cov[3] * s.cov[3] / s.cov[9], 100 * some[0] * some[0] + away * away, AMB_C(1e-3));
+  CHECK_WITHIN(s.cov[0] - s.cov[3] * s.cov[3] / s.cov[9], 100 * some[0] * some[0] + away * away,
+               AMB_C(1e-3));
   s.cov[0] = NOT_A_NUMBER;
   CHECK(axis_predict(&kf, &s, centre, 0) == (AMB_HELD | AMB_RESTARTED));
   CHECK(axis_finite(&s) && same(s.cov[0], kf.widest[0]));
