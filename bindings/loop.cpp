@@ -21,6 +21,38 @@ struct Turning {
 };
 #endif
 
+// A controller or a plant in Python, around numbers of C. What is called raises nothing, and
+// returns as many numbers as there are (control/user_controller.py, simulation/user_plant.py).
+struct OwnOf {
+  nb::callable answer;
+  size_t given[3], answers;
+  std::vector<size_t> places; // of the answer's numbers
+  bool ask(std::initializer_list<const amb_real *> from, amb_real to[]) const
+  {
+    nb::gil_scoped_acquire acquire;
+    nb::list arguments[3];
+    size_t at = 0;
+    for (const amb_real *numbers : from) {
+      for (size_t i = 0; (numbers != nullptr) && (i < given[at]); i++)
+        arguments[at].append(numbers[i]);
+      at++;
+    }
+    const nb::object result = answer(arguments[0], arguments[1], arguments[2]);
+    for (size_t i = 0; i < answers; i++)
+      to[places[i]] = nb::cast<amb_real>(result[i]);
+    return nb::len(result) > answers && nb::cast<amb_real>(result[answers]) > 0;
+  }
+  static void control(void *self, const amb_real y[], const amb_real r[], const amb_real mean[],
+                      amb_real iu[])
+  {
+    (void)static_cast<const OwnOf *>(self)->ask({y, r, mean}, iu);
+  }
+  static bool move(void *self, const amb_real iu[], const amb_real load[], amb_real X[])
+  {
+    return static_cast<const OwnOf *>(self)->ask({iu, load, nullptr}, X);
+  }
+};
+
 // An array of a run that may be absent, checked.
 const amb_real *series(const std::optional<Samples> &given, size_t n, size_t columns,
                        const char *name)
@@ -38,7 +70,9 @@ Named simulate(const nb::dict &given, const Samples &r, const Samples &load, con
                const std::optional<Samples> &base, std::optional<size_t> off,
                const std::optional<Samples> &scale, const std::optional<Named> &faults, bool beside,
                const std::optional<Samples> &fly, LoopState *went,
-               const std::optional<Vector> &start)
+               const std::optional<Vector> &start,
+               const std::optional<nb::callable> &own_controller,
+               const std::optional<nb::callable> &own_plant)
 {
   LoopOf of(given, estimator, control);
   amb_loop &loop = of.loop;
@@ -71,6 +105,25 @@ Named simulate(const nb::dict &given, const Samples &r, const Samples &load, con
 #else
   (void)model; // a single axis does not turn
 #endif
+  std::optional<OwnOf> controller, plant;
+  if (own_controller) {
+    const size_t states = estimator ? static_cast<size_t>(amb_states(&estimator->kf.model)) : 0;
+    controller.emplace(OwnOf{*own_controller, {m, p, states}, p, {}});
+    for (size_t c = 0; c < p; c++)
+      controller->places.push_back(c);
+    loop.own.control = &OwnOf::control;
+    loop.own.controller = &*controller;
+  }
+  if (own_plant) {
+    plant.emplace(OwnOf{*own_plant, {p, p, 0}, 0, {}});
+    for (int j = 0; j < (loop.plant.own ? 2 : 2 * loop.plant.positions); j++)
+      plant->places.push_back(static_cast<size_t>(j));
+    for (size_t r = 0; r < m; r++)
+      plant->places.push_back(static_cast<size_t>(loop.plant.shows[r]));
+    plant->answers = plant->places.size();
+    loop.own.move = &OwnOf::move;
+    loop.own.plant = &*plant;
+  }
   const auto columns = static_cast<size_t>(loop.plant.own ? 3 : loop.plant.states);
   Fresh<amb_real> X({columns, n}), iu({n, p}), force({n, p}), y({n, m}), u({n, p});
   std::vector<amb_real *> states;
@@ -146,14 +199,17 @@ void bind_loop(nb::module_ &m)
         nb::arg("off").none() = nb::none(), nb::arg("scale").none() = nb::none(),
         nb::arg("faults").none() = nb::none(), nb::arg("beside") = false,
         nb::arg("fly").none() = nb::none(), nb::arg("state").none() = nb::none(),
-        nb::arg("start").none() = nb::none(),
-        nb::sig("def simulate(loop: dict[str, Any], *, r: Any, load: Any, noise_u: Any, noise_y: "
-                "Any, place: Any, current: Any, integral: Any, hovers: bool = True, estimator: "
-                "Estimator | None = None, model: Model | None = None, control: Control | None = "
-                "None, speed: Any = None, base: Any = None, off: int | None = None, scale: Any = "
-                "None, faults: dict[str, Any] | None = None, beside: bool = False, fly: Any = "
-                "None, state: LoopState | None = None, start: Any = None) "
-                "-> dict[str, Any]"),
+        nb::arg("start").none() = nb::none(), nb::arg("own_controller").none() = nb::none(),
+        nb::arg("own_plant").none() = nb::none(),
+        nb::sig(
+            "def simulate(loop: dict[str, Any], *, r: Any, load: Any, noise_u: Any, noise_y: "
+            "Any, place: Any, current: Any, integral: Any, hovers: bool = True, estimator: "
+            "Estimator | None = None, model: Model | None = None, control: Control | None = "
+            "None, speed: Any = None, base: Any = None, off: int | None = None, scale: Any = "
+            "None, faults: dict[str, Any] | None = None, beside: bool = False, fly: Any = "
+            "None, state: LoopState | None = None, start: Any = None, own_controller: Any = None, "
+            "own_plant: Any = None) "
+            "-> dict[str, Any]"),
         "A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an "
         "empty one at first, the next call goes on where this one ends. The start, of all states "
         "of the "

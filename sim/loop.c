@@ -25,7 +25,9 @@ static void demand(const amb_loop *loop, amb_loop_state *s, const void *estimato
 {
   const amb_real *mean =
       loop->feedback_estimate ? ((const amb_kalman_state *)estimator)->mean : NULL;
-  if (loop->controllers != NULL) {
+  if (loop->own.control != NULL)
+    loop->own.control(loop->own.controller, direct, sample->r, mean, iu);
+  else if (loop->controllers != NULL) {
     const amb_real speed = sample->speed != NULL ? sample->speed[0] : 0;
     s->status |= amb_controllers_step(loop->controllers, s->pid, sample->r,
                                       mean != NULL ? mean : direct, speed, iu);
@@ -79,6 +81,11 @@ static bool act(const amb_loop *loop, amb_loop_state *s, const amb_loop_sample *
     const amb_real left = share != NULL ? share[c] : 1;
     s->demanded[c] = amb_clamp(loop->k_ui[c] * (s->u[c] + sample->noise_u[c]),
                                left * loop->iu_min[c], left * loop->iu_max[c]);
+  }
+  if (loop->own.move != NULL) {
+    for (int f = 0; f < plant->axes; f++)
+      s->acting[f] = (amb_acting){.iu = s->demanded[f]};
+    return loop->own.move(loop->own.plant, s->demanded, sample->load, s->plant.X);
   }
   for (int f = 0; f < plant->axes; f++)
     s->acting[f] = amb_plant_acting(plant, &s->plant, f, &acts,

@@ -6,6 +6,20 @@
 #include "ambkit/estimator_run.h"
 #include "plant.h"
 
+/* A controller or a plant of the caller's, each in place of ours; NULL: ours. */
+typedef struct amb_own {
+  /* From readings y (sensors) [m], references r (axes) [m] and the estimator's states, or NULL, to
+   * the control currents iu (axes) that are demanded [A]. */
+  void (*control)(void *self, const amb_real y[], const amb_real r[], const amb_real mean[],
+                  amb_real iu[]);
+  void *controller;
+  /* From control currents iu (axes) [A] and disturbance forces (axes) [N], held over a sample, to
+   * the plant's states X at the next: displacements, velocities, and what the sensors show [m].
+   * Returns true where a stop was touched meanwhile. */
+  bool (*move)(void *self, const amb_real iu[], const amb_real load[], amb_real X[]);
+  void *plant;
+} amb_own;
+
 typedef struct amb_loop {
   amb_plant plant;
   amb_real T;             /* sampling time [s] */
@@ -23,6 +37,7 @@ typedef struct amb_loop {
   void (*turn)(void *model, amb_real before, amb_real after); /* tells the estimator's model the
                                                                  speeds of two samples, or NULL */
   void *model;
+  amb_own own;
 } amb_loop;
 
 /* What changes in the loop from sample to sample. Start with `sampled` false. */

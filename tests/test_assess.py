@@ -107,7 +107,7 @@ def test_noise_found_online_is_that_of_the_start(name):
 def test_controller_is_the_cores(ki):
     """Alone on a record: the loop's u is what the linear controller makes of its y."""
     pid = Control(kp=3000.0, ki=ki, kd=12.0, feedback="measurement").completed(ZITTAU)
-    start = Scenario(duration=0.02, start="hover", controller=pid, noise=False)
+    start = Scenario(duration=0.02, start="levitated", controller=pid, noise=False)
     shaken = 1e-6 * np.random.default_rng(0).standard_normal(201)
     record = simulate(ZITTAU.replace(rotor__gravity="none"), start,
                       external_inputs=ExternalInputs(sensor_noise=shaken))  # fmt: skip

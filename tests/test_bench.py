@@ -90,7 +90,7 @@ def test_imposed_series_are_added_and_replace() -> None:
 def test_a_scaled_magnet_is_another_magnet_constant(name: str) -> None:
     bearing = Bearing.preset(name)
     pid = ambkit.PID.for_bearing(bearing).model_copy(update={"feedback": "measurement"})
-    scenario = ambkit.Scenario(duration=0.03, start="rest", controller=pid)
+    scenario = ambkit.Scenario(duration=0.03, start="released", controller=pid)
     n = round(0.03 / bearing.sampling_time) + 1
     scaled = ambkit.simulate(
         bearing, scenario, external_inputs=ExternalInputs(magnet_scale=np.full(n, 1.2))

@@ -198,3 +198,26 @@ def test_the_exported_c_has_them(feedback: Any, tmp_path: Path) -> None:
         core.read_text().replace("- (c[4] * out);\n      at", "+ (c[4] * out);\n      at")
     )
     assert "FAIL: f with its controller" in run(tmp_path / "c")
+
+
+def test_a_state_space_comes_from_a_mat_file(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    block = BLOCKS[-1]
+    assert isinstance(block, StateSpace)
+    matrices = {"A": block.A, "B": np.transpose([block.B]), "C": [block.C], "D": block.D}
+    savemat(tmp_path / "lead.mat", matrices)
+    savemat(tmp_path / "less.mat", {"A": block.A})
+    text = '[[controller.block]]\ntype = "state space"\nfile = "lead.mat"\n'
+    (tmp_path / "s.toml").write_text(text)
+    scenario = Scenario.load(tmp_path / "s.toml")
+    assert scenario.controller.block == (block,)
+    assert Scenario.from_toml(scenario.to_toml()) == scenario
+    savemat(tmp_path / "lead.mat", matrices | {"A": np.multiply(T, block.A), "T": T})
+    assert Scenario.load(tmp_path / "s.toml").controller.block[0].sampling_time == T  # type: ignore[union-attr]
+    (tmp_path / "s.toml").write_text(text.replace("lead", "less"))
+    with pytest.raises(AmbkitError, match=r"less\.mat has no variable B, C"):
+        Scenario.load(tmp_path / "s.toml")
+    (tmp_path / "s.toml").write_text(text.replace("lead", "none"))
+    with pytest.raises(AmbkitError, match=r"none\.mat"):
+        Scenario.load(tmp_path / "s.toml")

@@ -27,7 +27,7 @@ from ambkit.simulation.run import simulate
 
 BEARING = Bearing.preset("zittau_axial")
 TIMES = LiftOff(wait=2e-3, lift=0.02, land=0.02)
-SCENARIO = Scenario(duration=0.08, start="rest", sequence=TIMES, controller=Control())
+SCENARIO = Scenario(duration=0.08, start="landed", sequence=TIMES, controller=Control())
 SWAP = 400  # sample at which other numbers fly, in flight
 
 PROGRAM = """#include "rig_calibration.h"

@@ -118,7 +118,7 @@ def test_a_filter_that_followed_a_run_up_is_as_one_that_did_not(kind: str) -> No
     for slope in (3000.0, -3000.0, 1000.0):
         speed = Constant(value=machine.speed) + Ramp(slope=slope)
         flight = ambkit.Scenario(
-            duration=0.03, start="rest", feedback="estimate", speed=speed, sequence=sequence
+            duration=0.03, start="landed", feedback="estimate", speed=speed, sequence=sequence
         )
         new = KINDS[kind].make(machine, None, synchronous=("unbalance",), precision="float32")
         been = simulate_run(machine, flight, estimator=one).estimate
@@ -326,6 +326,8 @@ def test_what_does_not_go_together_is_said_before_any_run() -> None:
     with pytest.raises(AmbkitError, match="no axis C1"):
         plan.check()
     lqg = STUDY.replace("[scenario]", '[scenario]\ncontrol = { type = "lqg" }')
+    Plan(Study.from_toml(lqg)).check()  # fed by the estimate, as nothing else is stated
+    lqg = lqg.replace('"lqg" }', '"lqg", feedback = "measurement" }')
     with pytest.raises(AmbkitError, match='feedback must be "estimate"'):
         Plan(Study.from_toml(lqg)).check()
 

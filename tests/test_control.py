@@ -44,7 +44,7 @@ TIMES = LiftOff(start=5e-3, stop=0.16, wait=5e-3, lift=0.04, land=0.03, lost=0.0
 
 
 def flight(controller: PID, bearing: Bearing = BEARING, **other: Any) -> Scenario:
-    said = {"duration": 0.22, "start": "rest", "sequence": TIMES} | other
+    said = {"duration": 0.22, "start": "landed", "sequence": TIMES} | other
     return Scenario(controller=controller.completed(bearing), **said)
 
 
@@ -143,7 +143,7 @@ def test_a_current_that_stays_at_its_limit_trips() -> None:
 
 def test_no_bump_where_it_takes_over() -> None:
     """A rotor that another controller holds: the first current is close to the one that acted."""
-    plain = Scenario(duration=0.1, start="hover", noise=False, controller=Control())
+    plain = Scenario(duration=0.1, start="levitated", noise=False, controller=Control())
     estimator = KalmanFilter(BEARING)
     record = simulate(BEARING, plain, estimator=estimator)
     controller = Controller.of_axis(

@@ -14,7 +14,9 @@ TUM = Machine.preset("tum_mlps").replace(unbalance=[], speed="0 rpm")
 
 @pytest.fixture(scope="module")
 def designed():
-    return ambkit.design_injection(TUM, Scenario(duration=1.0), axis="B1", band=(20.0, 1500.0))
+    return ambkit.design_injection(
+        TUM, Scenario(duration=1.0, feedback="measurement"), axis="B1", band=(20.0, 1500.0)
+    )
 
 
 def test_it_keeps_within_the_limits_of_all_axes(designed):

@@ -77,7 +77,7 @@ def test_an_estimator_of_several_axes_has_python_s_bits(fmi: Any, tmp_path: Path
     "options",
     [
         {"duration": 300 * T, "feedback": "estimate"},
-        {"duration": 1200 * T, "feedback": "measurement", "start": "rest", "sequence": QUICK},
+        {"duration": 1200 * T, "feedback": "measurement", "start": "landed", "sequence": QUICK},
     ],
     ids=["in flight", "from rest to rest"],
 )

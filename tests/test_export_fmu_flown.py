@@ -37,26 +37,28 @@ class Case(NamedTuple):
     bearing: Bearing
     controller: PID
     sequence: LiftOff | None = None
-    start: str = "hover"
+    start: str = "levitated"
     estimator: str = "linear"
 
 
 CASES = {
     "lqg": Case(BEARING, Control(type="lqg")),
     "feed forward": Case(BEARING, PID(feed_forward=0.8), estimator="extended"),
-    "lqg that lifts": Case(BEARING, Control(type="lqg"), QUICK, "rest"),
+    "lqg that lifts": Case(BEARING, Control(type="lqg"), QUICK, "landed"),
     "lqg of an amplifier's states": Case(SOFT, Control(type="lqg"), estimator="extended"),
-    "one-sided that lifts": Case(ONE_SIDED, PID(), QUICK.model_copy(update={"stop": 0.3}), "rest"),
-    "sensor's PID that lifts": Case(IRON, Control(feedback="measurement"), QUICK, "rest"),
+    "one-sided that lifts": Case(
+        ONE_SIDED, PID(), QUICK.model_copy(update={"stop": 0.3}), "landed"
+    ),
+    "sensor's PID that lifts": Case(IRON, Control(feedback="measurement"), QUICK, "landed"),
     "feed forward in flight that lands": Case(SOFT, PID(feed_forward=1.0), QUICK),
-    "from rest": Case(BEARING, Control(type="lqg"), None, "rest"),
+    "from rest": Case(BEARING, Control(type="lqg"), None, "released"),
 }
 
 
 def scenario_of(case: Case) -> Scenario:
     T = case.bearing.sampling_time
     return Scenario.model_validate({
-        "duration": (300 if case.start == "hover" else 1200) * T,
+        "duration": (300 if case.start == "levitated" else 1200) * T,
         "seed": 3,
         "start": case.start,
         "sequence": case.sequence,
@@ -111,7 +113,7 @@ def test_the_closed_loop_is_what_simulate_flies(name: str, fmi: Any, tmp_path: P
         np.testing.assert_array_equal(found[signal][1:], record[signal], signal)
     check_estimate(found, run)
     assert np.ptp(record["x"]) > 1e-6
-    if case.start == "rest" and case.sequence is not None:
+    if case.start == "landed" and case.sequence is not None:
         modes = {Mode(int(mode)) for mode in record["mode"]}
         assert modes >= {Mode.WAITING, Mode.LIFTING, Mode.FLYING, Mode.LANDING, Mode.OFF}
 
@@ -140,7 +142,7 @@ def test_the_whole_controller_is_what_simulate_flies(
     if case.sequence is None:
         return
     np.testing.assert_array_equal(found["mode"][1:], record["mode"])
-    if case.start == "hover":
+    if case.start == "levitated":
         return
     estimator = KINDS[case.estimator].make(case.bearing, precision=numbers)
     pid = case.controller.completed(case.bearing)
@@ -230,7 +232,7 @@ def test_a_system_lifts_off_and_lands(tmp_path: Path) -> None:
     from fmpy.ssp.simulation import simulate_ssp
     from fmpy.ssp.ssd import read_ssd
 
-    scenario = Scenario(start="rest", sequence=QUICK, controller=Control(type="lqg"))
+    scenario = Scenario(start="landed", sequence=QUICK, controller=Control(type="lqg"))
     path = tmp_path / "lift.ssp"
     export_ssp(BEARING, None, path, scenario=scenario)
     system = read_ssd(str(path)).system  # validates against the schema

@@ -92,7 +92,7 @@ def test_an_axis_whose_current_follows_at_once_starts_as_ever() -> None:
 
 def test_in_a_loop_it_knows_what_its_controller_demanded_before() -> None:
     """A rotor that hangs in the middle with no current falls: so does the estimate."""
-    for start, current in (("rest", 0.0), ("hover", LATE.levitation_current)):
+    for start, current in (("released", 0.0), ("levitated", LATE.levitation_current)):
         e = ambkit.ExtendedKalmanFilter(LATE)
         ambkit.simulate(LATE, Scenario(duration=2 * T, start=start, noise=False), estimator=e)
         assert e.mean[e.model.index("u_2")] == pytest.approx(current, abs=1e-9)

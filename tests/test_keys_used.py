@@ -28,7 +28,7 @@ RICH = IRON.replace(
     sensor__runout=[{"order": 1, "amplitude": "3 um", "phase": "30 deg"}],
     stop={"stiffness": "1e8 N/m^1.5", "damping": "0.3 s/m"}, rotor__clearance="0.15 mm",
 )  # fmt: skip
-FLIES = Scenario(duration=0.03, start="rest", disturbance=ambkit.Step(amplitude=8.0, time=0.01))
+FLIES = Scenario(duration=0.03, start="released", disturbance=ambkit.Step(amplitude=8.0, time=0.01))
 DERIVED = ("sampling_time", "magnet__magnet_constant")
 
 

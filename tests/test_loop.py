@@ -134,7 +134,7 @@ def test_in_hover_the_filter_in_the_loop_does_no_harm() -> None:
 
 
 def test_started_at_rest_the_rotor_is_lifted_from_its_fall() -> None:
-    record = ambkit.simulate(BEARING, Scenario(duration=1.0, start="rest", noise=False))
+    record = ambkit.simulate(BEARING, Scenario(duration=1.0, start="released", noise=False))
     assert record["x"][0] == 0
     assert record["x"].min() < -1e-5
     assert abs(record["x"][-1]) < 5e-6

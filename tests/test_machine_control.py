@@ -62,7 +62,7 @@ def test_a_rotor_follows_its_reference_and_carries_a_load(name, kind, feedback):
 @pytest.mark.parametrize(("kind", "feedback"), KINDS)
 def test_a_rotor_lifts_off_from_its_backup_bearings(kind, feedback):
     machine = Machine.preset("tum_mlps")
-    flight = Scenario(duration=1.0, start="rest", feedback=feedback, control=Control(type=kind))
+    flight = Scenario(duration=1.0, start="landed", feedback=feedback, control=Control(type=kind))
     s = displacements(simulate_run(machine, flight))
     assert np.abs(s[:, 0]).max() > 1e-4
     assert np.abs(s[:, -1]).max() < 5e-6

@@ -132,7 +132,7 @@ def test_without_loss_energy_is_kept() -> None:
 
 
 @pytest.mark.parametrize("name", PRESETS)
-@pytest.mark.parametrize("start", ["hover", "rest"])
+@pytest.mark.parametrize("start", ["levitated", "landed"])
 def test_each_preset_levitates(name: str, start: Any) -> None:
     one = Machine.preset(name)
     run = simulate_run(one, Scenario(start=start))
@@ -142,7 +142,7 @@ def test_each_preset_levitates(name: str, start: Any) -> None:
         assert (
             np.abs(run.record[f"iu_{axis.name}"][late]).max() < axis.bearing.amplifier.current_limit
         )
-    if start == "hover":
+    if start == "levitated":
         assert run.samples_at_the_stop == 0
 
 
@@ -239,7 +239,7 @@ def test_a_thrust_bearing_carries_a_standing_rotor() -> None:
         rotor=rotor, bearing=[bearing("A", 0.2), bearing("B", -0.3), thrust],
         sensor=[sensor("A", 0.2), sensor("B", -0.3), sensor("T", 0, type="axial")],
     )  # fmt: skip
-    run = simulate_run(one, Scenario(duration=0.2, start="rest")).record
+    run = simulate_run(one, Scenario(duration=0.2, start="landed")).record
     assert run["s_T"][0] == pytest.approx(-0.3e-3)
     assert run["f_mag_T"][-500:].mean() == pytest.approx(4 * 9.81, rel=0.01)
     assert np.abs(run["s_T"][-500:]).max() < 2e-5

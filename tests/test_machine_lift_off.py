@@ -29,7 +29,7 @@ QUICK = LiftOff(start=0.005, stop=0.25, lift=0.1, land=0.1)
 
 
 def lifted(machine: Machine, **of_flight: object) -> Run:
-    keys: dict[str, Any] = {"duration": 0.42, "start": "rest", "sequence": QUICK, "seed": 3}
+    keys: dict[str, Any] = {"duration": 0.42, "start": "landed", "sequence": QUICK, "seed": 3}
     flight = Scenario(**keys | of_flight)
     return simulate_run(machine, flight)
 
@@ -76,7 +76,7 @@ def test_lift_off_is_without_a_kick() -> None:
 def test_a_machine_without_its_readings_trips_and_lifts_again() -> None:
     machine = Machine.preset("tum_mlps").replace(speed=0.0)
     sequence = LiftOff(lift=0.05, land=0.05, lost=0.01)
-    flight = Scenario(duration=0.4, start="rest", sequence=sequence, noise=False)
+    flight = Scenario(duration=0.4, start="landed", sequence=sequence, noise=False)
     n = round(0.4 / machine.sampling_time) + 1
     readings, fly = np.zeros((n, len(machine.readings))), np.ones(n)
     readings[2000:2400] = np.nan
@@ -95,7 +95,7 @@ def test_a_machine_that_is_overloaded_trips() -> None:
     axis = machine.axes[0].name
     push = Disturbance(axis=axis, force=Step(amplitude=500.0, time=0.2))
     sequence = LiftOff(lift=0.05, overload=0.02)
-    flight = Scenario(duration=0.4, start="rest", sequence=sequence, disturbance=(push,))
+    flight = Scenario(duration=0.4, start="landed", sequence=sequence, disturbance=(push,))
     mode = simulate_run(machine, flight).record["mode"]
     assert mode[1999] == Mode.FLYING
     assert mode[-1] == Mode.TRIPPED
@@ -122,7 +122,7 @@ def test_a_sequence_changes_nothing_of_a_flight_that_does_not_need_it() -> None:
 
 
 def test_the_flight_file_says_so(tmp_path: Path) -> None:
-    text = 'duration = "0.4 s"\nstart = "rest"\n[sequence]\nlift = "0.1 s"\nstop = "0.3 s"\n'
+    text = 'duration = "0.4 s"\nstart = "landed"\n[sequence]\nlift = "0.1 s"\nstop = "0.3 s"\n'
     (tmp_path / "scenario.toml").write_text(text)
     flight = Scenario.load(tmp_path / "scenario.toml")
     assert flight.sequence == LiftOff(lift=0.1, stop=0.3)
@@ -147,7 +147,7 @@ def test_what_lies_is_left_out_of_what_is_filtered() -> None:
 def test_a_summary_is_of_the_flight(stop: float | None) -> None:
     machine = Machine.preset("tum_mlps")
     flight = Scenario(
-        duration=0.35, start="rest", sequence=LiftOff(stop=stop, lift=0.05, land=0.05),
+        duration=0.35, start="landed", sequence=LiftOff(stop=stop, lift=0.05, land=0.05),
         feedback="estimate", speed=Ramp(slope=2000.0, start=0.1),
     )  # fmt: skip
     kalman = KalmanFilter(machine, synchronous=("unbalance",))
@@ -176,15 +176,15 @@ def test_a_summary_ends_where_the_power_fails() -> None:
 
 FLIGHTS = {
     "hovering at first": Scenario(sequence=LiftOff()),  # what is exported begins at power-on
-    "lift-off": Scenario(start="rest", sequence=LiftOff()),
-    "by the estimate": Scenario(start="rest", sequence=LiftOff(), feedback="estimate"),
+    "lift-off": Scenario(start="landed", sequence=LiftOff()),
+    "by the estimate": Scenario(start="landed", sequence=LiftOff(), feedback="estimate"),
     "run-up": Scenario(speed=Ramp(slope=2000.0), feedback="estimate"),
     "all": Scenario(
-        start="rest", sequence=LiftOff(), speed=Ramp(slope=2000.0, start=0.2),
+        start="landed", sequence=LiftOff(), speed=Ramp(slope=2000.0, start=0.2),
         feedback="estimate", control=Control(unbalance="force-free", cross_feedback=0.3),
     ),
     "lqg": Scenario(
-        start="rest", sequence=LiftOff(), feedback="estimate", control=Control(type="lqg"),
+        start="landed", sequence=LiftOff(), feedback="estimate", control=Control(type="lqg"),
     ),
 }  # fmt: skip
 
@@ -257,7 +257,7 @@ def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name: str, tmp_pa
     """The exported controller, fed with the readings of a simulated flight: 0 samples differ."""
     machine = Machine.preset(name)
     flight = Scenario(
-        duration=0.5, start="rest", feedback="estimate",
+        duration=0.5, start="landed", feedback="estimate",
         speed=Ramp(slope=machine.speed / 0.2, start=0.12, end=0.3),
         sequence=LiftOff(start=0.003, stop=0.4, wait=0.005, lift=0.08, land=0.08),
     )  # fmt: skip

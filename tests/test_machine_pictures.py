@@ -22,7 +22,8 @@ def test_the_unbalance_response_is_that_of_a_flight() -> None:
     one = machine(speed=900.0, unbalance=UNBALANCE)
     found = ambkit.unbalance_response(one, 1800.0, count=180)
     at = int(np.argmin(np.abs(found.speed - 900.0)))
-    record = simulate_run(one, Scenario(duration=0.8, noise=False)).record
+    flight = Scenario(duration=0.8, noise=False, feedback="measurement")
+    record = simulate_run(one, flight).record
     late = record.t >= record.t[-1] - 50 * 2 * np.pi / 900.0
     for k, axis in enumerate(one.axes):
         turning = record[f"s_{axis.name}"][late] * np.exp(-900j * record.t[late])

@@ -154,7 +154,7 @@ MACHINES: dict[str, dict[str, Any]] = {
     "filter": {"kind": "augmented"},
     "controllers": {"scenario": Scenario(feedback="estimate", control=Control(type="lqg"))},
     "lift-off and run-up": {
-        "scenario": Scenario(start="rest", sequence=LiftOff(), speed=Ramp(slope=2000.0)),
+        "scenario": Scenario(start="landed", sequence=LiftOff(), speed=Ramp(slope=2000.0)),
     },
 }
 

@@ -26,7 +26,7 @@ pytestmark = [
 ]
 
 KNOWN = unseen.lists(True, True, False)
-LIFTING: dict[str, Any] = {"start": "rest", "sequence": LiftOff()}
+LIFTING: dict[str, Any] = {"start": "landed", "sequence": LiftOff()}
 CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
 FLOWN: dict[str, tuple[str, Scenario | None]] = {
     "pid": ("tum_mlps", Scenario(feedback="estimate", control=CROSSED, **LIFTING)),

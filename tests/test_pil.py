@@ -32,7 +32,7 @@ needs_tools = pytest.mark.skipif(
 )
 SEQUENCE = LiftOff(start=5e-3, stop=0.16, wait=5e-3, lift=0.04, land=0.03)
 SCENARIO = Scenario(
-    duration=0.2, start="rest", sequence=SEQUENCE, controller=Control(feed_forward=1.0),
+    duration=0.2, start="landed", sequence=SEQUENCE, controller=Control(feed_forward=1.0),
     disturbance=Step(amplitude=2.0, time=0.1),
 )  # fmt: skip
 

@@ -166,7 +166,7 @@ def test_many_mistakes_are_told_at_once_in_order() -> None:
 duration = "0.2 m"
 nois = true
 seed = -1
-start = "hovr"
+start = "levtated"
 [reference]
 type = "sequence"
 times = ["0 s", "20 ms", "10 ms"]
@@ -181,7 +181,8 @@ seed = 3
         's.toml:1: duration: "0.2 m": m cannot be converted to s, write it like "0.5 s"',
         "s.toml:2: nois: unknown key, did you mean noise?",
         "s.toml:3: seed: must be greater than or equal to 0, is -1",
-        's.toml:4: start: must be "hover" or "rest", is "hovr"; did you mean "hover"?',
+        's.toml:4: start: must be one of "levitated", "landed", "released", is "levtated"; '
+        'did you mean "levitated"?',
         "s.toml:7: reference.times: must increase, but 0.01 s follows 0.02 s",
         's.toml:8: reference.values[1]: "3 N": N cannot be converted to m, write it like "0.5 mm"',
         's.toml:10: disturbance.type: must be one of "constant", "step", "ramp", "sine", '
@@ -243,7 +244,7 @@ waveforms = st.recursive(
 scenarios = st.builds(
     Scenario,
     duration=st.floats(1e-9, 1e6),
-    start=st.sampled_from(["hover", "rest"]),
+    start=st.sampled_from(["levitated", "landed", "released"]),
     noise=st.booleans(),
     seed=st.integers(0, 2**63 - 1),
     substeps=st.integers(1, 1000),

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ambkit.campaigns.study import Study as Study
     from ambkit.control.control import Control as Control
     from ambkit.control.pid import PID as PID
+    from ambkit.control.user_controller import ControllerProtocol as ControllerProtocol
     from ambkit.data.reading.reader import load as load
     from ambkit.data.reading.reader import read as read
     from ambkit.data.record import Record as Record
@@ -66,6 +67,7 @@ if TYPE_CHECKING:
     from ambkit.simulation.many import Planned as Planned
     from ambkit.simulation.many import simulate_many as simulate_many
     from ambkit.simulation.scenario import Scenario as Scenario
+    from ambkit.simulation.user_plant import PlantProtocol as PlantProtocol
     from ambkit.simulation.waveforms import Constant as Constant
     from ambkit.simulation.waveforms import HalfSine as HalfSine
     from ambkit.simulation.waveforms import Impulse as Impulse
@@ -103,6 +105,7 @@ _HOME = {
     "base.errors": ["AmbkitError", "ConfigError", "RecordError"],
     "control.control": ["Control"],
     "control.pid": ["PID"],
+    "control.user_controller": ["ControllerProtocol"],
     "data.reading.reader": ["load", "read"],
     "data.record": ["Record"],
     "data.telemetry": ["read_telemetry"],
@@ -137,6 +140,7 @@ _HOME = {
     "result.result": ["Result"],
     "simulation.many": ["Planned", "simulate_many"],
     "simulation.scenario": ["Scenario"],
+    "simulation.user_plant": ["PlantProtocol"],
     "simulation.waveforms": [
         "Constant",
         "HalfSine",

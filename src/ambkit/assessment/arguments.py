@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from ambkit.assessment.plausibility import check_plausibility
 from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.base.own_class import MARK
 from ambkit.base.quantity_arguments import in_si, names_in, of_type
 from ambkit.control.control import Control
 from ambkit.control.controllers import TYPES
@@ -166,13 +167,16 @@ def is_filter(source: Any) -> bool:
 
 def given_controller(machine: Machine, value: Any) -> tuple[PID | None, dict[str, float], bool]:
     """Return the controllers, the constant disturbances, and whether a measurement feeds them."""
+    if isinstance(value, type) or (isinstance(value, str) and MARK in value):
+        return Control(custom=value), {}, False
     if not isinstance(value, str | os.PathLike):
         return value, {}, False
     if value in TYPES:
         return Control.model_validate({"type": value}), {}, False
     if Path(value).suffix != ".toml":
         raise AmbkitError(
-            f"controller: {value!r} is none of {', '.join(TYPES)}, and no file that ends with .toml"
+            f"controller: {value!r} is none of {', '.join(TYPES)}, no file.py:Class, and no file "
+            "that ends with .toml"
         )
     scenario, axes = Scenario.load(value), tuple(axis.name for axis in machine.axes)
     wrong = list(scenario.wrong_for(axes, body=not machine.single))
@@ -187,7 +191,7 @@ def given_controller(machine: Machine, value: Any) -> tuple[PID | None, dict[str
     control = scenario.controller
     if scenario_control.fastest_of(machine, scenario) > abs(machine.speed):
         control = scenario_control.control_of(machine, scenario)
-    return control, forces, scenario_control.feedback_of(machine, scenario) == "measurement"
+    return control, forces, scenario_control.feedback_of(scenario) == "measurement"
 
 
 def given_orbit(orbit: Any) -> Any:

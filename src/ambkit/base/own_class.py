@@ -7,12 +7,48 @@ import inspect
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+from pydantic import (
+    PlainSerializer,
+    PlainValidator,
+    SerializationInfo,
+    ValidationInfo,
+    WithJsonSchema,
+)
+
+from ambkit.base.config.paths import from_folder, to_folder
 from ambkit.base.errors import AmbkitError
 
 MARK = ".py:"
 """What such a name has."""
+
+
+def _checked(value: Any, info: ValidationInfo) -> Any:
+    if isinstance(value, type) or (isinstance(value, str) and MARK in value):
+        return from_folder(value, info)
+    raise ValueError('must be "file.py:Class", or in Python a class')
+
+
+def _written(make: Any, info: SerializationInfo) -> str:
+    return to_folder(make, info) if isinstance(make, str) else name_of(make)
+
+
+OwnClass = Annotated[
+    Any, PlainValidator(_checked), WithJsonSchema({"type": "string"}),
+    PlainSerializer(_written, when_used="json-unless-none"),
+]  # fmt: skip
+"""A class of the user's in a document, or ``file.py:Class``, whose file runs when it is flown."""
+
+
+def name_of(make: Any) -> str:
+    """Return what a class, or a file's, is called."""
+    return make if isinstance(make, str) else str(getattr(make, "__name__", "own"))
+
+
+def class_of(make: Any) -> Callable[..., Any]:
+    """Return a class, out of its file where it is named so."""
+    return load_class(make)[1] if isinstance(make, str) else make
 
 
 def load_class(text: str) -> tuple[str, Callable[..., Any]]:

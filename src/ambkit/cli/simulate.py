@@ -186,11 +186,11 @@ def _notes(run: Run, scenario: Scenario, estimator: Estimator | None) -> Iterato
         plain = plain_control(machine, scenario, estimator)
         if plain is not None:
             yield plain
-    if touched and scenario.start != "rest":
+    if touched and scenario.start == "levitated":
         yield _of_the_stop(run)
         if machine.single or machine.speed:
             return
-        if not holding(machine, scenario.feedback or "measurement").held:
+        if not holding(machine, scenario.feedback or "estimate").held:
             yield "no PID of each axis that was tried holds it; ambkit check says more"
 
 

@@ -11,6 +11,7 @@ from ambkit.base.config import Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Name
 from ambkit.base.errors import AmbkitError
+from ambkit.base.own_class import OwnClass
 from ambkit.control.pid import GAINS, PID
 from ambkit.machine.machine import Bearing
 
@@ -41,6 +42,9 @@ class Control(PID):
     unbalance_from: Annotated[float, Quantity("rad/s", "2000 rpm", above=0)] | None = None
     """Speed below which it is fought all the same [rad/s]; without, 100 rad/s or half the machine's
     own."""
+    custom: OwnClass | None = None
+    """A controller of one's own in place of all of these: ``"file.py:Class"``, or in Python the
+    class; see `ControllerProtocol`."""
     pid: dict[Name, PID] = Field(default_factory=dict)
     """PIDs by what each is of: an axis, or with "translation and tilt" a coordinate of the rotor
     such as x or th_y. What is not said of one is tuned to it."""
@@ -110,6 +114,8 @@ class Control(PID):
         bearing : Bearing
             What it is to hold.
         """
+        if self.custom:
+            return self.fed_by(self.feedback or "estimate")
         if self.model_fields_set >= GAINS and self.feedback and not self.pid:
             return self
         result = self.model_copy(update={"pid": {}})

@@ -25,9 +25,6 @@ from ambkit.control.stabilising_controller import ENOUGH
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
 
-FACTOR = 1.5
-"""The measurement feeds the controllers while their peak of abs(S) is at most so many times that of
-the linear-quadratic regulator, which needs an estimate."""
 AS_GOOD = 1.1
 """Where no peak is at most `ENOUGH`, the simplest is taken whose peak is within this factor of the
 lowest."""
@@ -86,7 +83,7 @@ def _listed(candidates: Iterable[Candidate]) -> str:
 
 
 def default_control(
-    machine: Machine, feedback: Feedback | None = None, max_speed: float = 0.0
+    machine: Machine, feedback: Feedback = "estimate", max_speed: float = 0.0
 ) -> DefaultControl:
     """Return the controllers that a machine has by default, up to its speed or a faster one."""
     # A machine that does not turn has decentralised PIDs. Of one that turns the structures are
@@ -96,19 +93,20 @@ def default_control(
     # `ENOUGH`, or the simplest within a factor `AS_GOOD` of the lowest.
     max_speed = max(abs(machine.speed), max_speed)
     if not max_speed or machine.rotor.type == "mass":
-        fed_by = feedback or "measurement"
-        return DefaultControl(machine.name, 0.0, Candidate(PIDS[0], fed_by, math.nan, 0.0))
+        return DefaultControl(machine.name, 0.0, Candidate(PIDS[0], feedback, math.nan, 0.0))
     return _chosen(machine.model_copy(update={"unbalance": ()}), feedback, max_speed)
 
 
 def is_default(control: Control) -> bool:
     """Whether the structure of controllers is left to be chosen."""
+    if control.custom:
+        return False
     stated_gains = control.model_fields_set & PID.model_fields.keys()
     return control.type is None and not (stated_gains or control.pid or control.cross_feedback)
 
 
 def settled(
-    machine: Machine, control: Control, feedback: Feedback | None, max_speed: float = 0.0
+    machine: Machine, control: Control, feedback: Feedback, max_speed: float = 0.0
 ) -> Control:
     """Return controllers with their type, chosen where it is not given; held or not."""
     if control.type is not None:
@@ -120,28 +118,14 @@ def settled(
 
 
 @lru_cache(maxsize=64)
-def _chosen(machine: Machine, feedback: Feedback | None, max_speed: float) -> DefaultControl:
+def _chosen(machine: Machine, feedback: Feedback, max_speed: float) -> DefaultControl:
     try:
         loops = Candidates(machine, max_speed)
     except AmbkitError:  # nothing holds the rotor in the middle
-        nothing = Candidate(PIDS[0], feedback or "measurement", math.nan, 0.0)
+        nothing = Candidate(PIDS[0], feedback, math.nan, 0.0)
         return DefaultControl(machine.name, max_speed, nothing)
-    results: list[Candidate] = []
-    if feedback != "estimate":
-        results = loops.in_turn("measurement")
-        best = _simplest(results)
-        bound = math.inf
-        if feedback is None and not best.peak <= ENOUGH:
-            lowest = min(loops.peaks(regulator, "estimate").peak for regulator in loops.regulators)
-            if not math.isfinite(lowest):
-                lowest = min(item.peak for item in loops.in_turn("estimate"))
-            bound = FACTOR * lowest
-        if feedback is not None or (best.peak <= max(ENOUGH, bound) and best.stable):
-            return DefaultControl(machine.name, max_speed, best, tuple(results))
-    others = loops.in_turn("estimate")
-    results += others
-    best = _simplest(others if any(other.stable for other in others) else results)
-    return DefaultControl(machine.name, max_speed, best, tuple(results))
+    results = tuple(loops.in_turn(feedback))
+    return DefaultControl(machine.name, max_speed, _simplest(results), results)
 
 
 def _simplest(candidates: Iterable[Candidate]) -> Candidate:

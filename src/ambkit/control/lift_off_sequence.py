@@ -30,7 +30,7 @@ class Mode(IntEnum):
 class LiftOff(Part):
     """When the currents are on: lift-off, landing, and what ends a flight."""
 
-    # With ``start = "rest"`` the rotor lies on the stop to which its weight pulls it, and both
+    # With ``start = "landed"`` the rotor lies on the stop to which its weight pulls it, and both
     # coils are without current until it lifts. It lifts when the estimate has settled, from where
     # it lies.
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering, percent, rpm
-from ambkit.control.default_control import default_control
 from ambkit.control.stabilising_controller import holding
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
@@ -241,15 +240,13 @@ def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None
     """Return where the peaks of the default loops differ most, and what grows with all modes."""
     try:
         of = LoopOf(machine)
-        fed_by_estimate = default_control(machine).chosen.feedback == "estimate"
-        estimator = KalmanFilter(machine) if fed_by_estimate else None
+        estimator = KalmanFilter(machine)
         control_law = of.flown_by(estimator)
     except (AmbkitError, ValueError):  # nothing holds the rotor, or no filter takes it
         return None, None
     worst: Peak | None = None
     for speed in dict.fromkeys((0.0, machine.speed / 2, machine.speed)):
-        if estimator is not None:
-            estimator = KalmanFilter(machine.model_copy(update={"speed": speed}))
+        estimator = KalmanFilter(machine.model_copy(update={"speed": speed}))
         loops = [
             LoopOf(
                 item.model_copy(update={"speed": speed}),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.control.controller_states import Controller
+from ambkit.control.controller_states import Controller, lies_at
 from ambkit.control.controllers import Controllers, arrays, controllers_of, gains_of
 from ambkit.machine.levitation import levitation_current_at
 from ambkit.machine.magnets import Law, MagnetModel, magnet_of
@@ -36,9 +36,10 @@ class StraightLine:
         self.law = magnet if isinstance(magnet, Law) else magnet_of(bearing)
         self.magnet = self.law if magnet is None else magnet
         self.coil = plant_parts.coil_fields(bearing) if magnet is None else None
-        self.place, self.held = 0.0, 0.0
-        if scenario.start == "hover":
-            self.place, self.held = at, levitation_current_at(bearing, at, load, magnet)
+        levitated = scenario.start == "levitated"
+        self.held = levitation_current_at(bearing, at, load, magnet) if levitated else 0.0
+        self.held_at = at if levitated else 0.0
+        self.place = lies_at(bearing) if scenario.start == "landed" else self.held_at
         # What was demanded before the start is the controller's own, and known.
         self.current = min(max(self.held, bearing.current_min), bearing.current_max)
 
@@ -72,16 +73,15 @@ class StraightLine:
         told: dict[str, Any] = {
             "loop": loop, "place": self.place if elsewhere is None else elsewhere,
             "current": self.current,
-            "integral": pid.integral(self.held, self.place, bearing.sampling_time),
+            "integral": pid.integral(self.held, self.held_at, bearing.sampling_time),
         }  # fmt: skip
         sequence = self.scenario.sequence
         if estimator is not None and (sequence is not None or pid.needs_estimate):
             whole = Controller.of_axis(bearing, estimator, pid, sequence)
-            integral = whole.integral(self.held, self.place)
+            integral = whole.integral(self.held, self.held_at)
             told |= {"control": whole.in_core(), "integral": integral}
-            if sequence is not None and self.scenario.start != "hover":
-                down = float(whole.down[0]) if elsewhere is None else elsewhere
-                told |= {"hovers": False, "current": 0.0, "place": down}
+            if sequence is not None and self.scenario.start != "levitated":
+                told |= {"hovers": False, "current": 0.0}
         numbers = ("place", "current", "integral")
         return told | {name: np.array([told[name]], precision) for name in numbers}
 
@@ -116,8 +116,10 @@ class InLoops:
         if estimator is not None:
             known = np.ravel(estimator.equilibrium_state(self.place, current=self.current))
         self.held = self.current, at, known
-        if scenario.start == "rest":
-            self.place, self.current = plant.resting(), np.zeros(len(machine.axes))
+        if scenario.start != "levitated":
+            lies = scenario.start == "landed"
+            self.place = plant.resting() if lies else np.zeros_like(self.place)
+            self.current = np.zeros(len(machine.axes))
             if scenario.controller.type != "lqg":  # whose integrals alone know of the weight
                 self.held = self.current, np.zeros_like(self.current), None
         self.fed = estimator if scenario.feedback == "estimate" else None
@@ -164,6 +166,6 @@ class InLoops:
         if scenario.sequence is not None and estimator is not None:
             fed = self.fed is not None
             whole = Controller(self.plant, estimator, self.law, scenario.sequence, fed)
-            hovers = scenario.start == "hover"
-            told |= {"control": whole.in_core(**other), "hovers": hovers}
+            levitated = scenario.start == "levitated"
+            told |= {"control": whole.in_core(**other), "hovers": levitated}
         return told | {"loop": loop}

@@ -20,6 +20,7 @@ from ambkit.base.units import engineering
 from ambkit.control.axis_sensitivity import shown_along_axes
 from ambkit.control.controllers import Controllers
 from ambkit.control.pid import PID
+from ambkit.control.user_controller import OwnController
 from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
@@ -32,6 +33,7 @@ from ambkit.simulation.recording import recorded
 from ambkit.simulation.scenario import AXES, Scenario
 from ambkit.simulation.scenario_control import feedback_of, settled_scenario
 from ambkit.simulation.simulated import Run as Run
+from ambkit.simulation.user_plant import OwnPlant
 
 Array = NDArray[np.float64]
 
@@ -141,6 +143,13 @@ class Loop:
         self._form = self._formed(magnet, controllers)
         if self.external_inputs.references is not None:
             self._reference = self._reference + self.external_inputs.references
+        own, plant = self.scenario.controller.custom, self.scenario.plant
+        if own is not None and self.scenario.sequence is not None:
+            raise AmbkitError("sequence: lifts with our controllers, and not with one of your own")
+        self._own = {
+            "own_controller": None if own is None else OwnController(own, machine),
+            "own_plant": None if plant is None else OwnPlant(plant, machine),
+        }
         self._goes: Any = None  # the loop's state, between two stretches
         self._turns: tuple[Any, Any] = None, None  # an estimator, and its model that turns
         self._at = 0
@@ -155,7 +164,7 @@ class Loop:
         if self._straight:
             return scenario.of_one_axis(self.machine.isolated_axis(""))
         if made:
-            return scenario.fed(feedback_of(self.machine, scenario))
+            return scenario.fed(feedback_of(scenario))
         return settled_scenario(self.machine, scenario)
 
     def _impose(self, magnet: MagnetModel | None) -> None:
@@ -306,8 +315,13 @@ class Loop:
         noise_u, noise_y = map(given, self.noise)
         told = self._turning(here) | self.arguments(core, given)
         result: dict[str, Any] = core.simulate(
-            **told, noise_u=noise_u, noise_y=noise_y, state=state
+            **told, **self._own, noise_u=noise_u, noise_y=noise_y, state=state
         )
+        for own in self._own.values():
+            if own is not None:
+                own.check()
+        if self._own["own_plant"] is not None:  # which does not say how its magnets pull
+            result["force"] = np.full_like(result["force"], np.nan)
         return result
 
     def run(self, until: float | None = None) -> Run:

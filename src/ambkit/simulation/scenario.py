@@ -22,6 +22,7 @@ from ambkit.base.config import Document, Part
 from ambkit.base.config.problems import ONE_OR_MORE
 from ambkit.base.config.quantities import Quantity, SignalIn
 from ambkit.base.errors import AmbkitError
+from ambkit.base.own_class import OwnClass
 from ambkit.control.control import Control, as_control, merged
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.machine.machine import Bearing
@@ -83,6 +84,8 @@ _One = Annotated[Signal, Tag(ONE_OR_MORE[0])]
 _LIST = Tag(ONE_OR_MORE[1])
 _ONE_OR_MORE = Discriminator(lambda raw_value: ONE_OR_MORE[isinstance(raw_value, list | tuple)])
 
+_STARTS_BEFORE = {"hover": "levitated", "rest": "landed"}
+
 AXES = ("reference", "disturbance", "injection")
 """Signals that an axis has each."""
 
@@ -113,9 +116,12 @@ class Scenario(Described, Document):
 
     duration: Annotated[float, Quantity("s", "0.5 s", above=0)] = 0.5
     """How long the run lasts [s]."""
-    start: Literal["hover", "rest"] = "hover"
-    """At the start: in equilibrium at the reference; or without current, lying in the backup
-    bearings. A mass without a sequence is then released at x = 0."""
+    start: Annotated[
+        Literal["levitated", "landed", "released"],
+        BeforeValidator(lambda raw_value: _STARTS_BEFORE.get(raw_value, raw_value)),
+    ] = "levitated"
+    """At the start: in equilibrium at the reference; without current, lying in the touch-down
+    bearings; or without current in the middle, from where the rotor falls."""
     noise: Annotated[bool, Field(strict=True)] = True
     """Whether amplifiers and sensors are noisy."""
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
@@ -154,6 +160,9 @@ class Scenario(Described, Document):
     sequence: LiftOff | None = None
     """Lift-off and landing, of all axes together, and what looks after the flight; without, it
     flies from the start."""
+    plant: OwnClass | None = None
+    """A plant of one's own that flies in place of the machine: ``"file.py:Class"``, or in Python
+    the class; see `PlantProtocol`."""
     base: tuple[Base, ...] = ()
     """How the foundation moves; displacements and readings are relative to it."""
 

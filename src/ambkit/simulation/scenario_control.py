@@ -23,32 +23,27 @@ def fastest_of(machine: Machine, scenario: Scenario) -> float:
     return max(abs(machine.speed), float(np.abs(speed).max()))
 
 
+def feedback_of(scenario: Scenario) -> Feedback:
+    """Return what feeds the controllers of a scenario: the estimate where it is not stated."""
+    return scenario.feedback or "estimate"
+
+
 def default_for(machine: Machine, scenario: Scenario) -> DefaultControl:
     """Return the default controllers of a scenario, over its speed range and the machine's."""
-    return default_control(machine, scenario.feedback, fastest_of(machine, scenario))
-
-
-def feedback_of(machine: Machine, scenario: Scenario) -> Feedback:
-    """Return what feeds the controllers of a scenario, chosen where it is not given."""
-    control = scenario.controller
-    if scenario.feedback is not None:
-        return scenario.feedback
-    if not is_default(control) or control.needs_estimate:
-        return "measurement"
-    return default_for(machine, scenario).chosen.feedback
+    return default_control(machine, feedback_of(scenario), fastest_of(machine, scenario))
 
 
 def control_of(machine: Machine, scenario: Scenario) -> Control:
     """Return the controllers of a scenario with their type; held or not."""
-    feedback = feedback_of(machine, scenario)
-    return settled(machine, scenario.controller, feedback, fastest_of(machine, scenario))
+    feedback = feedback_of(scenario)
+    control = settled(machine, scenario.controller, feedback, fastest_of(machine, scenario))
+    return control.fed_by(feedback)
 
 
 def settled_scenario(machine: Machine, scenario: Scenario) -> Scenario:
-    """Return a scenario with controllers and feedback chosen where they are not given."""
+    """Return a scenario with controllers and feedback chosen where they are not stated."""
     if is_default(scenario.controller):
         result = default_for(machine, scenario)
         if not result.held:
             raise AmbkitError(result.summary)
-    control, feedback = control_of(machine, scenario), feedback_of(machine, scenario)
-    return scenario.model_copy(update={"controller": control.fed_by(feedback)})
+    return scenario.model_copy(update={"controller": control_of(machine, scenario)})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
-from ambkit.verbs.words import Filters, Machine
+from ambkit.verbs.words import Controller, Filters, Machine, Plant
 
 if TYPE_CHECKING:
     from ambkit.judge.faults.fault_test import FaultCampaign
@@ -21,6 +21,8 @@ def inject_faults(
     first_seed: int = 0,
     samples: int = 50_000,
     precision: Literal["float64", "float32", "both"] = "float64",
+    controller: Controller | None = None,
+    plant: Plant | None = None,
 ) -> FaultCampaign:
     """Inject faults and measure recovery.
 
@@ -49,6 +51,10 @@ def inject_faults(
         Length of a flight through random mixtures of faults; 0: none.
     precision : {"float64", "float32", "both"}, optional
         Of the filters.
+    controller : PID, Control, class, str or path, optional
+        A scenario's TOML file with its controller, or a class of your own as file.py:Class.
+    plant : class or str, optional
+        A class of your own that flies in place of the machine, as file.py:Class.
 
     Returns
     -------
@@ -65,11 +71,13 @@ def inject_faults(
     $ ambkit faults zittau_axial --filter linear --filter extended --plot faults.png
     $ ambkit faults tum_mlps --filter linear --reading Lb1
     """
-    from ambkit.assessment.arguments import given_machine
+    from ambkit.assessment.arguments import given_controller, given_machine
     from ambkit.judge.faults import fault_test
 
+    described = given_machine(machine)
     return fault_test.inject_faults(
-        given_machine(machine), None if filter in ("all", ["all"]) else filter, reading=reading,
+        described, None if filter in ("all", ["all"]) else filter, reading=reading,
         faults=faults or None, seeds=range(first_seed, first_seed + seeds), steps=samples,
         precisions=("float64", "float32") if precision == "both" else (precision,),
+        controller=given_controller(described, controller)[0], plant=plant,
     )  # fmt: skip

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 Machine = Annotated["str | PathLike[str] | ambkit.Machine", "MACHINE"]
 Filter = Annotated["str | PathLike[str] | ambkit.Estimator", "FILTER"]
 Filters = Filter | Sequence[Filter] | Mapping[str, Filter]
-Controller = Annotated["str | PathLike[str] | ambkit.PID", "CONTROLLER"]
+Controller = Annotated[
+    "str | PathLike[str] | ambkit.PID | type[ambkit.ControllerProtocol]", "CONTROLLER"
+]
+Plant = Annotated["str | type[ambkit.PlantProtocol]", "FILE.py:CLASS"]
 Record = Annotated["str | PathLike[str] | ambkit.Record", "RECORD"]
 Records = Record | Sequence[Record]
 Channels = Annotated["str | PathLike[str] | ChannelMap", "FILE.toml"]

@@ -7,12 +7,14 @@ from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from ambkit.base.config import Read
+from ambkit.base.config.paths import from_folder
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.errors import AmbkitError
 from ambkit.control.blocks.block import Block
+from ambkit.data.files.mat import content
 
 
 def _vector(value: Any) -> Any:
@@ -34,6 +36,7 @@ Rows = Annotated[tuple[tuple[Number, ...], ...], BeforeValidator(_rows)]
 class StateSpace(Block):
     """``dx/dt = A x + B e`` and ``iu = C x + D e``, or the same from sample to sample."""
 
+    # In TOML either the matrices or `file`, a MAT-file with them.
     # It is flown as sections of second order, so its poles must be stable and it must have a gain
     # at rest: the integral is that of the PID.
 
@@ -48,6 +51,25 @@ class StateSpace(Block):
     """From input to output."""
     sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)] | None = None
     """With it the matrices are those from one sample to the next [s]."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_file(cls, data: Any, info: ValidationInfo) -> Any:
+        """Take the matrices A, B, C, D, and T of a sampled system, from a MAT-file."""
+        if not isinstance(data, dict) or "file" not in data:
+            return data
+        path = from_folder(data["file"], info)
+        try:
+            known = content(path)
+        except (AmbkitError, OSError) as error:
+            raise ValueError(f"file: {error}") from None
+        if missing := [name for name in "ABC" if name not in known]:
+            raise ValueError(f"file: {path} has no variable {', '.join(missing)}")
+        matrices = {"A": np.atleast_2d(known["A"]).astype(float), "B": known["B"], "C": known["C"]}
+        matrices["D"] = np.ravel(known.get("D", 0.0)).item()
+        if "T" in known:
+            matrices["sampling_time"] = f"{np.ravel(known['T']).item()!r} s"
+        return {key: value for key, value in data.items() if key != "file"} | matrices
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:

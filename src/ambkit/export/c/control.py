@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ambkit.base.arrays import Array
+from ambkit.base.errors import AmbkitError
+from ambkit.base.own_class import name_of
 from ambkit.control.controller_states import Controller
 from ambkit.control.controllers import controllers_of
 from ambkit.export.c import c_literals, controller_test_cases, selftest
@@ -51,6 +53,10 @@ class Structs(NamedTuple):
 def controller_of(estimator: Estimator, scenario: Scenario) -> Controller:
     """Return the controller that a scenario states around an estimator."""
     machine = estimator.machine
+    if scenario.controller.custom:
+        raise AmbkitError(
+            f"controller.custom: {name_of(scenario.controller.custom)} is Python, and has no C"
+        )
     if machine.single:
         pid = scenario.of_one_axis(estimator.bearing).controller
         return Controller.of_axis(estimator.bearing, estimator, pid, scenario.sequence)

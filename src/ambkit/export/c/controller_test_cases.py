@@ -258,7 +258,7 @@ def _happening(
         references.append(Reference(axis=axis.name, position=position_step))
         loads.append(Disturbance(axis=axis.name, force=force_step))
     return Scenario(
-        duration=LIFTED * T - machine.sampling_time, start="rest",
+        duration=LIFTED * T - machine.sampling_time, start="landed",
         controller=scenario.controller, reference=tuple(references), disturbance=tuple(loads),
         seed=scenario.seed, speed=_speed(machine, scenario, sign), sequence=scenario.sequence,
     )  # fmt: skip

@@ -43,9 +43,9 @@ def flown(estimator: Estimator, scenario: Scenario) -> Flown:
     """Return what :func:`ambkit.simulate` flies, started as there."""
     controller = control.controller_of(estimator, scenario)
     isolated, nothing = controller.plant.isolated, np.zeros(len(controller.plant.isolated))
-    levitated = scenario.start == "hover" or scenario.sequence is None
+    levitated = scenario.start == "levitated" or scenario.sequence is None
     current = nothing
-    if scenario.start == "hover":
+    if scenario.start == "levitated":
         single = len(isolated) == 1 and estimator.machine.single
         held = (
             [levitation_current_at(isolated[0])]
@@ -56,15 +56,13 @@ def flown(estimator: Estimator, scenario: Scenario) -> Flown:
     low, high = (
         np.array([getattr(item, f"current_{end}") for item in isolated]) for end in ("min", "max")
     )
-    lies = scenario.start == "rest" and scenario.sequence is not None
-    place = controller.down if lies else nothing
+    place = controller.down if scenario.start == "landed" else nothing
     return Flown(controller, levitated, place, np.clip(current, low, high))
 
 
 def starts_at(bearing: Bearing, scenario: Scenario) -> float:
     """Return where the rotor is at the start [m]."""
-    lies = scenario.start == "rest" and scenario.sequence is not None
-    return lies_at(bearing) if lies else 0.0
+    return lies_at(bearing) if scenario.start == "landed" else 0.0
 
 
 def flown_data(of: Flown, precision: CPrecision) -> dict[str, Any]:

@@ -58,7 +58,7 @@ def pil(
     base_scenario = scenario or Scenario(duration=1.0)
     of_type(Scenario, scenario=base_scenario)
     sequence = base_scenario.sequence or LiftOff()
-    lift_scenario = base_scenario.model_copy(update={"start": "rest", "sequence": sequence})
+    lift_scenario = base_scenario.model_copy(update={"start": "landed", "sequence": sequence})
     estimator = made(kind, plant, magnet, filter_file, {"precision": "float32"})
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)

@@ -109,6 +109,7 @@ class Flight:
     seed: int  #: Of noise and fault.
     precision: Precision = "float64"  #: Of the estimator.
     reading: int = 0  #: Which of several readings the faults are of.
+    plant: Any = None  #: A plant of the user's in place of the machine, see `Scenario`.
 
     @property
     def view(self) -> View:
@@ -159,7 +160,8 @@ class Flight:
             machine, k = self.bearing, self.at
             names = [item.name for item in machine.axes]
             machine_scenario = Scenario(
-                duration=duration, seed=self.seed, controller=Control(feedback=feedback),
+                duration=duration, seed=self.seed, plant=self.plant,
+                controller=as_control(self.controller or Control()).fed_by(feedback),
                 reference=(Reference(axis=names[k], position=reference),),
                 disturbance=(Disturbance(axis=names[k], force=disturbance),),
             )  # fmt: skip
@@ -174,7 +176,7 @@ class Flight:
         pid = self.controller or PID.for_bearing(axis)
         scenario = Scenario(
             duration=duration, seed=self.seed, reference=reference, disturbance=disturbance,
-            controller=as_control(pid).fed_by(feedback),
+            controller=as_control(pid).fed_by(feedback), plant=self.plant,
         )  # fmt: skip
         external_inputs = ExternalInputs(channel.force, faults=channel.faults, place=channel.place)
         return simulate_run(axis, scenario, estimator=estimator, external_inputs=external_inputs)

@@ -256,6 +256,7 @@ def inject_faults(
     steps: int = 50_000,
     precisions: Sequence[Precision] = ("float64",),
     controller: PID | None = None,
+    plant: Any = None,
     threads: int = 2,
     done: Callable[[str], None] | None = None,
 ) -> FaultCampaign:
@@ -273,7 +274,7 @@ def inject_faults(
     )
 
     works = [
-        _Work(Flight(bearing, controller, in_loop, seed, precision, at), name, build)
+        _Work(Flight(bearing, controller, in_loop, seed, precision, at, plant), name, build)
         for precision in precisions
         for seed in seeds
         for in_loop in (False, True)

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.own_class import name_of
 from ambkit.control.control import Control, as_control
 from ambkit.control.controllers import Controllers, controllers_of, pids_of
 from ambkit.control.default_control import (
@@ -101,6 +102,10 @@ class LoopOf:
         self.isolated = isolated_axes(self.machine)
         self.control = Control() if controller is None else as_control(controller)
         self._flown = flown
+        if custom := self.control.custom:
+            raise AmbkitError(
+                f"controller.custom: {name_of(custom)} is Python, from which no margins follow"
+            )
         self.axes = tuple(axis.name or "x" for axis in self.machine.axes)
         self.point = point or OperatingPoint.of_machine(self.machine, load, x)
         view = View(self.machine)
