@@ -67,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _measure(work: Work, few: int, rounds: int) -> tuple[list[Times], list[Times]]:
-    expert = ambkit.train(work.bearing, weights=True)
+    expert = ambkit.train(work.bearing).expert
     filters = interleaved(
         [
             *entries.in_c(work),

@@ -89,6 +89,6 @@ class ClosedLoop:
 
     def public_run(self) -> ambkit.Estimate:
         """Run it as users do: noise is drawn, signals are checked and labelled."""
-        run = ambkit.simulate_run(self.bearing, self.scenario, estimator=self.filter)
+        run = ambkit.simulate(self.bearing, self.scenario, filter=self.filter)
         assert run.estimate is not None  # an estimator is given
         return run.estimate

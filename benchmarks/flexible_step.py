@@ -14,7 +14,7 @@ import sys
 import time
 from statistics import median
 
-from ambkit import Machine, Scenario, simulate_run
+from ambkit import Machine, Scenario, simulate
 from ambkit.estimate.registry import KINDS, learned_magnet
 
 KEPT = ("linear", "extended")
@@ -26,7 +26,7 @@ SPARE = 5.0
 def main(rounds: int = 7) -> int:
     """Measure, print, and judge by the limit."""
     machine = Machine.preset("ufu_flexible")
-    record = simulate_run(machine, Scenario(duration=2.0)).record
+    record = simulate(machine, Scenario(duration=2.0)).record
     filters = {
         kind: KINDS[kind].make(machine, learned_magnet(kind, machine))
         for kind in (*KEPT, "unscented", "ud", "multiple-model")

@@ -96,7 +96,7 @@ def _record() -> tuple[ambkit.Bearing, np.ndarray, np.ndarray]:
     swing = ambkit.Sine(amplitude=3e-4, frequency=2.0)
     T = bearing.sampling_time
     scenario = ambkit.Scenario(duration=1.0 + PERIOD * T, reference=swing)
-    record = ambkit.simulate(bearing, scenario)
+    record = ambkit.simulate(bearing, scenario).record
     y, u = record["y"][-PERIOD:].copy(), record["u"][-PERIOD:].copy()
     y[:GAP] = y[-GAP:] = np.nan
     return bearing, y, u

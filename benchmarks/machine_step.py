@@ -20,7 +20,7 @@ from statistics import median
 
 import numpy as np
 
-from ambkit import KalmanFilter, Machine, Scenario, simulate_run
+from ambkit import KalmanFilter, Machine, Scenario, simulate
 from ambkit.export.c import export_c
 from benchmarks.model_step import FLAGS, built
 
@@ -59,7 +59,7 @@ def exported(machine: Machine, folder: Path) -> ctypes.CDLL:
 def main(rounds: int = 21) -> int:
     """Measure both in turn, print, and judge by the limit."""
     machine = Machine.preset("hindawi_2011")
-    record = simulate_run(machine, Scenario(duration=1.0)).record
+    record = simulate(machine, Scenario(duration=1.0)).record
     y = np.column_stack([record[f"y_{r.name}"] for r in machine.readings])
     u = np.column_stack([record[f"u_{axis.name}"] for axis in machine.axes])
     pointers = [np.ascontiguousarray(a).ctypes.data_as(ctypes.c_void_p) for a in (y, u)]

@@ -100,8 +100,8 @@ def one_by_one(loops: Loops) -> list[Entry]:
     def run() -> ArrayLike:
         errors = []
         for number in range(FEW):
-            record = ambkit.simulate_run(
-                loops.bearing, loops.scenario.replace(run=number), estimator=loops.kalman
+            record = ambkit.simulate(
+                loops.bearing, loops.scenario.replace(run=number), filter=loops.kalman
             )
             estimate = record.estimate
             assert estimate is not None  # an estimator is given

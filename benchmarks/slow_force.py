@@ -15,7 +15,7 @@ import sys
 
 import numpy as np
 
-from ambkit import ExtendedKalmanFilter, Machine, Scenario, simulate_run
+from ambkit import ExtendedKalmanFilter, Machine, Scenario, simulate
 from ambkit.estimate.estimate import Estimate
 from ambkit.machine.accessories import Runout
 from ambkit.simulation.waveforms import Ramp
@@ -45,7 +45,7 @@ def machines() -> tuple[Machine, Machine]:
 
 def error(machine: Machine, flight: Scenario, *synchronous: str) -> float:
     """Return the root mean square error of the loads of one run [N]."""
-    record = simulate_run(machine, flight).record
+    record = simulate(machine, flight).record
     result: Estimate = ExtendedKalmanFilter(machine, synchronous=synchronous).run(record)
     late = record.t >= SETTLED if flight.speed is None else record["speed"] >= TURNING
     names = [name for name in result.names if name.startswith("f_d_")]

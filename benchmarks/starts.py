@@ -60,7 +60,7 @@ def course(sensor: str, kind: str, seed: int = 1) -> Course:
             reference=ambkit.Sine(amplitude=amplitude, frequency=3.0),
             disturbance=ambkit.Sine(amplitude=0.5, frequency=2.0),
         ),
-    )
+    ).record
     truth = np.column_stack([record[name] for name in ("x", "v", "f_d", "x_m")])
     return Course(bearing, record["y"], record["u"], truth)
 

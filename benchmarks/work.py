@@ -81,7 +81,7 @@ class Work:
             seed=1,
             controller=ambkit.PID.textbook(bearing),  # as the loops written by hand have it
         )
-        record = ambkit.simulate(bearing, scenario)
+        record = ambkit.simulate(bearing, scenario).record
         k_i, k_s = ambkit.ClosedLaw(bearing).stiffness(record["iu"], record["x"])
         kf = ambkit.KalmanFilter(bearing, noise=NOISE)
         first = float(record["y"][0])

@@ -84,7 +84,7 @@ def experiments(count: int = 100) -> None:
             "reference": ambkit.Recorded.model_construct(times=tuple(t),
                                                          values=tuple(match.reference)),
             "disturbance": ambkit.Recorded.model_construct(times=tuple(t), values=tuple(walk)),
-        }))  # fmt: skip
+        })).record  # fmt: skip
         result = maximum_likelihood(record, match.expectation.model, asked)
         return [result[name] for name in asked]
 

@@ -10,8 +10,8 @@ from ambkit.result.saving import save_figure
 STEPS = ("0.1 mm", "0.3 mm", "0.5 mm")
 
 bearing = ambkit.Bearing.preset("zittau_axial")
-narrow = ambkit.train(bearing)
-wide = ambkit.train(bearing, reach="0.8 mm")
+narrow = ambkit.train(bearing).expert
+wide = ambkit.train(bearing, reach="0.8 mm").expert
 law = ambkit.ClosedLaw(bearing)
 filters = {
     "linear": lambda: ambkit.KalmanFilter(bearing),
@@ -20,7 +20,7 @@ filters = {
     "closed-law": lambda: ambkit.AdaptiveKalmanFilter(bearing, law),
 }
 
-found = ambkit.compare(bearing, estimators=filters, steps=STEPS, load="3 N", runs=20)
+found = ambkit.compare_steps(bearing, filters, steps=STEPS, disturbance="3 N", seeds=20)
 for case, scores in found.scores.items():
     for name, score in scores.items():
         print(

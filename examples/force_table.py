@@ -44,7 +44,7 @@ np.savetxt("force.csv", rows, delimiter=",", header="iu [A],x [m],f_mag [N]", co
 # Learn: the force from the points, the operating points from the force, the rules from those.
 measured = ForceSurface(bearing, load_force_points("force.csv"))
 stiff = ambkit.stiffness_map(bearing, displacements=np.linspace(-REACH, REACH, 5), force=measured)
-expert = ambkit.train(stiff, weights=True)
+expert = ambkit.train(stiff).expert
 law = ambkit.ClosedLaw(bearing)
 truth = ambkit.stiffness_map(bearing, displacements=stiff.displacement, force=saturating)
 print(
@@ -68,9 +68,7 @@ for name, magnet in {"linear": None, "closed law": law, "expert": expert}.items(
     errors = []
     for seed in range(20):
         kalman = ambkit.KalmanFilter(bearing, magnet)
-        run = ambkit.simulate_run(
-            bearing, scenario.replace(seed=seed), estimator=kalman, magnet=plant
-        )
+        run = ambkit.simulate(bearing, scenario.replace(seed=seed), filter=kalman, plant=plant)
         errors.append(rmse(run.estimate, run.record, "f_d"))
     print(
         f"{name:>10}: error of the disturbance force {np.mean(errors):.2f} ± "

@@ -16,7 +16,7 @@ print(f"{bearing.name}: k_i {linear.k_i:.0f} N/A, k_s {linear.k_s / 1e6:.2f} N/�
 
 # The rules span where the rotor goes: a step of 50 µm overshoots to about twice that.
 stiff = ambkit.stiffness_map(bearing)
-expert = ambkit.train(stiff, weights=True)
+expert = ambkit.train(stiff).expert
 print(
     f"force error over the box: {stiff.force_rms(expert.force):.2f} N rms "
     f"of {stiff.force_rms():.0f} N"
@@ -29,7 +29,7 @@ scenario = ambkit.Scenario(
     controller=ambkit.PID.for_bearing(bearing),
 )
 kalman = ambkit.AdaptiveKalmanFilter(bearing, expert)
-run = ambkit.simulate_run(bearing, scenario, estimator=kalman)
+run = ambkit.simulate(bearing, scenario, filter=kalman)
 print(
     f"estimates: position to {1e6 * rmse(run.estimate, run.record, 'x'):.2f} µm rms, "
     f"disturbance force to {rmse(run.estimate, run.record, 'f_d'):.1f} N rms"

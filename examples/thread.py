@@ -147,7 +147,7 @@ def flown(seed: int) -> ambkit.Record:
     load = ambkit.Sequence(times=1e-3 * np.arange(1200), values=walk)
     scenario = ambkit.Scenario(duration=1.2, reference=places, disturbance=load, seed=seed)
     pid = ambkit.PID.textbook(rig).model_copy(update={"feedback": "measurement"})
-    return ambkit.simulate(rig, scenario.replace(controller=pid))
+    return ambkit.simulate(rig, scenario.replace(controller=pid)).record
 
 
 def numbers(run: ambkit.Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -1,4 +1,4 @@
-"""Measure anew what ``ambkit export c --cost`` prints: ``python -m firmware``."""
+"""Measure anew what ``ambkit export cost`` prints: ``python -m firmware``."""
 
 import json
 import sys

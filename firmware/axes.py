@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ambkit import Machine, Scenario, simulate_run
+from ambkit import Machine, Scenario, simulate
 from ambkit.export.c import export_c
 from ambkit.export.pil.emulator import emulated
 from firmware import harness
@@ -43,7 +43,7 @@ def measure(kind: str, loops: bool, folder: Path) -> tuple[int, int, int, int]:
         machine, None, folder / "export", kind=kind, prefix="filter", loops=loops, precision="float"
     ).folder
     firmware = harness.build(export, folder / "build", main=harness.HERE / "axes.c")
-    record = simulate_run(machine, Scenario(duration=SAMPLES * machine.sampling_time)).record
+    record = simulate(machine, Scenario(duration=SAMPLES * machine.sampling_time)).record
     y = np.column_stack([record[f"y_{r.name}"] for r in machine.readings])
     u = np.column_stack([record[f"u_{axis.name}"] for axis in machine.axes])
     samples = np.hstack([y[1:], u[:-1]]).astype("<f4")

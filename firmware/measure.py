@@ -1,4 +1,4 @@
-"""Measure what each kind of exported filter costs, for ``ambkit export c --cost``."""
+"""Measure what each kind of exported filter costs, for ``ambkit export cost``."""
 
 from __future__ import annotations
 

@@ -117,7 +117,7 @@ def simulated(name: str) -> dict[str, Array]:
     scenario = ambkit.Scenario(
         duration=duration, reference=ambkit.Sine(amplitude=size, frequency=1 / period)
     )
-    record = ambkit.simulate(bearing, scenario)
+    record = ambkit.simulate(bearing, scenario).record
     estimate = ambkit.ExtendedKalmanFilter(bearing).run(record)
     return {
         "t": record.t, "y": record["y"], "u": record["u"], "r": record["r"],
@@ -198,5 +198,5 @@ def _moved(
     ][rng.integers(5)]  # fmt: skip
     if rng.random() < 0.4:
         moved["controller"] = ambkit.PID.textbook(bearing)
-    record = ambkit.simulate(bearing, ambkit.Scenario(duration=duration, seed=seed, **moved))
+    record = ambkit.simulate(bearing, ambkit.Scenario(duration=duration, seed=seed, **moved)).record
     return None if record.meta.get("stop_touched", 0) > 20 else (record, bearing)

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from ambkit import Bearing
-from ambkit.assessment.arguments import Chosen, export_given
+from ambkit.assessment.arguments import Chosen, export_arguments
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS as REGISTRY
 from ambkit.export.c import CExport, export_c
@@ -34,8 +34,8 @@ INCLUDES = ("-I.", "-Icore/include", "-Icore", "-Iselftest")
 
 @functools.cache
 def chosen(kind: str) -> Chosen:
-    """Kind and magnet as ``ambkit export --estimator`` takes them."""
-    return export_given(BEARING, "adaptive" if kind == "tabulated" else kind)[1]
+    """Kind and magnet as ``ambkit export --filter`` takes them."""
+    return export_arguments(BEARING, "adaptive" if kind == "tabulated" else kind)[1]
 
 
 def export(kind: str, out: Path, **options: Any) -> CExport:

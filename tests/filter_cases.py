@@ -116,7 +116,7 @@ def moving_record(duration: float, seed: int = 0) -> dict[str, Array]:
         reference=ambkit.Sine(amplitude=3e-4, frequency=5.0),
         disturbance=ambkit.Sine(amplitude=3.0, frequency=20.0),
     )
-    record = ambkit.simulate(BEARING, scenario)
+    record = ambkit.simulate(BEARING, scenario).record
     k_i, k_s = ClosedLaw(BEARING).stiffness(record["iu"], record["x"])
     return {"y": record["y"], "u": record["u"], "k_i": k_i, "k_s": k_s}
 

@@ -76,13 +76,13 @@ def main() -> None:
         ambkit("presets", "zittau_axial", out=Path("my.toml"))
         ambkit("simulate", "my.toml", "--step", "0.3 mm", "--duration", "0.3 s", "--out", "run.csv")
         ambkit("check", "my.toml", "run.csv")
-        ambkit("filter", "run.csv", "--bearing", "my.toml", "--plot", "run.png", "--out", "est.csv")
-        ambkit("filter", "run.csv", "--bearing", "my.toml", "--plot", "run.html")
-        ambkit("identify", "run.csv", "--bearing", "my.toml", "--out", "found.toml")
+        ambkit("filter", "run.csv", "--machine", "my.toml", "--plot", "run.png", "--out", "est.csv")
+        ambkit("filter", "run.csv", "--machine", "my.toml", "--plot", "run.html")
+        ambkit("identify", "my.toml", "run.csv", "--out", "found.toml")
         ambkit("train", "my.toml", "--out", "expert.json")
-        ambkit("filter", "run.csv", "--bearing", "found.toml", "--estimator", "adaptive",
-               "--expert", "expert.json")  # fmt: skip
-        ambkit("export", "c", "my.toml", "--estimator", "expert.json", "--out", "c")
+        ambkit("filter", "run.csv", "--machine", "found.toml", "--filter",
+               "adaptive@expert.json")  # fmt: skip
+        ambkit("export", "c", "my.toml", "--filter", "expert.json", "--out", "c")
         ambkit("export", "fmu", "my.toml", "--out", "filter.fmu")
         compiled(Path("c").resolve())
         ambkit("tune", "found.toml", "run.csv", "--budget", "10",

@@ -33,7 +33,7 @@ def run(step: float, seed: int = 0, *, load: float = 3.0, noise: float = 1.0) ->
         disturbance=Step(amplitude=load, time=LOAD_AT),
         controller=ambkit.PID.textbook(BEARING).model_copy(update={"feedback": "measurement"}),
     )
-    return ambkit.simulate(quieter(noise), scenario)
+    return ambkit.simulate(quieter(noise), scenario).record
 
 
 def quieter(noise: float, k: float = 1.0) -> Bearing:

@@ -20,7 +20,7 @@ WRONG = pytest.mark.parametrize("start", [0.5, 1.5], ids=["50 % too small", "50 
 def learned(scenario: Scenario, *, start: float = 1.5, known: Bearing = BEARING,
             bearing: Bearing = BEARING, tell: bool = False) -> AdalineResult:  # fmt: skip
     """What is learned from a run of ``bearing`` by one who takes it for ``known``."""
-    record = ambkit.simulate(bearing, scenario)
+    record = ambkit.simulate(bearing, scenario).record
     element = Adaline(known, start=start * K)
     return element.run(record, disturbance=record["f_d"] if tell else None)
 
@@ -53,12 +53,12 @@ def test_with_the_papers_noise_k_is_found_within_two_percent(start: float, feedb
 
 def test_the_force_is_that_of_the_magnet() -> None:
     """Low-passed at 38 Hz: settled it is the weight, in motion it follows."""
-    record = ambkit.simulate(BEARING, STEP)
+    record = ambkit.simulate(BEARING, STEP).record
     result = Adaline(BEARING).run(record)
     assert result.force[-1] == pytest.approx(0.518 * 9.81, rel=1e-3)
     moving = ambkit.simulate(
         BEARING, STEP.replace(duration=1.0, reference=ambkit.Sine(amplitude=3e-4, frequency=3.0))
-    )
+    ).record
     followed = Adaline(BEARING).run(moving).force[5000:]
     truth = moving["f_mag"][5000:]
     swing = np.ptp(truth)
@@ -73,7 +73,7 @@ def test_one_sided_magnets_too() -> None:
         duration=10.0, noise=False, reference=ambkit.Sine(amplitude=1e-3, frequency=0.5),
         controller={"kp": 200.0, "ki": 100.0, "kd": 5.0, "feedback": "measurement"},
     )  # fmt: skip
-    record = ambkit.simulate(b, scenario)
+    record = ambkit.simulate(b, scenario).record
     assert record.meta["stop_touched"] == 0
     result = Adaline(b, start=1.5 * k).run(record)
     assert result.magnet_constant == pytest.approx(k, rel=0.02)
@@ -149,7 +149,7 @@ def test_a_wrong_mass_makes_k_wrong_by_as_much(share: float) -> None:
 def test_bad_measurements_are_left_out_and_k_finds_back(bad: float, gap: int) -> None:
     """After 0.5 to 50 ms in full motion without samples k is off by 4 % at most, and recovers."""
     swing = STEP.replace(duration=0.8, reference=ambkit.Sine(amplitude=3e-4, frequency=5.0))
-    record = ambkit.simulate(BEARING, swing)
+    record = ambkit.simulate(BEARING, swing).record
     y = record["y"].copy()
     y[4200 : 4200 + gap] = bad
     result = Adaline(BEARING).run(Record(record.t, {"y": y, "u": record["u"]}))
@@ -189,7 +189,7 @@ def test_arguments_outside_their_range_are_told(name: str, value: float, told: s
 
 
 def test_steps_are_the_run() -> None:
-    record = ambkit.simulate(BEARING, STEP.replace(duration=0.05, noise=True))
+    record = ambkit.simulate(BEARING, STEP.replace(duration=0.05, noise=True)).record
     run = Adaline(BEARING, start=0.5 * K).run(record)
     element = Adaline(BEARING, start=0.5 * K)
     u = np.concatenate([record["u"][:1], record["u"][:-1]])

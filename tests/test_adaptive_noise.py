@@ -33,7 +33,7 @@ def wandering(duration: float, seed: int = 1) -> Record:
         reference=ambkit.Sine(amplitude=1e-4, frequency=2.0),
         disturbance=ambkit.Recorded(times=t, values=walk),
     )
-    return ambkit.simulate(BEARING, scenario)
+    return ambkit.simulate(BEARING, scenario).record
 
 
 def found(

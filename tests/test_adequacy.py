@@ -104,7 +104,7 @@ def test_no_filter_that_is_planted_wrong_passes_without_a_sentence(name: str) ->
 
 
 def test_innovations_are_held_against_their_band() -> None:
-    record = ambkit.simulate(AXIS, step=0.2e-3, duration=0.1, seed=1)
+    record = ambkit.simulate(AXIS, step=0.2e-3, duration=0.1, seed=1).record
     for factor, said, fatal in ((1.0, False, False), (0.1, True, False), (1e-3, True, True),
                                 (1e3, True, True)):  # fmt: skip
         estimate = noisy(measurement=factor).run(record)
@@ -205,7 +205,7 @@ def test_a_load_that_the_record_says_nothing_of_is_followed_all_the_same() -> No
 def test_the_judgement_holds_against_a_simulated_step_of_half_the_load_capacity() -> None:
     step = Step(amplitude=0.5 * load_capacity(AXIS)[0], time=0.05)
     happening = ambkit.scenario_for(AXIS, Scenario(duration=0.3, disturbance=step))
-    record = ambkit.simulate(AXIS, happening)
+    record = ambkit.simulate(AXIS, happening).record
     after = record.t > 0.05
     for factor in (1.0, 1e-4):
         (told,) = (e for e in judge_adequacy(noisy(disturbance=factor))
@@ -269,7 +269,7 @@ def test_check_and_simulate_say_the_same(
     KalmanFilter(AXIS).save(tmp_path / "good.toml")
     assert exit_of("check", str(tmp_path / "good.toml")) == 0
     assert capsys.readouterr().err == ""
-    assert exit_of("check", str(tmp_path / "good.toml"), "--bearing", "inteco_ml") == 2
+    assert exit_of("check", str(tmp_path / "good.toml"), "--machine", "inteco_ml") == 2
 
 
 def test_check_judges_a_filter_on_a_machine_with_several_axes(
@@ -318,9 +318,9 @@ tolerance = "2 %"
 
 
 @pytest.mark.parametrize("words", [
-    ["compare", "slow.bearing.toml", "--estimators", "linear", "--tune", "1", "--runs", "1",
-     "--save-filters", "filters"],
-    ["train", "slow.bearing.toml", "--rules", "2x2", "--save-filter", "filter.toml"],
+    ["compare", "slow.bearing.toml", "--filter", "linear", "--budget", "1", "--seeds", "1", "--out",
+     "filters=filters"],
+    ["train", "slow.bearing.toml", "--rules", "2x2", "--out", "filter=filter.toml"],
     ["tune", "robust", "slow.toml", "--budget", "1", "--max-sensitivity", "5",
      "--out", "filter.toml"],
 ], ids=lambda words: words[0])  # fmt: skip

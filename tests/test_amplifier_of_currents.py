@@ -33,7 +33,7 @@ def test_its_number_counts_as_one_in_amperes_per_volt(tmp_path: Path, gain: str)
     read = ambkit.Bearing.load(in_amperes(tmp_path, gain))
     assert "A^2" in (tmp_path / "b.toml").read_text(encoding="utf-8")
     assert read.amplifier == VOLTS.amplifier
-    runs = [ambkit.simulate(b, step="0.1 mm", duration=0.02, seed=1) for b in (read, VOLTS)]
+    runs = [ambkit.simulate(b, step="0.1 mm", duration=0.02, seed=1).record for b in (read, VOLTS)]
     assert np.array_equal(runs[0]["u"], runs[1]["u"])
 
 

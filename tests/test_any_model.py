@@ -71,7 +71,7 @@ def with_faults() -> tuple[Array, Array]:
         reference=ambkit.Sine(amplitude=3e-4, frequency=6.0),
         disturbance=ambkit.Step(amplitude=2.0, time=0.3),
     )
-    record = ambkit.simulate(BEARING, scenario)
+    record = ambkit.simulate(BEARING, scenario).record
     y, u = record["y"].copy(), record["u"].copy()
     y[400:420] = np.nan
     y[800:1000:17] += 7e-4

@@ -269,7 +269,7 @@ def test_decay_of_the_simulated_loop_is_that_of_the_poles(name):
 def test_noise_figures_are_those_of_the_simulation():
     loop = ambkit.assess(ZITTAU, "linear").loops["linear"]
     runs = [
-        ambkit.simulate(ZITTAU, Scenario(duration=0.6, seed=seed, controller=Control()))
+        ambkit.simulate(ZITTAU, Scenario(duration=0.6, seed=seed, controller=Control())).record
         for seed in range(20)
     ]
     late = slice(1000, None)

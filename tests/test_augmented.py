@@ -23,7 +23,7 @@ def one_sided() -> tuple[Bearing, Record]:
     scenario = ambkit.Scenario(
         duration=1.0, controller=controller, reference=ambkit.Step(amplitude=1e-3, time=0.3)
     )
-    return bearing, ambkit.simulate(bearing, scenario)
+    return bearing, ambkit.simulate(bearing, scenario).record
 
 
 @pytest.mark.parametrize("wander", [0.0, 0.1])

@@ -79,7 +79,7 @@ def test_imposed_series_are_added_and_replace() -> None:
     scenario = ambkit.Scenario(duration=0.05, disturbance=ambkit.Constant(value=1.0))
     n = 501
     load, noise = np.linspace(0, 1, n), np.full(n, 2e-6)
-    record = ambkit.simulate(BEARING, scenario, external_inputs=ExternalInputs(load, noise))
+    record = ambkit.simulate(BEARING, scenario, external_inputs=ExternalInputs(load, noise)).record
     assert record["f_d"] == pytest.approx(1 + load)
     assert record["y"] - record["x_m"] == pytest.approx(noise)
     with pytest.raises(ValueError, match="external_inputs disturbance must have 501 values"):
@@ -94,9 +94,9 @@ def test_a_scaled_magnet_is_another_magnet_constant(name: str) -> None:
     n = round(0.03 / bearing.sampling_time) + 1
     scaled = ambkit.simulate(
         bearing, scenario, external_inputs=ExternalInputs(magnet_scale=np.full(n, 1.2))
-    )
+    ).record
     stronger = bearing.replace(magnet__magnet_constant=1.2 * bearing.magnet.magnet_constant)
-    other = ambkit.simulate(stronger, scenario)
+    other = ambkit.simulate(stronger, scenario).record
     for signal in ("x", "v", "iu", "f_mag"):
         assert scaled[signal] == pytest.approx(other[signal], rel=1e-9, abs=1e-12)
 

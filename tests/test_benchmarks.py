@@ -207,7 +207,7 @@ def test_public_simulation_is_the_same_loop(loop: ClosedLoop) -> None:
     # The same run without noise, so that what ambkit.simulate draws does not matter.
     quiet = np.zeros(SAMPLES)
     scenario = loop.scenario.replace(noise=False)
-    record = ambkit.simulate(loop.bearing, scenario, estimator=loop.filter)
+    record = ambkit.simulate(loop.bearing, scenario, filter=loop.filter).record
     bare = replace(loop, noise_u=quiet, noise_y=quiet).core_run()
     for name in ("x", "v", "x_m", "iu", "y", "u"):
         scale = np.max(np.abs(record[name]))

@@ -96,7 +96,7 @@ def test_what_flies_is_what_is_assessed(k: int) -> None:
         BEARING.replace(rotor__gravity="none"),
         Scenario(duration=200 * BEARING.sampling_time, controller=law, noise=False),
         external_inputs=ExternalInputs(sensor_noise=shaken),
-    )
+    ).record
     behind = law.sections(BEARING.sampling_time)
     linear = controller(law, BEARING, measured=True)
     x, y, u = np.zeros(len(linear.A)), run["y"] / BEARING.sensor.gain, []
@@ -123,7 +123,7 @@ def test_they_hold_the_rotor_from_the_start() -> None:
     """A gain at rest other than 1 is in the integral that carries the weight."""
     halved = Control(feedback="measurement", block=[StateSpace(A=[[-9000.0]], B=[9000.0], C=[0.8])])
     for one in (BEARING, machine()):
-        run = ambkit.simulate(one, Scenario(duration=0.02, noise=False, controller=halved))
+        run = ambkit.simulate(one, Scenario(duration=0.02, noise=False, controller=halved)).record
         moved = max(
             np.abs(run[name]).max() for name in run.signals if name == "x" or name[:2] == "s_"
         )

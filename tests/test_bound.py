@@ -77,7 +77,7 @@ def walk_of_the_load(step: float, seed: int) -> ambkit.Record:
             disturbance=ambkit.Recorded(times=t, values=walk - walk[0]),
             seed=seed,
         ),
-    )
+    ).record
 
 
 def test_nobody_crosses_it_and_the_right_model_comes_close() -> None:

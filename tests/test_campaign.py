@@ -206,7 +206,7 @@ def test_what_is_wrong_with_a_study_is_said_with_its_line(
     code, _, err = call("check", "s.toml")
     assert code == 2
     assert said.replace("s.toml: ", "") in err
-    assert call("campaign", "s.toml", "--out", "o")[0] == 2
+    assert call("campaign", "run", "s.toml", "--folder", "o")[0] == 2
     assert not Path("o").exists()
 
 
@@ -214,7 +214,7 @@ def test_check_knows_studies_and_their_schema(call: Any) -> None:
     code, out, _ = call("check", "s.toml")
     assert code == 0
     assert "study: 60 machines of zittau_axial, sobol; what varies: magnet.air_gap" in out
-    assert "vary" in json.loads(call("check", "--schema", "study")[1])["properties"]
+    assert "vary" in json.loads(call("schema", "study")[1])["properties"]
 
 
 def test_a_study_survives_its_file(tmp_path: Path) -> None:
@@ -488,10 +488,10 @@ def test_a_replay_is_the_run_of_the_rows(tmp_path: Path) -> None:
 def test_what_is_wrong_with_a_folder_is_said_at_once(
     spoil: Callable[[str], Any], said: str, call: Any
 ) -> None:
-    assert call("campaign", "s.toml", "--out", "o")[0] == 0
+    assert call("campaign", "run", "s.toml", "--folder", "o")[0] == 0
     before = files(Path("o"))
     spoil("o")
-    code, _, err = call("campaign", "s.toml", "--out", "o")
+    code, _, err = call("campaign", "run", "s.toml", "--folder", "o")
     assert code == 2
     assert said in err
     changed = {name for name, content in files(Path("o")).items() if before[name] != content}
@@ -499,16 +499,16 @@ def test_what_is_wrong_with_a_folder_is_said_at_once(
 
 
 def test_a_changed_study_is_not_mixed_in(call: Any) -> None:
-    assert call("campaign", "s.toml", "--out", "o")[0] == 0
+    assert call("campaign", "run", "s.toml", "--folder", "o")[0] == 0
     Path("s.toml").write_text(STUDY.replace("2 %", "3 %"))
-    code, _, err = call("campaign", "s.toml", "--out", "o")
+    code, _, err = call("campaign", "run", "s.toml", "--folder", "o")
     assert code == 2
     assert "o: belongs to another study" in err
     Path("other").mkdir()
     Path("other/thing").write_text("")
-    code, _, err = call("campaign", "s.toml", "--out", "other")
+    code, _, err = call("campaign", "run", "s.toml", "--folder", "other")
     assert "other: holds thing and no campaign" in err
-    code, _, err = call("campaign", "s.toml", "--out", "other/thing")
+    code, _, err = call("campaign", "run", "s.toml", "--folder", "other/thing")
     assert code == 2
     assert "other/thing: cannot be made" in err
     assert "there is no campaign in it" in call("campaign", "status", "other")[2]
@@ -520,11 +520,11 @@ def test_a_full_disk_is_said_and_leaves_what_there_was(call: Any, monkeypatch: A
 
     with monkeypatch.context() as disk:
         disk.setattr(os, "fsync", full)
-        code, _, err = call("campaign", "s.toml", "--out", "o")
+        code, _, err = call("campaign", "run", "s.toml", "--folder", "o")
     assert code == 2
     assert "part-000000.parquet: cannot be written: No space left on device" in err
     assert not list(Path("o").rglob("*.tmp"))
-    assert call("campaign", "s.toml", "--out", "o")[0] == 0
+    assert call("campaign", "run", "s.toml", "--folder", "o")[0] == 0
 
 
 def test_two_campaigns_do_not_work_in_one_folder(tmp_path: Path) -> None:
@@ -550,7 +550,7 @@ def test_ctrl_c_says_that_it_can_be_gone_on_with(call: Any, monkeypatch: Any) ->
         raise KeyboardInterrupt
 
     monkeypatch.setattr(store.Folder, "write", interrupted)
-    code, _, err = call("campaign", "s.toml", "--out", "o")
+    code, _, err = call("campaign", "run", "s.toml", "--folder", "o")
     assert code == 130
     assert "interrupted; finished parts are kept in o, the same command goes on" in err
 
@@ -571,7 +571,9 @@ def test_the_folder_is_read_as_it_lies_by_others(tmp_path: Path) -> None:
 
 
 def test_results_have_their_words_tables_and_pictures(call: Any) -> None:
-    code, out, _ = call("campaign", "s.toml", "--out", "o", "--report", "o.html", "--plot", "o.png")
+    code, out, _ = call(
+        "campaign", "run", "s.toml", "--folder", "o", "--out", "o.html", "--plot", "o.png"
+    )
     assert code == 0
     assert "tolerances: 60 machines; " in out
     assert "Yield by estimator" in out

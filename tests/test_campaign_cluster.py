@@ -58,7 +58,7 @@ ENVIRONMENT = os.environ | {
 
 
 def command(*arguments: str) -> list[str]:
-    return [sys.executable, "-m", "ambkit", "campaign", *arguments]
+    return [sys.executable, "-m", "ambkit", "campaign", "run", *arguments]
 
 
 def started(folder: Path, *arguments: str, **more: Any) -> subprocess.Popen[str]:
@@ -99,7 +99,7 @@ def undisturbed(tmp_path_factory: Any) -> tuple[Path, dict[str, bytes]]:
     """Return a folder with the study, and its rows by one process."""
     folder = tmp_path_factory.mktemp("campaign")
     (folder / "s.toml").write_text(STUDY)
-    code, err = finished(started(folder, "--out", "alone"))
+    code, err = finished(started(folder, "--folder", "alone"))
     assert code == 0, err
     found = parts(folder / "alone")
     assert len(found) == 15
@@ -110,7 +110,7 @@ def test_killed_at_random_moments_it_ends_with_the_same_rows(undisturbed: Any) -
     folder, expected = undisturbed
     draw, kills, seen = random.Random(7), 0, 0
     while True:
-        process = started(folder, "--out", "killed", "--threads", "1")
+        process = started(folder, "--folder", "killed", "--threads", "1")
         try:
             # As long as it takes to begin, and then at any instant of the work.
             began(process, folder / "killed", seen)
@@ -127,7 +127,7 @@ def test_killed_at_random_moments_it_ends_with_the_same_rows(undisturbed: Any) -
         seen, kills = len(there), kills + running
         if code == 0 or kills == 2:
             break
-    code, err = finished(started(folder, "--out", "killed"))
+    code, err = finished(started(folder, "--folder", "killed"))
     assert code == 0, err
     assert kills > 0
     assert parts(folder / "killed") == expected
@@ -137,7 +137,7 @@ def test_killed_at_random_moments_it_ends_with_the_same_rows(undisturbed: Any) -
 def test_ctrl_c_leaves_what_is_gone_on_with(undisturbed: Any) -> None:
     folder, expected = undisturbed
     process = started(
-        folder, "--out", "stopped", "--threads", "1",
+        folder, "--folder", "stopped", "--threads", "1",
         # A test that runs in the background inherits that SIGINT is ignored.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
@@ -147,7 +147,7 @@ def test_ctrl_c_leaves_what_is_gone_on_with(undisturbed: Any) -> None:
     assert code == 130
     assert "finished parts are kept in stopped" in err
     assert "Traceback" not in err
-    assert finished(started(folder, "--out", "stopped"))[0] == 0
+    assert finished(started(folder, "--folder", "stopped"))[0] == 0
     assert parts(folder / "stopped") == expected
 
 
@@ -159,7 +159,7 @@ def test_a_file_that_may_not_grow_is_said(undisturbed: Any) -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (8000, 8000))
 
-    code, err = finished(started(folder, "--out", "full", preexec_fn=small))
+    code, err = finished(started(folder, "--folder", "full", preexec_fn=small))
     assert code == 2
     assert "cannot be written: File too large" in err
     assert parts(folder / "full") == {}
@@ -167,7 +167,7 @@ def test_a_file_that_may_not_grow_is_said(undisturbed: Any) -> None:
 
 def test_workers_of_this_machine_give_the_same_rows(undisturbed: Any) -> None:
     folder, expected = undisturbed
-    process = started(folder, "--out", "local", "--cluster", "local", "--workers", "2")
+    process = started(folder, "--folder", "local", "--cluster", "local", "--workers", "2")
     code, err = finished(process)
     assert code == 0, err
     assert parts(folder / "local") == expected
@@ -210,7 +210,7 @@ def test_a_worker_killed_midway_changes_nothing(undisturbed: Any) -> None:
     folder, expected = undisturbed
     port = free_port()
     with scheduler(port), worker(port) as first, worker(port):
-        process = started(folder, "--out", "worker", "--cluster", f"tcp://127.0.0.1:{port}")
+        process = started(folder, "--folder", "worker", "--cluster", f"tcp://127.0.0.1:{port}")
         until(lambda: len(parts(folder / "worker")) >= 3)
         os.killpg(first.pid, signal.SIGKILL)
         code, err = finished(process)
@@ -222,7 +222,7 @@ def test_a_scheduler_that_is_started_again_is_given_the_rest(undisturbed: Any) -
     folder, expected = undisturbed
     port = free_port()
     with scheduler(port) as old, worker(port):
-        process = started(folder, "--out", "scheduler", "--cluster", f"tcp://127.0.0.1:{port}")
+        process = started(folder, "--folder", "scheduler", "--cluster", f"tcp://127.0.0.1:{port}")
         until(lambda: len(parts(folder / "scheduler")) >= 3)
         os.killpg(old.pid, signal.SIGKILL)
         old.wait()

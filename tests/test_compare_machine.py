@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ambkit import AmbkitError, Bearing, KalmanFilter, Machine, compare
+from ambkit import AmbkitError, Bearing, KalmanFilter, Machine, compare, compare_steps
 from ambkit.cli.main import main
 from ambkit.control.stabilising_controller import holding
 from ambkit.judge.comparison.bound import bearing_bound
@@ -18,7 +18,7 @@ MACHINE = Machine.preset("tum_mlps")
 
 
 def test_a_machine_has_its_bound_and_its_raw_sensors_beside_the_filters():
-    found = compare(MACHINE, "model", ["linear", "extended"], runs=4).bench
+    found = compare(MACHINE, ["linear", "extended"], case="model", seeds=4).bench
     for signal in ("x", "v", "f_d"):
         assert 0.95 < found.efficiency("extended", signal) < 1.05
     # It takes what the magnets' law bends for a force.
@@ -54,7 +54,7 @@ def test_an_axis_as_a_machine_has_the_same_bound():
     ("options", "said"),
     [
         (("--case", "wrong-k"), "can be simulated for a machine with one axis only"),
-        (("--estimators", "low-pass"), "takes one axis"),
+        (("--filter", "low-pass"), "takes one axis"),
         (("--steps", "20 um", "--force-map", "map.csv"), "this takes a machine with one"),
     ],
 )
@@ -62,17 +62,17 @@ def test_what_a_machine_cannot_be_compared_in_is_one_sentence(
     options, said, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
-    chosen = () if "--estimators" in options else ("--estimators", "linear")
+    chosen = () if "--filter" in options else ("--filter", "linear")
     with pytest.raises(SystemExit, match="2"):
-        main(["compare", "tum_mlps", "--runs", "1", *chosen, *options])
+        main(["compare", "tum_mlps", "--seeds", "1", *chosen, *options])
     assert said in capsys.readouterr().err
 
 
 def test_each_closes_its_own_loop_on_a_machine(tmp_path, monkeypatch, capsys):
     """A step and a load of the first axis, or a run of one's own; all axes are judged together."""
     monkeypatch.chdir(tmp_path)
-    found = compare(MACHINE, estimators=["linear"], steps=["20 um"],
-                    load="2 N", duration="40 ms", runs=2)  # fmt: skip
+    found = compare_steps(MACHINE, ["linear"], steps=["20 um"], disturbance="2 N", duration="40 ms",
+                          seeds=2)  # fmt: skip
     score = found.scores["20 µm"]["linear"]
     happening = found.loop_cases["20 µm"].scenario
     assert [axis for axis, _ in happening.by_axis("disturbance", "A1")] == ["A1"]
@@ -85,8 +85,8 @@ def test_each_closes_its_own_loop_on_a_machine(tmp_path, monkeypatch, capsys):
         'type = "step"\namplitude = "2 N"\ntime = "15 ms"\n'
     )
     with pytest.raises(SystemExit, match="0"):
-        main(["compare", "tum_mlps", "--estimators", "linear", "--scenario", "run.toml",
-              "--runs", "1", "--plot", "bars.svg", "--json"])  # fmt: skip
+        main(["compare", "steps", "tum_mlps", "--filter", "linear", "--scenario", "run.toml",
+              "--seeds", "1", "--plot", "bars.svg", "--json"])  # fmt: skip
     assert "run.toml" in json.loads(capsys.readouterr().out)["cases"]
 
 
@@ -106,13 +106,13 @@ def test_an_estimator_of_one_s_own_takes_all_readings(tmp_path):
         "    def step(self, y, u):\n"
         "        return y\n"
     )
-    found = compare(MACHINE, "model", ["linear", f"{tmp_path}/my.py:Mine"], runs=1).bench.best
+    found = compare(MACHINE, ["linear", f"{tmp_path}/my.py:Mine"], case="model", seeds=1).bench.best
     for name in ("x", "v", "f_d", "delay"):
         assert found["Mine"].mean(name) == found["linear"].mean(name)
     with pytest.raises(
         AmbkitError, match=r"shape \(8,\); it must return the 20 numbers x, y, th_x"
     ):
-        compare(MACHINE, "model", [f"{tmp_path}/my.py:Short"], runs=1)
+        compare(MACHINE, [f"{tmp_path}/my.py:Short"], case="model", seeds=1)
 
 
 def test_a_machine_with_other_magnets_keeps_its_controllers():
@@ -129,8 +129,8 @@ def test_a_machine_with_other_magnets_keeps_its_controllers():
 def test_the_whole_comparison_of_a_machine_is_a_page(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit, match="0"):
-        main(["compare", "tum_mlps", "--estimators", "linear", "--runs", "1",
-              "--report", "out.html"])  # fmt: skip
+        main(["compare", "tum_mlps", "--filter", "linear", "--seeds", "1", "--whole", "--out",
+              "out.html"])  # fmt: skip
     page = Path("out.html").read_text()
     assert "The limit" in page
     assert "along A1" in page
@@ -145,4 +145,4 @@ def test_all_kinds_are_those_that_take_several_axes():
     assert "low-pass" not in kinds
     assert suited(["low-pass"], MACHINE) == ["low-pass"]  # who names it is told why not
     with pytest.raises(AmbkitError, match="takes one axis"):
-        compare(MACHINE, "model", ["low-pass"], runs=1)
+        compare(MACHINE, ["low-pass"], case="model", seeds=1)

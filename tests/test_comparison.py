@@ -107,7 +107,7 @@ def test_the_prediction_error_counts_what_was_predicted_and_measured() -> None:
 
 def test_the_right_model_predicts_better_and_errors_grow_with_the_distance() -> None:
     scenario = Scenario(duration=0.5, reference=ambkit.Sine(amplitude=4e-4, frequency=10.0))
-    record = ambkit.simulate(BEARING, scenario)
+    record = ambkit.simulate(BEARING, scenario).record
     errors = {}
     for name, make in FIELD.items():
         kf = make()

@@ -110,7 +110,7 @@ def test_refusals_name_parameter_limit_and_value():
 def test_the_kind_is_the_textbook_filter(precision):
     """Full matrices beside the C, from its start on: mean, covariance and innovations."""
     bearing = ambkit.Bearing.preset("zittau_axial").replace(sensor__gain=1.07)
-    record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.2, seed=3))
+    record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.2, seed=3)).record
     kf = ambkit.ConstantVelocity(bearing, acceleration="5 m^2/s^3", precision=precision)
     estimate = kf.run(record, covariance=True)
     assert [state.name for state in kf.states] == ["x", "v", "f_d"]
@@ -134,7 +134,7 @@ def test_the_kind_is_the_textbook_filter(precision):
 
 def test_the_kind_takes_a_machine():
     machine = ambkit.Machine.preset("tum_mlps")
-    record = ambkit.simulate_run(machine, ambkit.Scenario(duration=0.2, seed=3)).record
+    record = ambkit.simulate(machine, ambkit.Scenario(duration=0.2, seed=3)).record
     estimate = ambkit.ConstantVelocity(machine).run(record)
     H = estimate.mean[500:, :4] @ ambkit.KalmanFilter(machine).view.C[:, :4].T
     readings = np.column_stack([record[f"y_{r.name}"] for r in machine.readings])[500:]

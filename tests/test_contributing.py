@@ -266,10 +266,10 @@ def test_the_estimator_is_a_kind_everywhere(copy: Path, tmp_path: Path) -> None:
     ambkit_ = [sys.executable, "-m", "ambkit"]
     run(copy, *ambkit_, "simulate", "zittau_axial", "--duration", "0.1 s", "--out", "run.csv",
         cwd=tmp_path)  # fmt: skip
-    told = run(copy, *ambkit_, "filter", "run.csv", "--bearing", "zittau_axial",
-               "--estimator", "halved,steady-state", "--json", cwd=tmp_path)  # fmt: skip
+    told = run(copy, *ambkit_, "filter", "run.csv", "--machine", "zittau_axial",
+               "--filter", "halved,steady-state", "--json", cwd=tmp_path)  # fmt: skip
     assert '"halved"' in told
-    run(copy, *ambkit_, "export", "c", "zittau_axial", "--estimator", "halved", "--out", "c",
+    run(copy, *ambkit_, "export", "c", "zittau_axial", "--filter", "halved", "--out", "c",
         cwd=tmp_path)  # fmt: skip
     assert (tmp_path / "c" / "CMakeLists.txt").is_file()
 

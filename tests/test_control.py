@@ -352,9 +352,8 @@ def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str
             ["tum_mlps", "--calibration"],
             "more than noise, gate, mass and k",
         ),
-        (["zittau_axial", "--synchronous", "unbalance"], "--synchronous is of a rotor that turns"),
+        (["zittau_axial", "--filter", "linear+unbalance"], "is of a rotor that turns"),
         (["zittau_axial", "--editable"], "editable is for a filter alone"),
-        (["zittau_axial", "--cost"], "ambkit pil"),
     ],
 )
 def test_what_is_not_exported_is_said(

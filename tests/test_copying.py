@@ -24,7 +24,7 @@ def bearing():
 @pytest.fixture(scope="module")
 def record(bearing):
     step = ambkit.Step(amplitude=0.3e-3, time=5e-3)
-    return ambkit.simulate(bearing, ambkit.Scenario(duration=0.04, reference=step))
+    return ambkit.simulate(bearing, ambkit.Scenario(duration=0.04, reference=step)).record
 
 
 @pytest.fixture(scope="module")

@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 def flown(seed: int, k: float = 1.0, duration: float = 3.0) -> Record:
     plant = BALL.replace(magnet__magnet_constant=k * BALL.magnet.magnet_constant)
     reference = Sine(amplitude=1.5e-3, frequency=0.6 + 0.3 * seed)
-    return simulate(plant, Scenario(duration=duration, seed=seed, reference=reference))
+    return simulate(plant, Scenario(duration=duration, seed=seed, reference=reference)).record
 
 
 def smoothed(record: Record) -> Record:
@@ -217,9 +217,10 @@ def test_three_logs_on_the_command_line_are_a_corpus(
     for seed in range(3):
         flown(seed, duration=3.0).save(f"{seed}.csv")
     with pytest.raises(SystemExit) as left:
-        main(["identify", "0.csv", "1.csv", "2.csv", "--bearing", "inteco_ml", "--free",
-              "magnet_constant,measurement_noise,position_noise,disturbance_noise", "--out",
-              "found.toml", "--report", "all.html", "--save-filter", "kf.toml"])  # fmt: skip
+        main(["identify", "corpus", "inteco_ml", "0.csv", "1.csv", "2.csv", "--free",
+              "magnet_constant", "--free", "measurement_noise", "--free", "position_noise",
+              "--free", "disturbance_noise", "--out", "found.toml", "--out", "all.html", "--out",
+              "filter=kf.toml"])  # fmt: skip
     out, err = capsys.readouterr()
     assert not left.value.code, err
     assert "Each log, predicted by a model of the others" in out

@@ -48,7 +48,7 @@ def flown(seed: int) -> Record:
     reference = ambkit.Sequence(times=times, values=places)
     load = ambkit.Sequence(times=(0.0, 0.6), values=(0.0, 1.0))
     scenario = ambkit.Scenario(duration=1.3, reference=reference, disturbance=load, seed=seed)
-    return ambkit.simulate(TRUE, scenario)
+    return ambkit.simulate(TRUE, scenario).record
 
 
 def logged(record: Record, path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -96,18 +96,34 @@ def run(arguments, capsys):
     return int(left.value.code or 0), shown.out, " ".join((shown.out + shown.err).split())
 
 
-@pytest.mark.parametrize(("arguments", "code", "said"), [
-    (["assess", "d/filter.toml", "--controller", "d/scenario.toml"], 0, "zone A"),
-    (["simulate", "d/machine.toml", "--scenario", "d/scenario.toml", "--estimator", "d/filter.toml",
-      "--duration", "20 ms"], 0, "Errors of the estimate"),
-    (["check", "d/scenario.toml"], 0, "ok, scenario"),
-    (["design", "tum_mlps", "--free", "mass", "--out", "e"], 2,
-     "identifies a machine with one axis from its logs; tum_mlps has 4"),
-    (["design", "zittau_axial", "--free", "mass", "--out", "e"], 2,
-     "and there are 0 logs"),
-    (["design", "tum_mlps", "--filter", "observer", "--out", "e"], 2,
-     "takes one axis"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["assess", "d/filter.toml", "--controller", "d/scenario.toml"], 0, "zone A"),
+        (
+            [
+                "simulate",
+                "d/machine.toml",
+                "--scenario",
+                "d/scenario.toml",
+                "--filter",
+                "d/filter.toml",
+                "--duration",
+                "20 ms",
+            ],
+            0,
+            "Errors of the estimate",
+        ),
+        (["check", "d/scenario.toml"], 0, "ok, scenario"),
+        (
+            ["design", "tum_mlps", "--free", "mass", "--out", "e"],
+            2,
+            "identifies a machine with one axis from its logs; tum_mlps has 4",
+        ),
+        (["design", "zittau_axial", "--free", "mass", "--out", "e"], 2, "and there are 0 logs"),
+        (["design", "tum_mlps", "--filter", "observer", "--out", "e"], 2, "takes one axis"),
+    ],
+)
 def test_commands(arguments, code, said, designed, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(designed.folder.parent)
     left, _, told = run(arguments, capsys)

@@ -13,8 +13,7 @@ import pytest
 from pydantic import BaseModel
 
 import ambkit
-from ambkit.cli import from_verbs
-from ambkit.cli.app import app
+from ambkit.cli import catalogue
 
 SECTIONS = ("Parameters", "Attributes")
 
@@ -192,8 +191,7 @@ def internal() -> Iterator[str]:
     ours = [thing for thing in map(PUBLIC.get, PUBLIC) if inspect.isclass(thing)]
     exported = {(each.__module__, each.__name__) for one in ours for each in one.__mro__}
     exported |= {(thing.__module__, thing.__qualname__) for thing in PUBLIC.values()}
-    exported |= {(each.callback.__module__, each.callback.__name__) for each in commands()}
-    verbs = map(from_verbs.verb_called, from_verbs.VERBS)
+    verbs = map(catalogue.verb_called, catalogue.VERBS)
     exported |= {(verb.__module__, verb.__qualname__) for verb in verbs}
     root = Path(ambkit.__file__).parent
     for path in root.rglob("*.py"):
@@ -216,16 +214,6 @@ def definitions(node: ast.AST, within: str = "") -> Iterator[tuple[str, Any]]:
             yield from definitions(child, f"{within}{child.name}.")
         else:
             yield from definitions(child, within)
-
-
-def commands() -> Iterator[Any]:
-    """Yield all commands, whose docstrings are their help."""
-    groups = [app]
-    while groups:
-        one = groups.pop()
-        groups += [each.typer_instance for each in one.registered_groups]
-        yield from one.registered_commands
-        yield from filter(None, [one.registered_callback])
 
 
 def test_what_is_internal_has_one_line():

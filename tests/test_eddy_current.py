@@ -96,7 +96,7 @@ def test_a_machine_s_filter_explains_what_its_magnets_do() -> None:
 
 def test_it_is_seen_in_simulate() -> None:
     """What acts follows what the law gives of current and place, at the frequency of both."""
-    record = ambkit.simulate(LATE, MOVED.replace(noise=False))
+    record = ambkit.simulate(LATE, MOVED.replace(noise=False)).record
     law = np.array(magnet_force(LATE, record["iu"], record["x"]))
     t, omega = record.t, 2 * math.pi * 40
     turn = np.exp(-1j * omega * t) * (t >= t[-1] - 0.1)
@@ -104,7 +104,7 @@ def test_it_is_seen_in_simulate() -> None:
     # The current recorded is held from its sample on: it is half a sample ahead of its mean.
     assert abs(lagged - 1 / (1 + 1j * omega * LAG)) < 0.02
     assert abs(lagged - 1) > 0.08
-    prompt = ambkit.simulate(ZITTAU, MOVED.replace(noise=False))
+    prompt = ambkit.simulate(ZITTAU, MOVED.replace(noise=False)).record
     same = np.array(magnet_force(ZITTAU, prompt["iu"], prompt["x"]))
     np.testing.assert_allclose(prompt["f_mag"], same, atol=1e-9)
 
@@ -140,7 +140,7 @@ def test_the_filter_that_knows_it_beats_the_one_that_does_not() -> None:
     rms: dict[tuple[bool, str], list[float]] = {}
     nis = []
     for seed in range(10):
-        record = ambkit.simulate(late, MOVED.replace(seed=seed))
+        record = ambkit.simulate(late, MOVED.replace(seed=seed)).record
         for knows, bearing in ((True, late), (False, prompt)):
             estimate = KINDS["extended"].make(bearing).run(record)
             for name in ("x", "f_d"):
@@ -159,7 +159,7 @@ def test_the_filter_that_knows_it_beats_the_one_that_does_not() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_flies_with_it(kind: str) -> None:
     bearing = LATE.replace(**QUIET)
-    record = ambkit.simulate(bearing, MOVED.replace(duration=0.1))
+    record = ambkit.simulate(bearing, MOVED.replace(duration=0.1)).record
     estimator = KINDS[kind].make(bearing, learned_magnet(kind, bearing))
     naive = kind in ("low-pass", "constant-velocity")
     assert kind == "constant-velocity" or estimator.states[-1].name == "f_e"
@@ -194,7 +194,7 @@ def test_margins_are_those_of_python_control() -> None:
 def test_it_is_identified() -> None:
     """Of a loop that is moved, from a start 2.5 times too short; nothing else pushes it."""
     truth = LATE.replace(**QUIET)
-    record = ambkit.simulate(truth, MOVED.replace(seed=3))
+    record = ambkit.simulate(truth, MOVED.replace(seed=3)).record
     start = truth.replace(magnet__eddy_current_lag=0.12e-3)
     found = ambkit.identify(start, record, free=["eddy_current_lag", "disturbance_noise"])
     lag = found.bearing.magnet.eddy_current_lag

@@ -11,7 +11,7 @@ import ambkit
 from ambkit import Bearing, Estimate, KalmanFilter, Record, Scenario, Status
 
 BEARING = Bearing.preset("zittau_axial")
-RECORD = ambkit.simulate(BEARING, Scenario(duration=0.5, seed=1))
+RECORD = ambkit.simulate(BEARING, Scenario(duration=0.5, seed=1)).record
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,9 @@ def test_standard_deviations_are_those_of_the_errors(estimate: Estimate) -> None
         rng = np.random.default_rng(seed)
         steps = rng.normal(0, 2 * np.sqrt(BEARING.sampling_time), t.size)
         walk = ambkit.Recorded(times=t, values=np.cumsum(steps) - steps[0])
-        record = ambkit.simulate(BEARING, Scenario(duration=2.0, disturbance=walk, seed=seed))
+        record = ambkit.simulate(
+            BEARING, Scenario(duration=2.0, disturbance=walk, seed=seed)
+        ).record
         own = ambkit.ExtendedKalmanFilter(BEARING, noise=noise).run(record, covariance=True)
         errors = np.column_stack([(own[name] - record[name])[1000:] for name in own.names])
         squares.append(np.mean(errors**2, axis=0))

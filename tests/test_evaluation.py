@@ -18,7 +18,7 @@ def record(bearing):
     scenario = ambkit.Scenario(
         duration=1.0, disturbance=ambkit.Step(amplitude=-3.0, time=0.1), seed=3
     )
-    return ambkit.simulate(bearing, scenario)
+    return ambkit.simulate(bearing, scenario).record
 
 
 def changed(record, **signals):
@@ -33,7 +33,7 @@ def test_right_model_and_noise_give_white_innovations_and_predict_better_than_ho
     scenario = ambkit.Scenario(
         duration=1.0, disturbance=ambkit.Recorded(times=t, values=walk - walk[0]), seed=3
     )
-    record = ambkit.simulate(bearing, scenario)
+    record = ambkit.simulate(bearing, scenario).record
     found = evaluate(ambkit.KalmanFilter(bearing, noise=noise), record)
     assert found.samples == found.used == len(record) - 1
     assert found.nis == pytest.approx(1.0, abs=0.05)

@@ -108,7 +108,7 @@ def test_one_limit_is_filled_and_none_exceeded(
     assert max(iu / current, x / displacement) > 0.85
     # Whoever runs it finds the same, but for other peaks of other noise.
     again = ambkit.Recorded(times=found.record.t, values=found.reference)
-    record = ambkit.simulate(BEARING, LOOP.replace(seed=50, reference=again))
+    record = ambkit.simulate(BEARING, LOOP.replace(seed=50, reference=again)).record
     assert np.max(np.abs(record["iu"])) < 1.05 * current
     assert np.max(np.abs(record["x"])) < 1.05 * displacement
 
@@ -147,7 +147,7 @@ def test_estimates_scatter_as_predicted() -> None:
         scenario = LOOP.model_copy(
             update={"seed": seed, "reference": reference, "disturbance": load}
         )
-        record = ambkit.simulate(BEARING, scenario)
+        record = ambkit.simulate(BEARING, scenario).record
         local = Likelihood([record], coordinates, settling_time(BEARING)).local(np.zeros(4))
         steps.append(np.linalg.solve(local.information, local.score))
     unit = [p.of(model) if p.positive else p.coarse(model) for p in parameters]
@@ -199,7 +199,7 @@ def test_excite_then_simulate(
     assert (tmp_path / "excitation.svg").is_file()
     excitation = Record.load("excitation.csv")
     assert list(excitation) == ["r"]
-    run("simulate", "zittau_axial", "--reference", "excitation.csv", "--out", "run.csv")
+    run("simulate", "zittau_axial", "--signal", "excitation.csv", "--out", "run.csv")
     assert "wrote run.csv" in capsys.readouterr().err
     record = Record.load("run.csv")
     assert (record["r"] == excitation["r"]).all()
@@ -219,6 +219,6 @@ def test_the_current_s_lag_is_foretold_where_the_amplifier_has_one(
 
 def test_step_and_reference_exclude_each_other(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as left:
-        main(["simulate", "zittau_axial", "--step", "0.1 mm", "--reference", "r.csv"])
+        main(["simulate", "zittau_axial", "--step", "0.1 mm", "--signal", "r.csv"])
     assert left.value.code == 2
-    assert "either --step or --reference" in capsys.readouterr().err
+    assert "the reference is either a step or a record's" in capsys.readouterr().err

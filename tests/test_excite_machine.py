@@ -47,14 +47,14 @@ def test_commands_design_play_and_assess_it(designed, tmp_path, monkeypatch, cap
             main(list(arguments))
         return int(left.value.code or 0), capsys.readouterr()
 
-    assert call("simulate", "still.toml", "--injection", "injection.csv", "--out", "l.csv")[0] == 0
+    assert call("simulate", "still.toml", "--signal", "injection.csv", "--out", "l.csv")[0] == 0
     code, shown = call("assess", "log", "l.csv", "--machine", "still.toml", "--filter", "none")
     assert code == 0
     assert "tum_mlps B1" in shown.out
-    code, shown = call("simulate", "ufu_rig", "--injection", "l.csv")
+    code, shown = call("simulate", "ufu_rig", "--signal", "l.csv")
     assert code == 0  # its axes have these names as well
     designed.record.save("other.csv")
-    code, shown = call("simulate", "still.toml", "--injection", "other.csv")
+    code, shown = call("simulate", "still.toml", "--signal", "other.csv")
     assert code == 2
     assert "it has none of the signals injected_A1" in " ".join(shown.err.split())
     for arguments, said in (

@@ -230,7 +230,7 @@ def test_instances_of_several_filters_run_side_by_side(tmp_path: Path, precision
     scenario = ambkit.Scenario(
         duration=0.03, reference=ambkit.Step(amplitude=4e-4, time=5e-3), seed=2
     )
-    record = ambkit.simulate(BEARING, scenario)
+    record = ambkit.simulate(BEARING, scenario).record
     backwards = ambkit.Record(
         record.t,
         {"y": record["y"][::-1].copy(), "u": record["u"][::-1].copy()},

@@ -121,7 +121,7 @@ def test_what_is_edited_takes_effect(
         duration=0.05, seed=1, controller=ambkit.PID.for_bearing(BEARING),
         reference=ambkit.Step(amplitude=3e-4, time=20 * T),
     )  # fmt: skip
-    record = ambkit.simulate(BEARING, run)
+    record = ambkit.simulate(BEARING, run).record
     found = along(compiled, record)
     plain = first.run(record).mean
     assert np.abs(found - plain).max(axis=0)[0] > 0 or "gate" in numbers
@@ -162,7 +162,7 @@ def test_deviations_are_those_of_python(tmp_path: Path) -> None:
     made = export("extended", tmp_path / "c", prefix="f")
     compiled = Compiled(made, tmp_path / "f.so")
     compiled.of.f_init(compiled.state)
-    record = ambkit.simulate(BEARING, ambkit.Scenario(duration=0.02, seed=1))
+    record = ambkit.simulate(BEARING, ambkit.Scenario(duration=0.02, seed=1)).record
     along(compiled, record)
     kf = ambkit.ExtendedKalmanFilter(BEARING, precision="float32")
     kf.run(record)

@@ -113,7 +113,7 @@ def simulated(path: Path, T: float, start: dict[str, float], **inputs: Any) -> A
 
 def spoilt(bearing: Bearing) -> Record:
     """A closed-loop record with measurements far away, a frozen sensor and a saturated demand."""
-    record = ambkit.simulate(bearing, disturbed(bearing))
+    record = ambkit.simulate(bearing, disturbed(bearing)).record
     y, u = record["y"].copy(), record["u"].copy()
     y[100:103] = 1e3
     y[120:140] = y[120]
@@ -196,7 +196,7 @@ def test_linear_filter_in_fmpy_equals_the_library(
 
 
 def expert(bearing: Bearing) -> Any:
-    return ambkit.train(bearing)
+    return ambkit.train(bearing).expert
 
 
 @pytest.mark.parametrize("magnet", [ClosedLaw, stiffness_map, expert], ids=lambda s: s.__name__)
@@ -235,7 +235,7 @@ def test_plant_in_fmpy_equals_the_library(
     made: Callable[..., Path], bearing: Bearing, fmi: int
 ) -> None:
     scenario = disturbed(bearing)
-    record = ambkit.simulate(bearing, scenario)
+    record = ambkit.simulate(bearing, scenario).record
     n = len(record.t)
     noise_u, _ = (noise[:, 0] for noise in drawn(bearing, scenario, n))
     inputs = {"u": record["u"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": np.zeros(n)}
@@ -278,7 +278,7 @@ LATE: dict[str, Any] = {"delay": "0.03 ms"}
 def test_a_plant_with_parts_in_fmpy_equals_the_library(bearing: Bearing, tmp_path: Path) -> None:
     eager = ambkit.PID(setpoint_weight=1.0, kd=5.0).completed(bearing)  # it comes to the stop
     scenario = disturbed(bearing).replace(noise=False, controller=eager)
-    record = ambkit.simulate(bearing, scenario)
+    record = ambkit.simulate(bearing, scenario).record
     n = len(record.t)
     inputs = {"u": record["u"], "f_d": record["f_d"]}
     path = export_fmu(bearing, None, tmp_path / "plant.fmu", kind="plant").path
@@ -420,7 +420,7 @@ def test_a_scenario_s_controller_closes_the_loop(command: Command, tmp_path: Pat
     scenario.save(tmp_path / "run.toml")
     out = tmp_path / "loop.fmu"
     words = ("--kind", "closed-loop", "--scenario", str(tmp_path / "run.toml"))
-    assert command(*words, "--estimator", "closed-law", "--out", str(out)).code == 0
+    assert command(*words, "--filter", "closed-law", "--out", str(out)).code == 0
     estimator = AdaptiveKalmanFilter(BEARING, ClosedLaw(BEARING))
     run = simulate_run(BEARING, scenario, estimator=estimator)
     noise_u, noise_y = (noise[:, 0] for noise in drawn(BEARING, scenario, len(run.record.t)))
@@ -541,7 +541,7 @@ def test_mass_and_magnet_constant_of_the_plant_are_the_library_s(
     made: Callable[..., Path],
 ) -> None:
     other = ONE_SIDED.replace(rotor__mass=0.07, magnet__magnet_constant=1.1e-4)
-    record = ambkit.simulate(other, disturbed(other))
+    record = ambkit.simulate(other, disturbed(other)).record
     noise_u, _ = (noise[:, 0] for noise in drawn(other, disturbed(other), len(record.t)))
     found = simulated(
         made("plant", 3, ONE_SIDED),
@@ -737,7 +737,7 @@ def test_a_system_is_what_the_standard_says(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_a_controller_alone_is_that_of_the_loop(tmp_path: Path, fmi: Any) -> None:
-    record = ambkit.simulate(BEARING, disturbed(BEARING))
+    record = ambkit.simulate(BEARING, disturbed(BEARING)).record
     pid = ambkit.Control.for_bearing(BEARING).fed_by("measurement")
     path = export_fmu(
         BEARING,
@@ -750,7 +750,7 @@ def test_a_controller_alone_is_that_of_the_loop(tmp_path: Path, fmi: Any) -> Non
     assert validate_fmu(str(path)) == []
     own = ambkit.simulate(
         BEARING, disturbed(BEARING).model_copy(update={"controller": pid.completed(BEARING)})
-    )
+    ).record
     result = simulated(path, BEARING.sampling_time, {}, r=own["r"], x=own["y"])
     np.testing.assert_array_equal(result["u"][1:], own["u"])
     assert len(record.t) == len(own.t)
@@ -886,12 +886,12 @@ def test_command(command: Command, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("--kind plant --estimator e.json --out plant.fmu", "a plant has none"),
+        ("--kind plant --filter e.json --out plant.fmu", "a plant has none"),
         ("--scenario run.toml --out filter.fmu", "only these have a controller"),
         ("--kind closed-loop --scenario run.toml --out loop.fmu", "run.toml: cannot be read"),
         ("--out plant.zip", "must end with .fmu"),
-        ("--estimator closed-lav --out filter.fmu", "did you mean closed-law?"),
-        ("--estimator missing.json --out filter.fmu", "missing.json: cannot be read"),
+        ("--filter closed-lav --out filter.fmu", "did you mean closed-law?"),
+        ("--filter missing.json --out filter.fmu", "missing.json: cannot be read"),
     ],
 )
 def test_what_the_command_refuses(
@@ -906,6 +906,6 @@ def test_what_the_command_refuses(
 
 def test_the_command_takes_the_names_of_the_others(command: Command, tmp_path: Path) -> None:
     named, given = tmp_path / "named.fmu", tmp_path / "given.fmu"
-    assert command("--estimator", "closed-law", "--out", str(named)).code == 0
+    assert command("--filter", "closed-law", "--out", str(named)).code == 0
     export_fmu(BEARING, ClosedLaw(BEARING), given)
     assert named.read_bytes() == given.read_bytes()

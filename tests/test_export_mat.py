@@ -120,7 +120,7 @@ def test_what_there_are_several_of_is_an_array_of_structs(tmp_path: Path) -> Non
 
 @both
 def test_the_expert_s_rules_give_its_stiffnesses(bearing: Bearing, tmp_path: Path) -> None:
-    expert = ambkit.train(bearing)
+    expert = ambkit.train(bearing).expert
     m = read_back(bearing, expert, tmp_path)
     net, tables = m["expert"], m["tables"]
     iu, x = 0.3 * net["current_range"][1], 0.4 * net["displacement_range"][0]

@@ -58,7 +58,7 @@ def test_a_loop_without_faults_is_the_plain_loop_to_the_last_bit() -> None:
         PAPER,
         Scenario(duration=(N - 1) * PAPER.sampling_time, seed=3, controller=MEASURED,
                  reference=Sine(amplitude=1e-4, frequency=50.0)),
-    )  # fmt: skip
+    ).record  # fmt: skip
     for name in plain:
         np.testing.assert_array_equal(flown().record[name], plain[name])
 
@@ -118,7 +118,7 @@ def test_series_of_the_wrong_length_are_refused() -> None:
 
 def test_who_lies_on_a_stop_is_found_there() -> None:
     scenario = Scenario(duration=0.01, controller=MEASURED)
-    record = ambkit.simulate(PAPER, scenario, external_inputs=ExternalInputs(place=-1e-3))
+    record = ambkit.simulate(PAPER, scenario, external_inputs=ExternalInputs(place=-1e-3)).record
     assert record["x"][0] == -1e-3
     assert record["y"][0] == pytest.approx(-1e-3, abs=6e-5)
 

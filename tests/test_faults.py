@@ -23,7 +23,7 @@ RECORD = ambkit.simulate(
         reference=ambkit.Sine(amplitude=3e-4, frequency=2.0),
         disturbance=ambkit.Sine(amplitude=2.0, frequency=3.0),
     ),
-)
+).record
 START = 3000
 """Sample at which the trouble begins."""
 
@@ -191,7 +191,7 @@ def test_in_single_precision_a_sharp_sensor_is_found_again(noise: float) -> None
     sharp = BEARING.replace(sensor__noise_variance=noise**2)
     record = ambkit.simulate(
         sharp, Scenario(duration=1.0, reference=ambkit.Sine(amplitude=3e-4, frequency=5.0))
-    )
+    ).record
     y = record["y"].copy()
     y[2000:7000] = np.nan
     kf = ambkit.AdaptiveKalmanFilter(sharp, ClosedLaw(sharp), precision="float32")

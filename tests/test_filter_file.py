@@ -28,12 +28,12 @@ OPTIONS = {
 
 @pytest.fixture(scope="module")
 def record() -> Record:
-    return ambkit.simulate(BEARING, ambkit.scenario_for(BEARING, step=0.3e-3, load=2.0))
+    return ambkit.simulate(BEARING, ambkit.scenario_for(BEARING, step=0.3e-3, load=2.0)).record
 
 
 @pytest.fixture(scope="module")
 def expert() -> ambkit.Expert:
-    return ambkit.train(BEARING, weights=True)
+    return ambkit.train(BEARING).expert
 
 
 def same(one: Estimator, other: Estimator, record: Record) -> None:

@@ -50,7 +50,7 @@ def test_what_is_read_is_what_was_written(name, tmp_path, record):
 
 
 def _experts():
-    one = ambkit.train(TUM.isolated_axis("A1"), weights=True)
+    one = ambkit.train(TUM.isolated_axis("A1")).expert
     other = one.scaled(1.1)  # as if its magnet were stronger
     return [one, one, other, other]
 
@@ -148,13 +148,14 @@ def test_assess_takes_it(arguments, folder, capsys, monkeypatch):
     (["assess", "tum_mlps", "--filter", "f.toml", "--controller", "scenario.toml"], 0,
      "margin, up"),
     (["assess", "zittau_axial", "--filter", "f.toml"], 2, "this filter is of tum_mlps, a machine"),
-    (["simulate", "tum_mlps", "--scenario", "scenario.toml", "--estimator", "f.toml"], 0, "rms"),
-    (["filter", "run.csv", "--estimator", "f.toml"], 0, "mean NIS"),
-    (["filter", "run.csv", "--bearing", "tum_mlps", "--estimator", "linear,f.toml"], 0, "f.toml"),
+    (["simulate", "tum_mlps", "--scenario", "scenario.toml", "--filter", "f.toml"], 0, "rms"),
+    (["filter", "run.csv", "--filter", "f.toml"], 0, "mean NIS"),
+    (["filter", "run.csv", "--machine", "tum_mlps", "--filter", "linear", "--filter", "f.toml"], 0,
+     "f.toml"),
     (["export", "c", "f.toml", "--out", "c", "--controller", "scenario.toml"], 0, "wrote c"),
     (["export", "mat", "f.toml", "--out", "f.mat"], 2, "has several axes"),
     (["export", "fmu", "f.toml", "--out", "f.fmu"], 0, "wrote f.fmu"),
-    (["tune", "tum_mlps", "--filter", "linear", "--budget", "2", "--runs", "1",
+    (["tune", "tum_mlps", "--filter", "linear", "--budget", "2", "--seeds", "1",
       "--out", "g.toml"], 0, "wrote g.toml"),
 ])  # fmt: skip
 def test_commands_take_it(arguments, code, said, folder, capsys, monkeypatch):

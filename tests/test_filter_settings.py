@@ -15,7 +15,7 @@ from ambkit.base.errors import RecordError
 from ambkit.machine.magnets import core_module
 
 BEARING = Bearing.preset("zittau_axial")
-RECORD = ambkit.simulate(BEARING, Scenario(duration=0.3, seed=2))
+RECORD = ambkit.simulate(BEARING, Scenario(duration=0.3, seed=2)).record
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ def record():
         disturbance=Sine(amplitude=2, frequency=2.3),
         controller=PID.textbook(BEARING),
     )
-    run = simulate(BEARING, scenario, magnet=plant)
+    run = simulate(BEARING, scenario, plant=plant).record
     assert run.meta["stop_touched"] == 0
     return run
 
@@ -90,7 +90,7 @@ def test_map_goes_through_a_file_into_the_training(found, tmp_path):
 
 def test_map_makes_an_expert_that_knows_the_force_where_the_rotor_was(found, record):
     """Better than the law along the record, and no wilder anywhere else."""
-    expert = train(measured_map(BEARING, found.points()), weights=True)
+    expert = train(measured_map(BEARING, found.points())).expert
     iu, x = record["iu"][::50], record["x"][::50]
     off, of_law = expert.force(iu, x), ClosedLaw(BEARING).force(iu, x)
     assert np.std(off - saturating(iu, x)) < 0.35 * np.std(of_law - saturating(iu, x))
@@ -122,7 +122,8 @@ def test_a_law_that_is_right_is_found_right_near_rest():
     scenario = Scenario(duration=1.0, reference=Sine(amplitude=0.02e-3, frequency=31))
     off = []
     for seed in range(3):
-        mapped = force_map(model, simulate(BEARING, scenario.replace(seed=seed)), nodes=(5, 5),
+        mapped = force_map(model, simulate(BEARING, scenario.replace(seed=seed)).record,
+                           nodes=(5, 5),
                            settling=0.05)  # fmt: skip
         off.append((mapped.force - mapped.law) / mapped.standard_error)
     assert 0.3 < np.sqrt(np.mean(np.square(off))) < 1.3
@@ -150,7 +151,7 @@ def test_training_believes_what_is_known_better():
     force = saturating(iu, x) + noise
 
     def trained(errors):
-        return train(measured_map(BEARING, ForcePoints(iu, x, force, errors)), weights=True)
+        return train(measured_map(BEARING, ForcePoints(iu, x, force, errors))).expert
 
     told, blind = trained(np.where(wrong, 3.0, 0.02)), trained(None)
     good = np.meshgrid(np.linspace(-1.4, 0.3, 15), np.linspace(-4e-4, 4e-4, 15))

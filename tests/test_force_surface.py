@@ -71,12 +71,12 @@ def test_an_unmeasured_corner_pulls_nothing(noise):
     wild = ForcePoints(
         iu, x, clean.force + 30 * corner, np.where(corner, 30.0, clean.standard_error)
     )
-    expert = train(measured_map(BEARING, wild), weights=True)
+    expert = train(measured_map(BEARING, wild)).expert
     unmeasured = (BOX[0] > 0.3) & (BOX[1] > 1e-4)
     # Where nothing is known: between law and truth, and stiffnesses as a magnet has them.
     assert rms((expert.force(*BOX) - LAW(*BOX))[unmeasured]) < 4
     k_i, k_s = expert.stiffness(*BOX)
-    law_i, law_s = train(BEARING, weights=True).stiffness(*BOX)
+    law_i, law_s = train(BEARING).expert.stiffness(*BOX)
     assert 0.4 * law_i.min() < k_i.min() < k_i.max() < 1.2 * law_i.max()
     assert 0.4 * law_s.min() < k_s.min() < k_s.max() < 1.2 * law_s.max()
     # And where it was measured the corner does no harm.
@@ -106,13 +106,13 @@ def test_far_from_all_points_the_law_stays():
 @pytest.mark.parametrize("lines", [9, 15])
 def test_well_measured_points_are_learnt_as_well_as_a_table_was(lines):
     """The figures of the spline through the same points, before: 0.031 N and 0.030 N."""
-    expert = train(measured_map(BEARING, noisy(*grid(lines), 0.02)), weights=True)
+    expert = train(measured_map(BEARING, noisy(*grid(lines), 0.02))).expert
     assert rms(expert.force(*BOX) - saturating(*BOX)) < 0.034
 
 
 def test_noise_is_smoothed():
     """A spline through the points, and a network trained on it, had 0.21 N."""
-    expert = train(measured_map(BEARING, noisy(*grid(9), 0.3)), weights=True)
+    expert = train(measured_map(BEARING, noisy(*grid(9), 0.3))).expert
     assert rms(expert.force(*BOX) - saturating(*BOX)) < 0.15
 
 

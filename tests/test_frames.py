@@ -16,7 +16,9 @@ pandas = pytest.importorskip("pandas")
 xarray = pytest.importorskip("xarray")
 
 BEARING = Bearing.preset("zittau_axial")
-RECORD = ambkit.simulate(BEARING, ambkit.scenario_for(BEARING, step="0.1 mm", duration="20 ms"))
+RECORD = ambkit.simulate(
+    BEARING, ambkit.scenario_for(BEARING, step="0.1 mm", duration="20 ms")
+).record
 ARRAYS = (
     "t", "mean", "innovation", "innovation_variance", "k_i", "k_s", "status", "covariance",
     "scale", "scale_variance",

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_machine_synchronous import BOTH, RUN_UP, SERVICE, spoilt, steady
 
-from ambkit import ExtendedKalmanFilter, Machine, Scenario, harmonics, simulate_run
+from ambkit import ExtendedKalmanFilter, Machine, Scenario, harmonics, simulate
 from ambkit.rotordynamics.harmonics import Harmonic
 from ambkit.simulation.waveforms import Ramp
 
@@ -19,7 +19,7 @@ TRUE = 20 / SERVICE**2
 def told(flight: Scenario, **options: Any) -> dict[str, Harmonic]:
     dirty, _ = spoilt()
     kf = ExtendedKalmanFilter(dirty, synchronous=BOTH, **options)
-    record = simulate_run(dirty, flight, estimator=kf).record
+    record = simulate(dirty, flight, filter=kf).record
     return {each.name: each for each in harmonics(kf, record)}
 
 
@@ -63,14 +63,14 @@ def test_the_errors_of_amplitude_and_angle_are_those_of_the_vector() -> None:
 def test_the_commands_say_so(call: Any, tmp_path: Path) -> None:
     dirty, _ = spoilt()
     (tmp_path / "m.toml").write_text(dirty.to_toml())
-    both = ("--estimator", "linear", "--synchronous", "unbalance", "--synchronous", "runout")
+    both = ("--filter", "linear+unbalance+runout")
     for words in (
         ("simulate", "m.toml", "--out", "r.csv"),
-        ("filter", "r.csv", "--bearing", "m.toml"),
+        ("filter", "r.csv", "--machine", "m.toml"),
     ):
         flown = ("--duration", "0.1 s") if words[0] == "simulate" else ()
         data = call(*words, *flown, *both, "--json").json
-        data = data.get("estimators", {"linear": data})["linear"]
+        data = next(iter(data.get("estimators", {"linear": data}).values()))
         assert data["synchronous"]["U1"]["start_dominates"]
         assert "amplitude" not in data["synchronous"]["U1"]
         assert "the start says more" in call(*words, *flown, *both).out
@@ -80,4 +80,4 @@ def test_without_such_states_there_is_nothing_to_say() -> None:
     machine = Machine.preset("tum_mlps")
     kf = ExtendedKalmanFilter(machine)
     flight = Scenario(duration=0.02, speed=Ramp(slope=100.0))
-    assert harmonics(kf, simulate_run(machine, flight, estimator=kf).record) == []
+    assert harmonics(kf, simulate(machine, flight, filter=kf).record) == []

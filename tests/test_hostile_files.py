@@ -83,7 +83,7 @@ def test_hdf5_reads_nothing_beyond_its_file(
         with pytest.raises(RecordError, match=f"^{re.escape(str(path))}: {WAYS_OUT[way]}; nothing"):
             read_log(path, wanted)
     with pytest.raises(SystemExit) as left:
-        main(["read", str(path), "--guess"])
+        main(["read", "guess", str(path)])
     said = capsys.readouterr()
     assert left.value.code == 2
     assert "root:x" not in said.out + said.err

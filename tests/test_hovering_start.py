@@ -30,7 +30,7 @@ def errors(kind: str, **options: Any) -> tuple[Array, Array]:
     e = KINDS[kind].make(LATE, **options)
     found, stated = [], []
     for seed in SEEDS:
-        record = ambkit.simulate(LATE, Scenario(duration=FIRST * T, seed=seed))
+        record = ambkit.simulate(LATE, Scenario(duration=FIRST * T, seed=seed)).record
         if std is None:
             estimate = e.run(record, covariance=True)
             mean, P = estimate.mean, estimate.covariance
@@ -94,5 +94,5 @@ def test_in_a_loop_it_knows_what_its_controller_demanded_before() -> None:
     """A rotor that hangs in the middle with no current falls: so does the estimate."""
     for start, current in (("released", 0.0), ("levitated", LATE.levitation_current)):
         e = ambkit.ExtendedKalmanFilter(LATE)
-        ambkit.simulate(LATE, Scenario(duration=2 * T, start=start, noise=False), estimator=e)
+        ambkit.simulate(LATE, Scenario(duration=2 * T, start=start, noise=False), filter=e)
         assert e.mean[e.model.index("u_2")] == pytest.approx(current, abs=1e-9)

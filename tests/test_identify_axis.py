@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import ambkit
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.cli.main import main
 from ambkit.data.record import Record
@@ -13,7 +14,6 @@ from ambkit.machine.machine import Machine
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
-from ambkit.workflow.expert import train
 from ambkit.workflow.identify import identified_filter, identify
 
 MACHINE = Machine.preset("tum_mlps")  # rotates; each bearing has a sensor to either side
@@ -86,7 +86,7 @@ def test_the_command(record: Record, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     record.save("log.csv")
     MACHINE.save("machine.toml")
-    line = ["identify", "log.csv", "--bearing", "machine.toml", "--free", "magnet_constant"]
+    line = ["identify", "machine.toml", "log.csv", "--free", "magnet_constant"]
     assert run([*line[:4], "--method", "online", "--axis", "A1"]) == 2
     assert "learns of a machine with one axis" in capsys.readouterr().err
     assert run([*line, "--axis", "A1", "--out", "found.toml"]) == 0
@@ -107,6 +107,6 @@ def test_an_expert_is_of_an_axis(tmp_path, monkeypatch) -> None:
     assert run(["train", "tum_mlps"]) == 2
     assert Expert.load("one.json").source.startswith("B1")
     with pytest.raises(AmbkitError, match="name one of them"):
-        train(MACHINE, rules=(3, 3))
-    same = train(MACHINE, rules=(3, 3), axis="B1")
+        ambkit.train(MACHINE, rules=(3, 3))
+    same = ambkit.train(MACHINE, rules=(3, 3), axis="B1")
     assert same.rules == Expert.load("one.json").rules

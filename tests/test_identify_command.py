@@ -32,10 +32,10 @@ def made(tmp_path_factory):
 
 def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
     code, out, err = call(
-        "identify", made / "a.csv", "--bearing", made / "start.toml", "--validate", made / "b.csv",
-        "--free",
-        "magnet_constant, sensor_lag,delay,measurement_noise,control_noise,disturbance_noise",
-        "--out", "found.toml", "--report", "found.html", "--plot", "found.png",
+        "identify", made / "start.toml", made / "a.csv", "--validate", made / "b.csv", "--free",
+        "magnet_constant", "--free", "sensor_lag", "--free", "delay", "--free", "measurement_noise",
+        "--free", "control_noise", "--free", "disturbance_noise", "--out", "found.toml", "--out",
+        "found.html", "--plot", "found.png",
     )  # fmt: skip
     assert code == 0, err
     assert "95 % interval" in out
@@ -60,13 +60,13 @@ def test_what_is_of_the_log_goes_into_its_channel_map_and_its_delay_into_the_bea
     run = ambkit.Record.load(made / "a.csv")  # with what TRUTH has of the log; here comes more
     late = {"y": run["y"] - TRUTH.position_offset, "u": np.roll(run["u"], -3) + 0.1}
     ambkit.Record(run.t, late).save("log.csv")
-    code, _, err = call(
-        "identify", "log.csv", "--bearing", made / "start.toml", "--out", "found.toml",
-        "--free", "magnet_constant,delay,current_offset,disturbance_noise",
-        "--load-at-start", "0.05 N",
+    code, out, err = call(
+        "identify", made / "start.toml", "log.csv", "--out", "found.toml", "--free",
+        "magnet_constant", "--free", "delay", "--free", "current_offset", "--free",
+        "disturbance_noise", "--initial-disturbance", "0.05 N",
     )  # fmt: skip
     assert code == 0, err
-    assert "found.toml says what to put into the channel map" in err
+    assert "says what to put into the channel map" in out
     text = (tmp_path / "found.toml").read_text()
     lines = [line.removeprefix("#   ") for line in text.splitlines() if line.startswith("#   ")]
     assert re.search(r'^delay = "0\.5\d* ms"  # found, standard error ', text, re.M)
@@ -88,8 +88,8 @@ def test_what_is_of_the_log_goes_into_its_channel_map_and_its_delay_into_the_bea
     assert off.std() < 0.1 * before.std()
     np.testing.assert_allclose(read["y"], right["y"], atol=1e-12)
     option = re.search(r'--disturbance-noise "(.*)"', text)[1]
-    code, _, err = call("filter", "log.csv", "--channels", "map.toml", "--bearing", "found.toml",
-                        "--disturbance-noise", option, "--estimator", "closed-law")  # fmt: skip
+    code, _, err = call("filter", "log.csv", "--channels", "map.toml", "--machine", "found.toml",
+                        "--disturbance-noise", option, "--filter", "closed-law")  # fmt: skip
     assert code == 0, err
     assert "tuned" not in err
 
@@ -115,12 +115,12 @@ def test_the_lines_for_the_map_do_what_the_model_does(tmp_path):
 
 def test_a_force_map_goes_into_the_training(call, made, tmp_path):
     code, out, err = call(
-        "identify", made / "a.csv", "--bearing", made / "start.toml", "--free", "magnet_constant",
-        "--out", "found.toml", "--save-force-map", "force.csv", "--force-map-nodes", "6x4",
+        "identify", made / "start.toml", made / "a.csv", "--free", "magnet_constant", "--out",
+        "found.toml", "--out", "force-map=force.csv", "--nodes", "6x4",
     )  # fmt: skip
     assert code == 0, err
     assert "Force map: 6x4 nodes; the records tell of" in out
-    code, out, err = call("train", "found.toml", "--force-map", "force.csv", "--rules", "3x3")
+    code, out, err = call("train", "map", "found.toml", "force.csv", "--rules", "3x3")
     assert code == 0, err
     assert "force.csv: " in out
 
@@ -129,8 +129,8 @@ def test_json_has_all_figures_in_si(call, made):
     import json
 
     code, out, _ = call(
-        "identify", made / "a.csv", made / "b.csv", "--bearing", made / "start.toml",
-        "--free", "magnet_constant,mass,disturbance_noise", "--json",
+        "identify", made / "start.toml", made / "a.csv", made / "b.csv", "--free",
+        "magnet_constant", "--free", "mass", "--free", "disturbance_noise", "--json",
     )  # fmt: skip
     assert code == 0
     found = json.loads(out)
@@ -159,8 +159,8 @@ def test_noise_at_rest_is_the_start_and_its_colour_is_told(call, made):
     still = ambkit.Record(1e-4 * np.arange(20_000), {"y": y, "u": np.zeros(20_000)})
     still.save("rest.csv")
     code, out, err = call(
-        "identify", made / "a.csv", "--bearing", made / "start.toml", "--rest", "rest.csv",
-        "--free", "magnet_constant,disturbance_noise",
+        "identify", made / "start.toml", made / "a.csv", "--rest", "rest.csv", "--free",
+        "magnet_constant", "--free", "disturbance_noise",
     )  # fmt: skip
     assert code == 0, err
     assert re.search(r"y +[23][.0-9]* µm +coloured: 1 sample apart it correlates by \+0\.[34]", out)
@@ -172,8 +172,8 @@ def test_noise_at_rest_is_the_start_and_its_colour_is_told(call, made):
         '[signals.t]\ncolumn = "ms"\nunit = "ms"\n[signals.y]\ncolumn = "pos"\nunit = "µm"\n'
     )
     code, mapped, err = call(
-        "identify", made / "a.csv", "--bearing", made / "start.toml", "--rest", "bench.csv",
-        "--rest-channels", "bench.toml", "--free", "magnet_constant,disturbance_noise",
+        "identify", made / "start.toml", made / "a.csv", "--rest", "bench.csv@bench.toml", "--free",
+        "magnet_constant", "--free", "disturbance_noise",
     )  # fmt: skip
     assert code == 0, err
     of_y = re.compile(r"y .* +coloured")
@@ -183,23 +183,18 @@ def test_noise_at_rest_is_the_start_and_its_colour_is_told(call, made):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ("identify A --bearing B --free k", "there is no parameter k; there are magnet_constant"),
-        ("identify A --bearing B --validate A", "a model is judged on a record that it has not"),
+        ("identify B A --free k", "there is no parameter k; there are magnet_constant"),
+        ("identify B A --validate A", "a model is judged on a record that it has not"),
+        ("identify online B A --free k", "there is no option --free"),
+        ("identify B A --disturbance 1N", "there is no option --disturbance"),
+        ("identify online B A A --method adaline", "unrecognized arguments"),
+        ("identify B A --out r.pdf", "must end with .toml or"),
         (
-            "identify A --bearing B --start 1N*mm^2/A^2 --report r.html",
-            "is for --method likelihood",
-        ),
-        ("identify A --bearing B --method likelihood --disturbance 1N", "is for --method adaline"),
-        ("identify A A --bearing B --method adaline", "along one record, 2 are given"),
-        ("identify A --bearing B --report r.pdf", "must end with .html"),
-        ("identify A --bearing B --force-map-nodes 9", "-nodes needs --save-force-map FILE"),
-        (
-            "identify A --bearing B --save-force-map f.csv --force-map-nodes 3x9",
+            "identify B A --out force-map=f.csv --nodes 3x9",
             "must be nodes along current and displacement such as 9x7, 4 to 33 each, is '3x9'",
         ),
-        ("identify A --bearing B --rest-channels m.toml", "--rest-channels needs --rest RECORD"),
-        ("identify A --bearing B --to 5ms", "samples"),
-        ("identify A --bearing inteco_ml", "sampled every 0.0001 s"),
+        ("identify B A --window ,5ms", "samples"),
+        ("identify inteco_ml A", "sampled every 0.0001 s"),
     ],
 )
 def test_what_the_user_did_wrong_is_one_message(call, made, tmp_path, arguments, message):

@@ -52,7 +52,7 @@ def record_of(bearing: Bearing, seed: int) -> Record:
     )
     scenario = Scenario(duration=0.5, seed=seed, reference=sum(more, one),
                         controller=ambkit.PID.textbook(bearing))  # fmt: skip
-    record = simulate(bearing, scenario)
+    record = simulate(bearing, scenario).record
     assert not record.meta["stop_touched"]
     return record
 

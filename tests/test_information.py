@@ -36,12 +36,12 @@ def test_predicted_errors_are_the_scatter_of_estimates() -> None:
     """One step of Gauss and Newton from the truth, over 60 seeds, against one seed's prediction."""
     parameters = named(FREE)
     coordinates = Coordinates(CALM, parameters)
-    predicted = expect(ambkit.simulate(BEARING, SHAKEN.replace(seed=1000)), CALM, FREE)
+    predicted = expect(ambkit.simulate(BEARING, SHAKEN.replace(seed=1000)).record, CALM, FREE)
     assert [p.name for p in predicted.parameters] == [p.name for p in parameters]
     assert not predicted.held
     steps = []
     for seed in range(60):
-        record = ambkit.simulate(BEARING, SHAKEN.replace(seed=seed))
+        record = ambkit.simulate(BEARING, SHAKEN.replace(seed=seed)).record
         local = Likelihood([record], coordinates, 0.01).local(np.zeros(len(FREE)))
         steps.append(np.linalg.solve(local.information, local.score))
     found = np.array(steps) * [p.of(CALM) if p.positive else p.coarse(CALM) for p in parameters]
@@ -58,7 +58,7 @@ def test_predicted_errors_are_the_scatter_of_estimates() -> None:
 def test_more_excitation_and_more_time_give_smaller_errors(name: str) -> None:
     def error(by: float, duration: float = 0.8) -> float:
         scenario = scaled(SHAKEN, by).replace(duration=duration)
-        return expect(ambkit.simulate(BEARING, scenario), CALM, FREE)[name]
+        return expect(ambkit.simulate(BEARING, scenario).record, CALM, FREE)[name]
 
     assert error(1.0) < error(0.5) < error(0.2)
     assert error(1.0, 3.2) == pytest.approx(error(1.0) / 2, rel=0.2)
@@ -66,7 +66,7 @@ def test_more_excitation_and_more_time_give_smaller_errors(name: str) -> None:
 
 def test_what_one_experiment_cannot_tell_is_named() -> None:
     """Mass and magnet constant: their ratio alone, but for noises and loads that are forces."""
-    record = ambkit.simulate(BEARING, SHAKEN)
+    record = ambkit.simulate(BEARING, SHAKEN).record
     # The start of the load counts as known to the weight; without noise of the current and without
     # a load nothing has the unit of a force.
     still = BEARING.replace(amplifier__noise_variance="1e-20 V^2")
@@ -79,7 +79,7 @@ def test_what_one_experiment_cannot_tell_is_named() -> None:
 
 
 def test_the_certainty_counts_what_cannot_be_told_as_nothing() -> None:
-    record = ambkit.simulate(BEARING, SHAKEN)
+    record = ambkit.simulate(BEARING, SHAKEN).record
     one = expect(record, CALM, ("magnet_constant",)).certainty
     both = expect(record, CALM, ("magnet_constant", "current_lag")).certainty
     assert np.isfinite(both)
@@ -87,7 +87,7 @@ def test_the_certainty_counts_what_cannot_be_told_as_nothing() -> None:
 
 
 def test_sensitivity_adds_up_to_the_information() -> None:
-    record = ambkit.simulate(BEARING, SHAKEN)
+    record = ambkit.simulate(BEARING, SHAKEN).record
     alone = expect(record, CALM, ("magnet_constant",))
     assert alone.sensitivity.shape == (1, len(record))
     # The noise that enters the variance tells of k as well, but next to nothing.
@@ -95,7 +95,7 @@ def test_sensitivity_adds_up_to_the_information() -> None:
 
 
 def test_a_record_without_measurements_is_told() -> None:
-    record = ambkit.simulate(BEARING, SHAKEN.replace(duration=0.05))
+    record = ambkit.simulate(BEARING, SHAKEN.replace(duration=0.05)).record
     nothing = Record(record.t, {"y": np.full(len(record), np.nan), "u": record["u"]})
     with pytest.raises(AmbkitError, match="no measurement"):
         expect(nothing, CALM, FREE)

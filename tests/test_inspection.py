@@ -37,7 +37,7 @@ def test_each_kind_is_recognised_by_what_it_holds(bearing, tmp_path):
     bearing.save(tmp_path / "a.toml")
     ambkit.Scenario(seed=4).save(tmp_path / "b.toml")
     ambkit.Expert.paper().save(tmp_path / "c.json")
-    ambkit.simulate(bearing, ambkit.Scenario(duration=0.01)).save(tmp_path / "d.parquet")
+    ambkit.simulate(bearing, ambkit.Scenario(duration=0.01)).record.save(tmp_path / "d.parquet")
     force_file(tmp_path / "e.csv", rows_of(bearing))
     kinds = {
         "a.toml": ("bearing", "zittau_axial, two-sided, 0.518 kg"),
@@ -163,7 +163,7 @@ def test_a_force_with_other_columns_alone_is_told_how(tmp_path, head):
     found = inspect(tmp_path / "fe.csv")
     assert not found.ok
     assert "a measured force has columns iu [A], x [mm] and f_mag [N]" in found.problems[-1]
-    assert "ambkit check --schema force" in found.problems[-1]
+    assert "ambkit schema force" in found.problems[-1]
     with pytest.raises(ambkit.RecordError) as error:
         load_force_points(tmp_path / "fe.csv")
     assert "a measured force has columns" in error.value.problems[-1]

@@ -46,7 +46,7 @@ def numbers(thing: Any, at: str = "") -> list[tuple[str, float]]:
 
 @pytest.fixture(scope="module")
 def flown() -> ambkit.Record:
-    return ambkit.simulate(RICH, FLIES)
+    return ambkit.simulate(RICH, FLIES).record
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def flown() -> ambkit.Record:
 )
 def test_each_number_moves_the_plant(flown: ambkit.Record, key: str, value: float) -> None:
     changed = int(value * 1.25) if key.endswith("turns") else 1.1 * value
-    other = ambkit.simulate(RICH.replace(**{key: changed}), FLIES)
+    other = ambkit.simulate(RICH.replace(**{key: changed}), FLIES).record
     same = all(np.array_equal(flown[name], other[name]) for name in ("x", "y", "iu", "f_mag"))
     assert not same
 

@@ -30,7 +30,7 @@ RECORD = ambkit.simulate(
         reference=ambkit.Step(amplitude=3e-4, time=0.1),
         disturbance=ambkit.Step(amplitude=2.0, time=0.3),
     ),
-)
+).record
 kinds = pytest.mark.parametrize(
     "kind", [k for k in KINDS.values() if k.magnet], ids=lambda k: k.name
 )
@@ -120,7 +120,7 @@ def test_an_amplifier_at_its_end_is_told_and_known(kind: Kind) -> None:
     eager = ambkit.PID(kp=3000.0, kd=12.0, setpoint_weight=1.0)
     step = ambkit.Step(amplitude=3e-4, time=0.1)
     scenario = Scenario(duration=0.6, seed=5, reference=step, controller=eager)
-    record = ambkit.simulate(weak, scenario)
+    record = ambkit.simulate(weak, scenario).record
     u = record["u"].copy()
     at_limit = np.abs(u) >= 0.999 * weak.current_max / weak.amplifier.gain
     assert at_limit.sum() > 10

@@ -78,8 +78,8 @@ def test_recordings_of_flights_give_a_bearing_on_the_command_line(tmp_path, monk
     still = lift_off_recording(9e-3, 9).between(None, 0.4)
     still.save("still.csv")
     with pytest.raises(SystemExit) as ended:
-        main(["identify", *names, "still.csv", "--lifting-off", "--bearing", "inteco_ml",
-              "--operating-point", "10 mm", "--out", "law.toml", "--plot", "law.png"])  # fmt: skip
+        main(["identify", "lift-off", "inteco_ml", *names, "still.csv", "--operating-point",
+              "10 mm", "--out", "law.toml", "--plot", "law.png"])  # fmt: skip
     assert ended.value.code == 0
     told = capsys.readouterr().out
     assert "points left out" in told

@@ -18,7 +18,7 @@ FREE = ("magnet_constant", "measurement_noise", "control_noise", "disturbance_no
 
 def flown(plant: Bearing, seed: int, duration: float) -> Record:
     reference = Sine(amplitude=1e-3, frequency=0.7)
-    return simulate(plant, Scenario(duration=duration, seed=seed, reference=reference))
+    return simulate(plant, Scenario(duration=duration, seed=seed, reference=reference)).record
 
 
 def found_of(record: Record, known: Bearing = BALL, *, lines: bool = False) -> MaximumLikelihood:

@@ -74,7 +74,7 @@ FORMS: list[Callable[..., dict[str, object]]] = [
 
 def in_turn(call, log: Path) -> tuple[str, str]:
     """Guess a map by the command, read and check by it; return the map and what check says."""
-    code, text, err = call("read", str(log), "--guess")
+    code, text, err = call("read", "guess", str(log))
     assert code == 0, err
     log.with_suffix(".toml").write_text(text)
     by_map = (str(log), "--channels", str(log.with_suffix(".toml")))
@@ -155,7 +155,7 @@ def test_what_only_rises_is_no_position(tmp_path, call):
         guess(tmp_path / "calibration.mat")
     rng = np.random.default_rng(1)
     savemat(tmp_path / "log.mat", {"gap_mm": rng.normal(size=400), "u": rng.normal(size=400)})
-    code, text, err = call("read", str(tmp_path / "log.mat"), "--guess")
+    code, text, err = call("read", "guess", str(tmp_path / "log.mat"))
     assert code == 0
     assert '# sampling_time = "... ms"' in text
     assert "the map has no time: fill in its sampling_time before a log is read by it" in err

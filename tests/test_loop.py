@@ -112,7 +112,7 @@ def test_started_in_hover_the_rotor_stays_put(bearing: str, offset: float) -> No
         duration=1.0, noise=False, reference=ambkit.Constant(value=offset),
         controller={"feedback": "measurement"},
     )  # fmt: skip
-    record = ambkit.simulate(b, scenario)
+    record = ambkit.simulate(b, scenario).record
     assert np.abs(record["x"] - offset).max() < 1e-9
     assert np.abs(record["f_mag"] + b.weight).max() < 1e-6 * abs(b.weight)
 
@@ -122,7 +122,7 @@ def test_hover_carries_the_load_that_is_there_from_the_start() -> None:
         duration=0.1, noise=False, disturbance=ambkit.Constant(value=-3.0),
         controller={"feedback": "measurement"},
     )  # fmt: skip
-    record = ambkit.simulate(BEARING, scenario)
+    record = ambkit.simulate(BEARING, scenario).record
     assert np.abs(record["x"]).max() < 1e-9
     assert record["iu"][0] == pytest.approx((0.518 * 9.81 + 3) / 10.05, rel=1e-12)
 
@@ -134,7 +134,7 @@ def test_in_hover_the_filter_in_the_loop_does_no_harm() -> None:
 
 
 def test_started_at_rest_the_rotor_is_lifted_from_its_fall() -> None:
-    record = ambkit.simulate(BEARING, Scenario(duration=1.0, start="released", noise=False))
+    record = ambkit.simulate(BEARING, Scenario(duration=1.0, start="released", noise=False)).record
     assert record["x"][0] == 0
     assert record["x"].min() < -1e-5
     assert abs(record["x"][-1]) < 5e-6
@@ -169,10 +169,10 @@ def test_a_seed_gives_one_run_and_another_seed_another() -> None:
 
 def test_the_noise_is_the_bearings_and_does_not_depend_on_the_estimator() -> None:
     scenario = Scenario(duration=5.0, seed=5, disturbance=ambkit.Sine(amplitude=1, frequency=7))
-    linear = ambkit.simulate(BEARING, scenario)
+    linear = ambkit.simulate(BEARING, scenario).record
     adaptive = ambkit.simulate(
-        BEARING, scenario, estimator=ambkit.AdaptiveKalmanFilter(BEARING, ClosedLaw(BEARING))
-    )
+        BEARING, scenario, filter=ambkit.AdaptiveKalmanFilter(BEARING, ClosedLaw(BEARING))
+    ).record
     on_y = linear["y"] - linear["x_m"]
     on_u = linear["iu"] - linear["u"]
     assert not (linear["x"] == adaptive["x"]).all()
@@ -189,7 +189,7 @@ def test_the_record_says_what_the_magnet_does() -> None:
     """f_mag is the whole force of the magnet, eq. 1, at the current and the place of the sample."""
     for name in ("zittau_axial", "inteco_ml"):
         b = Bearing.preset(name)
-        record = ambkit.simulate(b, STEP.replace(controller__feedback="measurement"))
+        record = ambkit.simulate(b, STEP.replace(controller__feedback="measurement")).record
         law = [
             oracles.magnet_force(b, i, x) for i, x in zip(record["iu"], record["x"], strict=True)
         ]
@@ -199,7 +199,7 @@ def test_the_record_says_what_the_magnet_does() -> None:
 def test_the_plant_can_have_a_magnet_of_its_own() -> None:
     """The filter and the weight are the bearing's; the rotor obeys a weaker magnet."""
     weak = ambkit.ConstantStiffness(8.0, 6000.0)
-    record = ambkit.simulate(BEARING, STEP.replace(noise=False), magnet=weak)
+    record = ambkit.simulate(BEARING, STEP.replace(noise=False), plant=weak).record
     np.testing.assert_allclose(
         record["f_mag"], 8.0 * record["iu"] + 6000.0 * record["x"], atol=1e-12
     )

@@ -10,7 +10,7 @@ import pytest
 from machine_cases import Array, directions
 from test_machine_flight import CORE, LOADS, at_rest, released
 
-from ambkit import Machine, Scenario, judge_states, simulate_run
+from ambkit import Machine, Scenario, judge_states, simulate
 from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control
 from ambkit.control.pid import PID
@@ -179,7 +179,7 @@ def test_a_run_up_passes_the_first_bending_mode() -> None:
     weak = _Search(one, usual, "measurement").most_damped().pids  # its peak of abs(S) is above 2
     pids = {a.name: PID(**gains.stated) for a, gains in zip(one.axes, weak, strict=True)}
     control = Control(pid=pids)
-    run = simulate_run(one, Scenario(duration=3.0, speed=up, noise=False, control=control))
+    run = simulate(one, Scenario(duration=3.0, speed=up, noise=False, control=control))
     assert run.samples_at_the_stop == 0
     far = np.hypot(run.record["q_m1_x"], run.record["q_m1_y"])
     critical = 109 * 60 * math.pi / 30
@@ -190,7 +190,7 @@ def test_a_run_up_passes_the_first_bending_mode() -> None:
     # Damped more by an estimator that knows the velocity at once, or by the default controllers.
     for feedback in ("estimate", "measurement"):
         flight = Scenario(duration=3.0, speed=up, noise=False, feedback=feedback)
-        damped = simulate_run(one, flight).record
+        damped = simulate(one, flight).record
         assert np.hypot(damped["q_m1_x"], damped["q_m1_y"]).max() < 0.6 * far.max()
 
 
@@ -204,8 +204,8 @@ def test_controllers_that_cannot_hold_say_so() -> None:
     assert not found.held
     assert found.growing[0].real > 0
     with pytest.raises(AmbkitError, match="no default controller was found that holds the rotor"):
-        simulate_run(late, Scenario(duration=1.0))
-    run = simulate_run(late, Scenario(duration=1.0, control=Control(type="decentralised")))
+        simulate(late, Scenario(duration=1.0))
+    run = simulate(late, Scenario(duration=1.0, control=Control(type="decentralised")))
     assert run.samples_at_the_stop > 0
 
 
@@ -217,7 +217,7 @@ def test_poles_of_the_loop_are_what_a_flight_shows() -> None:
     near = found.poles[np.abs(found.poles.imag - one.bending.frequency[1]).argmin()]
     push = {"axis": "A1", "force": {"type": "impulse", "area": 0.01, "time": 0.0,
                                     "duration": 5e-4}}  # fmt: skip
-    run = simulate_run(one, Scenario(duration=0.6, noise=False, disturbance=[push]))
+    run = simulate(one, Scenario(duration=0.6, noise=False, disturbance=[push]))
     t, far = run.record.t, np.abs(run.record["q_m2_x"] - run.record["q_m2_x"][-1])
     early, late = (far[(t > at) & (t < at + 0.02)].max() for at in (0.1, 0.4))
     assert math.log(early / late) / 0.3 == pytest.approx(-near.real, rel=0.1)
@@ -229,7 +229,7 @@ def test_poles_of_the_loop_are_what_a_flight_shows() -> None:
 @pytest.mark.parametrize("speed", [0.0, 1500.0])
 def test_filters_know_how_it_is_bent(speed: float) -> None:
     one = flexible(speed=speed, unbalance=[])
-    run = simulate_run(one, Scenario(duration=0.3, seed=2))
+    run = simulate(one, Scenario(duration=0.3, seed=2))
     estimate = ExtendedKalmanFilter(one).run(run.record, covariance=True)
     late = slice(1500, None)
     for axis in one.axes:
@@ -250,7 +250,7 @@ def test_a_run_up_is_followed_by_the_filter() -> None:
     """Speed enters the model: through the first bending mode, with unbalance as states."""
     one = flexible(unbalance=[{"place": "364 mm", "amount": "2 g mm"}])
     up = Ramp(slope=400.0, start=0.0)
-    run = simulate_run(one, Scenario(duration=2.2, speed=up, seed=4))
+    run = simulate(one, Scenario(duration=2.2, speed=up, seed=4))
     estimate = ExtendedKalmanFilter(one, synchronous=("unbalance",)).run(run.record)
     amount = np.hypot(estimate["U1_x"], estimate["U1_y"])[-1]
     assert amount == pytest.approx(2e-6, rel=0.05)

@@ -268,7 +268,7 @@ def test_a_flight_s_file_says_how_the_machine_is_controlled(tmp_path):
     assert Scenario.from_toml(flight.to_toml()) == flight
     path = tmp_path / "scenario.toml"
     path.write_text('duration = "20 ms"\nfeedback = "estimate"\n\n[control]\ntype = "lqg"\n')
-    assert ambkit.simulate_run(Machine.preset("tum_mlps"), Scenario.load(path)).estimate
+    assert ambkit.simulate(Machine.preset("tum_mlps"), Scenario.load(path)).estimate
 
 
 HINDAWI = Machine.preset("hindawi_2011").replace(unbalance=[])

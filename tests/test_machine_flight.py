@@ -167,7 +167,7 @@ def test_axes_that_do_not_couple_fly_as_bearings_alone(voltage: float | None) ->
         scenario = Scenario(
             duration=0.05, noise=False, disturbance=push, controller={"feedback": "measurement"}
         )
-        alone = simulate(one.isolated_axis(axis.name), scenario)
+        alone = simulate(one.isolated_axis(axis.name), scenario).record
         if voltage is not None:
             assert np.abs(alone["u_coil"]).max() > 0.999 * voltage
         for name, of_machine in (("x", "s"), ("u", "u"), ("f_mag", "f_mag")):

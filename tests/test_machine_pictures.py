@@ -79,8 +79,9 @@ def test_each_is_drawn(call: Any, tmp_path: Path) -> None:
         assert all(len(line) <= 80 for line in told.out.splitlines() if line.startswith(" "))
         assert picture.read_bytes()[:4] == b"\x89PNG"
     picture = tmp_path / "waterfall.png"
-    words = ["tum_mlps", "--duration", "0.2 s", "--estimator", "none", "--waterfall", str(picture)]
+    words = ["tum_mlps", "--duration", "0.2 s", "--filter", "none", "--out", "run.csv"]
     assert call("simulate", *words).code == 0
+    assert call("rotor", "waterfall", "run.csv", "--plot", picture).code == 0
     assert picture.exists()
     drawn = ambkit.campbell(Machine.preset("tum_mlps"), count=11).plot(static=True)
     assert np.size(drawn) == 2

@@ -18,7 +18,7 @@ from ambkit import (
     Machine,
     Record,
     Scenario,
-    simulate_run,
+    simulate,
 )
 from ambkit.estimate.estimate import Estimate
 from ambkit.export.c import export_c
@@ -93,8 +93,8 @@ def test_the_slow_disturbance_force_does_not_feel_them() -> None:
     unaware = ExtendedKalmanFilter(dirty)
     late, ratios, spoilt_by = slice(2500, None), [], []
     for seed in range(20):
-        without = simulate_run(clean, Scenario(duration=0.5, seed=seed)).record
-        record = simulate_run(dirty, Scenario(duration=0.5, seed=seed)).record
+        without = simulate(clean, Scenario(duration=0.5, seed=seed)).record
+        record = simulate(dirty, Scenario(duration=0.5, seed=seed)).record
         error = slow_error(plain.run(without), without, late)
         ratios.append(slow_error(whole.run(record), record, late) / error)
         spoilt_by.append(slow_error(unaware.run(record), record, late) / error)
@@ -106,7 +106,7 @@ def test_at_constant_speed_the_stated_errors_carry_the_prior() -> None:
     """Unbalance and runout look alike there: their errors stay, and are told."""
     dirty, _ = spoilt()
     kf = ExtendedKalmanFilter(dirty, synchronous=BOTH)
-    record = simulate_run(dirty, Scenario(duration=0.4, seed=1)).record
+    record = simulate(dirty, Scenario(duration=0.4, seed=1)).record
     estimate = kf.run(record, covariance=True)
     prior = dict(zip(estimate.names, kf.default_std(), strict=True))
     assert estimate.std("U1_x")[-1] > 0.1 * prior["U1_x"]
@@ -143,8 +143,8 @@ def test_a_run_up_tells_them_apart(seed: int) -> None:
     second, which is what limits it, and says so."""
     dirty, clean = spoilt()
     flight = Scenario(duration=2.2, seed=seed, speed=RUN_UP)
-    record = simulate_run(dirty, flight).record
-    without = simulate_run(clean, flight).record
+    record = simulate(dirty, flight).record
+    without = simulate(clean, flight).record
     estimate = ExtendedKalmanFilter(dirty, synchronous=BOTH).run(record, covariance=True)
     turning = slice(int(np.searchsorted(record["speed"], 157.0)), None)  # from 1,500 rpm on
     error = slow_error(ExtendedKalmanFilter(clean).run(without), without, turning)
@@ -164,7 +164,7 @@ def found_by_run_ups(seeds: int, usual: bool) -> tuple[Array, Array]:
     kf = ExtendedKalmanFilter(dirty, synchronous=BOTH, noise=noise)
     found = []
     for seed in range(seeds):
-        record = simulate_run(dirty, Scenario(duration=2.2, seed=seed, speed=RUN_UP)).record
+        record = simulate(dirty, Scenario(duration=2.2, seed=seed, speed=RUN_UP)).record
         found.append(told(record, kf.run(record, covariance=True)))
     ratios, stated = zip(*found, strict=True)
     return np.array(ratios), np.array(stated)
@@ -260,8 +260,8 @@ def test_each_is_switched_on_by_name() -> None:
 
 def test_a_filter_that_has_turned_comes_back() -> None:
     one = machine()
-    record = simulate_run(one, Scenario(duration=0.1)).record
-    up = simulate_run(one, Scenario(duration=0.1, speed=Ramp(slope=5e3))).record
+    record = simulate(one, Scenario(duration=0.1)).record
+    up = simulate(one, Scenario(duration=0.1, speed=Ramp(slope=5e3))).record
     kf = KalmanFilter(one)
     before = kf.run(record)
     kf.run(up)
@@ -272,7 +272,7 @@ def test_an_estimator_in_the_loop_follows_a_run_up() -> None:
     dirty, _ = spoilt()
     flight = Scenario(duration=1.0, feedback="estimate", speed=Ramp(slope=SERVICE))
     kf = ExtendedKalmanFilter(dirty, synchronous=BOTH)
-    run = simulate_run(dirty, flight, estimator=kf)
+    run = simulate(dirty, flight, filter=kf)
     assert run.samples_at_the_stop == 0
     assert run.estimate is not None
     late = slice(5000, None)

@@ -19,8 +19,8 @@ from ambkit import (
     Scenario,
     Status,
     Step,
+    simulate,
     simulate_many,
-    simulate_run,
 )
 from ambkit.estimate.batch import instruction_sets
 from ambkit.estimate.registry import KINDS
@@ -190,7 +190,7 @@ def test_a_number_stands_for_the_run_of_the_scenario() -> None:
     own = simulate_many([Planned(BEARING, SCENARIO.replace(run=9), KALMAN)])
     given = simulate_many([Planned(BEARING, SCENARIO, KALMAN, number=9)], traces=[0])
     assert_same(given.columns(), own.columns())
-    record = ambkit.simulate(BEARING, SCENARIO.replace(run=9), estimator=KALMAN)
+    record = ambkit.simulate(BEARING, SCENARIO.replace(run=9), filter=KALMAN).record
     assert (given.traces[0].record["y"] == record["y"]).all()
     assert record.meta["run"] == 9
 
@@ -215,7 +215,7 @@ def test_runs_of_several_axes_are_those_of_a_run_alone() -> None:
     kalman = KalmanFilter(machine)
     runs = [Planned(machine, scenario, kalman, number=number) for number in range(3)]
     many = simulate_many(runs, traces=[2])
-    alone = simulate_run(machine, scenario.replace(run=2), estimator=KalmanFilter(machine))
+    alone = simulate(machine, scenario.replace(run=2), filter=KalmanFilter(machine))
     for name in ("y_La1", "iu_B2"):
         assert np.array_equal(many.traces[2].record[name], alone.record[name])
     farthest = max(np.abs(alone.record[f"s_{axis}"]).max() for axis in alone.axes)
@@ -257,7 +257,7 @@ def test_the_normal_numbers_are_the_inverse_of_the_distribution() -> None:
 
 
 def test_a_record_is_filtered_to_the_same_bits_by_all_instructions() -> None:
-    record = ambkit.simulate(BEARING, SCENARIO, estimator=KALMAN)
+    record = ambkit.simulate(BEARING, SCENARIO, filter=KALMAN).record
     y, u = record["y"].copy(), record["u"].copy()
     y[100:130], u[200:220] = np.nan, 50.0
     for precision in ("float64", "float32"):

@@ -56,7 +56,7 @@ def test_a_ridge_that_one_goes_along_is_in_the_intervals_of_all(seed):
     """
     bearing = Bearing.preset("zittau_axial")
     step = Scenario(reference=Step(amplitude=0.3e-3, time=0.06), duration=0.6, seed=seed)
-    found = maximum_likelihood(simulate(bearing, step), bearing)
+    found = maximum_likelihood(simulate(bearing, step).record, bearing)
     assert {"magnet_constant", "air_gap", "position_offset"} <= set(found.profiles)
     for name, truth in (("magnet_constant", 6.7e-6), ("air_gap", 2e-3)):
         low, high = found.interval(name)
@@ -283,7 +283,7 @@ def test_finite_steps_of_the_filter_bias_nothing():
     )  # fmt: skip
     swing = Sine(amplitude=1e-4, frequency=40.0) + Sine(amplitude=2e-5, frequency=330.0)
     loop = Scenario(duration=0.5, controller=PID.for_bearing(pump), reference=swing)
-    run, start = [simulate(pump, loop)], LoopModel(pump, disturbance_noise=0.05)
+    run, start = [simulate(pump, loop).record], LoopModel(pump, disturbance_noise=0.05)
     free = named(["sensor_lag", "magnet_constant", "air_gap", "disturbance_noise"])
     coarse = climb(run, start, free, 0.01)
     fine = climb(run, start.replace(substeps=64), free, 0.01).model
@@ -345,7 +345,7 @@ def test_a_missing_stretch_is_not_counted(records):
 
 
 def test_unknown_parameter_is_named():
-    record = simulate(Bearing.preset("zittau_axial"), Scenario(duration=0.02))
+    record = simulate(Bearing.preset("zittau_axial"), Scenario(duration=0.02)).record
     with pytest.raises(AmbkitError, match="did you mean mass"):
         maximum_likelihood(record, TRUTH, ["mas"])
 
@@ -359,7 +359,7 @@ def test_one_sided_magnet_is_identified():
         controller=PID.for_bearing(bearing),
         reference=Sine(amplitude=1e-3, frequency=0.7) + Sine(amplitude=0.5e-3, frequency=3.1),
     )
-    record = simulate(bearing, scenario)
+    record = simulate(bearing, scenario).record
     start = bearing.replace(magnet__magnet_constant=1.1 * bearing.magnet.magnet_constant)
     found = maximum_likelihood(
         record, start, ["magnet_constant", "measurement_noise", "disturbance_noise"]
@@ -443,7 +443,7 @@ def test_delay_of_the_plant_is_found_on_a_record_of_the_simulator():
         duration=1.0,
         reference=Sine(amplitude=0.1e-3, frequency=30) + Sine(amplitude=5e-6, frequency=300),
     )
-    record = simulate(bearing, scenario)
+    record = simulate(bearing, scenario).record
     found = maximum_likelihood(record, bearing, ["delay", "disturbance_noise"])
     low, high = found.interval("delay")
     assert low < 0 < high

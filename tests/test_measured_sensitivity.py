@@ -199,7 +199,7 @@ def test_an_experiment_keeps_within_its_limits_and_tells_the_sensitivity():
     found = design_injection(bearing, loop, current="1.1 A", displacement="60 um")
     signal = Recorded(times=found.record.t.tolist(), values=found.added.tolist())
     for seed in range(20, 25):  # noises that it was not tried with
-        record = ambkit.simulate(bearing, loop.replace(seed=seed, injection=signal))
+        record = ambkit.simulate(bearing, loop.replace(seed=seed, injection=signal)).record
         assert np.abs(record["iu"]).max() < 1.05 * 1.1
         assert np.abs(record["x"]).max() < 1.05 * 60e-6
     assert max(found.to_dict()["greatest_current"] / 1.1,

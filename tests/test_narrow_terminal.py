@@ -54,7 +54,7 @@ def narrow(monkeypatch):
         ("assess tum_mlps --verbose --filter linear", ["0.15813124", "2044.8 rpm", "416.7 g mm"]),
         ("simulate zittau_axial --duration 50ms", []),
         (f"faults zittau_axial {EACH} --faults knock --faults outage-1ms", []),
-        (f"compare zittau_axial --estimators {FILTERS} --runs 1", FILTERS.split(",")),
+        (f"compare zittau_axial {EACH} --seeds 1", FILTERS.split(",")),
         ("excite zittau_axial --duration 0.5s", []),
     ],
 )

@@ -56,7 +56,7 @@ def test_what_is_not_foreseen_is_one_line_with_its_place(call, monkeypatch):
 
 @pytest.mark.parametrize("place", [0, 1])
 def test_debug_shows_where_an_error_came_from(call, place):
-    arguments = ["check", "--bearing", "nobody", "x.csv"]
+    arguments = ["check", "--machine", "nobody", "x.csv"]
     code, _out, err = call(*arguments)
     assert code == 2
     assert "Traceback" not in err
@@ -145,7 +145,7 @@ def test_parquet_with_columns_of_one_name_needs_a_map(call):
     )
     record = ambkit.load("run.parquet", "map.toml")
     assert np.allclose(record["y"], np.arange(300) * 1e-7)
-    assert call("read", "run.parquet", "--guess")[0] == 0
+    assert call("read", "guess", "run.parquet")[0] == 0
 
 
 FAULTY = {
@@ -191,7 +191,7 @@ def test_twenty_thousand_columns_are_guessed_at_in_seconds(call, header):
             for i in range(40)]  # fmt: skip
     Path("wide.csv").write_text("\n".join([names, *rows]) + "\n")
     before = time.process_time()
-    assert call("read", "wide.csv", "--guess")[0] == (0 if units else 2)  # nothing floats there
+    assert call("read", "guess", "wide.csv")[0] == (0 if units else 2)  # nothing floats there
     assert time.process_time() - before < 10
 
 
@@ -227,21 +227,21 @@ TAKING_FILES = [
     "check FILE.json",
     "check FILE.parquet",
     "check run.csv --channels FILE.toml",
-    "check run.csv --bearing FILE.toml",
+    "check run.csv --machine FILE.toml",
     "read FILE.csv",
-    "read FILE.csv --guess",
-    "read FILE.mat --guess",
-    "read FILE.h5 --guess",
-    "read FILE.mf4 --guess",
-    "filter FILE.csv --bearing zittau_axial --estimator linear",
-    "filter run.csv --bearing zittau_axial --expert FILE.json --estimator adaptive",
-    "identify FILE.csv --bearing zittau_axial",
-    "identify --lift-off FILE.csv --bearing zittau_axial",
-    "train zittau_axial --force-map FILE.csv",
+    "read guess FILE.csv",
+    "read guess FILE.mat",
+    "read guess FILE.h5",
+    "read guess FILE.mf4",
+    "filter FILE.csv --machine zittau_axial --filter linear",
+    "filter run.csv --machine zittau_axial --filter adaptive@FILE.json",
+    "identify zittau_axial FILE.csv",
+    "identify lift-off zittau_axial FILE.csv",
+    "train map zittau_axial FILE.csv",
     "simulate FILE.toml",
     "simulate zittau_axial --scenario FILE.toml",
-    "simulate zittau_axial --reference FILE.csv",
-    "export c zittau_axial --out out --estimator FILE.json",
+    "simulate zittau_axial --signal FILE.csv",
+    "export c zittau_axial --out out --filter FILE.json",
 ]
 
 
@@ -274,19 +274,19 @@ def test_anything_in_the_place_of_a_file_is_an_exit_code(call, tmp_path, command
 ABSURD = ("", "nan", "0", "-1", "1e9999999 mm", "1e300 s", "1e-300 s", "1e300 m", "1e300 N", "1,,2",
           "7" * 5000, "\U0001f642")  # fmt: skip
 WITH_NUMBERS = {
-    "simulate zittau_axial --duration 5ms": "duration step load seed estimator out plot",
-    "excite zittau_axial --duration 0.3s": "duration seed load",
+    "simulate zittau_axial --duration 5ms": "duration step disturbance seed filter out plot",
+    "excite zittau_axial --duration 0.3s": "duration wander",
     "read run.csv": "sampling-time segment missing",
-    "filter run.csv --bearing zittau_axial --estimator linear": "disturbance-noise settling",
-    "identify run.csv --bearing zittau_axial": "start disturbance",
-    "compare zittau_axial --estimator linear --seeds 1": "steps load",
-    "export c zittau_axial --estimator linear --out out": "prefix precision clock force-bound",
+    "filter run.csv --machine zittau_axial --filter linear": "disturbance-noise settling",
+    "identify online zittau_axial run.csv": "initial disturbance",
+    "compare steps zittau_axial --filter linear --seeds 1": "steps disturbance",
+    "export c zittau_axial --filter linear --out out": "prefix precision table-error",
 }
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize(
-    "command", quick(WITH_NUMBERS, {"read run.csv", "identify run.csv --bearing zittau_axial"})
+    "command", quick(WITH_NUMBERS, {"read run.csv", "identify online zittau_axial run.csv"})
 )
 def test_any_quantity_is_an_exit_code(call, tmp_path, command):
     (tmp_path / "run.csv").write_text(CSV)
@@ -352,7 +352,7 @@ def test_a_window_that_matplotlib_lacks_does_not_matter(tmp_path):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send")
-@pytest.mark.parametrize("module", ["typer", "ambkit.cli.app", "numpy", "json"])
+@pytest.mark.parametrize("module", ["argparse", "ambkit.cli.from_verbs", "numpy", "json"])
 def test_ctrl_c_while_it_starts_is_one_line(module):
     """Interrupted while it imports: by a finder that is asked for each module."""
     program = (
@@ -403,14 +403,14 @@ def full(monkeypatch):
 @pytest.mark.parametrize("room", [0, 30_000])
 def test_a_full_disk_leaves_no_part_of_an_export(call, full, room):
     full(room)
-    code, _out, err = call("export", "c", "zittau_axial", "--estimator", "linear", "--out", "a/out")
+    code, _out, err = call("export", "c", "zittau_axial", "--filter", "linear", "--out", "a/out")
     assert code == 2
     assert re.fullmatch(r"ambkit: a/out/\S+: cannot be written: No space left on device\n", err)
     assert list(Path().iterdir()) == []
 
 
 def test_a_full_disk_leaves_an_older_export_whole(call, full):
-    command = ("export", "c", "zittau_axial", "--out", "out", "--estimator")
+    command = ("export", "c", "zittau_axial", "--out", "out", "--filter")
     assert call(*command, "linear")[0] == 0
     Path("out/mine.c").write_text("int mine;")
     before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
@@ -421,7 +421,7 @@ def test_a_full_disk_leaves_an_older_export_whole(call, full):
 
 @pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="needs limits of a file's size")
 @pytest.mark.parametrize("command", quick(
-    ["export c zittau_axial --estimator linear --out out", "export fmu zittau_axial --out x.fmu",
+    ["export c zittau_axial --filter linear --out out", "export fmu zittau_axial --out x.fmu",
      "simulate zittau_axial --duration 1s --out run.parquet",
      "simulate zittau_axial --duration 1s --plot run.svg"],
     ["simulate zittau_axial --duration 1s --out run.parquet"],

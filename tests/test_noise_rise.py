@@ -44,7 +44,7 @@ def test_a_simulated_sensor_is_noisier_on_one_side() -> None:
     spread = {}
     for at in (-0.4e-3, 0.4e-3):
         scenario = ambkit.Scenario(duration=0.6, reference=ambkit.Constant(value=at))
-        record = ambkit.simulate(BEARING, scenario)
+        record = ambkit.simulate(BEARING, scenario).record
         steady = record.t > 0.2
         spread[at] = float(np.std((record["y"] - record["x_m"])[steady]))
         expected = (1 + RISE * at) * BEARING.sensor.noise_variance**0.5

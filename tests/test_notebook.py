@@ -32,7 +32,7 @@ from tests.hostile import NOT_PRINTABLE, PRINTABLE, Page, called
 
 BEARING = Bearing.preset("zittau_axial")
 SCENARIO = ambkit.scenario_for(BEARING, step="0.1 mm", load="3 N", duration="80 ms")
-RECORD = ambkit.simulate(BEARING, SCENARIO)
+RECORD = ambkit.simulate(BEARING, SCENARIO).record
 ESTIMATE = KalmanFilter(BEARING).run(RECORD, covariance=True)
 
 
@@ -57,8 +57,8 @@ def shown() -> dict[str, Any]:
         BEARING, RECORD, ESTIMATE, Expert.paper(), scores, study, study.bench,
         Benches({"paper": study.bench}), LoopScores(BEARING, {}, {"a step": scores}, range(1)),
         ambkit.identify_online(RECORD, BEARING), learn_online(RECORD, BEARING),
-        ambkit.simulate_run(BEARING, duration="10 ms"),
-        ambkit.filter(BEARING, RECORD, ["linear"], settling="5 ms"),
+        ambkit.simulate(BEARING, duration="10 ms"),
+        ambkit.filter(RECORD, ["linear"], machine=BEARING, settling="5 ms"),
         ambkit.tune(BEARING, filter="linear", budget=2, runs=1),
         Design(Path("d"), BEARING.long, Control(), (candidate,), candidate, assessed, 0.1,
                ("It is slow.",), None, {}),
@@ -122,7 +122,9 @@ def test_all_are_plotted_both_ways(shown: dict[str, Any], name: str) -> None:
 
 def test_an_identification_by_likelihood_is_shown() -> None:
     rate = ambkit.Scenario(duration="0.2 s", reference=ambkit.Sine(amplitude="50 µm", frequency=20))
-    found = ambkit.identify(BEARING, ambkit.simulate(BEARING, rate), free=["magnet_constant"])
+    found = ambkit.identify(
+        BEARING, ambkit.simulate(BEARING, rate).record, free=["magnet_constant"]
+    )
     for each in (found, found.likelihood):
         assert "magnet_constant" in read(each._repr_html_())
         assert each.plot().data
@@ -146,7 +148,7 @@ def hostile(text: str) -> Iterator[Any]:
     bearing = called(BEARING, text)
     signals = {**RECORD.signals, text: RECORD["y"]}
     record = Record(RECORD.t, signals, {**RECORD.units, text: "m"}, {"source": text})
-    filtering = ambkit.filter(BEARING, RECORD, ["linear"])
+    filtering = ambkit.filter(RECORD, ["linear"], machine=BEARING)
     yield bearing
     yield record
     yield dataclasses.replace(ESTIMATE, estimator=text)
@@ -275,30 +277,51 @@ def test_quantities_are_taken_with_their_units() -> None:
     assert noise == ambkit.FilterNoise(83e-12, None, 2.0)
     slow = ambkit.LowPass(BEARING, velocity="300 rad/s")
     assert slow.corners["velocity"] == 300.0
-    assert ambkit.filter(BEARING, RECORD, ["linear"], settling="5 ms").settling == 5e-3
+    assert ambkit.filter(RECORD, ["linear"], machine=BEARING, settling="5 ms").settling == 5e-3
 
 
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
-        (lambda: ambkit.filter("rig.toml", RECORD), "bearing must be of type "
-         "Machine, is the str 'rig.toml'; Machine.preset or Machine.load gives one"),
-        (lambda: ambkit.filter(BEARING, BEARING), "record must be of type Record, is the Bearing"),
-        (lambda: ambkit.filter(BEARING, RECORD, settling="5 V"),
-         'settling must be in s: "5 V": V cannot be converted to s'),
-        (lambda: ambkit.scenario_for(BEARING, step=[1]),
-         "step must be a number in m or a text with its unit, is the list [1]"),
-        (lambda: ambkit.simulate(BEARING, 3), "scenario must be of type Scenario, is the int 3"),
-        (lambda: ambkit.identify(BEARING, ["log.csv"]),
-         "records must be of type Record, is the str 'log.csv'; Record.load gives one"),
-        (lambda: KalmanFilter(Bearing),
-         "bearing must be of type Machine, is the type Bearing; Bearing(...) makes one"),
-        (lambda: KalmanFilter(BEARING, noise=1e-12),
-         "noise must be of type FilterNoise, is the float 1e-12"),
-        (lambda: ambkit.train(RECORD),
-         "source must be of type Machine or StiffnessMap, is the Record"),
+        (
+            lambda: ambkit.filter(RECORD, machine="rig.toml"),
+            "bearing must be of type "
+            "Machine, is the str 'rig.toml'; Machine.preset or Machine.load gives one",
+        ),
+        (
+            lambda: ambkit.filter(BEARING, machine=BEARING),
+            "record must be of type Record, is the Bearing",
+        ),
+        (
+            lambda: ambkit.filter(RECORD, machine=BEARING, settling="5 V"),
+            'settling must be in s: "5 V": V cannot be converted to s',
+        ),
+        (
+            lambda: ambkit.scenario_for(BEARING, step=[1]),
+            "step must be a number in m or a text with its unit, is the list [1]",
+        ),
+        (
+            lambda: ambkit.simulate(BEARING, 3).record,
+            "scenario must be of type Scenario, is the int 3",
+        ),
+        (
+            lambda: ambkit.identify(BEARING, ["log.csv"]),
+            "records must be of type Record, is the str 'log.csv'; Record.load gives one",
+        ),
+        (
+            lambda: KalmanFilter(Bearing),
+            "bearing must be of type Machine, is the type Bearing; Bearing(...) makes one",
+        ),
+        (
+            lambda: KalmanFilter(BEARING, noise=1e-12),
+            "noise must be of type FilterNoise, is the float 1e-12",
+        ),
+        (
+            lambda: ambkit.train(RECORD).expert,
+            "source must be of type Machine or StiffnessMap, is the Record",
+        ),
     ],
-)  # fmt: skip
+)
 def test_wrong_types_are_told_in_a_line(wrong: Any, told: str) -> None:
     with pytest.raises((TypeError, AmbkitError)) as caught:
         wrong()

@@ -47,7 +47,7 @@ def moved(seed: int = 0, *, load: float = 0.0, colour: float = 0.0, step: float 
         external_inputs = ExternalInputs(
             sensor_noise=lfilter([(1 - pole**2) ** 0.5], [1, -pole], white)
         )
-    return ambkit.simulate(BEARING, scenario, external_inputs=external_inputs)
+    return ambkit.simulate(BEARING, scenario, external_inputs=external_inputs).record
 
 
 def errors(records: list[Record]) -> dict[str, Array]:
@@ -79,7 +79,7 @@ def test_all_find_k_where_the_rotor_moves() -> None:
 def test_at_rest_who_needs_motion_says_so_and_does_not_drift(load: float) -> None:
     """ADALINE learns from the weight instead, and takes a load for the magnet."""
     still = Scenario(duration=0.5, disturbance=Constant(value=load))
-    learned = learn_online(ambkit.simulate(BEARING, still), BEARING, start=START)
+    learned = learn_online(ambkit.simulate(BEARING, still).record, BEARING, start=START)
     for name in ("rls", "augmented"):
         result = learned.results[name]
         assert result.held.all()
@@ -94,14 +94,16 @@ def test_at_rest_who_needs_motion_says_so_and_does_not_drift(load: float) -> Non
 
 def test_without_a_weight_nobody_learns_at_rest() -> None:
     level = BEARING.replace(rotor__gravity="none")
-    learned = learn_online(ambkit.simulate(level, Scenario(duration=0.3)), level, start=START)
+    learned = learn_online(
+        ambkit.simulate(level, Scenario(duration=0.3)).record, level, start=START
+    )
     assert all(result.held.all() for result in learned.results.values())
     assert all((result.k == START).all() for result in learned.results.values())
     assert all(math.isnan(result.standard_error) for result in learned.results.values())
     assert learned.agreement.startswith("Nobody learned: too little excitation")
     with pytest.raises(AmbkitError, match="nowhere be told from a load: let the rotor move"):
         ambkit.identify_online(
-            ambkit.simulate(level, Scenario(duration=0.3)), level, method="augmented"
+            ambkit.simulate(level, Scenario(duration=0.3)).record, level, method="augmented"
         )
 
 
@@ -215,17 +217,17 @@ def test_the_picture_shows_truth_bands_and_what_was_held() -> None:
 def call(call: Callable[..., Result]) -> Callable[..., Result]:
     """Identify from a run, with further arguments."""
     swing = Scenario(duration=0.4, reference=Sine(amplitude=3e-4, frequency=20.0), controller=PID)
-    ambkit.simulate(BEARING, swing).save("run.csv")
-    return partial(call, "identify", "run.csv", "--bearing", "zittau_axial")
+    ambkit.simulate(BEARING, swing).record.save("run.csv")
+    return partial(call, "identify", "online", "zittau_axial", "run.csv")
 
 
 def test_the_command_shows_all_three(call: Any) -> None:
-    code, out, err = call("--method", "online", "--start", "5 N mm^2/A^2", "--plot", "on.png")
+    code, out, err = call("--initial", "5 N mm^2/A^2", "--plot", "on.png")
     assert code == 0, err
     for words in ("adaline", "rls", "augmented", "against the true 6.7 N mm^2"):
         assert words in out
     assert Path("on.png").is_file()
-    code, out, _ = call("--method", "online", "--json")
+    code, out, _ = call("--json")
     told = json.loads(out)
     assert code == 0
     assert set(told["learners"]) == {"adaline", "rls", "augmented"}
@@ -239,8 +241,8 @@ def test_the_command_shows_all_three(call: Any) -> None:
 
 
 def test_without_a_preferred_method_there_is_no_bearing_to_write(call: Any) -> None:
-    code, out, err = call("--method", "online", "--out", "found.toml")
+    code, out, err = call("--out", "found.toml")
     assert code == 2
-    assert "--out writes what one method found: --method adaline, rls, augmented" in err
+    assert "a machine is of one method: method=adaline, rls, augmented" in err
     assert out == ""
     assert not Path("found.toml").exists()

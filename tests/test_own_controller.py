@@ -89,7 +89,7 @@ def test_a_controller_does_what_the_same_of_ours_does() -> None:
 
 def test_a_controller_of_several_axes_sees_all_readings() -> None:
     control = Control(custom=OfAxes, feedback="measurement")
-    run = ambkit.simulate_run(MACHINE, Scenario(duration=0.05, controller=control, noise=False))
+    run = ambkit.simulate(MACHINE, Scenario(duration=0.05, controller=control, noise=False), "none")
     assert run.estimate is None
     y = np.column_stack([run.record[f"y_{reading.name}"] for reading in MACHINE.readings])
     x = y @ shown_along_axes(MACHINE).T
@@ -101,7 +101,7 @@ def test_a_controller_of_several_axes_sees_all_readings() -> None:
 
 def test_a_plant_flies_in_place_of_the_machine() -> None:
     assert issubclass(LinearMagnet, ambkit.PlantProtocol)
-    run = ambkit.simulate_run(
+    run = ambkit.simulate(
         AXIS, Scenario(duration=0.4, plant=LinearMagnet, noise=False), step="0.3 mm"
     )
     plant, record = LinearMagnet(AXIS), run.record
@@ -109,7 +109,7 @@ def test_a_plant_flies_in_place_of_the_machine() -> None:
     assert record["x"][1:] == pytest.approx([x for x, _, _ in seen], rel=1e-12, abs=1e-15)
     assert record["x"][-1] == pytest.approx(0.3e-3, rel=0.05)
     assert np.isnan(record["f_mag"]).all()
-    nonlinear = ambkit.simulate(AXIS, Scenario(duration=0.4, noise=False), step="0.3 mm")
+    nonlinear = ambkit.simulate(AXIS, Scenario(duration=0.4, noise=False), step="0.3 mm").record
     assert np.abs(record["iu"] - nonlinear["iu"]).max() > 1e-3
 
 
@@ -129,7 +129,7 @@ def test_python_control_and_mat_systems_are_controllers() -> None:
             return float(u[0, 0]) + AXIS.levitation_current
 
     control = Control(custom=Lead, feedback="measurement")
-    run = ambkit.simulate_run(AXIS, Scenario(duration=0.2, controller=control))
+    run = ambkit.simulate(AXIS, Scenario(duration=0.2, controller=control))
     assert run.samples_at_the_stop == 0
     assert np.abs(run.record["x"]).max() < 0.1e-3
 
@@ -168,7 +168,7 @@ def test_from_a_file_in_python_toml_and_on_the_command_line(
     (tmp_path / "s.toml").write_text(text)
     scenario = Scenario.load(tmp_path / "s.toml")
     assert Scenario.from_toml(scenario.to_toml()) == scenario
-    record = ambkit.simulate(AXIS, scenario)
+    record = ambkit.simulate(AXIS, scenario).record
     assert (record["x"][1:] == 1e-5).all()
     told = ["--scenario", str(tmp_path / "s.toml"), "--out", str(tmp_path / "run.csv")]
     with pytest.raises(SystemExit) as left:
@@ -189,8 +189,8 @@ def test_from_a_file_in_python_toml_and_on_the_command_line(
 
 def test_it_takes_part_in_other_verbs(tmp_path: Path) -> None:
     scenario = Scenario(duration=0.05, controller=Control(custom=PD))
-    result = ambkit.compare(
-        AXIS, estimators=["linear", "extended"], scenario=scenario, steps=["0.1 mm"], runs=1
+    result = ambkit.compare_steps(
+        AXIS, ["linear", "extended"], scenario=scenario, steps=["0.1 mm"], seeds=1
     )
     assert set(next(iter(result.scores.values()))) == {"linear", "extended"}
     found = ambkit.inject_faults(

@@ -40,7 +40,7 @@ def test_it_flies_as_ours_does_to_the_last_bit(feedback: Any) -> None:
     assert isinstance(Mine(AXIS), ambkit.EstimatorProtocol)
     happens = Scenario(duration=0.1, controller=ambkit.Control(feedback=feedback))
     runs = [
-        ambkit.simulate_run(AXIS, happens, estimator=estimator, load="2 N")
+        ambkit.simulate(AXIS, happens, filter=estimator, disturbance="2 N")
         for estimator in (Mine, ambkit.SteadyStateKalmanFilter(AXIS))
     ]
     own, ours = runs
@@ -56,7 +56,7 @@ def test_it_flies_as_ours_does_to_the_last_bit(feedback: Any) -> None:
 def test_it_flies_on_machines() -> None:
     flight = Scenario(duration=0.03, feedback="estimate")
     runs = [
-        ambkit.simulate_run(MACHINE, flight, estimator=estimator)
+        ambkit.simulate(MACHINE, flight, filter=estimator)
         for estimator in (OwnEstimator(MACHINE, Mine), ambkit.KalmanFilter(MACHINE))
     ]
     for axis in runs[0].axes:
@@ -81,19 +81,19 @@ def test_from_a_file_in_all_verbs(tmp_path: Path) -> None:
     )
     raw = f"{tmp_path}/my.py:Raw"
     still = Scenario(duration=0.05, controller=ambkit.Control(feedback="measurement"))
-    run = ambkit.simulate_run(AXIS, still, estimator=raw)
+    run = ambkit.simulate(AXIS, still, filter=raw)
     assert run.estimate is not None
     np.testing.assert_array_equal(run.estimate.x, run.record["y"])
-    assert list(ambkit.filter(AXIS, run.record, [raw]).estimators) == [raw]
+    assert list(ambkit.filter(run.record, [raw], machine=AXIS).estimators) == [raw]
     out = ambkit.inject_faults(AXIS, [raw], faults=["outage-10ms"], samples=0)
     assert any(each.estimator == raw for each in out.outcomes)
     late = f"{tmp_path}/my.py:Late"
     with pytest.raises(AmbkitError, match=r"Late: step\(y, u\) at sample 6: ZeroDivisionError"):
-        ambkit.simulate_run(AXIS, still, estimator=late)
+        ambkit.simulate(AXIS, still, filter=late)
     with pytest.raises(AmbkitError, match=r"Late: step\(y, u\) at sample 6: ZeroDivisionError"):
-        ambkit.filter(AXIS, run.record, [late])
+        ambkit.filter(run.record, [late], machine=AXIS)
     with pytest.raises(AmbkitError, match="there is no class Nobody; it has Raw, Late"):
-        ambkit.simulate(AXIS, still, estimator=f"{tmp_path}/my.py:Nobody")
+        ambkit.simulate(AXIS, still, filter=f"{tmp_path}/my.py:Nobody")
 
 
 def test_runs_side_by_side_take_kinds() -> None:

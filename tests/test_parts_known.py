@@ -49,7 +49,7 @@ def flown(bearing: Bearing, seed: int, duration: float = 0.5) -> Record:
         duration=duration, seed=seed,
         reference=Step(amplitude=3e-4, time=0.1), disturbance=Step(amplitude=2.0, time=0.3),
     )  # fmt: skip
-    record = ambkit.simulate(bearing, scenario)
+    record = ambkit.simulate(bearing, scenario).record
     assert not record.meta["stop_touched"]
     return record
 
@@ -59,7 +59,7 @@ def test_who_knows_the_part_is_better(name: str) -> None:
     bearing = with_part(name)
     left: dict[str, list[float]] = {"x": [], "f_d": []}
     for seed in range(5):
-        record = ambkit.simulate(bearing, SHAKEN.model_copy(update={"seed": seed}))
+        record = ambkit.simulate(bearing, SHAKEN.model_copy(update={"seed": seed})).record
         assert not record.meta["stop_touched"]
         knows, plain = (ambkit.ExtendedKalmanFilter(b).run(record) for b in (bearing, BEARING))
         for signal, shares in left.items():
@@ -102,7 +102,7 @@ def test_the_comparison_judges_all_and_nobody_is_below_the_limit(name: str) -> N
 def test_the_limit_of_a_linear_machine_is_the_covariance_of_its_filter(name: str) -> None:
     """Held at one place the tangents hardly move, and the limit is the Riccati equation's."""
     bearing = with_part(name)
-    record = ambkit.simulate(bearing, Scenario(duration=0.1, noise=False))
+    record = ambkit.simulate(bearing, Scenario(duration=0.1, noise=False)).record
     kalman = ambkit.ExtendedKalmanFilter(bearing, frozen_limit=0)  # nothing moves: it hovers
     bound = bearing_bound(bearing, [record], kalman.variances, kalman.default_std())
     assert bound.shape == (len(record), len(kalman.states))
@@ -142,7 +142,7 @@ def test_smoothing_is_that_of_the_textbook(name: str, kind: str) -> None:
     bearing = with_part(name)
     record = ambkit.simulate(
         bearing, Scenario(duration=0.05, seed=1, reference=Step(amplitude=2e-4, time=0.02))
-    )
+    ).record
     kalman = KINDS[kind].make(bearing)
     filtered = kalman.run(record, covariance=True)
     smoothed = kalman.smooth(record)
@@ -213,7 +213,9 @@ def test_tuning_finds_how_the_load_wanders(name: str) -> None:
     steps = np.random.default_rng(3).normal(0, np.sqrt(growth * bearing.sampling_time), n)
     times = bearing.sampling_time * np.arange(n)
     load = ambkit.Recorded(times=times, values=np.cumsum(steps) - steps[0])
-    record = ambkit.simulate(bearing, Scenario(duration=float(times[-1]), seed=4, disturbance=load))
+    record = ambkit.simulate(
+        bearing, Scenario(duration=float(times[-1]), seed=4, disturbance=load)
+    ).record
     found = tune_disturbance(
         bearing,
         record,

@@ -155,7 +155,7 @@ def test_a_sensor_faster_than_the_integrators_step_is_followed(lag: str) -> None
     scenario = ambkit.Scenario(
         duration=0.02, noise=False, reference=ambkit.Step(amplitude=1e-4, time=5e-3)
     )
-    record = ambkit.simulate(fast, scenario)
+    record = ambkit.simulate(fast, scenario).record
     assert np.abs(record["x_m"]).max() < 3e-4
     delay = fast.sensor.lag * np.abs(record["v"]).max()
     assert np.abs(record["x_m"] - record["x"]).max() < 1.1 * delay + 1e-9

@@ -354,7 +354,7 @@ def test_a_quantised_measurement_is_off_by_half_a_step_at_most(precision: str) -
     step = 2e-6
     bearing = BEARING.replace(sensor__quantisation=step)
     kalman = ambkit.KalmanFilter(bearing, precision=precision)
-    record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.2), estimator=kalman)
+    record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.2), filter=kalman).record
     noise = plant_noise.drawn(bearing, ambkit.Scenario(duration=0.2), len(record))[1][:, 0]
     error = record["y"] - record["x_m"] - noise
     eps = np.finfo(precision).eps
@@ -531,11 +531,11 @@ def test_a_stop_too_soft_ends_before_the_magnet() -> None:
 
 def test_all_parts_at_once_hover_and_are_told() -> None:
     bearing = BEARING.replace(**ALL)
-    run = ambkit.simulate(bearing, ambkit.Scenario(duration=0.3))
+    run = ambkit.simulate(bearing, ambkit.Scenario(duration=0.3)).record
     assert run.units["u_coil"] == run.units["u_coil_2"] == "V"
     assert np.abs(run["x"]).max() < 1e-4
     assert np.abs(run["u_coil"]).max() <= 30 * (1 + 1e-12)
-    assert "u_coil" not in ambkit.simulate(BEARING, ambkit.Scenario(duration=0.01))
+    assert "u_coil" not in ambkit.simulate(BEARING, ambkit.Scenario(duration=0.01)).record
 
 
 def test_stretches_are_the_whole_with_all_parts() -> None:
@@ -552,7 +552,9 @@ def test_single_precision_does_nearly_the_same() -> None:
     bearing = BEARING.replace(**ALL | {"sensor__quantisation": None})
     scenario = ambkit.Scenario(duration=0.05, controller={"feedback": "measurement"})
     runs = {
-        p: ambkit.simulate(bearing, scenario, estimator=ambkit.KalmanFilter(bearing, precision=p))
+        p: ambkit.simulate(
+            bearing, scenario, filter=ambkit.KalmanFilter(bearing, precision=p)
+        ).record
         for p in ("float64", "float32")
     }
     off = np.abs(runs["float32"]["x"] - runs["float64"]["x"]).max()
@@ -563,8 +565,8 @@ def test_another_magnet_gets_the_mean_of_both_currents() -> None:
     bearing = BEARING.replace(amplifier__bandwidth="1 kHz", amplifier__voltage_limit="8 V",
                               amplifier__resistance="2 ohm")  # fmt: skip
     record = ambkit.simulate(
-        bearing, ambkit.Scenario(duration=0.05), magnet=ambkit.ConstantStiffness(10.05, 7500.0)
-    )
+        bearing, ambkit.Scenario(duration=0.05), plant=ambkit.ConstantStiffness(10.05, 7500.0)
+    ).record
     np.testing.assert_allclose(
         record["f_mag"], 10.05 * record["iu"] + 7500.0 * record["x"], atol=1e-12
     )

@@ -25,7 +25,9 @@ SCENARIOS = {
 
 def run(name="slow", seed=0):
     pid = ambkit.PID.textbook(BEARING)
-    return ambkit.simulate(BEARING, ambkit.Scenario(seed=seed, controller=pid, **SCENARIOS[name]))
+    return ambkit.simulate(
+        BEARING, ambkit.Scenario(seed=seed, controller=pid, **SCENARIOS[name])
+    ).record
 
 
 def changed(record, **factors):
@@ -48,7 +50,7 @@ def test_a_record_belongs_to_its_bearing_and_not_with_a_sign_swapped(name, seed)
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_mirrored_record_pulls_with_gravity(name):
     upright = BEARING.replace(rotor__gravity="-x")
-    record = ambkit.simulate(upright, ambkit.Scenario(seed=1, **SCENARIOS[name]))
+    record = ambkit.simulate(upright, ambkit.Scenario(seed=1, **SCENARIOS[name])).record
     assert evaluate_record(record, upright) == ((), ())
     mirrored = changed(record, y=-1.0, u=-1.0)
     problems, (remark,) = evaluate_record(mirrored, upright)

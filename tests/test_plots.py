@@ -40,7 +40,7 @@ def scenario():
 
 @pytest.fixture(scope="module")
 def run(bearing, scenario):
-    return ambkit.simulate_run(bearing, scenario, estimator=ambkit.KalmanFilter(bearing))
+    return ambkit.simulate(bearing, scenario, filter=ambkit.KalmanFilter(bearing))
 
 
 def lines(panel):
@@ -63,7 +63,7 @@ def test_a_run_without_estimator_shows_none(run, bearing):
 
 def test_current_limits_are_shown_where_they_matter(run, bearing):
     weak = bearing.replace(amplifier__current_limit=0.6)
-    still = ambkit.simulate_run(bearing, ambkit.Scenario(duration=0.02, noise=False))
+    still = ambkit.simulate(bearing, ambkit.Scenario(duration=0.02, noise=False))
     near = simulation_figure(replace(run, plant=weak))
     assert "limit" in {text for text, _ in near.legend()}
     assert "limit" not in {text for text, _ in simulation_figure(still).legend()}
@@ -76,7 +76,7 @@ def test_currents_and_noise_among_the_states_have_panels(scenario):
         sensor__hum=[{"frequency": "50 Hz", "amplitude": "20 um"}],
     )
     kalman, observer = ambkit.KalmanFilter(bearing), ambkit.ExtendedStateObserver(bearing)
-    run = ambkit.simulate_run(bearing, scenario, estimator=kalman)
+    run = ambkit.simulate(bearing, scenario, filter=kalman)
     estimate, record = run.estimate, run.record
     seen = estimate["n_y"] + estimate["hum_c"]
 
@@ -192,7 +192,7 @@ def test_lift_off_points_lie_off_the_law_by_their_residuals():
 
 def test_a_training_shows_its_curve_and_its_error(bearing):
     stiff = ambkit.stiffness_map(bearing)
-    expert = ambkit.train(stiff)
+    expert = ambkit.train(stiff).expert
     curve, error, *_ = training_figure(expert, stiff).panels
     (line,) = (item for item in curve.items if isinstance(item, Line))
     np.testing.assert_array_equal(line.y, expert.learning_curve)
@@ -241,7 +241,7 @@ def test_text_on_cells_can_be_read(colours):
 
 
 def test_innovations_of_a_long_record_are_shown_by_how_far_most_reach(bearing):
-    record = ambkit.simulate(bearing, duration="1 s")
+    record = ambkit.simulate(bearing, duration="1 s").record
     y = record["y"].copy()
     y[2000:4000] = np.nan
     record = ambkit.Record(record.t, {"y": y, "u": record["u"]})
@@ -270,7 +270,7 @@ def test_a_dense_force_map_leaves_room_to_read_how_well_it_is_known(tmp_path):
     points = load_force_points(tmp_path / "fe.csv", tmp_path / "channels.toml")
     measured = measured_force(fe_map.BEARING, points)
     assert bearing.magnet.force_map is not None
-    expert = ambkit.train(measured.stiffness)
+    expert = ambkit.train(measured.stiffness).expert
     figure = with_surface(
         training_figure(expert, measured.stiffness), measured.surface, measured.stiffness
     )

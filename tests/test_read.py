@@ -569,7 +569,7 @@ def faulty(path="log.csv"):
 
 def test_the_command_from_guess_to_record(call):
     faulty()
-    code, text, err = call("read", "log.csv", "--guess")
+    code, text, err = call("read", "guess", "log.csv")
     assert (code, err) == (0, "")
     Path("map.toml").write_text(text, encoding="utf-8")
     code, out, err = call("read", "log.csv", "--channels", "map.toml", "--out", "log.parquet",
@@ -603,10 +603,9 @@ def test_a_refused_log_writes_nothing(call, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--guess", "--out", "a.csv"), "--guess proposes a map"),
-        (("--sampling-time", "1 ms"), "add --resample"),
-        (("--missing", "quantised"), "only saturated, frozen and spike can"),
-        (("--segment", "0"), "--segment"),
+        (("--sampling-time", "1 ms"), "the step to resample to"),
+        (("--missing", "quantised"), "invalid choice: 'quantised'"),
+        (("--segment", "0"), "segment must be 1 or more"),
         ((), "column time has no unit"),
     ],
 )
@@ -633,7 +632,7 @@ def test_the_picture_marks_the_faults(tmp_path):
 def test_record_read_is_what_the_command_reads(tmp_path):
     faulty(tmp_path / "log.csv")
     (tmp_path / "map.toml").write_text(MAP)
-    record = ambkit.read(tmp_path / "log.csv", map=tmp_path / "map.toml").record
+    record = ambkit.read(tmp_path / "log.csv", channels=tmp_path / "map.toml").record
     assert len(record) == 2000
     assert record.meta["source"] == "log.csv"
 
@@ -718,8 +717,8 @@ def test_a_forecast_beyond_the_gap_is_no_number(call, flown):
     y = np.where(np.arange(n) % 3000 < 1500, -0.0067, 0.009) + 1e-5 * rng.normal(size=n)
     u = 0.7 * np.sin(0.002 * np.arange(n)) + 0.006 * rng.normal(size=n)
     Record(flown["t"], {"y": y, "u": u}, {"y": "m", "u": "V"}).save("lies.csv")
-    code, out, err = call("filter", "lies.csv", "--bearing", "inteco_ml", "--estimator",
-                          "linear,extended")  # fmt: skip
+    code, out, err = call("filter", "lies.csv", "--machine", "inteco_ml", "--filter", "linear",
+                          "--filter", "extended")  # fmt: skip
     assert code == 0, err
     assert "beyond the air gap" in " ".join(out.split())
     assert "predicts beyond the air gap, 12.15 mm" in err

@@ -148,7 +148,7 @@ REFUSED = {
 def test_a_hopeless_log_is_one_clear_word(call, name):
     content, word = REFUSED[name]
     Path("log.csv").write_bytes(content.encode() if isinstance(content, str) else content)
-    code, out, err = call("read", "log.csv", "--guess")
+    code, out, err = call("read", "guess", "log.csv")
     if code == 0:
         Path("map.toml").write_text(out)
         code, out, err = call("read", "log.csv", "--channels", "map.toml", "--out", "a.parquet")
@@ -182,7 +182,7 @@ def test_columns_of_one_name(call):
     cells = zip(TIME.tolist(), POS.tolist(), CURRENT.tolist(), strict=True)
     twice = (f"{t},{y},{y},{i}" for t, y, i in cells)
     Path("log.csv").write_text(text("time,pos,pos,current", *twice))
-    code, out, _ = call("read", "log.csv", "--guess")
+    code, out, _ = call("read", "guess", "log.csv")
     assert (code, "pos#1" in out) == (0, True)
     Path("map.toml").write_text(out.replace("pos#1", "pos"))
     code, _, err = call("read", "log.csv", "--channels", "map.toml")
@@ -195,7 +195,7 @@ def test_a_parquet_with_text(call):
         "time": TIME, "pos": np.array([str(value) for value in POS]), "current": CURRENT,
         "who": np.array(["x"] * N),
     })  # fmt: skip
-    code, out, _ = call("read", "log.parquet", "--guess")
+    code, out, _ = call("read", "guess", "log.parquet")
     assert code == 0
     assert "who holds no numbers" in out
     Path("map.toml").write_text(out)

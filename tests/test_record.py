@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from ambkit import Bearing, KalmanFilter, Machine, Scenario, simulate, simulate_run
+from ambkit import Bearing, KalmanFilter, Machine, Scenario, simulate
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.record import Record
 from ambkit.data.signals import SI_UNITS, si_unit
@@ -300,14 +300,14 @@ def test_the_control_signal_of_an_amplifier_of_currents_is_in_ampere(tmp_path):
     bearing = amplifier_of_currents(plain)
     for same in (bearing, bearing.replace(rotor__mass=0.5), bearing.long.isolated_axis("")):
         assert 'gain = "1 A/A"' in same.to_toml()
-    made = simulate(bearing, Scenario(duration=0.01))
+    made = simulate(bearing, Scenario(duration=0.01)).record
     made.save(tmp_path / "a.csv")
     read = Record.load(tmp_path / "a.csv")
     assert made.units["u"] == read.units["u"] == "A"
-    np.testing.assert_array_equal(read["u"], simulate(plain, Scenario(duration=0.01))["u"])
+    np.testing.assert_array_equal(read["u"], simulate(plain, Scenario(duration=0.01)).record["u"])
     KalmanFilter(bearing).run(read)
     with pytest.raises(AmbkitError, match="u of the record is in A, and the amplifier"):
         KalmanFilter(plain).run(read)
     machine = amplifier_of_currents(Machine.preset("tum_mlps"))
-    units = simulate_run(machine, Scenario(duration=0.002)).record.units
+    units = simulate(machine, Scenario(duration=0.002)).record.units
     assert {units[name] for name in ("u_A1", "u_A2", "u_B1", "u_B2")} == {"A"}

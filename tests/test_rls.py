@@ -114,7 +114,7 @@ def test_without_excitation_nothing_grows(seed: int, forgetting: float, least: f
 
 
 def learned(scenario: Scenario, load: str = "unknown", start: float = 1.5) -> Any:
-    record = ambkit.simulate(BEARING, scenario)
+    record = ambkit.simulate(BEARING, scenario).record
     return RecursiveLeastSquares(BEARING, start=start * K, load=load).run(record)
 
 
@@ -128,7 +128,7 @@ def test_k_is_found(load: str, start: float) -> None:
 @pytest.mark.parametrize("bandwidth", [20.0, 38.0, 150.0])
 def test_no_low_pass_makes_the_force_larger_than_it_is(bandwidth: float) -> None:
     """Without noise k is right to 0.25 %; by eq. 24's row of x it would be 0.3 to 2.6 % off."""
-    record = ambkit.simulate(BEARING, SWING.replace(noise=False, duration=1.0))
+    record = ambkit.simulate(BEARING, SWING.replace(noise=False, duration=1.0)).record
     learner = RecursiveLeastSquares(BEARING, start=1.3 * K, bandwidth=bandwidth)
     assert abs(learner.run(record).magnet_constant / K - 1) < 0.0025
 
@@ -141,14 +141,14 @@ def test_an_unknown_load_is_not_taken_for_the_magnet(force: float) -> None:
     result = learned(disturbed)
     assert result.magnet_constant == pytest.approx(K, rel=0.012)
     assert result.load[-1000:].mean() == pytest.approx(force, abs=0.15)
-    told = Adaline(BEARING).run(ambkit.simulate(BEARING, disturbed)).magnet_constant
+    told = Adaline(BEARING).run(ambkit.simulate(BEARING, disturbed).record).magnet_constant
     assert abs(told / K - 1) > 0.3
 
 
 def test_it_settles_in_a_fraction_of_adalines_time() -> None:
     """And with the same memory the same noise stays: 8 ms without learning, then it is there."""
     rest = Scenario(duration=0.5)
-    record = ambkit.simulate(BEARING, rest)
+    record = ambkit.simulate(BEARING, rest).record
     adaline = Adaline(BEARING, start=1.5 * K).run(record)
     rls = RecursiveLeastSquares(BEARING, start=1.5 * K, load="known").run(record)
 
@@ -180,7 +180,7 @@ def test_a_load_that_jumps_leads_k_astray_until_it_is_forgotten() -> None:
 
 
 def test_steps_are_the_run_and_bad_samples_teach_nothing() -> None:
-    record = ambkit.simulate(BEARING, SWING.replace(duration=0.1))
+    record = ambkit.simulate(BEARING, SWING.replace(duration=0.1)).record
     y, u = record["y"].copy(), record["u"].copy()
     y[500:520] = np.nan
     run = RecursiveLeastSquares(BEARING).run(Record(record.t, {"y": y, "u": u}))
@@ -195,7 +195,7 @@ def test_steps_are_the_run_and_bad_samples_teach_nothing() -> None:
 def test_units_of_length_do_not_matter() -> None:
     """The whole element in metres and in micrometres: k scales as N m^2, the load not at all."""
     core, b = core_module(), BEARING
-    record = ambkit.simulate(b, SWING.replace(duration=0.1))
+    record = ambkit.simulate(b, SWING.replace(duration=0.1)).record
     results = []
     for by in (1.0, 1e6):
         # In the unit of length 1/by m, a newton is a kg by m/s^2: mass scales to keep the force.
@@ -221,13 +221,13 @@ def test_a_small_controller_can_run_it() -> None:
 
 def test_identify_takes_either_learner() -> None:
     scenario = SWING.replace(disturbance=ambkit.Constant(value=1.0))
-    record = ambkit.simulate(BEARING, scenario)
+    record = ambkit.simulate(BEARING, scenario).record
     found = ambkit.identify_online(record, BEARING, method="rls", start=1.5 * K)
     assert found.magnet_constant == found.bearing.magnet.magnet_constant
     assert found.magnet_constant == pytest.approx(K, rel=0.02)
     with pytest.raises(AmbkitError, match='no method "lms"; known: adaline, rls, augmented'):
         ambkit.identify_online(record, BEARING, method="lms")
-    still = ambkit.simulate(BEARING, Scenario(duration=0.1))
+    still = ambkit.simulate(BEARING, Scenario(duration=0.1)).record
     with pytest.raises(AmbkitError, match="let the rotor move"):
         ambkit.identify_online(still, BEARING, method="rls")
 
@@ -236,10 +236,10 @@ def test_the_command_shows_the_learners_beside_each_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    record = ambkit.simulate(BEARING, SWING.replace(disturbance=ambkit.Constant(value=1.0)))
+    record = ambkit.simulate(BEARING, SWING.replace(disturbance=ambkit.Constant(value=1.0))).record
     record.save("run.csv")
-    start = ["identify", "run.csv", "--bearing", "zittau_axial", "--method", "rls",
-             "--start", "10 N mm^2/A^2"]  # fmt: skip
+    start = ["identify", "online", "zittau_axial", "run.csv", "--method", "rls", "--initial",
+             "10 N mm^2/A^2"]  # fmt: skip
     for more in (["--json"], ["--out", "found.toml", "--plot", "found.svg"]):
         with pytest.raises(SystemExit) as left:
             main([*start, *more])

@@ -4,10 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from ambkit import AmbkitError, Bearing, ClosedLaw
-from ambkit.cli.app import app
 from ambkit.fuzzy.rule_selection import Candidate, RuleChoice, choose_rules, measured_map
 from ambkit.fuzzy.training import train
 from ambkit.machine.forces.force_points import ForcePoints
@@ -156,15 +154,13 @@ def saved(points, path):
     return str(path)
 
 
-def test_command_chooses_says_so_and_draws_it(tmp_path):
+def test_command_chooses_says_so_and_draws_it(call, tmp_path):
     force = saved(scattered(straight, 0.5, n=40), tmp_path / "force.csv")
     picture, expert = tmp_path / "choice.png", tmp_path / "expert.json"
-    arguments = ["train", "zittau_axial", "--force-map", force, "--rules", "auto", "--no-weights"]
-    found = CliRunner().invoke(
-        app, [*arguments, "--plot", str(picture), "--out", str(expert), "--json"]
-    )
-    assert found.exit_code == 0, found.output
-    told = json.loads(found.stdout)
+    arguments = ["train", "map", "zittau_axial", force, "--rules", "auto", "--method", "widths"]
+    found = call(*arguments, "--plot", picture, "--out", expert, "--json")
+    assert found.code == 0, found.err
+    told = found.json
     shapes = {c["shape"]: c for c in told["choice"]["candidates"]}
     assert told["rules"] == shapes[told["choice"]["chosen"]]["rules"]
     assert shapes[told["choice"]["chosen"]]["error"] <= told["choice"]["limit"]
@@ -172,17 +168,14 @@ def test_command_chooses_says_so_and_draws_it(tmp_path):
     assert picture.is_file()
 
 
-def test_command_names_the_file_with_too_few_points(tmp_path):
+def test_command_names_the_file_with_too_few_points(call, tmp_path):
     force = saved(measured(straight, 0.5, lines=4), tmp_path / "force.csv")
-    arguments = ["train", "zittau_axial", "--force-map", force, "--rules", "auto"]
-    found = CliRunner().invoke(app, arguments)
-    assert found.exit_code != 0
-    assert "force.csv: too few points" in str(found.exception)
+    arguments = ["train", "map", "zittau_axial", force, "--rules", "auto"]
+    assert "force.csv: too few points" in call(*arguments).err
 
 
-def test_command_takes_a_number_of_rules():
-    found = CliRunner().invoke(app, ["train", "zittau_axial", "--rules", "4x3", "--json"])
-    assert json.loads(found.stdout)["rules"] == 12
+def test_command_takes_a_number_of_rules(call):
+    assert call("train", "zittau_axial", "--rules", "4x3", "--json").json["rules"] == 12
 
 
 @pytest.mark.parametrize(
@@ -194,7 +187,7 @@ def test_command_takes_a_number_of_rules():
         ("many", "such as 7x5, is 'many'"),
     ],
 )
-def test_command_says_what_rules_may_be(rules, message):
-    found = CliRunner().invoke(app, ["train", "zittau_axial", "--rules", rules])
-    assert found.exit_code == 2
-    assert message in " ".join(found.output.replace("│", " ").split())
+def test_command_says_what_rules_may_be(call, rules, message):
+    found = call("train", "zittau_axial", "--rules", rules)
+    assert found.code == 2
+    assert message in found.err

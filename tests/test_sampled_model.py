@@ -227,7 +227,7 @@ def test_with_a_fast_sensor_the_filter_is_better_than_the_sensor() -> None:
         scenario = ambkit.Scenario(
             duration=0.2, seed=seed, reference=ambkit.Step(amplitude=5e-4, time=0.05)
         )
-        record = ambkit.simulate(bearing, scenario)
+        record = ambkit.simulate(bearing, scenario).record
         x, during = record["x"], slice(500, 1000)
         noise = FilterNoise(disturbance=100.0)
         estimates = {"raw": record["y"] / bearing.sensor.gain} | {

@@ -240,7 +240,7 @@ REFERENCE = ambkit.simulation.scenario.Scenario.model_validate(
 
 
 def test_the_plant_is_the_bearings_magnet() -> None:
-    record = ambkit.simulate(TWO_SIDED, SHAKEN)
+    record = ambkit.simulate(TWO_SIDED, SHAKEN).record
     assert not record.meta["stop_touched"]
     at = record["iu"], record["x"]
     np.testing.assert_allclose(record["f_mag"], magnet_of(TWO_SIDED).force(*at), rtol=1e-12,
@@ -251,7 +251,7 @@ def test_the_plant_is_the_bearings_magnet() -> None:
 @pytest.mark.parametrize("kind", ["extended", "unscented", "closed-law", "ud"])
 def test_estimators_know_it(kind: str) -> None:
     """With the iron the disturbance force is found; without it, it takes what the iron lacks."""
-    record = ambkit.simulate(TWO_SIDED, SHAKEN)
+    record = ambkit.simulate(TWO_SIDED, SHAKEN).record
     noise = ambkit.FilterNoise(disturbance=100.0)
     told = KINDS[kind].make(TWO_SIDED, noise=noise)
     ideal = KINDS[kind].make(TWO_SIDED, ClosedLaw(TWO_SIDED), noise=noise)
@@ -269,7 +269,8 @@ def test_the_linear_filter_takes_its_tangent() -> None:
 
 def test_many_runs_side_by_side_are_those_one_by_one() -> None:
     records = [
-        ambkit.simulate(TWO_SIDED, SHAKEN.model_copy(update={"seed": seed})) for seed in range(9)
+        ambkit.simulate(TWO_SIDED, SHAKEN.model_copy(update={"seed": seed})).record
+        for seed in range(9)
     ]
     filter_ = KINDS["extended"].make(TWO_SIDED)
     together = ambkit.run_many(filter_, [r["y"] for r in records], [r["u"] for r in records])

@@ -47,7 +47,7 @@ def test_a_log_with_such_a_unit_is_refused_and_guessed_at_alike(
 
     log = tmp_path / "a.csv"
     log.write_text("t [s],y [mm^99999999999],u [V]\n" + "".join(f"{k},1,2\n" for k in range(9)))
-    for words in (["check", str(log)], ["read", str(log)], ["read", str(log), "--guess"]):
+    for words in (["check", str(log)], ["read", str(log)], ["read", "guess", str(log)]):
         with pytest.raises(SystemExit) as left:
             main(words)
         assert left.value.code in (0, 2)
@@ -109,8 +109,8 @@ class Mine:
 def test_what_is_no_filter_is_named_in_a_line(given: Any) -> None:
     calls = [
         lambda: ambkit.assess(ZITTAU, given),
-        lambda: ambkit.simulate(ZITTAU, estimator=given, duration=0.01),
-        lambda: ambkit.compare(ZITTAU, estimators=given),
+        lambda: ambkit.simulate(ZITTAU, filter=given, duration=0.01).record,
+        lambda: ambkit.compare(ZITTAU, given),
         lambda: ambkit.inject_faults(ZITTAU, given),
         lambda: ambkit.run_many(given, [0.0], [0.0]),
         lambda: ambkit.harmonics(given, None),  # type: ignore[arg-type]
@@ -127,7 +127,7 @@ def test_a_filter_that_there_is_not_is_named_with_those_that_there_are(given: An
     calls = [
         lambda: ambkit.assess(ZITTAU, given),
         lambda: ambkit.inject_faults(ZITTAU, given),
-        lambda: ambkit.compare(ZITTAU, estimators=given),
+        lambda: ambkit.compare(ZITTAU, given),
         lambda: export_fmu(ZITTAU, "estimator", "a.fmu", estimator=given),
         lambda: ambkit.tune(ZITTAU, filter=given),
     ]
@@ -184,12 +184,12 @@ def test_a_document_that_never_ends_is_refused(monkeypatch: pytest.MonkeyPatch) 
 
 def test_compare_by_a_list_in_the_place_of_a_case() -> None:
     with pytest.raises(TypeError, match="case must be of type str or Case"):
-        ambkit.compare(ZITTAU, ["linear"])  # type: ignore[call-overload]
+        ambkit.compare(ZITTAU, case=["linear"])  # type: ignore[call-overload]
 
 
 def test_a_class_is_told_to_be_made() -> None:
     with pytest.raises(TypeError, match=r"KalmanFilter\(\.\.\.\) makes one"):
-        ambkit.simulate(ZITTAU, estimator=ambkit.KalmanFilter)  # type: ignore[arg-type]
+        ambkit.simulate(ZITTAU, filter=ambkit.KalmanFilter)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

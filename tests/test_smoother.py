@@ -24,7 +24,7 @@ RECORD = ambkit.simulate(
         reference=ambkit.Step(amplitude=3e-4, time=0.1),
         disturbance=ambkit.Sine(amplitude=3.0, frequency=3.0),
     ),
-)
+).record
 SMOOTHED = ("linear", "closed-law", "extended", "ud")
 smoothed = pytest.mark.parametrize("name", SMOOTHED)
 
@@ -153,7 +153,7 @@ def test_its_errors_are_what_it_says() -> None:
         run = ambkit.simulate(
             BEARING,
             Scenario(duration=0.3, seed=seed, disturbance=ambkit.Recorded(times=t, values=wander)),
-        )
+        ).record
         made = KINDS["extended"].make(BEARING, noise=noise).smooth(run)
         assert made.covariance is not None
         for k in (1000, 1500, 2000):

@@ -15,7 +15,7 @@ from benchmarks import starts
 BEARING = Bearing.preset("zittau_axial")
 RECORD = ambkit.simulate(
     BEARING, Scenario(duration=2.5, seed=4, reference=ambkit.Sine(amplitude=3e-4, frequency=3.0))
-)
+).record
 PRECISIONS = ("float64", "float32")
 every_kind = pytest.mark.parametrize("kind", starts.kinds())
 both = pytest.mark.parametrize("precision", PRECISIONS)
@@ -80,7 +80,7 @@ def test_an_observer_that_saw_the_clearance_comes_back(
 ) -> None:
     """The paper's rig, and a sensor much faster than a sample."""
     bearing = BEARING.replace(sensor__lag=lag)
-    record = ambkit.simulate(bearing, Scenario(duration=1.0, seed=2))
+    record = ambkit.simulate(bearing, Scenario(duration=1.0, seed=2)).record
     y = record["y"].copy()
     limit = bearing.rotor.clearance
     y[3000:3100] = limit + np.random.default_rng(0).normal(0, 1e-6, 100)

@@ -100,7 +100,7 @@ def test_step_response_is_that_of_the_simulated_loop(bearing, pid):
     start = Scenario(
         duration=0.05, reference=Step(amplitude=size, time=1e-5), controller=pid, noise=False
     )
-    record = simulate(fine, start)
+    record = simulate(fine, start).record
     response = control.step_response(to_control(bearing, pid)["x", "r"], record.t[:-1])
     linear = size * np.asarray(response.outputs)
     assert np.max(np.abs(record["x"][1:] - linear)) < 0.03 * np.max(linear)
@@ -117,7 +117,7 @@ def test_sampled_step_response_is_that_of_the_simulated_loop(bearing, fed):
         duration=0.1, reference=Step(amplitude=size, time=0.05), controller=pid, noise=False,
         substeps=20,
     )  # fmt: skip
-    record = simulate(whole, start, estimator=filter)
+    record = simulate(whole, start, filter=filter).record
     late = record.t >= 0.05
     t = record.t[late] - record.t[late][0]
     response = control.step_response(to_control(whole, pid, filter)["x", "r"], t)

@@ -17,8 +17,8 @@ from ambkit.judge.plausibility import averaged, evaluate_record
 from ambkit.workflow.check import inspect
 
 BEARING = Bearing.preset("zittau_axial")
-RUN = ambkit.simulate(BEARING, step="0.3 mm", load="2 N")
-LOST = ambkit.simulate(BEARING, step="0.3 mm", load="30 N")
+RUN = ambkit.simulate(BEARING, step="0.3 mm", disturbance="2 N").record
+LOST = ambkit.simulate(BEARING, step="0.3 mm", disturbance="30 N").record
 UNITS = {"y": "m", "u": "V", "x_logged": "m", "r": "m", "other": "V"}
 
 
@@ -104,12 +104,12 @@ def test_a_rotor_that_a_load_pushed_away_and_that_came_back_does_not_lie() -> No
         record = ambkit.simulate(BEARING, ambkit.Scenario(
             seed=seed, controller=ambkit.PID.textbook(BEARING),
             disturbance=ambkit.Step(amplitude=3.0, time=0.25),
-        ))  # fmt: skip
+        )).record  # fmt: skip
         assert of_suspects(record) == []
 
 
 RNG = np.random.default_rng(2)
-STILL = ambkit.simulate(BEARING)
+STILL = ambkit.simulate(BEARING).record
 
 
 def lying(record: Record, share: float, u: Any = None) -> Record:
@@ -170,7 +170,7 @@ def test_a_light_low_pass_is_told_by_the_colour_of_the_noise() -> None:
 
 def test_a_control_signal_too_small_to_hold_the_rotor_is_told() -> None:
     sine = ambkit.Scenario(reference=ambkit.Sine(amplitude=0.3e-3, frequency=5.0))
-    record = ambkit.simulate(BEARING, sine)
+    record = ambkit.simulate(BEARING, sine).record
     assert check_plausibility(log(y=record["y"], u=record["u"]), BEARING) == []
     (told,) = check_plausibility(log(y=record["y"], u=record["u"] / 10), BEARING)
     assert told.startswith("u varies by 2")
@@ -179,7 +179,7 @@ def test_a_control_signal_too_small_to_hold_the_rotor_is_told() -> None:
 
 def test_an_offset_that_the_weight_contradicts_is_told() -> None:
     rig = Bearing.preset("inteco_ml")
-    record = ambkit.simulate(rig, duration=2.0)
+    record = ambkit.simulate(rig, duration=2.0).record
     away = Record(record.t, {"y": record["y"] + 7e-3, "u": record["u"]}, {"y": "m", "u": "V"})
     (told,) = check_plausibility(away, rig)
     assert told.startswith("on its mean the magnet pulls by 3.")
@@ -205,7 +205,7 @@ def test_no_healthy_log_holds_a_running_mean(preset: str) -> None:
             for given in ({}, {"controller": ambkit.PID.textbook(bearing)}):
                 duration = 4000 * bearing.sampling_time
                 flown = ambkit.Scenario(seed=seed, duration=duration, **given)
-                y = ambkit.simulate(bearing, flown)["y"]
+                y = ambkit.simulate(bearing, flown).record["y"]
                 told.append(averaged(y))
                 means.append(averaged(np.convolve(y, np.ones(3) / 3, "valid")))
     assert told == [0] * len(told)

@@ -93,7 +93,7 @@ def built(made: CExport, folder: Path, source: str) -> Path:
 @pytest.fixture(scope="module")
 def flown() -> Any:
     scenario = Scenario(duration=0.0599, reference=Step(amplitude=2e-4, time=0.01))
-    return ambkit.simulate(BEARING, scenario)
+    return ambkit.simulate(BEARING, scenario).record
 
 
 @pytest.fixture(scope="module", params=["float", "double"])

@@ -231,19 +231,23 @@ def some() -> Iterator[tuple[str, Any]]:
     """Results of verbs that take little time."""
     bearing = ambkit.Bearing.preset("zittau_axial")
     rig = "tum_mlps"
-    yield "run", lambda: ambkit.simulate_run(bearing, estimator="extended", duration="50 ms")
+    yield "run", lambda: ambkit.simulate(bearing, filter="extended", duration="50 ms")
     yield (
         "run of a machine",
-        lambda: ambkit.simulate_run(
-            ambkit.Machine.preset(rig), estimator="extended", duration="20 ms"
-        ),
+        lambda: ambkit.simulate(ambkit.Machine.preset(rig), filter="extended", duration="20 ms"),
     )
     yield "campbell", lambda: ambkit.campbell(rig)
     yield "modes", lambda: ambkit.mode_shapes("ufu_flexible")
     yield "unbalance", lambda: ambkit.unbalance_response(rig)
     yield "assess", lambda: ambkit.assess(bearing, ["none", "extended"])
-    yield "online", lambda: ambkit.identify_online(ambkit.simulate(bearing, step="0.1 mm"), bearing)
-    yield "filter", lambda: ambkit.filter(bearing, ambkit.simulate(bearing, duration="0.1 s"))
+    yield (
+        "online",
+        lambda: ambkit.identify_online(ambkit.simulate(bearing, step="0.1 mm").record, bearing),
+    )
+    yield (
+        "filter",
+        lambda: ambkit.filter(ambkit.simulate(bearing, duration="0.1 s").record, machine=bearing),
+    )
     yield "injection", lambda: ambkit.design_injection(bearing, ambkit.Scenario(duration=1.0))
 
 

@@ -59,7 +59,7 @@ def test_simulated_truth_is_tuned_by_without_records() -> None:
 
 
 def test_a_load_that_rests_does_not_make_a_filter_that_follows_none() -> None:
-    still = ambkit.simulate(BEARING, ambkit.scenario_for(BEARING, step=0.1e-3, duration=1.0))
+    still = ambkit.simulate(BEARING, ambkit.scenario_for(BEARING, step=0.1e-3, duration=1.0)).record
     found = ambkit.tune(BEARING, still, "linear", free=["noise.disturbance"], budget=30)
     least = min(found.trace, key=lambda each: each.cost).values["noise.disturbance"]
     assert found.values["noise.disturbance"] >= least
@@ -110,13 +110,13 @@ def test_a_filter_of_a_file_stands_beside_the_kinds(walks: list[Record], tmp_pat
     noise = FilterNoise(disturbance=3.0)
     ambkit.ExtendedKalmanFilter(BEARING, noise=noise).save(tmp_path / "f.toml")
     name = str(tmp_path / "f.toml")
-    found = ambkit.filter(BEARING, walks[0], ["linear", name])
+    found = ambkit.filter(walks[0], ["linear", name], machine=BEARING)
     assert found[name].noise.disturbance == 3.0
     own = Estimator.load(name).run(walks[0])
     np.testing.assert_array_equal(found[name].evaluation.estimate.mean, own.mean)
     slow = BEARING.replace(sampling_time="0.2 ms")
     with pytest.raises(AmbkitError, match=r"steps every 0\.1 ms, and .* every 0\.2 ms"):
-        ambkit.filter(slow, walks[0], [name])
+        ambkit.filter(walks[0], [name], machine=slow)
 
 
 # ---- the peak of the sensitivity
@@ -136,7 +136,7 @@ STIFF = ambkit.PID.textbook(NOISY)
 def calm() -> Record:
     """A run whose load rests, so that likelihood asks for a filter that trusts its model."""
     steps = ambkit.scenario_for(LATE, step="5 um", duration="1 s", from_estimate=False)
-    return ambkit.simulate(LATE, steps)
+    return ambkit.simulate(LATE, steps).record
 
 
 def test_likelihood_takes_the_loop_s_margin_and_a_ceiling_keeps_it(calm: Record) -> None:

@@ -81,7 +81,7 @@ def test_what_margin_costs_a_machine():
 def test_what_cannot_be_tuned_is_refused(record):
     with pytest.raises(AmbkitError, match="takes one axis"):
         ambkit.tune(TUM, record, "observer")
-    one = ambkit.simulate(ambkit.Bearing.preset("zittau_axial"))
+    one = ambkit.simulate(ambkit.Bearing.preset("zittau_axial")).record
     with pytest.raises(AmbkitError, match="the record has no y_"):
         ambkit.tune(TUM, one, "linear")
 
@@ -89,10 +89,10 @@ def test_what_cannot_be_tuned_is_refused(record):
 def test_one_expert_is_kept_for_all_bearings(tmp_path, capsys, monkeypatch):
     """The filter's file names the expert that it was tuned with, and reads it back."""
     monkeypatch.chdir(tmp_path)
-    ambkit.train(TUM.isolated_axis("A1"), weights=True).save("expert.json")
+    ambkit.train(TUM.isolated_axis("A1")).expert.save("expert.json")
     with pytest.raises(SystemExit) as left:
         main(["tune", "tum_mlps", "--filter", "adaptive@expert.json",
-              "--budget", "1", "--runs", "1", "--max-sensitivity", "2",
+              "--budget", "1", "--seeds", "1", "--max-sensitivity", "2",
               "--out", "filter.toml"])  # fmt: skip
     assert not left.value.code, capsys.readouterr().err
     read = ambkit.FilterFile.load("filter.toml")
@@ -102,7 +102,7 @@ def test_one_expert_is_kept_for_all_bearings(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize(("arguments", "code", "said"), [
-    (["tune", "tum_mlps", "--filter", "linear", "--budget", "3", "--runs", "1"], 0,
+    (["tune", "tum_mlps", "--filter", "linear", "--budget", "3", "--seeds", "1"], 0,
      "Peak of |S| in the loop"),
     (["tune", "tum_mlps", "--filter", "low-pass"], 2, "takes one axis"),
 ])  # fmt: skip

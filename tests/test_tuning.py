@@ -71,7 +71,7 @@ def hovering(noise=1.0, stretch=0.1, seed=1):
     """The spindle at rest, its sensor `noise` times as loud (variance) as it is described."""
     louder = SPINDLE.replace(sensor__noise_variance=noise * SPINDLE.sensor.noise_variance)
     loop = Scenario(duration=0.1 + stretch, seed=seed, controller=PID.for_bearing(SPINDLE))
-    return simulate(louder, loop).between(0.1, None)
+    return simulate(louder, loop).record.between(0.1, None)
 
 
 def tuned(record):

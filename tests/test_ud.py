@@ -70,7 +70,7 @@ def test_in_double_it_is_the_extended_filter() -> None:
         reference=ambkit.Step(amplitude=5e-4, time=0.1),
         disturbance=ambkit.Step(amplitude=3.0, time=0.3),
     )
-    record = ambkit.simulate(BEARING, scenario)
+    record = ambkit.simulate(BEARING, scenario).record
     plain = KINDS["extended"].make(BEARING).run(record, covariance=True)
     factored = KINDS["ud"].make(BEARING).run(record, covariance=True)
     assert plain.covariance is not None
@@ -84,7 +84,7 @@ def test_in_double_it_is_the_extended_filter() -> None:
 
 def test_with_constant_stiffness_it_is_the_linear_filter() -> None:
     constant = ConstantStiffness.of(BEARING)
-    record = ambkit.simulate(BEARING, Scenario(duration=0.2))
+    record = ambkit.simulate(BEARING, Scenario(duration=0.2)).record
     linear = ambkit.KalmanFilter(BEARING, constant).run(record)
     factored = UDKalmanFilter(BEARING, constant).run(record)
     np.testing.assert_allclose(factored.mean, linear.mean, rtol=1e-9, atol=1e-15)
@@ -98,7 +98,7 @@ def after_an_outage(noise: float) -> dict[str, Estimate]:
     """Half a second without a sensor, which then is sharper than float's digits reach."""
     sharp = BEARING.replace(sensor__noise_variance=noise**2)
     scenario = Scenario(duration=0.8, reference=ambkit.Sine(amplitude=3e-4, frequency=5.0))
-    record = ambkit.simulate(sharp, scenario)
+    record = ambkit.simulate(sharp, scenario).record
     y = record["y"].copy()
     y[2000:7000] = np.nan
     broken = Record(record.t, {"y": y, "u": record["u"]})

@@ -25,7 +25,7 @@ def swinging() -> ambkit.Record:
         reference=ambkit.Sine(amplitude=4e-4, frequency=8.0),
         disturbance=ambkit.Step(amplitude=3.0, time=0.1),
     )
-    return ambkit.simulate(BEARING, scenario)
+    return ambkit.simulate(BEARING, scenario).record
 
 
 # filterpy takes the root of a covariance whose entries differ by 1e12: what it loses there is

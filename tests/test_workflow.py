@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.cli.kinds import NAMES
 from ambkit.cli.main import main
 from ambkit.cli.printing import plain
 from ambkit.estimate.named import USUAL, factories
@@ -30,10 +29,10 @@ def made(tmp_path_factory):
     """A simulated run, and the same as a rig would log it: without truth."""
     folder = tmp_path_factory.mktemp("made")
     scenario = scenario_for(BEARING, duration=0.3, step=0.3e-3, load=3.0)
-    run = ambkit.simulate(BEARING, scenario)
+    run = ambkit.simulate(BEARING, scenario).record
     run.save(folder / "run.csv")
     measured(run).save(folder / "log.csv")
-    other = ambkit.simulate(BEARING, scenario.replace(seed=1))
+    other = ambkit.simulate(BEARING, scenario.replace(seed=1)).record
     measured(other).save(folder / "other.csv")
     return folder
 
@@ -72,11 +71,13 @@ def without(data, *keys):
 @pytest.mark.parametrize("name", ["run.csv", "log.csv"])
 def test_filter_is_filter_record(command, made, name):
     told = command(
-        "filter", made / name, "--bearing", "zittau_axial", "--smooth", "--out", "out.csv",
-        "--estimator", "linear,closed-law",
+        "filter", made / name, "--machine", "zittau_axial", "--smooth", "--out", "out.csv",
+        "--filter", "linear", "--filter", "closed-law",
     )  # fmt: skip
     found = filter_record(BEARING, ambkit.load(made / name), ["linear", "closed-law"], smooth=True)
-    assert without(told, "record", "files", "adequacy") == same(found.to_dict())
+    assert without(told, "record", "files", "adequacy", "notes") == same(
+        without(found.to_dict(), "notes")
+    )
     written, estimates = ambkit.Record.load("out.csv"), found.to_record()
     assert list(written) == list(estimates)
     for signal in written:
@@ -109,7 +110,7 @@ def test_a_tuning_that_the_rest_contradicts_is_kept_only_if_it_was_asked_for(tmp
     force.save(tmp_path / "force.csv")
     load = ambkit.Recorded(file=str(tmp_path / "force.csv"), signal="f")
     scenario = scenario_for(BEARING, duration=force.t[-1]).replace(disturbance=load)
-    log = measured(ambkit.simulate(BEARING, scenario))
+    log = measured(ambkit.simulate(BEARING, scenario).record)
     half = (log.t[-1] - log.t[0]) / 2
     unasked = filter_record(BEARING, log, ["closed-law"])["closed-law"]
     asked = filter_record(BEARING, log, ["closed-law"], tune=half)["closed-law"]
@@ -153,7 +154,7 @@ def test_lost_control_counts_stretches(made):
 
 
 def test_an_expert_beyond_its_box_is_noticed():
-    run = ambkit.simulate(BEARING, scenario_for(BEARING, duration=0.2, step=0.5e-3))
+    run = ambkit.simulate(BEARING, scenario_for(BEARING, duration=0.2, step=0.5e-3)).record
     narrow = training.stiffness_of_law(BEARING).displacement[[1, -2]]
     small = train(
         ambkit.stiffness_map(BEARING, currents=[-1.5, 0, 1.5], displacements=[*narrow / 4])
@@ -174,9 +175,9 @@ def test_an_expert_beyond_its_box_is_noticed():
 
 def test_identify_is_identify_by_likelihood(command, made):
     told = command(
-        "identify", made / "log.csv", "--bearing", "zittau_axial", "--validate", made / "other.csv",
-        "--free", "magnet_constant,measurement_noise", "--out", "found.toml",
-        "--save-force-map", "map.csv",
+        "identify", "zittau_axial", made / "log.csv", "--validate", made / "other.csv", "--free",
+        "magnet_constant", "--free", "measurement_noise", "--out", "found.toml", "--out",
+        "force-map=map.csv", "--nodes", "6x4",
     )  # fmt: skip
     found = identify(
         BEARING,
@@ -185,6 +186,7 @@ def test_identify_is_identify_by_likelihood(command, made):
         names=["other.csv"],
         free=["magnet_constant", "measurement_noise"],
         map_forces=True,
+        nodes=(6, 4),
     )
     assert without(told, "files", "adequacy") == same(found.to_dict())
     written = ambkit.Bearing.load("found.toml").magnet.magnet_constant
@@ -199,8 +201,8 @@ def test_noise_at_rest_is_where_the_search_starts(command, made):
     units = {"y": "m", "u": "V"}
     ambkit.Record(t, {"y": 3e-6 * rng.normal(size=20_000), "u": 0 * t}, units).save("rest.csv")
     told = command(
-        "identify", made / "log.csv", "--bearing", "zittau_axial", "--rest", "rest.csv",
-        "--free", "magnet_constant",
+        "identify", "zittau_axial", made / "log.csv", "--rest", "rest.csv", "--free",
+        "magnet_constant",
     )  # fmt: skip
     rest = noise_at_rest(ambkit.load("rest.csv"))
     assert rest["y"].standard_deviation == pytest.approx(3e-6, rel=0.05)
@@ -229,8 +231,8 @@ def test_lift_off_tells_nothing_of_a_two_sided_magnet():
 
 def test_compare_in_a_case(command):
     told = command(
-        "compare", "zittau_axial", "--case", "step", "--estimators", "linear,extended", "--runs", 3,
-        "--spread", "5 %",
+        "compare", "zittau_axial", "--case", "step", "--filter", "linear", "--filter", "extended",
+        "--seeds", 3, "--spread", "5 %",
     )  # fmt: skip
     found = compare_steps.compare_in_case(
         BEARING, "step", ["linear", "extended"], runs=3, spread=0.05
@@ -246,8 +248,8 @@ def test_compare_in_a_case(command):
 
 def test_compare_in_own_loops(command):
     told = command(
-        "compare", "zittau_axial", "--estimators", "linear,closed-law", "--seeds", 2,
-        "--duration", "0.1 s", "--load", "3 N", "--seed", 5,
+        "compare", "steps", "zittau_axial", "--filter", "linear", "--filter", "closed-law",
+        "--seeds", 2, "--duration", "0.1 s", "--disturbance", "3 N", "--first-seed", 5,
     )  # fmt: skip
     what = compare_steps.loop_cases(BEARING, duration=0.1, load=3.0)
     found = compare_steps.compare_in_loops(BEARING, what, ["linear", "closed-law"], runs=2, seed=5)
@@ -269,9 +271,11 @@ def test_cases_are_by_name():
 
 
 def test_simulate_starts_from_scenario_for(command):
-    told = command("simulate", "zittau_axial", "--step", "0.2 mm", "--load", "3 N", "--seed", 4)
+    told = command(
+        "simulate", "zittau_axial", "--step", "0.2 mm", "--disturbance", "3 N", "--seed", 4
+    )
     scenario = scenario_for(BEARING, step=0.2e-3, load=3.0, seed=4)
-    run = ambkit.simulate_run(BEARING, scenario, estimator=ambkit.KalmanFilter(BEARING))
+    run = ambkit.simulate(BEARING, scenario, filter=ambkit.KalmanFilter(BEARING))
     assert without(told, "files", "adequacy") == same(run.to_dict())
 
 
@@ -305,7 +309,7 @@ def test_train_on_points(command):
     rows = [f"{1.5 * i},{5e-4 * d},{f}" for i, d, f in zip(iu, x, force, strict=True)]
     with open("force.csv", "w", encoding="utf-8") as file:
         file.write("\n".join(["iu [A],x [m],f_mag [N]", *rows]) + "\n")
-    told = command("train", "zittau_axial", "--force-map", "force.csv", "--rules", "3x3")
+    told = command("train", "map", "zittau_axial", "force.csv", "--rules", "3x3")
     measured = training.measured_force(BEARING, load_force_points("force.csv"), (3, 3))
     found = training.train_expert(BEARING, measured=measured)
     assert without(told, "files", "adequacy") == same(found.to_dict())
@@ -313,5 +317,4 @@ def test_train_on_points(command):
 
 
 def test_what_the_commands_offer_is_what_there_is():
-    assert set(USUAL) <= set(NAMES)
-    assert tuple(KINDS) == NAMES
+    assert set(USUAL) <= set(KINDS)

@@ -12,14 +12,12 @@ from contextlib import chdir, redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 
-import typer
 from docutils import nodes
 from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from ambkit.cli.app import app
-from ambkit.cli.from_verbs import VERBS
+from ambkit.cli.catalogue import GROUPS, within
 from ambkit.cli.main import main
 
 LANGUAGES = {".toml": "toml", ".csv": "text", ".json": "json"}
@@ -111,12 +109,9 @@ class Manual(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """Ask the command itself."""
         name = self.arguments[0]
-        command = typer.main.get_command(app).commands[name]
-        own = [item.removeprefix(f"{name} ") for item in VERBS if item.startswith(f"{name} ")]
         shown = []
-        for inner in ([], *([inner] for inner in (*getattr(command, "commands", ()), *own))):
-            arguments = [name, *inner, "--help"]
-            _, text = _run_here(arguments, Path())
+        for command in (*([] if name in GROUPS else [name]), *within(name)):
+            _, text = _run_here([*command.split(), "--help"], Path())
             shown.append(nodes.literal_block(text, text, language="text"))
         return shown
 

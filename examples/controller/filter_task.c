@@ -1,5 +1,5 @@
 /* What a controller's firmware does with an exported filter:
- * ambkit export c zittau_axial --estimator expert.json --out out/ */
+ * ambkit export c zittau_axial --filter expert.json --out out/ */
 #include "zittau_axial.h"
 
 #define LONGEST_OUTAGE 20U /* samples that may be missing in a row */

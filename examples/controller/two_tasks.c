@@ -1,6 +1,6 @@
 /* An interrupt runs the filter, another task looks at what it says, and the controller goes over to
  * the estimate without a bump. The interrupt is never interrupted by those that read.
- * ambkit export c zittau_axial --estimator expert.json --out out/ */
+ * ambkit export c zittau_axial --filter expert.json --out out/ */
 #include "zittau_axial.h"
 
 /* What the other tasks see. Volatile: each access is one, and none is moved past another. */

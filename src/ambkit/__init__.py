@@ -17,13 +17,11 @@ if TYPE_CHECKING:
     from ambkit.base.errors import ConfigError as ConfigError
     from ambkit.base.errors import RecordError as RecordError
     from ambkit.campaigns.campaign import Campaign as Campaign
-    from ambkit.campaigns.run import campaign as campaign
     from ambkit.campaigns.study import Study as Study
     from ambkit.control.control import Control as Control
     from ambkit.control.pid import PID as PID
     from ambkit.control.user_controller import ControllerProtocol as ControllerProtocol
     from ambkit.data.reading.reader import load as load
-    from ambkit.data.reading.reader import read as read
     from ambkit.data.record import Record as Record
     from ambkit.data.telemetry import read_telemetry as read_telemetry
     from ambkit.estimate.adaptive_noise import AdaptiveNoise as AdaptiveNoise
@@ -63,7 +61,6 @@ if TYPE_CHECKING:
     from ambkit.machine.stiffness import stiffness_map as stiffness_map
     from ambkit.result.result import Result as Result
     from ambkit.rotordynamics.harmonics import harmonics as harmonics
-    from ambkit.rotordynamics.spectrogram import waterfall as waterfall
     from ambkit.simulation.many import Planned as Planned
     from ambkit.simulation.many import simulate_many as simulate_many
     from ambkit.simulation.scenario import Scenario as Scenario
@@ -80,24 +77,47 @@ if TYPE_CHECKING:
     from ambkit.verbs.assess import assess_log as assess_log
     from ambkit.verbs.assess import assess_speed as assess_speed
     from ambkit.verbs.assess import assess_sweep as assess_sweep
+    from ambkit.verbs.campaign import campaign as campaign
+    from ambkit.verbs.campaign import campaign_problem as campaign_problem
+    from ambkit.verbs.campaign import campaign_rare as campaign_rare
+    from ambkit.verbs.campaign import campaign_replay as campaign_replay
+    from ambkit.verbs.campaign import campaign_report as campaign_report
+    from ambkit.verbs.campaign import campaign_status as campaign_status
+    from ambkit.verbs.check import check as check
+    from ambkit.verbs.check import schema as schema
+    from ambkit.verbs.compare import compare as compare
+    from ambkit.verbs.compare import compare_steps as compare_steps
+    from ambkit.verbs.design import design as design
     from ambkit.verbs.excite import excite as excite
     from ambkit.verbs.excite import excite_sensitivity as excite_sensitivity
+    from ambkit.verbs.export import export_a2l as export_a2l
+    from ambkit.verbs.export import export_c as export_c
+    from ambkit.verbs.export import export_cost as export_cost
+    from ambkit.verbs.export import export_fmu as export_fmu
+    from ambkit.verbs.export import export_mat as export_mat
+    from ambkit.verbs.export import export_ssp as export_ssp
     from ambkit.verbs.faults import inject_faults as inject_faults
+    from ambkit.verbs.filter import filter as filter
+    from ambkit.verbs.identify import identify as identify
+    from ambkit.verbs.identify import identify_coil as identify_coil
+    from ambkit.verbs.identify import identify_corpus as identify_corpus
+    from ambkit.verbs.identify import identify_lift_off as identify_lift_off
     from ambkit.verbs.pil import pil as pil
+    from ambkit.verbs.presets import presets as presets
+    from ambkit.verbs.read import guess_channels as guess_channels
+    from ambkit.verbs.read import read as read
+    from ambkit.verbs.reproduce import reproduce as reproduce
     from ambkit.verbs.rotor import campbell as campbell
     from ambkit.verbs.rotor import mode_shapes as mode_shapes
     from ambkit.verbs.rotor import unbalance_response as unbalance_response
+    from ambkit.verbs.rotor import waterfall as waterfall
+    from ambkit.verbs.simulate import simulate as simulate
+    from ambkit.verbs.train import train as train
+    from ambkit.verbs.train import train_map as train_map
     from ambkit.verbs.tune import tune as tune
     from ambkit.verbs.tune import tune_robust as tune_robust
     from ambkit.verbs.tune import tune_trade_off as tune_trade_off
-    from ambkit.workflow.comparison import compare as compare
-    from ambkit.workflow.design import design as design
-    from ambkit.workflow.expert import train as train
-    from ambkit.workflow.filter import filter as filter
-    from ambkit.workflow.identify import identify as identify
     from ambkit.workflow.simulate import scenario_for as scenario_for
-    from ambkit.workflow.simulate import simulate as simulate
-    from ambkit.workflow.simulate import simulate_run as simulate_run
 
     __version__: str
 
@@ -106,7 +126,7 @@ _HOME = {
     "control.control": ["Control"],
     "control.pid": ["PID"],
     "control.user_controller": ["ControllerProtocol"],
-    "data.reading.reader": ["load", "read"],
+    "data.reading.reader": ["load"],
     "data.record": ["Record"],
     "data.telemetry": ["read_telemetry"],
     "estimate.adaptive_noise": ["AdaptiveNoise"],
@@ -151,24 +171,43 @@ _HOME = {
         "Sine",
         "Step",
     ],
-    "workflow.comparison": ["compare"],
+    "verbs.campaign": [
+        "campaign",
+        "campaign_problem",
+        "campaign_rare",
+        "campaign_replay",
+        "campaign_report",
+        "campaign_status",
+    ],
+    "verbs.check": ["check", "schema"],
+    "verbs.compare": ["compare", "compare_steps"],
+    "verbs.design": ["design"],
+    "verbs.export": [
+        "export_a2l",
+        "export_c",
+        "export_cost",
+        "export_fmu",
+        "export_mat",
+        "export_ssp",
+    ],
+    "verbs.filter": ["filter"],
+    "verbs.identify": ["identify", "identify_coil", "identify_corpus", "identify_lift_off"],
+    "verbs.presets": ["presets"],
+    "verbs.read": ["guess_channels", "read"],
+    "verbs.reproduce": ["reproduce"],
+    "verbs.simulate": ["simulate"],
+    "verbs.train": ["train", "train_map"],
     "verbs.assess": ["assess", "assess_log", "assess_speed", "assess_sweep"],
     "verbs.excite": ["excite", "excite_sensitivity"],
     "verbs.faults": ["inject_faults"],
-    "verbs.rotor": ["campbell", "mode_shapes", "unbalance_response"],
+    "verbs.rotor": ["campbell", "mode_shapes", "unbalance_response", "waterfall"],
     "verbs.pil": ["pil"],
     "verbs.tune": ["tune", "tune_robust", "tune_trade_off"],
     "campaigns.campaign": ["Campaign"],
-    "campaigns.run": ["campaign"],
     "campaigns.study": ["Study"],
-    "workflow.design": ["design"],
-    "workflow.expert": ["train"],
-    "workflow.filter": ["filter"],
     "rotordynamics.harmonics": ["harmonics"],
-    "workflow.identify": ["identify"],
     "assessment.injection_experiment": ["design_injection"],
-    "rotordynamics.spectrogram": ["waterfall"],
-    "workflow.simulate": ["scenario_for", "simulate", "simulate_run"],
+    "workflow.simulate": ["scenario_for"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

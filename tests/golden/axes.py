@@ -130,7 +130,7 @@ def plants() -> Iterator[Row]:
         for feedback in ("measurement", "estimate"):
             for hit in (False, True) if name in HIT else (False,):
                 scenario = _scenario(axis, feedback, hit)
-                run = ambkit.simulate_run(axis, scenario, estimator=ambkit.KalmanFilter(axis))
+                run = ambkit.simulate(axis, scenario, filter=ambkit.KalmanFilter(axis))
                 names = ("x", "v", "x_m", "iu", "f_mag", "u", "y")
                 columns = {each: np.asarray(run.record[each]) for each in names}
                 case = {"axis": name, "feedback": feedback, "hit": "yes" if hit else "no"}

@@ -48,7 +48,7 @@ def magnets(bearing: ambkit.Bearing) -> ambkit.Expert:
     points = ambkit.stiffness_map(bearing, displacements=[-5e-4, 0.0, 5e-4])
     assert_type(points, ambkit.StiffnessMap)
     assert_type(points.k_i, Array)
-    expert = ambkit.train(points, weights=True)
+    expert = ambkit.train(points).expert
     assert_type(expert, ambkit.Expert)
     stiffness = ambkit.ConstantStiffness(10.0, 7500.0)
     for magnet in (stiffness, ambkit.ClosedLaw(bearing), ambkit.magnet_of(bearing)):
@@ -79,9 +79,9 @@ def scenarios(bearing: ambkit.Bearing) -> ambkit.Scenario:
 
 def records(bearing: ambkit.Bearing, scenario: ambkit.Scenario) -> ambkit.Record:
     """A run, written and read again."""
-    run = ambkit.simulate_run(bearing, scenario)
+    run = ambkit.simulate(bearing, scenario)
     assert_type(run.record, ambkit.Record)
-    record = ambkit.simulate(bearing, scenario)
+    record = ambkit.simulate(bearing, scenario).record
     assert_type(record, ambkit.Record)
     assert_type(record["y"], Array)
     with TemporaryDirectory() as folder:
@@ -122,7 +122,7 @@ def estimates(bearing: ambkit.Bearing, expert: ambkit.Expert, record: ambkit.Rec
         assert_type(kalman.status, ambkit.Status)
     many = ambkit.run_many(filters[2], record["y"], record["u"])
     assert_type(many.mean, NDArray[Any] | None)  # in float32 as well
-    print(ambkit.filter(bearing, record, ["linear"], noise=noise)["linear"].evaluation)
+    print(ambkit.filter(record, ["linear"], machine=bearing, noise=noise)["linear"].evaluation)
     with TemporaryDirectory() as folder:
         file = Path(folder, "filter.toml")
         filters[2].save(file)
@@ -137,11 +137,11 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
     filters = {"linear": lambda: ambkit.KalmanFilter(bearing)}
     runs = [ambkit.Planned(bearing, scenario, filters["linear"](), number=k) for k in range(3)]
     assert_type(ambkit.simulate_many(runs).figures["f_d_rms"], Array)
-    loops = ambkit.compare(bearing, scenario=scenario, estimators=filters, runs=2)
+    loops = ambkit.compare_steps(bearing, filters, scenario=scenario, seeds=2)
     assert_type(loops.scores["scenario"]["linear"].mean("f_d"), float)
-    case = ambkit.compare(bearing, "model", ["linear"], runs=2)
+    case = ambkit.compare(bearing, ["linear"], case="model", seeds=2)
     assert_type(case.bench.efficiency("linear", "x"), float)
-    whole = ambkit.compare(bearing, "all", ["low-pass"], runs=1)
+    whole = ambkit.compare(bearing, ["low-pass"], case="all", seeds=1)
     assert_type(whole["paper"].default["low-pass"].mean("x"), float)
     recovery = ambkit.inject_faults(bearing, ["linear"], faults=["knock"], samples=0)
     assert_type(recovery.to_dict(), dict[str, Any])
@@ -179,7 +179,7 @@ class Raw:
 def of_ones_own(bearing: ambkit.Bearing) -> None:
     """What has a step, and what a verb returns."""
     own: ambkit.EstimatorProtocol = Raw()
-    assert_type(ambkit.simulate_run(bearing, estimator=type(own)).samples_at_the_stop, int)
+    assert_type(ambkit.simulate(bearing, filter=type(own)).samples_at_the_stop, int)
     found: ambkit.Result = ambkit.assess(bearing, {"naive": ambkit.ConstantVelocity(bearing)})
     assert found is not None
 
@@ -188,7 +188,7 @@ def whole_machine() -> None:
     """Four axes of a rotor."""
     machine = ambkit.Machine.preset("hindawi_2011")
     filter_ = ambkit.KalmanFilter(machine)
-    run = ambkit.simulate_run(machine, ambkit.Scenario(duration=0.02), estimator=filter_)
+    run = ambkit.simulate(machine, ambkit.Scenario(duration=0.02), filter=filter_)
     assert_type(run.samples_at_the_stop, int)
     assert_type([each.std for each in ambkit.harmonics(filter_, run.record)], list[float])
     found = ambkit.judge_states(machine, ["linear"], seeds=1, duration=0.04, settled=0.02)

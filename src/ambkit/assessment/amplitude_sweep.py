@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.assessment.arguments import given_estimators, given_load
+from ambkit.assessment.arguments import disturbance_argument, filter_arguments
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assessment import Assessment
 from ambkit.assessment.loop import AssessedAxis, AssessedLoop
@@ -206,7 +206,7 @@ def sweep(
     for level in levels:
         if not (math.isfinite(level) and level > 0):
             raise AmbkitError(f"an amplitude must be greater than 0 m, is {level:g} m")
-    held = given_load(bearing, load)
+    held = disturbance_argument(bearing, load)
     if not result.machine.single:
         rig: _Rig = _MachineRig(result, filter, loop, at, held)
     else:
@@ -229,7 +229,7 @@ class _Rig:
     @property
     def inner(self) -> Any:
         """The estimator in the loop, made anew; None: there is none."""
-        return next(iter(given_estimators(self.filter, self.found.bearing).values()), None)
+        return next(iter(filter_arguments(self.filter, self.found.bearing).values()), None)
 
     def answer(self, added: Array, last: slice) -> tuple[Array, bool]:
         """Return the measurement with what was added to it (n,) [m], and whether a limit is met."""

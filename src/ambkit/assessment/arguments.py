@@ -5,7 +5,8 @@ from __future__ import annotations
 import difflib
 import logging
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -21,11 +22,11 @@ from ambkit.data.reading import load_filled
 from ambkit.data.record import Record
 from ambkit.estimate.experts import experts
 from ambkit.estimate.filter_file import FilterFile
-from ambkit.estimate.named import AT, factories
+from ambkit.estimate.named import AT, PLUS, factories
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
 from ambkit.estimate.user_filter import OwnEstimator, is_own
 from ambkit.machine.loading import load_machine
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.simulation import scenario_control
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Constant
@@ -66,20 +67,20 @@ def loop_given(
         if filter is not None:
             raise AmbkitError(f"{machine} is a filter already: leave out the other one")
         filter, machine = machine, FilterFile.load(machine).plant
-    plant = given_machine(machine)
-    control, constant, measured = given_controller(plant, controller)
+    plant = machine_argument(machine)
+    control, constant, measured = controller_argument(plant, controller)
     if filter is None:
         filter = NONE if measured else "linear"
     if isinstance(filter, (list, tuple)):  # fed by the measurement is assessed beside each
         filter = [item for item in filter if item != NONE] or NONE
-    filters = {} if filter == NONE else given_estimators(filter, plant)
+    filters = {} if filter == NONE else filter_arguments(filter, plant)
     if filter in ("all", ["all"]):
         for name in [name for name, filter_ in filters.items() if not tells(filter_)]:
             NOTES.warning("%s is left out: it does not settle to a gain", name)
             del filters[name]
     forces = dict(constant)
     if disturbance:
-        forces |= given_load(plant, disturbance)
+        forces |= disturbance_argument(plant, disturbance)
     return LoopGiven(plant, filters, control, in_si("position", position, "m"), forces)
 
 
@@ -106,23 +107,23 @@ class TuningGiven(NamedTuple):
 
     def others(self, records: Any) -> list[Record]:
         """Return further records."""
-        return given_records(records, self.machine, self.channels)
+        return record_arguments(records, self.machine, self.channels)
 
 
 def tuning_given(
     machine: Any, records: Any, filter: Any, controller: Any, channels: Any
 ) -> TuningGiven:
     """Return machine, records and kind of filter; ``KIND@FILE`` names what its magnet asks."""
-    plant = given_machine(machine)
+    plant = machine_argument(machine)
     kind, _, file = filter.partition(AT) if isinstance(filter, str) else (filter, "", "")
     kind_called(kind)
     named = names_in(Record, records=records)
     return TuningGiven(
         plant,
-        given_records(named, plant, channels),
+        record_arguments(named, plant, channels),
         kind,
         experts(Path(file), plant) if file else None,
-        given_controller(plant.long, controller)[0],
+        controller_argument(plant.long, controller)[0],
         channels,
         ", ".join(Path(item).name for item in named if not isinstance(item, Record)),
         machine if isinstance(machine, str | os.PathLike) else None,
@@ -130,11 +131,13 @@ def tuning_given(
     )
 
 
-def given_records(records: Any, machine: Machine, channels: Any) -> list[Record]:
+def record_arguments(
+    records: Any, machine: Machine, channels: Any, window: Any = None
+) -> list[Record]:
     """Return records; where files do not look like those of the machine, that is noted."""
     results = []
     for item in names_in(Record, records=records):
-        results.append(given_record(item, channels))
+        results.append(record_argument(item, channels, window))
         if not isinstance(item, Record):
             try:
                 odd = check_plausibility(results[-1], machine)
@@ -145,12 +148,29 @@ def given_records(records: Any, machine: Machine, channels: Any) -> list[Record]
     return results
 
 
-def given_machine(source: Any) -> Machine:
+def machine_argument(source: Any) -> Machine:
     """Return the machine that is given or named."""
     if isinstance(source, str | os.PathLike):
         return load_machine(source)
     of_type(Machine, machine=source)
     return cast(Machine, source)
+
+
+def axis_argument(source: Any) -> Bearing:
+    """Return the machine that is given or named, which must have one axis."""
+    machine = machine_argument(source)
+    if not machine.single:
+        raise AmbkitError(f'"{source}" has several axes; this takes a machine with one')
+    return machine.isolated_axis("")
+
+
+@contextmanager
+def arguments_of_the_user(prefix: str = "") -> Iterator[None]:
+    """Around library calls whose arguments the user gave: their ValueErrors are the user's."""
+    try:
+        yield
+    except ValueError as error:
+        raise AmbkitError(f"{prefix}{error}") from error
 
 
 def is_filter(source: Any) -> bool:
@@ -165,7 +185,7 @@ def is_filter(source: Any) -> bool:
         return False
 
 
-def given_controller(machine: Machine, value: Any) -> tuple[PID | None, dict[str, float], bool]:
+def controller_argument(machine: Machine, value: Any) -> tuple[PID | None, dict[str, float], bool]:
     """Return the controllers, the constant disturbances, and whether a measurement feeds them."""
     if isinstance(value, type) or (isinstance(value, str) and MARK in value):
         return Control(custom=value), {}, False
@@ -201,7 +221,7 @@ def given_orbit(orbit: Any) -> Any:
     return in_si("orbit", orbit, "m")
 
 
-def given_record(source: Any, channels: Any = None, window: Any = None) -> Record:
+def record_argument(source: Any, channels: Any = None, window: Any = None) -> Record:
     """Return a record, filled where its log has gaps, or the part of it that is wanted."""
     record: Record = source
     if isinstance(source, str | os.PathLike):
@@ -216,7 +236,7 @@ def given_record(source: Any, channels: Any = None, window: Any = None) -> Recor
     return record.between(start, stop)
 
 
-def given_load(bearing: Machine, load: Any) -> dict[str, float]:
+def disturbance_argument(bearing: Machine, load: Any) -> dict[str, float]:
     """Return constant loads by the names of axes [N]; a number is of the first axis."""
     if load is None or isinstance(load, Mapping):
         return {
@@ -225,7 +245,7 @@ def given_load(bearing: Machine, load: Any) -> dict[str, float]:
     return {bearing.long.axes[0].name: in_si("disturbance", load, "N")}
 
 
-def given_estimators(filters: Any, bearing: Machine) -> dict[str, Estimator]:
+def filter_arguments(filters: Any, bearing: Machine) -> dict[str, Estimator]:
     """Return the estimators that were given or named, by their names."""
     from ambkit.estimate.estimator import Estimator
 
@@ -270,9 +290,34 @@ class Chosen(NamedTuple):
     magnet: MagnetModel | None
     file: FilterFile | None = None
     """The filter whose kind and magnet these are, where it is in a file."""
+    synchronous: tuple[str, ...] = ()
+    """What it estimates too of a rotor that turns."""
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Further options of its kind."""
+        return {"synchronous": self.synchronous} if self.synchronous else {}
 
 
-def export_given(
+def table_options(table_error: Any) -> dict[str, Any]:
+    """Return whether an expert is exported as a table, and how far that may be off [N]."""
+    if table_error is None:
+        return {}
+    bound = None if table_error == "auto" else in_si("table_error", table_error, "N")
+    return {"expert_form": "tabulated", "force_bound": bound}
+
+
+def axis_to_export(
+    machine: Any, filter: Any, choice: Sequence[str] = tuple(KINDS)
+) -> tuple[Bearing, Chosen]:
+    """Return the machine with one axis and the filter that are to be exported."""
+    plant, chosen = export_arguments(machine, filter, choice)
+    if not plant.single:
+        raise AmbkitError(f'"{machine}" has several axes; this takes a machine with one')
+    return plant.isolated_axis(""), chosen
+
+
+def export_arguments(
     machine: Any, filter: Any, choice: Sequence[str] = tuple(KINDS)
 ) -> tuple[Machine, Chosen]:
     """Return the machine and the filter that are to be exported; a filter's file gives both."""
@@ -280,14 +325,17 @@ def export_given(
         if filter is not None:
             raise AmbkitError(f"{machine} is a filter already: leave out the other one")
         filter, machine = machine, FilterFile.load(machine).plant
-    plant = given_machine(machine)
+    plant = machine_argument(machine)
     return plant, _chosen("linear" if filter is None else os.fspath(filter), plant, choice)
 
 
 def _chosen(text: str, machine: Machine, choice: Sequence[str]) -> Chosen:
     """Return what is exported of a kind, a filter's file, an expert or a force map."""
-    if text in choice:
-        return Chosen(text, learned_magnet(text, machine))
+    name, *synchronous = text.split(PLUS)
+    if synchronous and machine.single:
+        raise AmbkitError(f"filter: {text} is of a rotor that turns; {machine.name} is a mass")
+    if name in choice:
+        return Chosen(name, learned_magnet(name, machine), None, tuple(synchronous))
     if text in KINDS:
         raise AmbkitError(f"filter: {text} cannot be exported yet; {', '.join(choice)} can")
     path = Path(text.rpartition(AT)[2])
@@ -306,7 +354,7 @@ def _chosen(text: str, machine: Machine, choice: Sequence[str]) -> Chosen:
     return Chosen(kind_called(kind).name, experts(path, machine))
 
 
-def given_scenario(given: Any) -> Scenario | None:
+def scenario_argument(given: Any) -> Scenario | None:
     """Return the scenario that is given or in a file."""
     return Scenario.load(given) if isinstance(given, str | os.PathLike) else given
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from ambkit.assessment.arguments import given_estimators, given_load
+from ambkit.assessment.arguments import disturbance_argument, filter_arguments
 from ambkit.assessment.assessment import HINF, LQG, Assessment
 from ambkit.assessment.loop import AssessedLoop, assessed
 from ambkit.assessment.orbit import on_orbit
@@ -43,8 +43,8 @@ def assess(
 ) -> Assessment:
     """Assess a loop as ISO 14839-3 looks at it: broken at the measurement, filter and all."""
     of_type(Machine, bearing=bearing)
-    of = LoopOf(bearing, controller, in_si("x", x, "m"), given_load(bearing, load))
-    estimators = given_estimators(filter, bearing)
+    of = LoopOf(bearing, controller, in_si("x", x, "m"), disturbance_argument(bearing, load))
+    estimators = filter_arguments(filter, bearing)
     amplitude = None if isinstance(orbit, bool) else in_si("orbit", orbit, "m")
 
     def fed_by(name: str, estimator: Estimator | None) -> AssessedLoop:

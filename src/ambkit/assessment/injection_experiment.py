@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.assessment.arguments import given_estimators
+from ambkit.assessment.arguments import filter_arguments
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assess_log import of_one_axis
 from ambkit.assessment.injection import PERIODS, Injection
@@ -278,7 +278,7 @@ class _OfBearing(_Experiment):
         scenario = self.scenario.model_copy(
             update={"seed": self.scenario.seed + other, "injection": _recorded(self.t, added)}
         )
-        inner = next(iter(given_estimators(self.filter, self.bearing).values()), None)
+        inner = next(iter(filter_arguments(self.filter, self.bearing).values()), None)
         run = simulate_run(self.bearing, scenario, estimator=inner)
         level = self.taken([run.record["iu"]], [run.record["x"]])
         return _Run(run.record, level, run.estimate)
@@ -310,7 +310,7 @@ class _OfMachine(_Experiment):
         run_scenario = self.flight.model_copy(
             update={"seed": self.flight.seed + other, "injection": (*others, there)}
         )
-        inner = next(iter(given_estimators(self.filter, self.bearing).values()), None)
+        inner = next(iter(filter_arguments(self.filter, self.bearing).values()), None)
         run = simulate_run(self.bearing, run_scenario, estimator=inner)
         names = list(self.loop.axes)
         level = self.taken(*([run.record[f"{of}_{name}"] for name in names] for of in ("iu", "s")))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.assessment.arguments import given_estimators, given_load
+from ambkit.assessment.arguments import disturbance_argument, filter_arguments
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.assessment.orbit import on_orbit
 from ambkit.base import units
@@ -260,13 +260,13 @@ def assess_over_speed(
         )
     if count < 2:
         raise AmbkitError(f"count must be 2 or more, is {count}")
-    estimators = given_estimators(filter, machine)
+    estimators = filter_arguments(filter, machine)
     if len(estimators) > 1:
         raise AmbkitError(
             f"one loop is looked at over speed: give one filter, not {len(estimators)}"
         )
     ((name, estimator),) = estimators.items() or [(MEASUREMENT, None)]
-    run = _Run(machine, estimator, controller, given_load(machine, load), orbit, fastest)
+    run = _Run(machine, estimator, controller, disturbance_argument(machine, load), orbit, fastest)
     speeds = np.linspace(0.0, fastest, count)
     parts = [run.at(float(speed)) for speed in speeds]
     checked = sorted({0.0, fastest, *([machine.speed] if 0 < machine.speed < fastest else [])})

@@ -129,6 +129,22 @@ def _silent(_text: str = "", steps: int = 1) -> None:
     pass
 
 
+_left: list[str] = []
+
+
+@contextmanager
+def interrupted_says(text: str) -> Iterator[None]:
+    """State what a command leaves where it is interrupted within this."""
+    _left.append(text)
+    yield
+    _left.pop()
+
+
+def left_by_interrupt() -> str | None:
+    """Return what an interrupted command leaves; None where it does not state it."""
+    return _left.pop() if _left else None
+
+
 @contextmanager
 def _below_the_cell(bar: Any) -> Iterator[Callable[[], None]]:
     """Show a bar as an output that is drawn anew, and take it away at the end."""

@@ -14,7 +14,10 @@ from ambkit.result.sections import Section
 from ambkit.simulation.run_figure import simulation_figure
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from ambkit.campaigns.plan import Plan
+    from ambkit.data.record import Record
     from ambkit.machine.machine import Machine
     from ambkit.result.report.figure import Figure
     from ambkit.simulation.many import Planned
@@ -62,6 +65,19 @@ class Replayed(Result):
     def series(self) -> dict[str, Any]:
         """Its number."""
         return {"run": self.number}
+
+    def file(self) -> Record:
+        """Return the record, which is what is written as ``.csv`` and ``.parquet``."""
+        return self.run.record
+
+    def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
+        """Write the estimates, or the machine that was drawn."""
+        if what == "machine":
+            self.plant.save(path)
+        elif self.run.estimate is None:
+            raise AmbkitError(f"run {self.number} has no filter, so there are no estimates")
+        else:
+            self.run.estimate.save(path)
 
     def figures(self) -> list[Figure]:
         """Return the run."""

@@ -18,63 +18,24 @@ from ambkit.campaigns.stopping_rule import Counted, looks_of
 from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study import Study, load
 from ambkit.campaigns.worker import Rows, compute
+from ambkit.result.document import Statement
 
 Told = Callable[..., None]
 
 
 def campaign(
-    study: Study | str | os.PathLike[str],
-    folder: str | os.PathLike[str] | None = None,
+    study: Study,
+    folder: str | os.PathLike[str],
     *,
     cluster: str | None = None,
     workers: int | None = None,
     threads: int | None = None,
     done: Told | None = None,
 ) -> Campaign:
-    """Simulate the machines of a study, as ``ambkit campaign`` does.
-
-    The rows follow from the study alone, bit for bit: not from threads, order, cluster or from how
-    often it was interrupted. A folder in which it was begun is gone on with.
-
-    Parameters
-    ----------
-    study : Study or path
-        What varies, and what is asked.
-    folder : path, optional
-        Where the rows are kept; by default named as the study's file, without its ending.
-    cluster : str, optional
-        ``"local"`` for processes of this machine, the address of a Dask scheduler, or ``"slurm"``;
-        without it this process computes, in threads.
-    workers : int, optional
-        Processes of a cluster; by default as many as this machine has processors.
-    threads : int, optional
-        Of this process; by default as many as it may use.
-    done : callable, optional
-        Told by ``done(text, steps=n)`` of runs that are finished; a notebook shows a bar without.
-
-    Returns
-    -------
-    Campaign
-        With yield, worst machines, what drives them, tables and pictures.
-
-    Raises
-    ------
-    AmbkitError
-        The study is not valid, the folder is of another one or of another version of ambkit, or it
-        cannot be written; the cluster does not answer.
-
-    Examples
-    --------
-    >>> found = ambkit.campaign("tolerances.toml", "out")
-    >>> found.good
-    Share(passed=1968, of=2000, low=0.977, high=0.989)
-    """
-    of_type(Study, str, os.PathLike, study=study)
-    if folder is None:
-        if isinstance(study, Study):
-            raise AmbkitError("folder: say where the rows of a study from Python are to be kept")
-        folder = Path(study).with_suffix("").name
-    plan = Plan(load(study))
+    """Simulate the machines of a study, or go on where that was interrupted."""
+    # The rows follow from the study alone, bit for bit: not from threads, order, cluster or from
+    # how often it was interrupted.
+    plan = Plan(study)
     plan.check()
     if cluster is None and workers is not None:
         raise AmbkitError("workers are of a cluster; without one there are threads")
@@ -94,11 +55,27 @@ def campaign(
     return Campaign(Path(folder), plan, tuple(range(end)))
 
 
-def begun_in(study: Study, folder: str | os.PathLike[str]) -> tuple[int, int]:
-    """Return how many runs of a study a folder has already, and of how many."""
-    plan = Plan(study)
+class Begun(NamedTuple):
+    """A study, its folder, how many runs that has already, and of how many."""
+
+    study: Study
+    folder: Path
+    runs: int
+    of: int
+
+
+def begun(study: Study | str | os.PathLike[str], folder: str | os.PathLike[str] | None) -> Begun:
+    """Return how far a campaign has come; without a folder it is named as the study's file."""
+    of_type(Study, str, os.PathLike, study=study)
+    if folder is None:
+        if isinstance(study, Study):
+            raise AmbkitError("folder: say where the rows of a study from Python are to be kept")
+        folder = Path(study).with_suffix("").name
+    known = load(study)
+    plan = Plan(known)
     there = Folder(folder, plan).done()
-    return sum(stop - first for first, stop in map(plan.span, there)), plan.runs
+    runs = sum(stop - first for first, stop in map(plan.span, there))
+    return Begun(known, Path(folder), runs, plan.runs)
 
 
 Hands = Callable[[Plan, list[int]], Iterator[tuple[int, Rows]]]
@@ -152,6 +129,16 @@ class Status(NamedTuple):
     parts: int  #: Finished.
     good: Share  #: The yield so far.
     complete: bool  #: Whether nothing is left to be done.
+
+    def stated(self) -> Statement:
+        """Return it as a result."""
+        state = "finished" if self.complete else "not finished"
+        left = "" if self.complete else f" of {self.of:,}"
+        return Statement(
+            f"{self.name}: {state}, {self.runs:,}{left} runs in {self.parts} parts, "
+            f"good {self.good}",
+            self._asdict() | {"good": self.good._asdict()},
+        )
 
 
 def status(folder: str | os.PathLike[str]) -> Status:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,8 +15,11 @@ from numpy.typing import NDArray
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
+from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.units import engineering
+from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study_tables import UNITS
+from ambkit.result.document import Statement
 
 if TYPE_CHECKING:
     from ambkit.campaigns.plan import Plan
@@ -183,6 +187,21 @@ def rare_failure(
         raise AmbkitError(f"{plan.study.name}: nothing varies")
     return subset(
         limit, k, above, runs=runs, seed=seed, confidence=plan.study.confidence, done=done
+    )
+
+
+def rare_in_folder(
+    folder: str | os.PathLike[str], figure: str, above: Given, **options: Any
+) -> Statement:
+    """Estimate a rare failure of a campaign's machines, and keep it in its folder."""
+    place = Folder.existing(folder)
+    if figure not in UNITS:
+        raise AmbkitError(f"there is no figure {figure}; there are {', '.join(UNITS)}")
+    limit = in_si("above", above, UNITS[figure])
+    result = rare_failure(place.plan, figure, limit, **options)
+    keep(place.path, figure, limit, result)
+    return Statement(
+        sentence(figure, limit, result), {"figure": figure, "above": limit} | result._asdict()
     )
 
 

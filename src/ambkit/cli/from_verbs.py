@@ -8,69 +8,33 @@ import inspect
 import os
 import re
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from textwrap import fill
 from types import NoneType, UnionType
-from typing import (
-    TYPE_CHECKING,
-    Annotated,
-    Any,
-    Literal,
-    NamedTuple,
-    Union,
-    cast,
-    get_args,
-    get_origin,
-)
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from ambkit.base.errors import AmbkitError
+from ambkit.cli.catalogue import (
+    FOLDER,
+    MAKES,
+    PICTURES,
+    Misused,
+    products,
+    returns,
+    verb_called,
+    within,
+)
 
-if TYPE_CHECKING:
-    from ambkit.result.result import Result
+PLAIN = ("Document", "Statement", "Outcome")
+"""Types of results that have neither pictures nor figures for experts."""
 
-VERBS = {
-    "assess": "assess:assess",
-    "assess sweep": "assess:assess_sweep",
-    "assess speed": "assess:assess_speed",
-    "assess log": "assess:assess_log",
-    "design": "design:design",
-    "excite": "excite:excite",
-    "excite sensitivity": "excite:excite_sensitivity",
-    "faults": "faults:inject_faults",
-    "rotor": "rotor:campbell",
-    "rotor modes": "rotor:mode_shapes",
-    "rotor unbalance": "rotor:unbalance_response",
-    "pil": "pil:pil",
-    "tune": "tune:tune",
-    "tune robust": "tune:tune_robust",
-    "tune trade-off": "tune:tune_trade_off",
-}
-"""Module and function of each command."""
-
-MAKES = {
-    "excite": (".parquet",), "excite sensitivity": (".parquet",), "faults": (".parquet",),
-    "pil": (".parquet",), "tune": (".toml",), "tune robust": (".toml",),
-}  # fmt: skip
-"""Endings of what a command makes, beside those of all results."""
-
-PICTURES = (".png", ".svg", ".pdf", ".html")
-ROWS = (".json", ".csv", ".tex", ".html")
-"""What every result can be written as."""
-
+OPERANDS = ("records", "name")
+"""Parameters that stand without an option though they may be left out."""
 
 SAME = re.compile(r"[Aa]s for `ambkit ([\w -]+)`")
 """Of a parameter that has the meaning that it has in another command."""
-
-
-class Misused(AmbkitError):
-    """A command line that its command does not understand."""
-
-    def __init__(self, message: str, command: str | None) -> None:
-        super().__init__(message)
-        self.command = command
 
 
 class Description(NamedTuple):
@@ -90,6 +54,16 @@ class Parser(argparse.ArgumentParser):
             name, formatter_class=Layout, allow_abbrev=False, add_help=False, exit_on_error=False
         )
         self.add_argument("-h", "--help", action="help", help="Show this help.")
+
+    def parse_args(self, arguments: Any = None, namespace: Any = None) -> Any:
+        """Parse the arguments; a negative quantity such as -3N is the value of its option."""
+        joined: list[str] = []
+        for argument in arguments or ():
+            if joined and re.match(r"-[\d.]", argument) and re.fullmatch(r"--[\w-]+", joined[-1]):
+                joined[-1] += f"={argument}"
+            else:
+                joined.append(argument)
+        return super().parse_args(joined, namespace)
 
     def error(self, message: str) -> Any:
         """Refuse the command line, with the option that was perhaps meant."""
@@ -129,12 +103,6 @@ class Once(argparse.Action):
         setattr(namespace, self.dest, values)
 
 
-def verb_called(name: str) -> Callable[..., Any]:
-    """Return the verb of a command."""
-    module, _, function = VERBS[name].partition(":")
-    return cast(Callable[..., Any], getattr(import_module(f"ambkit.verbs.{module}"), function))
-
-
 def described(verb: Callable[..., Any]) -> Description:
     """Read the docstring of a verb; what is as for another is looked up there."""
     text, *sections = re.split(r"\n(?=[A-Z][\w ]+\n-+\n)", inspect.getdoc(verb) or "")
@@ -158,15 +126,16 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
     lines = "".join(f"\n    {line}" for line in about.examples)
     paragraphs = (fill(text, width()) for text in about.text.split("\n\n"))
     parser.description = "\n\n".join(paragraphs) + (f"\n\nFor example:{lines}" if lines else "")
-    beside = [other for other in VERBS if other.startswith(f"{name} ")]
-    if beside:
-        parser.description += f"\n\nFurther commands: {', '.join(beside)}."
+    if beside := within(name):
+        parser.description += "\n\n" + fill(f"Further commands: {', '.join(beside)}.", width())
     for parameter in inspect.signature(verb).parameters.values():
         text = about.parameters[parameter.name].replace("%", "%%")
         # Annotations of parameters alone: those of results name what is not imported.
         settings = _settings(eval(parameter.annotation, verb.__globals__))
+        if not settings.get("metavar", True):
+            continue  # of Python only
         required = parameter.default is parameter.empty
-        if parameter.name == "records" or (
+        if parameter.name in OPERANDS or (
             required and parameter.kind is not parameter.KEYWORD_ONLY
         ):
             parser.add_argument(
@@ -179,28 +148,39 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
                 required=required,
                 **{"action": Once} | settings,
             )  # fmt: skip
-    _add_outputs(parser, (*MAKES.get(name, ()), *ROWS))
+    if "--out" not in parser._option_string_actions:  # else the verb writes a folder by itself
+        _add_outputs(parser, name, verb)
+    parser.add_argument("--json", action="store_true", help="Print JSON, in SI units.")
+    if returns(verb) not in PLAIN:
+        parser.add_argument("--verbose", action="store_true", help="Print all figures.")
     return parser
 
 
 def _positional(settings: dict[str, Any], default: Any) -> dict[str, Any]:
+    required = default is inspect.Parameter.empty
     if settings.pop("action", None) != "append":
-        return settings
-    return settings | {"nargs": "+" if default is inspect.Parameter.empty else "*"}
+        # An operand that is left out is left to the verb.
+        return settings if required else settings | {"nargs": "?", "default": argparse.SUPPRESS}
+    return settings | {"nargs": "+" if required else "*"}
 
 
-def _add_outputs(parser: Parser, endings: Sequence[str]) -> None:
-    files = {
-        "--out": f"Write the result: {', '.join(endings)} (page). May be repeated.",
-        "--plot": f"Draw it: {', '.join(PICTURES)}. May be repeated.",
-    }
-    own = "--out" in parser._option_string_actions  # of a verb that writes a folder by itself
-    for option, text in {} if own else files.items():
+def _add_outputs(parser: Parser, name: str, verb: Callable[..., Any]) -> None:
+    makes = products(name, verb)
+    forms = [
+        (f"{what}=" if what else "") + " ".join(endings)
+        for what, endings in makes.items() if endings
+    ]  # fmt: skip
+    texts = {}
+    if forms:
+        value = "[WHAT=]FILE" if len(makes) > 1 else "FILE"
+        texts["--out"] = value, f"Write the result: {'; '.join(forms)}."
+    if returns(verb) not in PLAIN:
+        texts["--plot"] = "FILE", f"Draw it: {' '.join(PICTURES)}."
+    for option, (value, text) in texts.items():
         parser.add_argument(
-            option, type=Path, action="append", default=[], metavar="FILE", help=text
-        )
-    parser.add_argument("--json", action="store_true", help="Print JSON, in SI units.")
-    parser.add_argument("--verbose", action="store_true", help="Print all figures.")
+            option, type=Path, action="append", default=[], metavar=value,
+            help=f"{text} May be repeated.",
+        )  # fmt: skip
 
 
 def _default(value: Any) -> str:
@@ -222,7 +202,8 @@ def _settings(annotation: Any) -> dict[str, Any]:
     if _is_list(annotation):
         return _settings(parts[0]) | {"action": "append"}
     if origin is Literal:
-        return {"choices": parts}
+        settings = {"choices": parts, "type": type(parts[0])}
+        return settings | ({"metavar": "NAME"} if len("".join(map(str, parts))) > 40 else {})
     if annotation is bool:
         return {"action": "store_true"}
     if annotation in (int, float):
@@ -234,14 +215,8 @@ def _is_list(annotation: Any) -> bool:
     return get_origin(annotation) is Sequence
 
 
-def called(arguments: Sequence[str]) -> tuple[str, Sequence[str]]:
-    """Return the command that a shell calls, of one word or two, and what it is given."""
-    count = 2 if " ".join(arguments[:2]) in VERBS else 1
-    return " ".join(arguments[:count]), arguments[count:]
-
-
 def run(name: str, arguments: Sequence[str]) -> int:
-    """Call a verb with what a shell gives, deliver its result, and return the exit code."""
+    """Call a verb with the arguments of a shell, deliver its result, and return the exit code."""
     from ambkit.cli import printing
 
     verb = verb_called(name)
@@ -250,37 +225,69 @@ def run(name: str, arguments: Sequence[str]) -> int:
         options = vars(parser.parse_args(arguments))
     except argparse.ArgumentError as error:
         parser.error(str(error))
-    makes = "plot" in options  # else it writes a folder by itself
-    out, plots = (options.pop("out"), options.pop("plot")) if makes else ((), ())
-    as_json, verbose = options.pop("json"), options.pop("verbose")
-    _check_files("--out", out, (*MAKES.get(name, ()), *ROWS), options)
-    _check_files("--plot", plots, PICTURES, options)
-    result: Result = verb(**options)
-    if not makes:
-        printing.written.append(Path(options["out"]))
-    printing.deliver_result(
-        result,
-        [
-            *((path, result.save) for path in out),
-            *((path, partial(printing.save_figure, result)) for path in plots),
-        ],
-        as_json=as_json,
-        verbose=verbose,
-    )
+    own = "out" in inspect.signature(verb).parameters  # it writes a folder by itself
+    out = {} if own else _targets(options.pop("out", []), products(name, verb))
+    plots = options.pop("plot", [])
+    as_json, verbose = options.pop("json"), options.pop("verbose", False)
+    targets = [(path, products(name, verb)[what]) for path, what in out.items()]
+    if own and name in MAKES:
+        targets = [(Path(options["out"]), MAKES[name][""])]
+    _check_files("--out", targets, options)
+    _check_files("--plot", [(path, PICTURES) for path in plots], options)
+    try:
+        result = verb(**options)
+    except AmbkitError as error:
+        printing.draw_refused(error, plots)
+        raise
+    if own:
+        printing.written.append(getattr(result, "path", None) or Path(options["out"]))
+    beside = {what or path.suffix: path for path, what in out.items()}
+    files: list[printing.File] = [
+        (path, partial(_save, result, what, beside=beside)) for path, what in out.items()
+    ]
+    files += [(path, partial(printing.save_figure, result)) for path in plots]
+    if returns(verb) in PLAIN:
+        return printing.deliver_document(result, files, as_json=as_json)
+    printing.deliver_result(result, files, as_json=as_json, verbose=verbose)
     if as_json:  # else it is among the notes
-        printing.say_adequacy(getattr(result, "adequacy", ()))
+        printing.say_adequacy(result)
     return 0 if getattr(result, "passed", True) else 1
 
 
+def _save(result: Any, what: str, path: Path, beside: Mapping[str, Path]) -> None:
+    if what:
+        result.save_product(what, path, beside)
+    else:
+        result.save(path)
+
+
+def _targets(paths: Sequence[Path], makes: Mapping[str, Sequence[str]]) -> dict[Path, str]:
+    """Return which of its products a command writes into each file."""
+    results: dict[Path, str] = {}
+    for path in sorted(paths, key=lambda path: _parts(path)[0] != ""):
+        what, file = _parts(path)
+        if what and len(makes) > 1 and what not in makes:
+            raise AmbkitError(f"--out: there is no {what}=; known: {', '.join(sorted(makes)[1:])}")
+        results |= {file: what} if what in makes else {path: ""}
+    return results
+
+
+def _parts(path: Path) -> tuple[str, Path]:
+    match = re.fullmatch(r"([a-z-]+)=(.+)", str(path))
+    return (match[1], Path(match[2])) if match else ("", path)
+
+
 def _check_files(
-    option: str, paths: Sequence[Path], endings: Sequence[str], arguments: dict[str, Any]
+    option: str, files: Sequence[tuple[Path, Sequence[str]]], arguments: dict[str, Any]
 ) -> None:
     """Refuse files that cannot be written, or that the command reads, before it begins."""
     texts = [item for value in arguments.values()
              for item in (value if isinstance(value, list) else [value])]  # fmt: skip
     read = [Path(text) for text in texts if isinstance(text, str)]
-    for path in paths:
+    for path, endings in files:
         problem = None
+        if tuple(endings) == FOLDER:
+            continue
         if path.suffix.lower() not in endings:
             problem = f"must end with {' or '.join(endings)}"
         elif path.is_dir():
@@ -293,12 +300,3 @@ def _check_files(
             problem = "is read by this command, and would be overwritten"
         if problem:
             raise AmbkitError(f"{option}: {path} {problem}")
-
-
-def command(name: str) -> Callable[[], None]:
-    """Return a command for typer, which only lists it."""
-
-    def listed() -> None: ...
-
-    listed.__doc__ = described(verb_called(name)).summary
-    return listed

@@ -1,7 +1,7 @@
 """The command ``ambkit``: whatever happens is an exit code and, where it failed, one message.
 
 What a user can mend leaves with 2, an error of ambkit's own with 1, Ctrl-C with 130. The commands
-themselves are in `ambkit.cli.app`, which is imported where an interrupt is heeded already.
+themselves are the verbs (`ambkit.verbs`), which are imported where an interrupt is heeded already.
 """
 
 from __future__ import annotations
@@ -69,10 +69,7 @@ def _run(arguments: list[str], debug: bool) -> int:
     from ambkit.base.errors import AmbkitError
 
     try:
-        from ambkit.cli import from_verbs
-
-        name, given = from_verbs.called(arguments)
-        code = from_verbs.run(name, given) if name in from_verbs.VERBS else _typer(arguments)
+        code = _called(arguments)
         sys.stdout.flush()
         return code
     except AmbkitError as error:
@@ -83,11 +80,6 @@ def _run(arguments: list[str], debug: bool) -> int:
         return _refused("there is not enough memory for this many samples")
     except BrokenPipeError:
         return _left()
-    except SystemExit as error:
-        # typer and rich leave in their own way where a reader has gone.
-        if isinstance(error.__context__, BrokenPipeError):
-            return _left()
-        raise
     except OSError as error:
         _trace(debug)
         if error.filename:
@@ -99,19 +91,31 @@ def _run(arguments: list[str], debug: bool) -> int:
         return _unforeseen(error)
 
 
-def _typer(arguments: list[str]) -> int:
-    """Run a command that is not made from a verb."""
-    from typer import TyperException
+def _called(arguments: list[str]) -> int:
+    """Run the command that the arguments name, and return its exit code."""
+    from ambkit.cli import catalogue
 
-    from ambkit.cli.app import app
-    from ambkit.cli.from_verbs import Misused
+    name, following = catalogue.called(arguments)
+    if name in catalogue.VERBS:
+        from ambkit.cli import from_verbs
 
-    try:
-        return int(app(arguments, prog_name="ambkit", standalone_mode=False) or 0)
-    except TyperException as error:
-        context = getattr(error, "ctx", None)
-        message = error.format_message().replace("Value error, ", "")
-        raise Misused(message, context.command_path if context else None) from error
+        return from_verbs.run(name, following)
+    match name:
+        case "" | "-h" | "--help":
+            print(catalogue.front(), end="")
+        case "--version":
+            import ambkit
+
+            print(f"ambkit {ambkit.__version__}")
+        case "--print-completion":
+            from ambkit.cli import completion
+
+            print(completion.script(following))
+        case _ if name in catalogue.GROUPS and (not following or following[0] in ("-h", "--help")):
+            print(catalogue.of_group(name), end="")
+        case _:
+            raise catalogue.unknown(name, following)
+    return 0
 
 
 def _left() -> int:
@@ -127,9 +131,10 @@ def _silenced() -> None:
 
 def _interrupted() -> None:
     """Say what was written so far, in a line."""
+    from ambkit.base import progress
     from ambkit.cli import printing
 
-    left = printing.left_by_interrupt()
+    left = progress.left_by_interrupt()
     if left is not None:
         printing.note(f"\ninterrupted; {left}")
         return

@@ -6,7 +6,7 @@ import json
 import logging
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,28 +19,13 @@ from ambkit.result.table import table as table
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ambkit.judge.adequacy_criteria import Finding
+    from ambkit.base.errors import AmbkitError
     from ambkit.result.result import Result
 
 File = tuple[Path | None, Callable[[Path], object]]
 
 written: list[Path] = []
 """The files that this call has written so far, for the message when it is interrupted."""
-
-_said: list[str] = []
-
-
-@contextmanager
-def interrupted_says(text: str) -> Iterator[None]:
-    """Where a command is interrupted within this, let it say so."""
-    _said.append(text)
-    yield
-    _said.pop()
-
-
-def left_by_interrupt() -> str | None:
-    """Return what an interrupted command said that it leaves; None where it said nothing."""
-    return _said.pop() if _said else None
 
 
 def deliver(
@@ -87,6 +72,36 @@ def deliver_result(
     )
 
 
+def deliver_document(result: Any, files: Sequence[File], *, as_json: bool) -> int:
+    """Write the files of a result without figures, print it, and return the exit code."""
+    sentence = getattr(result, "finding", None)
+    deliver(result.to_dict(), [] if sentence is None else [sentence], files, as_json=as_json)
+    if not as_json and sentence is None and not files:
+        print(str(result), end="")
+    for text in getattr(result, "notes", ()):
+        note(text)
+    return getattr(result, "exit_code", 0)
+
+
+def draw_refused(error: AmbkitError, plots: Sequence[Path]) -> None:
+    """Draw where the trouble is in a log that was refused."""
+    if not plots:
+        return
+    from ambkit.data.reading.rejected_log_figure import refused_figure
+    from ambkit.data.reading.rejections import Refused
+    from ambkit.result import saving
+
+    if not isinstance(error, Refused):
+        return
+    figure = refused_figure(error)
+    for path in plots:
+        if figure is None:
+            note(f"{path} is not written: there is nothing to be drawn")
+            continue
+        saving.save_figure(figure, path)
+        note(f"wrote {path}: what could be read, and where the trouble is; no record is written")
+
+
 def save_figure(result: Result, path: Path) -> None:
     """Draw a result's main picture."""
     from ambkit.result import saving
@@ -125,14 +140,14 @@ def stdout() -> Console:
     return Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False)
 
 
-def say_adequacy(results: Iterable[Finding], name: str = "") -> list[dict[str, Any]]:
-    """Say on stderr what is wrong with a filter, and return all findings as plain data."""
+def say_adequacy(result: Result) -> None:
+    """State on stderr why filters must not fly."""
     from ambkit.judge.adequacy import sentences
 
-    results = list(results)
-    for text in sentences(results):
-        note(f"{name}: {text}" if name else text)
-    return [item.to_dict() for item in results]
+    judged = getattr(result, "adequacy", ())
+    for name, findings in judged.items() if isinstance(judged, Mapping) else (("", judged),):
+        for text in sentences(list(findings)):
+            note(f"{name}: {text}" if name else text)
 
 
 def note(text: str) -> None:

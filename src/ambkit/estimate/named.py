@@ -54,6 +54,19 @@ class FromFile:
         return self.file.make(precision=precision)
 
 
+@dataclass(frozen=True)
+class FromObject:
+    """What returns a filter that exists: it assumes what it was made with."""
+
+    filter: Estimator
+
+    def __call__(
+        self, noise: FilterNoise | None = None, *, precision: Precision = "float64"
+    ) -> Estimator:
+        """Return it; `noise` is that of others, and left alone."""
+        return self.filter
+
+
 def factories(
     names: Iterable[str],
     bearing: Machine,

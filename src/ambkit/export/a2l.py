@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -48,7 +49,12 @@ def symbol(elf: Path, name: str) -> Symbol:
 
 
 def export_a2l(
-    folder: str | Path, elf: str | Path, variable: str, out: str | Path, *, force: bool = False
+    folder: str | os.PathLike[str],
+    elf: str | os.PathLike[str],
+    variable: str,
+    out: str | os.PathLike[str],
+    *,
+    force: bool = False,
 ) -> Path:
     """Write an A2L file for the ``amb_calibration`` of a program."""
     described = Path(folder) / "calibration.json"

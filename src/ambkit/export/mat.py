@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,7 +33,7 @@ _HEADER = 116  # bytes of text that a MAT-file begins with, where SciPy writes t
 def export_mat(
     bearing: Bearing,
     expert: Expert | None,
-    out: str | Path,
+    out: str | os.PathLike[str],
     *,
     filter_file: FilterFile | None = None,
     force: bool = False,

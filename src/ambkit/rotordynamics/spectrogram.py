@@ -10,16 +10,19 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
+from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.units import figure
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Heatmap, Item, Line
-from ambkit.result.showing import Drawn
+from ambkit.result.result import Result
+from ambkit.result.row import At, Row
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
 
 
-@dataclass(frozen=True, eq=False)
-class Waterfall(Drawn):
+@dataclass(frozen=True, eq=False, repr=False)
+class Waterfall(Result):
     """Amplitude spectra of stretches of a run, one after the other."""
 
     signal: str  #: Whose.
@@ -29,37 +32,55 @@ class Waterfall(Drawn):
     frequency: Array  #: (m,) [Hz].
     amplitude: Array  #: (n, m) Of each line, in the signal's unit.
 
-    def figure(self) -> Figure:
+    TITLE = "Spectrum of {0.signal} over the run"
+
+    @property
+    def finding(self) -> str:
+        """The greatest line, and where it is."""
+        high = self._highest
+        where = 0.0 if high.at is None else high.at.value
+        return f"{self.title}: at most {high.text()} at {figure(where, 'Hz')}."
+
+    @property
+    def _highest(self) -> Row:
+        at, line = np.unravel_index(int(np.argmax(self.amplitude)), self.amplitude.shape)
+        return Row(
+            "amplitude", "greatest amplitude", float(self.amplitude[at, line]), self.unit,
+            at=At("frequency", float(self.frequency[line]), "Hz"),
+        )  # fmt: skip
+
+    @property
+    def rows(self) -> list[Row]:
+        """The greatest line."""
+        return [self._highest]
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """The spectra."""
+        names = ("t", "speed", "frequency", "amplitude")
+        return {"signal": self.signal} | {
+            ("amplitudes" if name == "amplitude" else name): getattr(self, name).tolist()
+            for name in names
+        }
+
+    def figures(self) -> list[Figure]:
         """Show the amplitudes over time and frequency, with the speed of rotation."""
-        return waterfall_figure(self)
+        return [waterfall_figure(self)]
 
 
 def waterfall(
-    record: Record, signal: str, *, window: float = 0.1, highest: float | None = None
+    record: Record,
+    signal: str | None = None,
+    *,
+    window: Given | None = None,
+    highest: Given | None = None,
 ) -> Waterfall:
-    """Return the spectra of a run's signal over time.
-
-    Hann windows that overlap by three quarters; a line of a steady sine is as high as the sine.
-
-    Parameters
-    ----------
-    record : Record
-        With `signal`, and ``speed`` [rad/s].
-    signal : str
-        Such as ``"s_A1"``.
-    window : float
-        Length of a stretch [s]: longer tells frequencies apart better, shorter times.
-    highest : float, optional
-        Highest frequency [Hz]; by default four times the greatest speed, and 100 Hz at least.
-
-    Raises
-    ------
-    RecordError
-        The record has no such signal.
-    ValueError
-        `window` is not within the record's length and eight samples.
-    """
+    """Return the spectra of a run's signal over time."""
+    window, highest = in_si("window", window, "s"), in_si("highest", highest, "Hz")
+    if signal is None:
+        signal = next((name for name in record if name.startswith("s_")), "x")
     values, speed, t = record[signal], record["speed"], record.t
+    window = min(0.1, float(t[-1] - t[0]) / 4) if window is None else window
     T = float(t[1] - t[0])
     n = round(window / T)
     if not 8 <= n <= len(t):

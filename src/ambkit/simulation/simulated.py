@@ -52,6 +52,17 @@ class Run(Result):
     turning: Sequence[Any] = ()
     #: Returns the critical speeds near the speed at the end, see `ambkit.campbell`.
     near_critical: Callable[[], Any] | None = None
+    #: Returns whether its filter may fly, and what may help where the rotor does not as it should.
+    judge: Callable[[Any], tuple[Sequence[Any], Sequence[str]]] | None = None
+
+    @cached_property
+    def _judged(self) -> tuple[Sequence[Any], Sequence[str]]:
+        return ((), ()) if self.judge is None else self.judge(self)
+
+    @property
+    def adequacy(self) -> Sequence[Any]:
+        """Whether its filter may fly, where that is judged."""
+        return self._judged[0]
 
     @property
     def title(self) -> str:
@@ -114,6 +125,8 @@ class Run(Result):
         results: dict[str, Any] = {"bearing" if self.plant.single else "machine": self.plant.name}
         if "mode" in self.record:
             results["modes"] = self.modes
+        if self.adequacy:
+            results["adequacy"] = [item.to_dict() for item in self.adequacy]
         if self.turning and self._in_flight[1] is None:
             results["synchronous"] = {
                 item.name: {"covariance": item.covariance.tolist()} for item in self.turning
@@ -126,7 +139,11 @@ class Run(Result):
         remarks = [self._apart.sentence()] if self._apart else []
         if any(mode["mode"] == "tripped" for mode in self.modes):
             remarks.append("It tripped: see lost and overload in [sequence].")
-        return remarks
+        return [*remarks, *self._judged[1]]
+
+    def file(self) -> Record:
+        """Return the record, which is what is written as ``.csv`` and ``.parquet``."""
+        return self.record
 
     def figures(self) -> list[Figure]:
         """Return its figure: of several axes with orbits."""

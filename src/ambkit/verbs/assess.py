@@ -238,7 +238,7 @@ def assess_log(
     filter, controller, position, disturbance : optional
         Of the model, as for `ambkit assess`.
     channels : ChannelMap, str or path, optional
-        Channel map of the record; `ambkit read --guess` proposes one.
+        Channel map of the record; `ambkit read guess` proposes one.
     window : tuple or str, optional
         The part of the record that is used, such as "2 s,5 s"; either may be left out.
     logged : {"after", "before"}, optional
@@ -261,9 +261,9 @@ def assess_log(
     $ ambkit assess log injected.csv --machine my.toml --plot measured.png
     """
     from ambkit.assessment import assess_log
-    from ambkit.assessment.arguments import given_record, loop_given
+    from ambkit.assessment.arguments import loop_given, record_argument
 
-    log_record = given_record(record, channels, window)
+    log_record = record_argument(record, channels, window)
     if machine is None:
         if filter is not None or controller is not None:
             raise AmbkitError("machine says what filter and controller are of: give it too")

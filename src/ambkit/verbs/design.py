@@ -44,7 +44,7 @@ def design(
     out : str or path
         The folder for all of it; an older design goes on.
     channels : str or path, optional
-        Channel map of the records; `ambkit read --guess` proposes one.
+        Channel map of the records; `ambkit read guess` proposes one.
     validate : sequence of str or path, optional
         Judge by this record. May be repeated.
     filter : str or sequence of str, optional
@@ -81,14 +81,14 @@ def design(
     """
     import math
 
-    from ambkit.assessment.arguments import given_machine
+    from ambkit.assessment.arguments import machine_argument
     from ambkit.base.progress import progress
     from ambkit.base.quantity_arguments import names_in
     from ambkit.workflow import design
 
     with progress("designing") as done:
         return design.design(
-            given_machine(machine), names_in(records=records), out, channels=channels,
+            machine_argument(machine), names_in(records=records), out, channels=channels,
             validate=validate, kinds=None if filter is None else names_in(filter=filter), free=free,
             max_sensitivity=max_sensitivity if math.isfinite(max_sensitivity) else None,
             precision=precision, prefix=prefix, anyway=force, seed=seed, note=done,

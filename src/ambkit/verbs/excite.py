@@ -68,14 +68,14 @@ def excite(
     $ ambkit excite my.toml --duration "1 s" --out excitation.csv --plot excitation.png
     $ ambkit excite tum_mlps --axis A1 --out excitation.csv
     """
-    from ambkit.assessment.arguments import given_band, given_limits, given_machine
+    from ambkit.assessment.arguments import given_band, given_limits, machine_argument
     from ambkit.base.progress import progress
     from ambkit.base.quantity_arguments import in_si
     from ambkit.identification.excitation import Limits, design
     from ambkit.machine.axes import isolated
     from ambkit.workflow.simulate import experiment_duration, scenario_for
 
-    plant = isolated(given_machine(machine), axis)
+    plant = isolated(machine_argument(machine), axis)
     if duration is None and scenario is None:
         duration = experiment_duration(plant)
     happening: Any = scenario_for(plant, scenario, duration=duration)
@@ -141,12 +141,12 @@ def excite_sensitivity(
     $ ambkit excite sensitivity my.toml --out injection.csv
     $ ambkit excite sensitivity tum_mlps --axis A1 --out injection.csv
     """
-    from ambkit.assessment.arguments import NONE, given_band, given_limits, given_machine
+    from ambkit.assessment.arguments import NONE, given_band, given_limits, machine_argument
     from ambkit.assessment.injection_experiment import DURATION, design_injection
     from ambkit.base.progress import progress
     from ambkit.workflow.simulate import scenario_for
 
-    plant, without = given_machine(machine), isinstance(filter, str) and filter == NONE
+    plant, without = machine_argument(machine), isinstance(filter, str) and filter == NONE
     happening: Any = scenario_for(
         plant, scenario, duration=duration or (DURATION if scenario is None else None), seed=seed,
         from_estimate=not without,

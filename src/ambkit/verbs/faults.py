@@ -71,13 +71,13 @@ def inject_faults(
     $ ambkit faults zittau_axial --filter linear --filter extended --plot faults.png
     $ ambkit faults tum_mlps --filter linear --reading Lb1
     """
-    from ambkit.assessment.arguments import given_controller, given_machine
+    from ambkit.assessment.arguments import controller_argument, machine_argument
     from ambkit.judge.faults import fault_test
 
-    described = given_machine(machine)
+    described = machine_argument(machine)
     return fault_test.inject_faults(
         described, None if filter in ("all", ["all"]) else filter, reading=reading,
         faults=faults or None, seeds=range(first_seed, first_seed + seeds), steps=samples,
         precisions=("float64", "float32") if precision == "both" else (precision,),
-        controller=given_controller(described, controller)[0], plant=plant,
+        controller=controller_argument(described, controller)[0], plant=plant,
     )  # fmt: skip

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ambkit.verbs.words import Machine, Speed
+from ambkit.verbs.words import Frequency, Machine, Record, Speed, Time
 
 if TYPE_CHECKING:
     from ambkit.rotordynamics.campbell import Campbell
     from ambkit.rotordynamics.mode_shapes import ModeShapes
+    from ambkit.rotordynamics.spectrogram import Waterfall
     from ambkit.rotordynamics.unbalance_response import UnbalanceResponse
 
 
@@ -43,10 +44,10 @@ def campbell(machine: Machine, fastest: Speed | None = None, *, count: int = 121
     --------
     $ ambkit rotor ufu_flexible --fastest "12000 rpm" --plot campbell.png
     """
-    from ambkit.assessment.arguments import given_machine
+    from ambkit.assessment.arguments import machine_argument
     from ambkit.rotordynamics import campbell as of
 
-    return of.campbell(given_machine(machine), fastest, count=count)
+    return of.campbell(machine_argument(machine), fastest, count=count)
 
 
 def mode_shapes(machine: Machine) -> ModeShapes:
@@ -71,10 +72,10 @@ def mode_shapes(machine: Machine) -> ModeShapes:
     --------
     $ ambkit rotor modes ufu_flexible --plot modes.png
     """
-    from ambkit.assessment.arguments import given_machine
+    from ambkit.assessment.arguments import machine_argument
     from ambkit.rotordynamics import mode_shapes as of
 
-    return of.mode_shapes(given_machine(machine))
+    return of.mode_shapes(machine_argument(machine))
 
 
 def unbalance_response(
@@ -105,7 +106,52 @@ def unbalance_response(
     --------
     $ ambkit rotor unbalance tum_mlps --fastest "6000 rpm" --plot response.png
     """
-    from ambkit.assessment.arguments import given_machine
+    from ambkit.assessment.arguments import machine_argument
     from ambkit.rotordynamics import unbalance_response as of
 
-    return of.unbalance_response(given_machine(machine), fastest, count=count)
+    return of.unbalance_response(machine_argument(machine), fastest, count=count)
+
+
+def waterfall(
+    record: Record,
+    signal: str | None = None,
+    *,
+    window: Time | None = None,
+    highest: Frequency | None = None,
+) -> Waterfall:
+    """Compute the spectrum of a rotor's motion over a run.
+
+    Hann windows that overlap by three quarters; a line of a steady sine is as high as the sine.
+
+    Parameters
+    ----------
+    record : Record, str or path
+        With the signal, and the speed of rotation, as `ambkit simulate` writes it.
+    signal : str, optional
+        Such as s_A1; by default the displacement of the first axis.
+    window : float or str, optional
+        Length of a stretch [s]: longer tells frequencies apart better, shorter times. By default
+        0.1 s, or a quarter of a short record.
+    highest : float or str, optional
+        Highest frequency [Hz]; by default four times the greatest speed, and 100 Hz at least.
+
+    Returns
+    -------
+    Waterfall
+        Amplitude spectra of stretches of the run.
+
+    Raises
+    ------
+    AmbkitError
+        The record has no such signal, or no speed of rotation.
+    ValueError
+        The window is not within the record's length and eight samples.
+
+    Examples
+    --------
+    $ ambkit rotor waterfall run.csv --plot waterfall.png
+    """
+    from ambkit.assessment.arguments import record_argument
+    from ambkit.rotordynamics import spectrogram
+
+    return spectrogram.waterfall(record_argument(record), signal, window=window, highest=highest)

@@ -54,7 +54,7 @@ def tune(
     controller : PID, Control, str or path, optional
         Of the loop, as for `ambkit assess`.
     channels : ChannelMap, str or path, optional
-        Channel map of the records; `ambkit read --guess` proposes one.
+        Channel map of the records; `ambkit read guess` proposes one.
     free : sequence of str, optional
         What may change: noise.measurement, noise.control, noise.disturbance, and what only this
         kind has. May be repeated. By default what the records determine, or with simulated runs

@@ -11,10 +11,16 @@ from typing import TYPE_CHECKING, Annotated
 if TYPE_CHECKING:
     from os import PathLike
 
+    from numpy.typing import ArrayLike
+
     import ambkit
     from ambkit.data.channel_map import ChannelMap
+    from ambkit.judge.comparison.cases import Case as ComparisonCase
+    from ambkit.machine.magnets import MagnetModel
+    from ambkit.simulation.external_inputs import ExternalInputs
 
 Machine = Annotated["str | PathLike[str] | ambkit.Machine", "MACHINE"]
+Source = Annotated["str | PathLike[str] | ambkit.Machine | ambkit.StiffnessMap", "MACHINE"]
 Filter = Annotated["str | PathLike[str] | ambkit.Estimator", "FILTER"]
 Filters = Filter | Sequence[Filter] | Mapping[str, Filter]
 Controller = Annotated[
@@ -32,12 +38,30 @@ Log = Annotated["str | PathLike[str]", "RECORD"]
 Storage = Annotated["str | PathLike[str]", "FILE"]
 Folder = Annotated["str | PathLike[str]", "DIR"]
 Axis = Annotated[str, "AXIS"]
+Preset = Annotated[str, "NAME"]
+Cluster = Annotated[str, "WHERE"]
+TrueMagnet = Annotated["str | PathLike[str] | MagnetModel", "FILE.csv"]
+Signal = Annotated["str | PathLike[str]", "FILE"]
+Signals = Signal | Sequence[Signal]
+Inputs = Annotated["ExternalInputs", ""]  # of Python only: without a name there is no option
+Files = File | Sequence[File]
 Length = Annotated["float | str", "LENGTH"]
 Force = Annotated["float | str | Mapping[str, float | str]", "FORCE"]
 Wander = Annotated["float | str", "FORCE"]
 Orbit = Annotated["float | str", "own|LENGTH"]
 Speed = Annotated["float | str", "SPEED"]
 Time = Annotated["float | str", "TIME"]
-Limit = Annotated["str", "LIMIT"]
+Limit = Annotated[str, "LIMIT"]
+Above = Annotated["float | str", "LIMIT"]
+Case = Annotated["str | ComparisonCase", "NAME"]
+Share = Annotated["float | str", "SHARE"]
+Rules = Annotated["tuple[int, int] | str", "NxM"]
+Constant = Annotated["float | str", "CONSTANT"]
+KnownForce = Annotated["float | str | ArrayLike", "FORCE|SIGNAL"]
+Gap = Annotated["tuple[float | str, float | str] | str", "FROM,TO"]
+Rest = Annotated["str | PathLike[str] | ambkit.Record", "RECORD[@MAP]"]
+Noise = Annotated["float | str", "NOISE"]
+Frequency = Annotated["float | str", "FREQUENCY"]
+TableError = Annotated["float | str", "auto|FORCE"]
 Band = Annotated["tuple[float | str, float | str] | str", "FROM,TO"]
 Window = Annotated["tuple[float | str | None, float | str | None] | str", "FROM,TO"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError, ConfigError, RecordError, shortened
 from ambkit.data.files.formats import ENDINGS
+from ambkit.result.document import Document
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -41,6 +42,33 @@ _SHORT = {"map": "channel map", "force": "channels of a force map"}
 def schema_of(kind: str) -> dict[str, Any]:
     """Return the JSON schema of a TOML file, by `Finding.kind` or its short form in `_SHORT`."""
     return dict(_documents()[_SHORT.get(kind, kind)].json_schema())
+
+
+def checked(
+    paths: Sequence[str | os.PathLike[str]],
+    channel_map: str | os.PathLike[str] | None = None,
+    machine: Machine | None = None,
+) -> Document:
+    """Check files, and report what each is and all that is wrong with it."""
+    results = [inspect(path, channel_map, machine) for path in paths]
+    data = [
+        {
+            "file": str(item.path),
+            "kind": item.kind,
+            "ok": item.ok,
+            "about": item.about,
+            "problems": list(item.problems),
+            "remarks": list(item.remarks),
+        }
+        for item in results
+    ]
+    lines = [f"{item.path}: ok, {item.kind}: {item.about}\n" for item in results if item.ok]
+    notes = [
+        text
+        for item in results
+        for text in (*item.problems, *(f"{item.path}: note: {remark}" for remark in item.remarks))
+    ]
+    return Document("".join(lines), data, notes, 0 if all(item.ok for item in results) else 2)
 
 
 class _Described(NamedTuple):

@@ -5,15 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
 from ambkit.base.quantity_arguments import Given, in_si, names_in
 from ambkit.base.units import engineering
+from ambkit.data.files.tables import Table, write_table
 from ambkit.estimate.named import USUAL, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.cases import CASES, Case
+from ambkit.judge.comparison.criteria import EVALUATED
 from ambkit.judge.comparison.score import least
 from ambkit.judge.comparison.seeds import Scores, compare, comparison_figure
 from ambkit.judge.comparison.study import Study, across, pieces_of, study
@@ -203,6 +208,26 @@ class LoopScores(Result):
             "seeds": [self.seeds[0], self.seeds[-1]],
             "load": next(iter(self.loop_cases.values())).load if self.loop_cases else None,
         }
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write it to a file; as .csv and .parquet the errors of each run."""
+        if Path(path).suffix not in (".csv", ".parquet"):
+            super().save(path)
+            return
+        scores, count = self.scores, len(self.seeds)
+        columns: dict[str, Any] = {"case": np.repeat(np.arange(len(scores), dtype=float), count)}
+        units = {"case": "1", "step": "m", "seed": "1"}
+        if self.steps is not None:
+            columns["step"] = np.repeat(np.array(self.steps, dtype=float), count)
+        columns["seed"] = np.tile(np.array(self.seeds, dtype=float), len(scores))
+        for name in next(iter(scores.values())):
+            for signal, unit in EVALUATED.items():
+                key = f"{name}_{signal}"
+                units[key] = unit
+                columns[key] = np.concatenate([case[name].rmse[signal] for case in scores.values()])
+            units[f"{name}_nis"] = "1"
+            columns[f"{name}_nis"] = np.concatenate([case[name].nis for case in scores.values()])
+        write_table(path, Table(columns, {k: units[k] for k in columns}, {"cases": list(scores)}))
 
     def figures(self) -> list[Figure]:
         """Return the errors as bars."""

@@ -73,57 +73,7 @@ def design(
     budget: int = BUDGET,
     note: Callable[[str], None] = lambda _text: None,
 ) -> Design:
-    """Go from what is known of a machine, and its logs, to what flies, as C.
-
-    A machine with one axis is identified from its logs first. Its controllers are those that
-    `ambkit.control.default_control` chooses for an estimate, on the margins over its speed
-    range. Each kind of filter is tuned in the loop with them below `max_sensitivity`, by the logs
-    or without any by simulated runs, and judged on what it was not tuned on and by simulated truth.
-    Each stage writes its files into the folder and is not repeated while what it was made from
-    stays as it was: ``machine.toml``, ``scenario.toml`` with the controllers, a filter of each
-    kind, ``filter.toml``, ``verdict.html``, ``design.html``, and as C the filter in ``c/`` and the
-    filter with its controllers in ``controller/``.
-
-    Parameters
-    ----------
-    bearing : Bearing or Machine
-        What is known already.
-    logs : sequence of path
-        Records of the loop; without any the filters are tuned on simulated runs.
-    folder : path
-        Where all of it goes.
-    channels : path, optional
-        Channel map of the logs; the exported C of a single axis takes the log's own numbers.
-    validate : sequence of path, optional
-        Logs to judge by; without them the second half of each log.
-    kinds : sequence of str, optional
-        Estimators that are tried; by default `KINDS_TRIED`.
-    free : sequence of str, optional
-        What is identified; by default what a record usually tells.
-    max_sensitivity : float, optional
-        What the peak of abs(S) in the loop is to stay below [1], see `ambkit.tune`; by default the
-        end of zone A of ISO 14839-3, None for no limit. A kind that cannot be held to it is tuned
-        without.
-    precision, prefix : str
-        Of the exported C.
-    anyway : bool
-        Export also what is worse than the raw sensors, far from the bound, or out of zone A.
-    seed, runs, budget : int
-        Random seed; simulated runs and evaluations of each kind, see `ambkit.tune`.
-    note : callable
-        Told what is done next.
-
-    Returns
-    -------
-    Design
-        What was chosen, and why.
-
-    Raises
-    ------
-    AmbkitError
-        A log cannot be read, a kind is unknown, no controller was found that holds the rotor, or
-        the folder cannot be written; or `free` is given and there is no log, or several axes.
-    """
+    """Go from what is known of a machine, and its logs, to what flies, as C."""
     of_type(Machine, bearing=bearing)
     machine = bearing.long
     if free is not None and not (logs and machine.single):

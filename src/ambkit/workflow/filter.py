@@ -15,7 +15,7 @@ from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.record import Record
 from ambkit.data.signals import by_name, each_of, signal
 from ambkit.estimate.errors import errors_along
-from ambkit.estimate.named import USUAL, Factory, FromFile, factories
+from ambkit.estimate.named import USUAL, Factory, FromFile, FromObject, factories
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.judge.evaluation import Evaluation, evaluate
 from ambkit.judge.filter_figure import filter_figure
@@ -110,6 +110,10 @@ class Filtering(Result):
     stretch: Stretch | None  #: What they were tuned on.
     settling: float  #: Time at the start that does not count [s].
     estimators: Mapping[str, Filtered]  #: By name.
+    source: str = ""  #: File of the record.
+    #: By estimator, what speaks against it; empty where that was not judged.
+    adequacy: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    remarks: Sequence[str] = ()  #: Where filters and record do not belong together.
 
     def __getitem__(self, name: str) -> Filtered:
         """Return what became of one of the estimators."""
@@ -203,9 +207,21 @@ class Filtering(Result):
         return {ESTIMATORS: Section(self.title), **harmonic_sections}
 
     @property
+    def notes(self) -> Sequence[str]:
+        """Where filters and record do not belong together."""
+        return self.remarks
+
+    def file(self) -> Record:
+        """Return the estimates, which is what is written as ``.csv`` and ``.parquet``."""
+        return self.to_record()
+
+    @property
     def series(self) -> dict[str, Any]:
         """Machine, and what is left of the estimators' figures."""
-        return {
+        adequacy = {
+            name: [item.to_dict() for item in findings] for name, findings in self.adequacy.items()
+        }
+        return ({"record": self.source, "adequacy": adequacy} if self.source else {}) | {
             "machine": self.machine.name,
             "estimators": {
                 name: {key: {} for key in ("rmse", "status", "logged")}
@@ -247,63 +263,7 @@ def filter(
     synchronous: Sequence[str] = (),
     done: Callable[[Filtered], None] = lambda _one: None,
 ) -> Filtering:
-    """Run filters along a record, and judge them.
-
-    How fast the load wanders is tuned, by the likelihood of a stretch, if asked for; and with a
-    measured record where neither `tune` nor ``noise.disturbance`` is given: then on its second
-    quarter, judged on the second half, and kept only if it fits that better than the untuned.
-
-    Parameters
-    ----------
-    bearing : Bearing or Machine
-        What the estimators assume.
-    record : Record
-        With ``y`` [m] and ``u`` [V], of several axes ``y_NAME`` of each reading and ``u_NAME`` of
-        each axis; with truth where simulated. Where its ``mode`` says that the magnets have no
-        current, it is left out.
-    estimators : iterable of str, or mapping of str to Factory
-        Some of :data:`ambkit.estimate.registry.KINDS`, or what builds them.
-    magnets : mapping of str to MagnetModel, optional
-        What kinds ask for k_i and k_s, see :func:`ambkit.estimate.named.factories`.
-    noise : FilterNoise, optional
-        What is known of the noise.
-    tune : float or str, optional
-        Time at the start to tune on [s], such as 0.2 or ``"200 ms"``; it does not count for
-        the evaluation.
-    settling : float or str
-        Time at the start that does not count [s].
-    smooth : bool
-        Whether each sample is also estimated from the whole record.
-    synchronous : sequence of str
-        What rotates with the rotor and is estimated too: ``"unbalance"``, ``"runout"``.
-    done : callable
-        Called with each estimator that is done.
-
-    Returns
-    -------
-    Filtering
-        What became of each.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such estimator, a time is none, or the record lacks a signal.
-    TypeError
-        `bearing` is no bearing, or `record` no record.
-    RecordError
-        The record's sampling time is not the bearing's, or see
-        :func:`ambkit.judge.evaluation.evaluate`.
-    ValueError
-        `tune` or `settling` is out of its range, or `tune` beside ``noise.disturbance``.
-
-    Examples
-    --------
-    >>> from ambkit import Bearing, Scenario, filter, simulate
-    >>> bearing = Bearing.preset("zittau_axial")
-    >>> filtering = filter(bearing, simulate(bearing, Scenario()), ["closed-law"])
-    >>> 0.9 < filtering["closed-law"].evaluation.nis < 1.1
-    True
-    """
+    """Run filters along a record, and judge them."""
     of_type(Machine, bearing=bearing)
     of_type(Record, record=record)
     check_signals(bearing, record)
@@ -323,8 +283,9 @@ def filter(
     results = {}
     for name, build in built.items():
         # A filter from a file assumes what the file says.
-        if isinstance(build, FromFile):
-            own = FilterNoise(*build().variances)
+        if isinstance(build, FromFile | FromObject):
+            made = build()
+            own = FilterNoise(*made.variances) if hasattr(made, "variances") else noise
             estimator, one = _filtered(name, build, record, own, None, late)
         else:
             estimator, one = _filtered(name, build, record, noise, stretch, late)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ambkit.base import files
 from ambkit.base.errors import AmbkitError, ConfigError, RecordError
 from ambkit.base.progress import shown_in_notebooks
 from ambkit.base.quantity_arguments import Given, all_of_type, in_si, of_type
@@ -26,6 +29,7 @@ from ambkit.identification.maximum_likelihood.parameters import OFFSETS, named, 
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.validation import Validation, validate
 from ambkit.identification.noise import Noise, measurement_noise
+from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.load_following import REQUIRED, STEP, least_process_noise
 from ambkit.machine.axes import axis_named, isolated, with_axis
 from ambkit.machine.machine import Bearing, Machine
@@ -33,11 +37,13 @@ from ambkit.machine.stiffness import operating_points
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
+from ambkit.workflow.identified_toml import annotated_toml, carried_over
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.identification.corpus.corpus import Corpus
     from ambkit.identification.forces.lift_off import LiftOff
+    from ambkit.judge.adequacy_criteria import Finding
     from ambkit.result.report.figure import Figure
 
 
@@ -90,6 +96,42 @@ class Identified(Result):
     #: record.
     rest: AtRest
     forces: ForceMap | None = None  #: Force at the nodes of a grid, if asked for.
+    inputs: Inputs | None = None  #: What the controller reads of the log.
+    source: str = ""  #: Names of the records' files.
+
+    @cached_property
+    def filter(self) -> Estimator:
+        """The extended filter of what was found, with the offsets of the log."""
+        return identified_filter(self, self.inputs, self.source)
+
+    @cached_property
+    def adequacy(self) -> list[Finding]:
+        """Whether the filter may fly."""
+        return judge_adequacy(self.filter)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write it to a file; as .toml the machine, with standard errors beside its values."""
+        if Path(path).suffix == ".toml":
+            text = annotated_toml(self.likelihood, Path(path).parent, self.machine)
+            files.write_text(path, text)
+        else:
+            super().save(path)
+
+    def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
+        """Write the filter, or the force map as far as the records show it."""
+        if what == "filter":
+            self.filter.save(path, bearing=beside.get(".toml"))
+        else:
+            self._mapped.save(path)
+
+    @cached_property
+    def _mapped(self) -> ForceMap:
+        if self.forces is not None:
+            return self.forces
+        if not self.machine.single:
+            raise AmbkitError(f"forces are mapped of one axis, {self.machine.name} has several")
+        result = self.likelihood
+        return force_map(result.model, self.records, settling=result.settling)
 
     @property
     def bearing(self) -> Bearing:
@@ -229,7 +271,23 @@ class Identified(Result):
                 f"to less than half of the {engineering(self.forces.assumed, 'N', 3)} by which the "
                 "law may be wrong."
             )
-        return notes
+        model = self.likelihood.model
+        carried = carried_over(
+            model, delay=not self.likelihood.delay_counts, offsets=self.likelihood.offsets_count
+        )
+        if any("[signals." in line for line in carried):
+            notes.append(
+                "The machine's file says what to put into the channel map before filtering such a "
+                "log."
+            )
+        noise = self.filter.variances.disturbance if self.machine.single else None
+        if noise is not None and RAISED in self.filter.origin.values():
+            notes.append(
+                f"The filter's noise.disturbance is {noise:.3g} N^2/s: the records would have "
+                f"{model.disturbance_noise:.3g} N^2/s, with which a disturbance force is followed "
+                "too slowly."
+            )
+        return [*notes, *sentences(self.adequacy)]
 
     @property
     def series(self) -> dict[str, Any]:
@@ -243,6 +301,7 @@ class Identified(Result):
             "rest": {name: _noise_as_data(noise) for name, noise in self.rest.items()},
             "validated_on_other_records": self.on_others,
             "validation": [check.to_dict() for check in self.validation],
+            "adequacy": [item.to_dict() for item in self.adequacy],
         }
         if self.forces is not None:
             data["force_map"] = {
@@ -365,51 +424,7 @@ def identify(
     nodes: tuple[int, int] | None = None,
     note: Callable[[str], None] = lambda _text: None,
 ) -> Identified:
-    """Identify an axis of a machine from records of the loop, and validate what was found.
-
-    Of a machine with several axes the records have all readings and control signals, and the other
-    axes are as described: what they do is no disturbance force of this one.
-
-    Parameters
-    ----------
-    machine : Bearing or Machine
-        What is known already.
-    records : Record or sequence of Record
-        Runs in closed loop.
-    axis : str, optional
-        Name of the axis; it may be left out where there is only one.
-    others : sequence of Record
-        Judge the result on these; without them it is judged on what it was identified from.
-    names : sequence of str, optional
-        Of the records that it is judged on, for the verdicts; by default they are numbered.
-    rest : mapping of str to (Noise or str), optional
-        From `noise_at_rest`: the noise of ``y`` is where the sensor's starts from.
-    free : iterable of str, optional
-        What is looked for; by default what a record usually tells.
-    load_std : float or str, optional
-        How far from zero the load may be at the start of a record [N]; by default the weight.
-    map_forces : bool
-        Whether the force at the nodes of a grid is wanted.
-    nodes : tuple of 2 int, optional
-        Nodes of it along current and displacement; by default as the records fill them.
-    note : callable
-        Told what is done next.
-
-    Returns
-    -------
-    Identified
-        Bearing, errors, validation.
-
-    Raises
-    ------
-    AmbkitError
-        There is no such axis or parameter, a record is both identified from and validated on, or
-        the search cannot begin.
-    ValueError
-        `load_std` or `nodes` is out of its range, or a record's rate is not the bearing's.
-    TypeError
-        `machine` is no machine, or one of `records` no record.
-    """
+    """Identify an axis of a machine from records of the loop, and validate what was found."""
     of_type(Machine, machine=machine)
     records, others = (all_of_type(Record, records=item) for item in (records, others))
     start = starting_model(machine, axis, rest=rest, load_std=load_std)
@@ -496,6 +511,15 @@ class LiftedOff(Result):
     def series(self) -> dict[str, Any]:
         """The points that are left out."""
         return {"left_out": dict(self.fit.left_out)}
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write it to a file; as .toml the machine."""
+        if Path(path).suffix != ".toml":
+            super().save(path)
+            return
+        if self.operating_point is None:
+            raise AmbkitError("operating_point is missing: which distance is x = 0?")
+        self.bearing.save(path)
 
     def figures(self) -> list[Figure]:
         """Return the points and the law through them."""

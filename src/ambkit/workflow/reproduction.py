@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -33,10 +34,33 @@ class Outcome:
     folder: Path
     rows: list[SummaryRow]
 
+    @property
+    def path(self) -> Path:
+        """The report."""
+        return self.folder / "report.html"
+
+    def __str__(self) -> str:
+        from io import StringIO
+
+        from rich.console import Console
+
+        from ambkit.result.report.terminal import print_summary
+
+        text = StringIO()
+        print_summary(self.rows, Console(file=text, width=None if sys.stdout.isatty() else 160))
+        return text.getvalue()
+
+    def to_dict(self) -> list[SummaryRow]:
+        """Return the verdicts as plain data."""
+        return self.rows
+
 
 @shown_in_notebooks("reproducing the paper", by="progress")
 def reproduce(
-    out: str | Path, *, seed: int = 0, progress: Callable[[str], None] = lambda _message: None
+    out: str | os.PathLike[str],
+    *,
+    seed: int = 0,
+    progress: Callable[[str], None] = lambda _message: None,
 ) -> Outcome:
     """Reproduce the paper's tables and figures, and judge them."""
     from ambkit.result.report.page import write_report

@@ -362,9 +362,9 @@ class _Task:
         """Return what the filter asks of its magnet: an expert of so many rules, or its kind's."""
         if self.kind != "adaptive" or self.several:
             return learned_magnet(self.kind, self.plan.nominal)
-        from ambkit.workflow.expert import train
+        from ambkit.workflow.training import train_expert
 
-        return train(self.plan.nominal, rules=(rules, rules))
+        return train_expert(self.plan.nominal.isolated_axis(""), (rules, rules)).expert
 
     def design(self, values: Mapping[str, float]) -> tuple[Estimator, Control | None]:
         """Return filter and controller with values; no controller of a machine."""

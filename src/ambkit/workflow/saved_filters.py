@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import logging
 import os
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.filter_saving import NoFile, made_by, origin_of, preset_of
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.adequacy import judge_adequacy
+from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.comparison.comparison import TRAINING
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.judge.adequacy_criteria import Finding
     from ambkit.judge.comparison.study import Study
+
+
+NOTES = logging.getLogger("ambkit")
 
 
 def tuned_filters(result: Study) -> dict[str, Estimator]:
@@ -49,15 +52,9 @@ def adequacy_of(result: Study) -> dict[str, list[Finding]]:
     }
 
 
-def save_filters(
-    result: Study,
-    folder: str | os.PathLike[str],
-    *,
-    bearing: str | os.PathLike[str] | None = None,
-    magnets: Mapping[str, str | os.PathLike[str]] | None = None,
-) -> dict[str, str]:
+def save_filters(result: Study, folder: str | os.PathLike[str]) -> dict[str, str]:
     """Write the filters that a comparison tuned, a file for each kind: ``FOLDER/KIND.toml``."""
-    made, known = tuned_filters(result), result.bench.bearing
+    made, known, bearing = tuned_filters(result), result.bench.bearing, result.machine_file
     place = files.make_folder(folder)
     if bearing is None and preset_of(known) is None:
         bearing = place / "bearing.toml"
@@ -65,8 +62,12 @@ def save_filters(
     left_out = {}
     for name, estimator in made.items():
         try:
-            magnet = (magnets or {}).get(name)
+            magnet = result.magnet_files.get(name)
             estimator.save(place / f"{name}.toml", bearing=bearing, magnet=magnet)
         except NoFile as error:
             left_out[name] = str(error)
+            NOTES.warning("note: %s", error)
+    for kind, findings in adequacy_of(result).items():
+        for text in sentences(findings):
+            NOTES.warning("%s: %s", kind, text)
     return left_out

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.base.units import figure
 from ambkit.control.controllers import controllers_of
+from ambkit.control.default_control import is_default
+from ambkit.control.stabilising_controller import holding
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.named import factories
 from ambkit.estimate.user_filter import EstimatorProtocol, OwnEstimator, is_own
+from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.forces.force_map import surface_in
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import ConstantStiffness
@@ -28,13 +33,17 @@ from ambkit.rotordynamics.harmonics import harmonics
 from ambkit.rotordynamics.separation_margins import separations
 from ambkit.simulation.run import simulate_run as looped
 from ambkit.simulation.scenario import Scenario
-from ambkit.simulation.scenario_control import settled_scenario
+from ambkit.simulation.scenario_control import default_for, settled_scenario
 from ambkit.simulation.waveforms import Recorded, Step
 
 if TYPE_CHECKING:
+    from ambkit.judge.adequacy_criteria import Finding
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.external_inputs import ExternalInputs
     from ambkit.simulation.run import Run
+
+NONE = "none"
+"""Name of the filter of a loop that has none."""
 
 STEP_AT, LOAD_AT = 0.1, 0.5
 """When the step of the reference and that of the load come, in lengths of the run."""
@@ -157,55 +166,7 @@ def simulate_run(
     reference: str | Path | None = None,
     injection: str | Path | None = None,
 ) -> Run:
-    """Simulate plant, amplifier, sensor, controller and estimator in closed loop.
-
-    What ``ambkit simulate`` does; :func:`ambkit.simulation.run.simulate_run` says how. A loop with
-    an estimator in single precision is computed in single precision, plant and all.
-
-    Parameters
-    ----------
-    bearing : Bearing or Machine
-        The plant.
-    scenario : Scenario or path, optional
-        What happens to it; the controllers are those of the machine, as far as it says nothing
-        else.
-    estimator : Estimator, class or str, optional
-        In the loop, or beside it where the controller is fed by the measurement: an object, a kind,
-        a filter's file, a class of one's own (`EstimatorProtocol`) or its ``file.py:Class``, or
-        ``"none"``. By default the linear filter where the controller needs one.
-    magnet : MagnetModel, optional
-        The plant's own magnet, where it is not what the bearing describes; of a single axis, as
-        `force_map` and `external_inputs`.
-    force_map : path, optional
-        The same as points of iu, x and f_mag.
-    magnets : mapping of str to MagnetModel, optional
-        What an estimator that is named knows of the magnet, such as
-        ``{"adaptive": Expert.load("expert.json")}``.
-    external_inputs : ExternalInputs, optional
-        Series of disturbance, noise and magnet from outside.
-    duration, step, load, seed, reference, injection
-        See :func:`ambkit.scenario_for`.
-
-    Returns
-    -------
-    Run
-        The record, with truth, and the estimate (None without an estimator).
-
-    Raises
-    ------
-    AmbkitError
-        A file cannot be read, there is no such estimator, or the controller is to be fed by an
-        estimate and there is none; a magnet is given twice.
-    ValueError
-        A series has not one value a sample.
-
-    Examples
-    --------
-    >>> from ambkit import Bearing, simulate_run
-    >>> run = simulate_run(Bearing.preset("zittau_axial"), step="0.3 mm", estimator="closed-law")
-    >>> run.estimate.estimator
-    'adaptive Kalman filter'
-    """
+    """Simulate plant, amplifier, sensor, controller and estimator in closed loop."""
     if is_own(estimator):
         estimator = OwnEstimator(bearing, estimator)
     if estimator is not None:
@@ -246,54 +207,86 @@ def simulate_run(
     )
 
 
-def simulate(
-    bearing: Machine,
-    scenario: Scenario | str | os.PathLike[str] | None = None,
-    *,
-    estimator: Estimator | type[EstimatorProtocol] | str | None = None,
-    magnet: MagnetModel | None = None,
-    force_map: str | os.PathLike[str] | None = None,
-    magnets: Mapping[str, MagnetModel] | None = None,
-    external_inputs: ExternalInputs | None = None,
-    duration: Given | None = None,
-    step: Given | None = None,
-    load: Given | None = None,
-    seed: int | None = None,
-    reference: str | Path | None = None,
-    injection: str | Path | None = None,
-) -> Record:
-    """Simulate the closed loop, as ``ambkit simulate`` does, and return the record that it writes.
-
-    Parameters
-    ----------
-    bearing, scenario, estimator, magnet, force_map, magnets, external_inputs
-        See :func:`ambkit.simulate_run`, which also returns the estimate.
-    duration, step, load, seed, reference, injection
-        See :func:`ambkit.scenario_for`.
-
-    Returns
-    -------
-    Record
-        With truth.
-
-    Raises
-    ------
-    AmbkitError, ValueError
-        As :func:`ambkit.simulate_run`.
-
-    Examples
-    --------
-    >>> from ambkit import Bearing, simulate
-    >>> record = simulate(Bearing.preset("zittau_axial"), step="0.3 mm", load="3 N")
-    >>> record.meta["stop_touched"]
-    0
-    """
+def flown(
+    machine: Machine, scenario: Any, filter: Any, *, plant: Any, signals: Sequence[Any],
+    external_inputs: ExternalInputs | None,
+    **settings: Any,
+) -> Run:  # fmt: skip
+    """Simulate a machine with the filter that a user names, and judge whether that may fly."""
+    named = filter != NONE
+    settings |= _of_signals(signals)
+    full_scenario = scenario_for(machine, scenario, from_estimate=named, **settings)
+    made: Any = filter
+    if isinstance(filter, str | os.PathLike) and named:
+        built = factories([os.fspath(filter)], machine)
+        if len(built) > 1:
+            raise AmbkitError("a loop has one filter: name one of them, not all")
+        made = built[os.fspath(filter)]()
+    magnet = plant
+    if isinstance(plant, str | os.PathLike):
+        if not machine.single:
+            raise AmbkitError(f"plant: a force map is of one axis, and {machine.name} has several")
+        magnet = surface_in(plant, machine.isolated_axis(""))
     run = simulate_run(
-        bearing, scenario, estimator=estimator, magnet=magnet, force_map=force_map, magnets=magnets,
-        external_inputs=external_inputs, duration=duration, step=step, load=load, seed=seed,
-        reference=reference, injection=injection,
+        machine, scenario, estimator=made, magnet=magnet, external_inputs=external_inputs,
+        **settings,
     )  # fmt: skip
-    return run.record
+    return replace(run, judge=partial(_judged, full_scenario, made))
+
+
+def _judged(scenario: Scenario, filter: Any, run: Run) -> tuple[Sequence[Finding], Sequence[str]]:
+    """Return whether the filter of a run may fly, and what is to be said of the run."""
+    adequacy = judge_adequacy(filter, run.plant, scenario, run.nis)
+    remarks = [] if run.plant.single else list(_default_control(run.plant, scenario))
+    of = filter if isinstance(filter, Estimator) else None
+    return adequacy, [*remarks, *sentences(adequacy), *_remarks(run, scenario, of)]
+
+
+def _of_signals(paths: Sequence[Any]) -> dict[str, Path]:
+    """Return which of the records is the reference, and which is injected."""
+    results: dict[str, Path] = {}
+    for path in map(Path, paths):
+        injected = any(name.partition("_")[0] == "injected" for name in Record.load(path))
+        what = "injection" if injected else "reference"
+        if what in results:
+            raise AmbkitError(f"signal: {results[what]} and {path} both are the {what}")
+        results[what] = path
+    return results
+
+
+def _default_control(machine: Machine, scenario: Scenario) -> Iterator[str]:
+    """Yield which controllers were chosen, where nobody names them."""
+    if is_default(scenario.controller):
+        chosen = default_for(machine, scenario)
+        if chosen.fastest:
+            yield chosen.summary
+
+
+def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator[str]:
+    """Yield what may help, where the rotor does not fly as it should."""
+    machine, touched = run.plant, run.samples_at_the_stop
+    if not machine.single:
+        plain = plain_control(machine, scenario, filter)
+        if plain is not None:
+            yield plain
+    if touched and scenario.start == "levitated":
+        yield _of_the_stop(run)
+        if machine.single or machine.speed:
+            return
+        if not holding(machine, scenario.feedback or "estimate").held:
+            yield "No PID of each axis that was tried holds it; ambkit check says more."
+
+
+def _of_the_stop(run: Run) -> str:
+    """Return when the rotor touched a stop, and what may help."""
+    clearance = min(axis.rotor.clearance for axis in isolated_axes(run.plant))
+    at, t = run.first_touch, run.record.t  # it is there by the end of the sample
+    first = "" if at is None else f", first at {figure(t[min(at + 1, len(t) - 1)], 's')}"
+    return (
+        f"The rotor touched the stop at {figure(clearance, 'm')} in {run.samples_at_the_stop} of "
+        f"{len(run.record)} samples{first}: do the controllers suit it ([controller] or [control] "
+        "in the scenario)? Or take a smaller step or disturbance force."
+    )
 
 
 def experiment_duration(bearing: Bearing) -> float:

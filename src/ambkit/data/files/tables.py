@@ -49,7 +49,7 @@ def to_table(log: Log) -> Table:
     """Convert the columns of a file that names their units to SI; see `read_table`."""
     if not log.order:
         raise RecordError(
-            f"{log.name}: needs a channel map to say what is what, which 'ambkit read --guess' "
+            f"{log.name}: needs a channel map to say what is what, which 'ambkit read guess' "
             f"proposes; it has {log.contents}"
         )
     if log.line_of and not log.header:
@@ -80,7 +80,7 @@ def _to_si(name: str, unit: str | None, values: Array) -> tuple[Array, str]:
         example = f"{name} [{UNITS[name]}]" if name in UNITS else "y [m]"
         raise ValueError(
             f" has no unit; write one, as in {example}, or give a channel map, which 'ambkit read "
-            "--guess' proposes"
+            "guess' proposes"
         )
     from ambkit.base.units import factor
 

@@ -51,7 +51,7 @@ class Told:
 def toml_lines(name: str, log: Log, assignment: Told, others: Sequence[Told]) -> Iterator[str]:
     """Write the map."""
     result, moves = assignment.found, assignment.moves
-    yield f"# Proposed by 'ambkit read --guess' for {name}. Look at each line before you trust it."
+    yield f"# Proposed by 'ambkit read guess' for {name}. Look at each line before you trust it."
     yield "# Of each number in the log: value = sign * scale * number * unit + offset."
     for remark in log.remarks:
         yield f"# {remark[:1].upper()}{remark[1:]}."

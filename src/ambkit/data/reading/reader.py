@@ -102,6 +102,10 @@ class Reading(Result):
             "faults": [asdict(fault) for fault in self.faults],
         }
 
+    def file(self) -> Record:
+        """Return the record, which is what is written as ``.csv`` and ``.parquet``."""
+        return self.record
+
     def figures(self) -> list[Figure]:
         """Return the channels over time, with their faults."""
         return [reading_figure(self)]
@@ -117,47 +121,7 @@ def read(
     missing: Collection[str] = (),
     progress: Callable[[str], object] = lambda _: None,
 ) -> Reading:
-    """Read a log into a record, and say what is wrong with it.
-
-    Nothing is dropped or resampled unless it is asked for. A gap of a whole number of samples gets
-    so many missing ones, an infinite value becomes a missing one, a delay of the channel map is
-    taken out; all else stays as it was logged, and is told.
-
-    Parameters
-    ----------
-    path : path
-        The log; see `ambkit.data.files.formats.read_log` for the formats.
-    map : ChannelMap or path, optional
-        What is what; without it, a table whose columns have the names and units of a record.
-    resample : bool
-        Put all signals on one even grid, where they have several clocks or an uneven one.
-    sampling_time : float or str, optional
-        The grid's step [s]; the usual step of the clock ``t`` without it.
-    segment : int, optional
-        Which part between jumps of the clock to read, from 1.
-    missing : collection of {"saturated", "frozen", "spike"}
-        Take such samples as missing.
-    progress : callable
-        Called with what is being done.
-
-    Returns
-    -------
-    Reading
-        The record and its account.
-
-    Raises
-    ------
-    Refused
-        The file is damaged; the map does not fit it; or there is no even grid: two clocks, jitter,
-        jumps. The message has all of it, each with its place, and what would help; what could be
-        read is there for a picture (`ambkit.data.reading.reading_figure.refused_figure`).
-    RecordError
-        Nothing could be read.
-    ExtraMissing
-        The library for such files is not installed.
-    AmbkitError
-        The file, or the map, cannot be read.
-    """
+    """Read a log into a record, and say what is wrong with it."""
     wrong = set(missing) - set(channel_faults.MASKABLE)
     if wrong:
         *some, last = channel_faults.MASKABLE

@@ -7,6 +7,6 @@ this module for the layout.
 """
 
 from ambkit.export.c.cost import CYCLES_PER_INSTRUCTION, Cost
-from ambkit.export.c.exporter import CExport, export_c
+from ambkit.export.c.exporter import CExport, FilterCost, export_c, filter_cost
 
-__all__ = ["CYCLES_PER_INSTRUCTION", "CExport", "Cost", "export_c"]
+__all__ = ["CYCLES_PER_INSTRUCTION", "CExport", "Cost", "FilterCost", "export_c", "filter_cost"]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import of_type
+from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.units import engineering
 from ambkit.control.control import Control
 from ambkit.control.controller_states import Controller
@@ -56,7 +57,6 @@ class CExport(Result):
     #: What it costs on a Cortex-M4F, which computes in float and not in double; None also where
     #: that was not measured: a kind with another magnet than its own.
     cost: Cost | None
-    clock: float | None = None  #: Of the processor whose cost is shown [Hz]; None: of none.
 
     TITLE = "{0.name} as C"
 
@@ -67,22 +67,18 @@ class CExport(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """How far the table is from the rules, and what a step costs."""
-        results: list[Row] = []
-        if self.table is not None:
-            rows, columns = self.table.k_i.shape
-            results = put([
-                Row("rows", "rows", rows),
-                Row("columns", "columns", columns),
-                Row("force_bound", "from the rules, at most", self.table.bound, "N"),
-                Row("force_error", "  greatest found", self.table.error, "N"),
-            ], section=("table",))  # fmt: skip
-        if self.cost is not None and self.clock is not None:
-            results += self.cost.rows(self.clock)
-        return results
+        """How far the table is from the rules."""
+        if self.table is None:
+            return []
+        rows, columns = self.table.k_i.shape
+        return put([
+            Row("rows", "rows", rows),
+            Row("columns", "columns", columns),
+            Row("force_bound", "from the rules, at most", self.table.bound, "N"),
+            Row("force_error", "  greatest found", self.table.error, "N"),
+        ], section=("table",))  # fmt: skip
 
-    SECTIONS = {("table",): Section("Table of the expert"),
-            ("cost",): Section("Cost on a Cortex-M4F, measured in qemu")}  # fmt: skip
+    SECTIONS = {("table",): Section("Table of the expert")}
 
     @property
     def series(self) -> dict[str, Any]:
@@ -94,7 +90,7 @@ class CExport(Result):
 def export_c(
     bearing: Machine,
     magnet: MagnetModel | None,
-    out: str | Path,
+    out: str | os.PathLike[str],
     *,
     kind: str | None = None,
     precision: CPrecision = "float",
@@ -123,14 +119,7 @@ def export_c(
     options["precision"] = _CORE_PRECISION[precision]
     table = None
     if expert_form == "tabulated":
-        if not isinstance(magnet, Expert) or not bearing.single:
-            raise AmbkitError(
-                "only an expert can be tabulated, that of a single axis; give one, or export the "
-                "exact form"
-            )
-        axis = bearing.isolated_axis("")
-        table = tabulate(magnet, axis, bound=force_bound, precision=options["precision"])
-        magnet = table
+        magnet = table = _tabulated(magnet, bearing, force_bound, options["precision"])
     elif force_bound is not None:
         raise AmbkitError("force_bound is for an expert in tabulated form")
     estimator = made(kind, bearing, magnet, filter_file, options)
@@ -170,6 +159,65 @@ def export_c(
         table,
         spent,
     )
+
+
+@dataclass(frozen=True, repr=False)
+class FilterCost(Result):
+    """What a filter costs on a Cortex-M4F."""
+
+    filter: str  #: Its name.
+    machine: str  #: Of which machine.
+    cost: Cost
+    clock: float  #: Of the processor [Hz].
+
+    TITLE = "{0.filter} of {0.machine}"
+
+    @property
+    def finding(self) -> str:
+        """Instructions of a step, and the rate that leaves time for it."""
+        rate = engineering(self.cost.highest_rate(self.clock), "Hz", 3)
+        clock = engineering(self.clock, "Hz", 4)
+        return (
+            f"{self.title}: {self.cost.instructions} instructions a step, up to {rate} at a clock "
+            f"of {clock}."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        """Instructions, flash and memory."""
+        return self.cost.rows(self.clock)
+
+    SECTIONS = {("cost",): Section("Cost on a Cortex-M4F, measured in qemu")}
+
+
+def filter_cost(
+    bearing: Machine, magnet: MagnetModel | None, *, kind: str, filter_file: FilterFile | None,
+    clock: Given, expert_form: Literal["exact", "tabulated"] = "exact",
+    force_bound: float | None = None, **options: Any,
+) -> FilterCost:  # fmt: skip
+    """Return what a filter costs, from the figures that were measured."""
+    frequency = in_si("clock", clock, "Hz")
+    if not frequency > 0:
+        raise AmbkitError(f"clock must be greater than 0 Hz, is {frequency:g} Hz")
+    bearing = (bearing if filter_file is None else filter_file.plant).short
+    if expert_form == "tabulated":
+        magnet = _tabulated(magnet, bearing, force_bound, "float32")
+    estimator = made(kind, bearing, magnet, filter_file, {"precision": "float32"} | options)
+    spent = cost.of(estimator)
+    if spent is None:
+        raise AmbkitError(f"the cost of {estimator.name} for {bearing.name} was not measured")
+    return FilterCost(estimator.name, bearing.name, spent, frequency)
+
+
+def _tabulated(
+    magnet: MagnetModel | None, bearing: Machine, bound: float | None, precision: Precision
+) -> TabulatedExpert:
+    if not isinstance(magnet, Expert) or not bearing.single:
+        raise AmbkitError(
+            "only an expert can be tabulated, that of a single axis; give one, or export the exact "
+            "form"
+        )
+    return tabulate(magnet, bearing.isolated_axis(""), bound=bound, precision=precision)
 
 
 def made(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import uuid
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.levitation import levitation_current_at
 from ambkit.machine.machine import Bearing, Machine
+from ambkit.result.document import Statement
 from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -43,11 +45,20 @@ class FmuExport:
     token: str  #: Its GUID or instantiation token: a hash of all that it was made from.
     variables: tuple[str, ...]  #: Names of its variables, in the order of their value references.
 
+    def stated(self) -> Statement:
+        """Return it as a result."""
+        data = {
+            "path": str(self.path), "kind": self.kind, "fmi": f"{self.fmi}.0",
+            "identifier": self.identifier, "token": self.token, "variables": list(self.variables),
+        }  # fmt: skip
+        count = len(self.variables)
+        return Statement(f"{self.path}: FMI {self.fmi}.0, {count} variables.", data)
+
 
 def export_fmu(
     bearing: Machine,
     magnet: MagnetModel | None,
-    out: str | Path,
+    out: str | os.PathLike[str],
     *,
     kind: Kind = "estimator",
     fmi: Fmi = 3,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +29,7 @@ Wire = tuple[str, str, str, str]
 def export_ssp(
     bearing: Bearing,
     magnet: MagnetModel | None,
-    out: str | Path,
+    out: str | os.PathLike[str],
     *,
     fmi: Fmi = 2,
     scenario: Scenario | None = None,

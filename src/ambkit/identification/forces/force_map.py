@@ -77,7 +77,7 @@ class ForceMap:
         return ForcePoints(iu[at], x[at], self.force[at], self.standard_error[at])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write them as ``.csv`` or ``.parquet``, as ``ambkit train --force-map`` reads them."""
+        """Write them as ``.csv`` or ``.parquet``, as ``ambkit train map`` reads them."""
         self.points().save(path)
 
 

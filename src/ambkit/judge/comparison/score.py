@@ -14,6 +14,7 @@ from ambkit.base.units import figure, percent
 from ambkit.judge.comparison.cases import Case
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED
 from ambkit.judge.comparison.figures import cases_figure, cost_figure, matrix_figure
+from ambkit.judge.comparison.per_run import PerRun
 from ambkit.judge.comparison.tuning import Tuning
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -217,6 +218,10 @@ class Benches(Result, dict[str, Bench]):
     @property
     def _first(self) -> Bench:
         return next(iter(self.values()))
+
+    def file(self) -> PerRun:
+        """Return the figures of each run, which is what is written as ``.csv``."""
+        return PerRun(self)
 
     @property
     def title(self) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from dataclasses import field as with_default
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +27,7 @@ from ambkit.judge.comparison.cases import (
 from ambkit.judge.comparison.comparison import TRAINING, Sweep, bench, pieces, sweep
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED
 from ambkit.judge.comparison.figures import efficiency_figure, run_figure, sweep_figure
+from ambkit.judge.comparison.per_run import PerRun
 from ambkit.judge.comparison.score import Bench, Benches
 from ambkit.judge.comparison.tolerance import CERTAIN
 from ambkit.machine.force_laws import isolated_axes
@@ -89,6 +92,20 @@ class Study(Result):
     limit: Sweep | None = None
     #: The case in which the limit is known, with defaults, which are right there.
     model: Bench | None = None
+    #: Writes the filters that were tuned into a folder.
+    save_filters: Callable[[Any, Path], object] | None = None
+    machine_file: str | os.PathLike[str] | None = None  #: Where its machine is from.
+    #: Files with what kinds ask of their magnet, by kind.
+    magnet_files: Mapping[str, str] = with_default(default_factory=dict)
+
+    def file(self) -> PerRun:
+        """Return the figures of each run, which is what is written as ``.csv``."""
+        return PerRun({self.bench.case.name: self.bench})
+
+    def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
+        """Write the filters that were tuned, a file for each kind, into a folder."""
+        assert self.save_filters is not None  # who names products knows how
+        self.save_filters(self, path)
 
     @property
     def title(self) -> str:

@@ -20,7 +20,7 @@ COLUMNS = ("iu", "x", "f_mag")
 NAMES = (
     "a measured force has columns iu [A], x [mm] and f_mag [N]; what others mean says a TOML "
     "file with [signals.iu], [signals.x] and [signals.f_mag], each with column and unit ('ambkit "
-    "check --schema force'): --channels of 'ambkit check' and 'ambkit train', whose --out FILE.csv "
+    "schema force'): --channels of 'ambkit check' and 'ambkit train', whose --out FILE.csv "
     "writes the points with these columns"
 )
 """What helps where a file has other columns."""

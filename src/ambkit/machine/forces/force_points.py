@@ -62,7 +62,7 @@ class ForcePoints:
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write them as ``.csv`` or ``.parquet``, as ``ambkit train --force-map`` reads them."""
+        """Write them as ``.csv`` or ``.parquet``, as ``ambkit train map`` reads them."""
         from ambkit.data.files.tables import Table, write_table
 
         columns = {"iu": self.current, "x": self.displacement, "f_mag": self.force}

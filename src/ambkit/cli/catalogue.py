@@ -1,0 +1,177 @@
+"""The commands: which verb each is, what it writes, and how a shell names it."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from typing import Any, cast
+
+from ambkit.base.errors import AmbkitError
+
+VERBS = {
+    "reproduce": "reproduce:reproduce",
+    "simulate": "simulate:simulate",
+    "excite": "excite:excite",
+    "excite sensitivity": "excite:excite_sensitivity",
+    "read": "read:read",
+    "read guess": "read:guess_channels",
+    "identify": "identify:identify",
+    "identify corpus": "identify:identify_corpus",
+    "identify online": "identify:identify_online",
+    "identify lift-off": "identify:identify_lift_off",
+    "identify coil": "identify:identify_coil",
+    "train": "train:train",
+    "train map": "train:train_map",
+    "tune": "tune:tune",
+    "tune robust": "tune:tune_robust",
+    "tune trade-off": "tune:tune_trade_off",
+    "filter": "filter:filter",
+    "compare": "compare:compare",
+    "compare steps": "compare:compare_steps",
+    "design": "design:design",
+    "assess": "assess:assess",
+    "assess sweep": "assess:assess_sweep",
+    "assess speed": "assess:assess_speed",
+    "assess log": "assess:assess_log",
+    "faults": "faults:inject_faults",
+    "rotor": "rotor:campbell",
+    "rotor modes": "rotor:mode_shapes",
+    "rotor unbalance": "rotor:unbalance_response",
+    "rotor waterfall": "rotor:waterfall",
+    "pil": "pil:pil",
+    "presets": "presets:presets",
+    "check": "check:check",
+    "schema": "check:schema",
+    "export c": "export:export_c",
+    "export cost": "export:export_cost",
+    "export fmu": "export:export_fmu",
+    "export ssp": "export:export_ssp",
+    "export a2l": "export:export_a2l",
+    "export mat": "export:export_mat",
+    "campaign": "campaign:campaign",
+    "campaign run": "campaign:campaign",
+    "campaign status": "campaign:campaign_status",
+    "campaign report": "campaign:campaign_report",
+    "campaign replay": "campaign:campaign_replay",
+    "campaign rare": "campaign:campaign_rare",
+    "campaign problem": "campaign:campaign_problem",
+}
+"""Module and function of each command."""
+
+GROUPS = {"export": "Export a filter as C, FMU, A2L or MAT-file."}
+"""First words that are no commands by themselves."""
+
+RECORDS = (".csv", ".parquet")
+FOLDER = ("DIR",)
+
+MAKES: Mapping[str, Mapping[str, Sequence[str]]] = {
+    "identify": {"": (".toml",), "filter": (".toml",), "force-map": RECORDS},
+    "identify corpus": {"": (".toml",), "filter": (".toml",)}, "identify online": {"": (".toml",)},
+    "identify lift-off": {"": (".toml",)}, "identify coil": {"": (".toml",)},
+    "train": {"": (".json",), "filter": (".toml",)},
+    "train map": {"": (".json", ".csv", ".parquet", ".toml"), "filter": (".toml",)},
+    "simulate": {"": RECORDS}, "filter": {"": RECORDS},
+    "compare": {"": RECORDS, "filters": FOLDER}, "compare steps": {"": RECORDS},
+    "excite": {"": RECORDS}, "excite sensitivity": {"": RECORDS}, "faults": {"": RECORDS},
+    "pil": {"": RECORDS}, "tune": {"": (".toml",)}, "tune robust": {"": (".toml",)},
+    "read": {"": RECORDS}, "presets": {"": (".toml",)}, "read guess": {"": (".toml",)},
+    "schema": {"": (".json",)}, "campaign problem": {"": (".json",)},
+    "export fmu": {"": (".fmu",)}, "export ssp": {"": (".ssp",)}, "export a2l": {"": (".a2l",)},
+    "export mat": {"": (".mat",)},
+    "campaign replay": {"": RECORDS, "estimates": RECORDS, "machine": (".toml",)},
+}  # fmt: skip
+"""Endings of what a command makes beside the forms of all results, by the name in WHAT=FILE."""
+
+PICTURES = (".png", ".svg", ".pdf", ".html")
+ROWS = (".json", ".csv", ".tex", ".html")
+"""What every result can be written as."""
+
+BEGIN = """From a magnetic bearing's description, or a recording, to a tuned adaptive Kalman filter.
+
+To begin with:
+    ambkit reproduce                         the paper, with pictures and verdicts
+    ambkit presets zittau_axial > my.toml    a machine, to be edited
+    ambkit simulate my.toml --step "0.3 mm" --out run.csv
+    ambkit filter run.csv --machine my.toml --plot run.png
+"""
+"""What ``ambkit`` prints before the list of its commands."""
+
+
+class Misused(AmbkitError):
+    """A command line that its command does not understand."""
+
+    def __init__(self, message: str, command: str | None) -> None:
+        super().__init__(message)
+        self.command = command
+
+
+def verb_called(name: str) -> Callable[..., Any]:
+    """Return the verb of a command."""
+    module, _, function = VERBS[name].partition(":")
+    return cast(Callable[..., Any], getattr(import_module(f"ambkit.verbs.{module}"), function))
+
+
+def products(name: str, verb: Callable[..., Any]) -> Mapping[str, Sequence[str]]:
+    """Return the endings of all that a command writes, by the name in WHAT=FILE."""
+    makes = MAKES.get(name, {})
+    own = tuple(makes.get("", ()))
+    rows = () if returns(verb) == "Document" else tuple(end for end in ROWS if end not in own)
+    return {"": own + rows} | {what: ends for what, ends in makes.items() if what}
+
+
+def returns(verb: Callable[..., Any]) -> str:
+    """Return the name of the type that a verb returns."""
+    return str(verb.__annotations__.get("return", ""))
+
+
+def summary(name: str) -> str:
+    """Return a line on a command."""
+    return GROUPS.get(name) or (verb_called(name).__doc__ or "").partition("\n")[0]
+
+
+def within(name: str) -> list[str]:
+    """Return the commands that begin with the name of another one."""
+    return [other for other in VERBS if other.startswith(f"{name} ")]
+
+
+def listing(names: Sequence[str]) -> str:
+    """Return a line for each of some commands."""
+    column = max(map(len, names)) + 2
+    return "\n".join(f"  {name.ljust(column)}{summary(name)}" for name in names)
+
+
+def front() -> str:
+    """Return what ``ambkit --help`` prints."""
+    first = list(dict.fromkeys(name.partition(" ")[0] for name in VERBS))
+    return (
+        "usage: ambkit COMMAND ...\n\n"
+        f"{BEGIN}\nCommands:\n{listing(first)}\n\n"
+        "Options:\n"
+        "  -h, --help                    Show this help, or that of a command.\n"
+        "  --version                     Print the version.\n"
+        "  --debug                       With an error, show where in the program it came from.\n"
+        "  --print-completion SHELL      Print a script for completion in bash, zsh or tcsh.\n"
+    )
+
+
+def of_group(name: str) -> str:
+    """Return the help of a first word that is no command by itself."""
+    commands = listing(within(name))
+    return f"usage: ambkit {name} COMMAND ...\n\n{GROUPS[name]}\n\nCommands:\n{commands}\n"
+
+
+def called(arguments: Sequence[str]) -> tuple[str, Sequence[str]]:
+    """Return the command that a shell calls, of one word or two, and its arguments."""
+    count = 2 if " ".join(arguments[:2]) in VERBS else 1
+    return " ".join(arguments[:count]), arguments[count:]
+
+
+def unknown(name: str, following: Sequence[str]) -> Misused:
+    """Return the refusal of a command that is not there, with the one that was perhaps meant."""
+    words = name
+    if name in GROUPS and following:
+        words = f"{name} {following[0]}"
+    near = difflib.get_close_matches(words, [*VERBS, *GROUPS], 1)
+    hint = f"; did you mean {near[0]}?" if near else ""
+    return Misused(f"there is no command {words}{hint}", "ambkit")

@@ -1,0 +1,50 @@
+"""The paper, reproduced."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ambkit.verbs.words import Folder
+
+if TYPE_CHECKING:
+    from ambkit.workflow.reproduction import Outcome
+
+
+def reproduce(out: Folder = "out", *, seed: int = 0, open: bool = False) -> Outcome:
+    """Reproduce the paper.
+
+    Writes report.html, figures/, tables/ and summary.json, and prints the verdicts.
+
+    Parameters
+    ----------
+    out : str or path, optional
+        Folder; made if it is not there.
+    seed : int, optional
+        First seed of the noise.
+    open : bool, optional
+        Open the report in the browser.
+
+    Returns
+    -------
+    Outcome
+        The verdicts, and the folder.
+
+    Raises
+    ------
+    AmbkitError
+        The folder cannot be written.
+
+    Examples
+    --------
+    $ ambkit reproduce --out out --open
+    """
+    from ambkit.base.progress import progress
+    from ambkit.workflow import reproduction
+
+    with progress("reproducing the paper") as done:
+        outcome = reproduction.reproduce(out, seed=seed, progress=done)
+    if open:
+        import webbrowser
+
+        webbrowser.open(outcome.path.absolute().as_uri())
+    return outcome

@@ -1,0 +1,184 @@
+"""Filters that a user names along a record: what goes in, and what is to be said of it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ambkit.assessment.arguments import (
+    arguments_of_the_user,
+    filter_arguments,
+    machine_argument,
+    record_argument,
+)
+from ambkit.assessment.plausibility import check_plausibility
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.base.quantity_arguments import in_si, names_in
+from ambkit.base.units import figure, percent
+from ambkit.data.channel_map import ChannelMap
+from ambkit.data.signals import each_of
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.filter_file import FilterFile
+from ambkit.estimate.named import Factory, FromFile, FromObject, factories
+from ambkit.estimate.noise_model import FilterNoise
+from ambkit.estimate.registry import FILTER_SUFFIX
+from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.workflow.filter import Filtered, Filtering, filter
+from ambkit.workflow.warnings import OutsideOperatingRange, missing_control
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+
+AUTO = "auto"
+"""Tune the intensity of the disturbance force."""
+
+
+def filtered(
+    record: Any, filters: Any, machine: Any, channels: Any, window: Any, *, settling: Any,
+    measurement: Any, disturbance: Any, smooth: bool, done: Callable[[str], None],
+) -> Filtering:  # fmt: skip
+    """Run the filters that a user names along a record, with remarks."""
+    chosen = {} if isinstance(filters, Mapping) else dict.fromkeys(_names(filters))
+    files = {name: FilterFile.load(name) for name in chosen
+             if isinstance(name, str) and name.endswith(FILTER_SUFFIX)}  # fmt: skip
+    if machine is None and not files:
+        raise AmbkitError("machine is missing: a preset's name, or a TOML file")
+    plant = next(iter(files.values())).plant if machine is None else machine_argument(machine)
+    log = record_argument(record, _channels(files, channels), window)
+    remarks = []
+    if not hasattr(record, "signals"):
+        try:
+            remarks += [f"{record}: {text}" for text in check_plausibility(log, plant)]
+        except RecordError as error:
+            raise RecordError([f"{record}: {problem}" for problem in error.problems]) from None
+    tune, intensity = _disturbance(disturbance)
+    built = _built(filters, chosen, plant)
+    noise = FilterNoise(measurement=in_si("measurement_noise", measurement, "m^2"),
+                        disturbance=intensity)  # fmt: skip
+    with arguments_of_the_user():
+        result = filter(
+            plant, log, built, noise=noise, tune=tune, settling=settling, smooth=smooth,
+            done=lambda one: done(one.name),
+        )  # fmt: skip
+    stretch = result.stretch
+    if stretch is not None and stretch.by_itself:
+        start, stop = (log.t[0] + end for end in (stretch.start, stretch.stop))
+        remarks.append(f"Tuned from {start:.3g} to {stop:.3g} s, judged on the rest.")
+    adequacy = {
+        name: judge_adequacy(
+            build() if isinstance(build := built[name], FromFile) else None, plant,
+            nis=one.evaluation.nis,
+        )
+        for name, one in result.estimators.items()
+    }  # fmt: skip
+    for name, one in result.estimators.items():
+        remarks += [*_of_tuning(one), *(f"{name}: {text}" for text in sentences(adequacy[name]))]
+    remarks += _warnings(result, len(log))
+    source = str(record) if isinstance(record, str | os.PathLike) else ""
+    return replace(result, source=source, adequacy=adequacy, remarks=remarks)
+
+
+def _names(filters: Any) -> list[Any]:
+    """Return what a user gives as filters, as a list."""
+    if isinstance(filters, type):
+        return [filters]
+    return [item if isinstance(item, Estimator | type) else os.fspath(item)
+            for item in names_in(Estimator, type, filter=filters)]  # fmt: skip
+
+
+def _built(filters: Any, chosen: Mapping[Any, None], plant: Machine) -> dict[str, Factory]:
+    """Return what builds each filter."""
+    built: dict[str, Factory] = {}
+    for item in [filters] if isinstance(filters, Mapping) else chosen:
+        if isinstance(item, str):
+            built |= factories([item], plant)
+        else:
+            made = filter_arguments(item, plant)
+            built |= {name: FromObject(item) for name, item in made.items()}
+    return built
+
+
+def _disturbance(value: Any) -> tuple[float | None, float | None]:
+    """Return the time at the start to tune on [s], and the intensity [N^2/s]; None: not given."""
+    if isinstance(value, str) and value.partition(" ")[0] == AUTO:
+        time = value.partition(" ")[2].strip()
+        tune = in_si("disturbance_noise", time, "s") if time else None
+        if tune is not None and not tune > 0:
+            raise AmbkitError(f"disturbance_noise must be tuned on more than 0 s, is {value!r}")
+        return tune, None
+    return None, in_si("disturbance_noise", value, "N^2/s")
+
+
+def _channels(files: Mapping[str, FilterFile], channels: Any) -> ChannelMap | None:
+    """Return the map of the log, with y and u as the filters' files have them."""
+    if channels is None:
+        return None
+    known = channels if isinstance(channels, ChannelMap) else ChannelMap.load(channels)
+    inputs = {name: file.inputs for name, file in files.items() if not file.inputs.in_si}
+    if not inputs:
+        return known
+    first, *others = inputs
+    for name in others:
+        if inputs[name] != inputs[first]:
+            raise AmbkitError(f"{first} and {name} read other inputs: filter by one at a time")
+    return known.with_inputs(inputs[first])
+
+
+def _of_tuning(one: Filtered) -> Iterator[str]:
+    """Yield what the stretch leaves open, and whether the rest of the record contradicts it."""
+    tuning = one.tuning
+    if tuning is None:
+        return
+    if tuning.why:
+        yield f"{one.name}: {tuning.why}"
+    if tuning.worse:
+        then = (
+            "so the tuning is the first suspect"
+            if tuning.kept
+            else "so the untuned one is used, chosen by what it is judged on"
+        )
+        yield (
+            f"{one.name}: tuned disturbance noise, {tuning.found.disturbance:.3g} N^2/s, fits the "
+            f"rest of the record worse than the untuned, {tuning.untuned.disturbance:.3g} N^2/s "
+            f"(the force moved otherwise there), {then}; --disturbance-noise sets it, or tunes it "
+            "on another stretch"
+        )
+
+
+def _warnings(result: Filtering, samples: int) -> Iterator[str]:
+    """Yield where filter and record do not belong together, or where signals are missing."""
+    left = samples - len(result.record)
+    if left:
+        yield f"{left} samples are left out, in which magnets have no current by the record's mode"
+    lost, in_a_row = missing_control(result.record)
+    if lost:
+        yield (
+            f"the control signal is missing in {lost} of {len(result.record)} samples, at most "
+            f"{in_a_row} in a row: the filters hold the last one, and are less sure for a while "
+            "than they say"
+        )
+    gap = max(placed.magnet.air_gap for placed in result.machine.bearings)
+    for name, one in result.estimators.items():
+        if any(max(each_of(e)) > gap for e in one.evaluation.prediction.values()):
+            yield (
+                f"{name}: predicts beyond the air gap, {figure(gap, 'm', 4)}: over so long a time "
+                "the rotor does not move as this machine says; it lies or is held in a part of the "
+                "record, or the record is of another rig ('ambkit check' with --machine)"
+            )
+        for axis, outside in one.outside.items():
+            yield _of_the_box(f"{name}, axis {axis}" if axis else name, outside)
+
+
+def _of_the_box(name: str, outside: OutsideOperatingRange) -> str:
+    """Return how far an expert is queried beyond the box that it was trained for."""
+    current, displacement = (
+        f"{figure(low, unit, 3)} to {figure(high, unit, 3)} ({percent(share)})"
+        for (low, high, share), unit in ((outside.current, "A"), (outside.displacement, "m"))
+    )
+    return (
+        f"{name}: {percent(outside.share)} of the samples lie outside of the expert's box, "
+        f"current {current}, displacement {displacement}; there it answers as at the edge: "
+        "train it on a larger one ('ambkit train --reach')"
+    )

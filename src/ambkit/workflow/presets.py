@@ -1,0 +1,35 @@
+"""The presets, as they are listed and printed."""
+
+from __future__ import annotations
+
+import shutil
+import textwrap
+
+from ambkit.machine import presets
+from ambkit.machine.machine import Machine
+from ambkit.result.document import Document
+
+
+def listing() -> Document:
+    """Return the names of all presets, and what each is."""
+    machines = map(Machine.preset, (*presets.names(), *presets.machine_names()))
+    data = [
+        {"name": item.name, "description": item.description, "source": item.source,
+         "kind": "bearing" if item.single else "machine"}
+        for item in machines
+    ]  # fmt: skip
+    column = max(len(item["name"]) for item in data) + 2
+    columns = min(shutil.get_terminal_size().columns, 100)
+    lines = (
+        textwrap.fill(item["description"], columns, initial_indent=item["name"].ljust(column),
+                      subsequent_indent=" " * column)
+        for item in data
+    )  # fmt: skip
+    return Document("".join(f"{line}\n" for line in lines), data)
+
+
+def document(name: str) -> Document:
+    """Return a preset as TOML, and as data."""
+    toml, machine = presets.text(name), Machine.preset(name)
+    kind = "bearing" if machine.single else "machine"
+    return Document(toml, {"name": name, kind: machine.model_dump(), "toml": toml})
