@@ -201,3 +201,9 @@ def test_it_takes_part_in_other_verbs(tmp_path: Path) -> None:
         ambkit.assess(AXIS, controller=PD)
     with pytest.raises(AmbkitError, match="PD is Python, and has no C"):
         export_c(AXIS, None, tmp_path / "c", kind="linear", scenario=scenario)
+
+
+def test_many_runs_of_an_axis_refuse_what_their_lanes_cannot_call() -> None:
+    scenario = Scenario(duration=0.02, controller=Control(custom=Measured))
+    with pytest.raises(AmbkitError, match="Measured: .*one run at a time"):
+        ambkit.simulate_many([ambkit.Planned(AXIS, scenario)])

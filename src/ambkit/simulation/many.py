@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.own_class import name_of
 from ambkit.control.controllers import Controllers
 from ambkit.estimate.batch import processors
 from ambkit.estimate.estimator import Estimator
@@ -229,6 +230,11 @@ def _parted(runs: Iterable[Planned]) -> tuple[bool, Iterator[Planned]]:
         for run in chain([first], parts):
             if run.bearing.single != of_one:
                 raise ValueError("runs must all have one axis, or all several")
+            own = run.scenario.controller.custom or run.scenario.plant
+            if of_one and own is not None:  # the lanes are C throughout
+                raise AmbkitError(
+                    f"{name_of(own)}: a class of your own is simulated one run at a time: use ambkit.simulate"
+                )
             yield run
 
     return of_one, alike()
