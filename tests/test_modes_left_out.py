@@ -258,6 +258,21 @@ def test_a_critical_speed_is_where_the_response_to_unbalance_peaks(one_mode: Mac
     )  # the whirl moves with the speed
 
 
+def test_a_filter_that_estimates_the_unbalance_has_critical_speeds_too(one_mode: Machine) -> None:
+    """At rest it settles to no gain, and at speed it has a pole that is always at the speed."""
+    planes = (Unbalance(place=0.325, amount=1e-6),)
+    machine = one_mode.model_copy(update={"unbalance": planes})
+    fed_by = KalmanFilter(machine, synchronous=("unbalance",))
+    of = LoopOf(machine, Control(type="decentralised"))
+    (sharp,) = (each for each in separations(machine, loop=of, fed_by=fed_by) if each.needed)
+    shaken = of.with_controllers(fed_by, 2 * machine.speed)
+    size = []
+    for share in (0.85, 1.0, 1.15):
+        there, inner = shaken.at_speed(share * sharp.critical.speed, fed_by)
+        size.append(np.abs(of_unbalance(there.loop(inner), there.machine, of.point).x).max())
+    assert size[1] > 1.5 * max(size[0], size[2])
+
+
 def test_a_diagram_to_a_greater_speed_tells_the_distance_of_all_its_criticals() -> None:
     slow = Machine.preset("ufu_rig").replace(speed=500 * RPM)
     diagram = campbell(slow, 4000 * RPM)
