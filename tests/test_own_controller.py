@@ -205,5 +205,5 @@ def test_it_takes_part_in_other_verbs(tmp_path: Path) -> None:
 
 def test_many_runs_of_an_axis_refuse_what_their_lanes_cannot_call() -> None:
     scenario = Scenario(duration=0.02, controller=Control(custom=Measured))
-    with pytest.raises(AmbkitError, match=r"^Measured: .*one run at a time"):
+    with pytest.raises(AmbkitError, match=r"^Measured: .*one at a time"):
         ambkit.simulate_many([ambkit.Planned(AXIS, scenario)])

@@ -233,7 +233,7 @@ def _parted(runs: Iterable[Planned]) -> tuple[bool, Iterator[Planned]]:
             own = run.scenario.controller.custom or run.scenario.plant
             if of_one and own is not None:  # the lanes are C throughout
                 raise AmbkitError(
-                    f"{name_of(own)}: your own class runs one run at a time: use simulate"
+                    f"{name_of(own)}: a class of yours runs one at a time: use simulate"
                 )
             yield run
 
