@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.export.c import c_literals
-from ambkit.export.c.model import by_loops
+from ambkit.export.c.model import loop_model
 from ambkit.models import Model, compose, emit, machine_model
 from ambkit.models.declaration import Part
 from ambkit.models.parts import Amplifier, Delay, Disturbance, MagnetPlace, Rotor, Sensor
@@ -202,7 +202,7 @@ def _matrix(values: Array) -> str:
 
 def _loops(model: Model) -> str:
     """The model as constants for ambkit/loops.h."""
-    held = by_loops(model)
+    held = loop_model(model)
     listed = (
         f"static const {one['type']} {one['name']}[] = {{{one['text']}}};"
         for one in c_literals.declared(held.arrays, "double")

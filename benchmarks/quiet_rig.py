@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ambkit import Bearing, Record
 from ambkit.identification.maximum_likelihood import MaximumLikelihood, maximum_likelihood
-from ambkit.identification.maximum_likelihood.current_state import Coil, FlowingCurrent, through
+from ambkit.identification.maximum_likelihood.current_state import Coil, CurrentState, through
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
@@ -155,7 +155,7 @@ def study(seeds: int = 200, first: int = 0, threads: int = 1) -> dict[str, dict[
         return judged(list(pool.map(identified, records)), truths)
 
 
-def flowing_at_the_truth(record: Record) -> FlowingCurrent:
+def flowing_at_the_truth(record: Record) -> CurrentState:
     """Return the current that flows through the coil as it was simulated."""
     lag = LAG / record.sampling_time
     stray = (GAIN * (1 - math.exp(-1 / lag)) * DRIVE / SENSOR) ** 2

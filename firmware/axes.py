@@ -14,7 +14,6 @@ import numpy as np
 
 from ambkit import Machine, Scenario, simulate
 from ambkit.export.c import export_c
-from ambkit.export.pil.emulator import emulated
 from firmware import harness
 
 SAMPLES = 300
@@ -48,7 +47,7 @@ def measure(kind: str, loops: bool, folder: Path) -> tuple[int, int, int, int]:
     u = np.column_stack([record[f"u_{axis.name}"] for axis in machine.axes])
     samples = np.hstack([y[1:], u[:-1]]).astype("<f4")
     samples.tofile(folder / "input.bin")
-    emulated(firmware.elf, folder)
+    harness.emulated(firmware.elf, folder)
     counted = np.fromfile(folder / "instructions.bin", "<u4")[1:]
     size = harness.size(firmware)
     return int(np.median(counted)), int(counted.max()), size.code, size.constants

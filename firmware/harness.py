@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import ambkit
-from ambkit.export.pil.boards import ARM, M4F, QEMU
-from ambkit.export.pil.emulator import emulated
+from ambkit.export.pil.boards import ARM, M4F, QEMU, qemu_command
 
 HERE = Path(__file__).resolve().parent
 BOARD = Path(ambkit.__file__).parent / "export" / "pil" / "c"
@@ -22,6 +21,8 @@ WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotio
 FLAGS = ("-std=c99", "-O3", "-fno-common", *M4F)
 
 Contraction = Literal["off", "fast"]
+
+SECONDS = 300  # that a run to the end may last; none takes a tenth of it
 
 _ANSWER = np.dtype(
     [("mean", "<f4", 4), ("status", "<u4"), ("instructions", "<u4"), ("trusted", "<u4")]
@@ -189,3 +190,14 @@ def _name_of(export: Path) -> str:
 
 def _call(*command: str | Path) -> str:
     return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+
+
+def emulated(image: Path, folder: Path) -> str:
+    """Run a firmware to its end, and return what it printed."""
+    done = subprocess.run(
+        qemu_command(image), cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True,
+        timeout=SECONDS,
+    )  # fmt: skip
+    if done.returncode != 0:
+        raise RuntimeError(f"the firmware ended with {done.returncode}: {done.stderr.strip()}")
+    return done.stderr

@@ -18,15 +18,10 @@ from ambkit import Bearing, Record, Scenario, Sine, simulate
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.data import recordings
-from ambkit.identification.corpus.arx import ORDER, fit_arx, normal_of
-from ambkit.identification.corpus.corpus import (
-    Baselines,
-    Corpus,
-    Prediction,
-    identify_corpus,
-    predict,
-)
+from ambkit.identification.corpus.baselines import ORDER, Baselines, fit_arx, normal_of
+from ambkit.identification.corpus.corpus import Corpus, identify_corpus
 from ambkit.identification.corpus.pooling import pool
+from ambkit.identification.corpus.prediction import Prediction, predict
 from ambkit.identification.corpus.segmentation import cut, flights
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
@@ -60,7 +55,7 @@ def corpus() -> Corpus:
 
 
 def test_a_magnet_that_is_not_as_described_is_told_beside_the_amplitude(corpus: Corpus) -> None:
-    told = corpus.weakened
+    told = corpus.strength_loss
     assert told is not None
     assert list(told.flights) == list(corpus.found)
     assert abs(np.log(told.factor / 0.8)) < 3 * told.factor_error
@@ -86,7 +81,7 @@ def test_logs_say_what_is_true_and_a_smoothed_one_is_named(corpus: Corpus) -> No
 
 def test_each_is_foretold_by_the_others(corpus: Corpus) -> None:
     for each in corpus.predictions:
-        assert each.error[10] < each.unmodelled[10]
+        assert each.error[10] < each.without_a_magnet[10]
         assert each.error[10] < each.held[10]
         assert each.nis == pytest.approx(1.0, abs=0.12)
         assert each.error[1] > each.floor
@@ -108,8 +103,8 @@ def test_each_is_foretold_by_the_others(corpus: Corpus) -> None:
 
 def test_good_is_what_no_baseline_knows_more_of() -> None:
     errors = {
-        "error": {1: 18e-6, 10: 21e-6}, "alone": {1: 18e-6, 10: 23e-6},
-        "held": {1: 24e-6, 10: 30e-6}, "unmodelled": {1: 19e-6, 10: 28e-6},
+        "error": {1: 18e-6, 10: 21e-6}, "without_later_controls": {1: 18e-6, 10: 23e-6},
+        "held": {1: 24e-6, 10: 30e-6}, "without_a_magnet": {1: 19e-6, 10: 28e-6},
         "arx": {1: 19e-6, 10: 27e-6},
     }  # fmt: skip
     well = Prediction("log", 10_000, **errors, floor=17e-6, nis=1.05, white=0.5, left=0.01)
@@ -125,11 +120,13 @@ def test_a_filter_that_knows_the_truth_loses_to_no_model_that_knows_as_much() ->
     others = Baselines.together([Baselines.of([quiet[name]]) for name in "123"])
     truth = LoopModel(BALL, disturbance_noise=1e-8, substeps=1)
     told = predict("0", [quiet["0"]], truth, others)
-    assert told.alone[1] == pytest.approx(told.error[1], rel=1e-3)
-    assert told.alone[10] < told.arx[10]
-    assert told.alone[10] < told.error[10]
+    assert told.without_later_controls[1] == pytest.approx(told.error[1], rel=1e-3)
+    assert told.without_later_controls[10] < told.arx[10]
+    assert told.without_later_controls[10] < told.error[10]
     late = predict("0", [quiet["0"]], truth.replace(delay=-0.4e-3, line=True), others)
-    assert late.alone[10] == pytest.approx(told.alone[10], rel=0.15)
+    assert late.without_later_controls[10] == pytest.approx(
+        told.without_later_controls[10], rel=0.15
+    )
 
 
 def test_a_log_is_cut_where_it_does_not_fly() -> None:

@@ -223,7 +223,7 @@ def test_adaptive_filter_in_fmpy_equals_the_library(magnet: Any, tmp_path: Path)
 def test_every_kind_in_fmpy_equals_the_library(name: str, tmp_path: Path) -> None:
     """One of each state, and of each structure that only a kind has."""
     record = spoilt(BEARING)
-    path = export_fmu(BEARING, None, tmp_path / "kind.fmu", estimator=name).path
+    path = export_fmu(BEARING, None, tmp_path / "kind.fmu", filter=name).path
     assert validate_fmu(str(path)) == []
     found = simulated(path, BEARING.sampling_time, {}, y=record["y"], u=record["u"])
     check_estimate(found, REGISTRY[name].make(BEARING).run(record))
@@ -336,7 +336,7 @@ def test_an_estimator_with_more_states_in_fmpy_equals_the_library(
 ) -> None:
     """The paper's own step, a kind with more than the model, one gain, and none."""
     record, estimator = spoilt(WHOLE), REGISTRY[kind].make(WHOLE)
-    path = export_fmu(WHOLE, None, tmp_path / "whole.fmu", estimator=kind).path
+    path = export_fmu(WHOLE, None, tmp_path / "whole.fmu", filter=kind).path
     assert validate_fmu(str(path)) == []
     estimate = estimator.run(record)
     assert {"i", "u_1", "u_2"} < set(estimate.names)
@@ -368,7 +368,7 @@ def test_a_closed_loop_with_more_states_in_fmpy_equals_the_library(
     noise_u, noise_y = (noise[:, 0] for noise in drawn(bearing, scenario, len(record.t)))
     inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
     made = export_fmu(
-        bearing, None, tmp_path / "loop.fmu", kind="closed-loop", fmi=2, estimator="extended",
+        bearing, None, tmp_path / "loop.fmu", kind="closed-loop", fmi=2, filter="extended",
         scenario=scenario,
     )  # fmt: skip
     assert validate_fmu(str(made.path)) == []
@@ -387,7 +387,7 @@ def test_a_force_map_is_plant_and_what_the_filter_knows(tmp_path: Path) -> None:
     record = run.record
     noise_u, noise_y = (noise[:, 0] for noise in drawn(bearing, scenario, len(record.t)))
     inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
-    export_fmu(bearing, None, tmp_path / "map.fmu", kind="closed-loop", estimator="extended",
+    export_fmu(bearing, None, tmp_path / "map.fmu", kind="closed-loop", filter="extended",
                scenario=scenario)  # fmt: skip
     found = simulated(tmp_path / "map.fmu", bearing.sampling_time, {}, **inputs)
     for name in ("x", "v", "x_m"):

@@ -103,7 +103,7 @@ def test_the_closed_loop_is_what_simulate_flies(name: str, fmi: Any, tmp_path: P
         inputs["fly"] = case.sequence.fly(record.t)
     path = export_fmu(
         case.bearing, None, tmp_path / "loop.fmu", kind="closed-loop", fmi=fmi, scenario=scenario,
-        estimator=case.estimator,
+        filter=case.estimator,
     ).path  # fmt: skip
     assert validate_fmu(str(path)) == []
     found = simulated(path, case.bearing.sampling_time, **inputs)
@@ -133,7 +133,7 @@ def test_the_whole_controller_is_what_simulate_flies(
         inputs["fly"] = case.sequence.fly(record.t)
     path = export_fmu(
         case.bearing, None, tmp_path / "flown.fmu", kind="whole-controller", scenario=scenario,
-        estimator=case.estimator, precision=precision, fmi=2 if precision == "float" else 3,
+        filter=case.estimator, precision=precision, fmi=2 if precision == "float" else 3,
     ).path  # fmt: skip
     assert validate_fmu(str(path)) == []
     found = simulated(path, case.bearing.sampling_time, **inputs)
@@ -164,7 +164,7 @@ def test_a_controller_alone_takes_all_states(name: str, fmi: Any, tmp_path: Path
     states = {state: run.estimate[state] for state in run.estimate.names}
     path = export_fmu(
         case.bearing, None, tmp_path / "c.fmu", kind="controller", fmi=fmi,
-        scenario=scenario_of(case), estimator=case.estimator,
+        scenario=scenario_of(case), filter=case.estimator,
     ).path  # fmt: skip
     assert validate_fmu(str(path)) == []
     found = simulated(path, case.bearing.sampling_time, r=run.record["r"], **states)

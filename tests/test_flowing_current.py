@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ambkit import Record
-from ambkit.identification.maximum_likelihood.current_state import Coil, flowing
+from ambkit.identification.maximum_likelihood.current_state import Coil, smooth_current
 from ambkit.identification.maximum_likelihood.joint import Joint
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
@@ -35,7 +35,7 @@ def without(record: Record, name: str) -> Record:
 
 def test_the_current_is_known_as_well_as_is_said(records: list[Record]) -> None:
     for record in records[:1]:
-        found = flowing([record])
+        found = smooth_current([record])
         assert found is not None
         assert found.noise == pytest.approx(SENSOR, rel=0.03)
         assert found.lag == pytest.approx(LAG, rel=0.1)
@@ -82,11 +82,11 @@ def test_magnet_and_delay_are_found_in_a_quiet_loop(records: list[Record]) -> No
 
 def test_what_drives_no_current_is_not_taken_for_its_control(records: list[Record]) -> None:
     record = records[0]
-    assert flowing([without(record, "control")]) is None
+    assert smooth_current([without(record, "control")]) is None
     other = np.random.default_rng(0).normal(size=len(record))
     for control in (other, np.zeros(len(record)), np.where(other > 2, np.nan, record["control"])):
         signals = {name: record[name] for name in record} | {"control": control}
-        assert flowing([Record(record.t, signals, record.units, record.meta)]) is None
+        assert smooth_current([Record(record.t, signals, record.units, record.meta)]) is None
 
 
 def at_the_truth(record: Record, free: tuple[str, ...] = ()) -> Joint:

@@ -12,9 +12,9 @@ from ambkit.data.channel_map import ChannelMap
 from ambkit.data.reading.derived_channels import (
     filters_of_others,
     is_formula,
+    raw_counterparts,
     same_numbers,
     standardised,
-    twins,
     velocities,
 )
 from ambkit.data.reading.levitation_test import bands
@@ -116,7 +116,7 @@ def test_what_is_made_of_others_is_known():
     assert filters_of_others(unit, raw) == {2}  # no sum: what it is of is its difference
     assert filters_of_others(unit, [True] * len(unit)) == set()
     assert 3 in velocities(unit)
-    assert twins(unit, list(bands(unit)), 1, [0, 3, 4]) == [0]
+    assert raw_counterparts(unit, list(bands(unit)), 1, [0, 3, 4]) == [0]
     t = np.arange(6000)
     sine = standardised(np.array([np.sin(t / 50), np.cos(t / 50) + 1e-3 * simple()[0]]))
     assert is_formula(sine[0])

@@ -133,12 +133,12 @@ def test_a_model_takes_delay_and_lag_of_its_bearing_and_its_filter_has_neither()
     assert model.delay == 1.5e-4
     assert model.current_lag == pytest.approx(1 / (2 * np.pi * 200))
     assert [state.name for state in model.kalman().states] == ["x", "v", "f_d", "x_m"]
-    assert model.late_bearing() == b
-    assert model.replace(delay=-1e-5, current_lag=0.0).late_bearing() == model.prompt_bearing
-    assert model.replace(delay=1.0).late_bearing().delay is None  # longer than any bearing's
+    assert model.delayed_machine() == b
+    assert model.replace(delay=-1e-5, current_lag=0.0).delayed_machine() == model.undelayed_machine
+    assert model.replace(delay=1.0).delayed_machine().delay is None  # longer than any bearing's
     plain = LoopModel(b.replace(delay=None), delay=3e-4, current_lag=1e-3)
-    assert plain.late_bearing().delay == 3e-4
-    assert plain.late_bearing().amplifier.bandwidth == pytest.approx(159.2, rel=1e-3)
+    assert plain.delayed_machine().delay == 3e-4
+    assert plain.delayed_machine().amplifier.bandwidth == pytest.approx(159.2, rel=1e-3)
 
 
 def test_learning_online_takes_the_signal_as_it_acts() -> None:

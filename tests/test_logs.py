@@ -13,6 +13,7 @@ from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError
 from ambkit.data.channel_map import ChannelMap
 from ambkit.data.files import csv_dialect, mat
 from ambkit.data.files.formats import read_log
+from ambkit.data.files.log import Request
 from ambkit.data.record import Record
 from tests import logs
 
@@ -256,12 +257,12 @@ def test_objects_that_only_matlab_opens_are_named(tmp_path, monkeypatch):
     for beside in ({}, numbers):
         monkeypatch.setattr(mat, "content", lambda _, beside=beside: {"None": ball} | beside)
         if beside:
-            log = mat.read(path)
+            log = mat.read(str(path), Request())
             assert list(log.arrays) == ["t"]
             said = " ".join(log.remarks)
         else:
             with pytest.raises(RecordError) as refused:
-                mat.read(path)
+                mat.read(str(path), Request())
             said = str(refused.value)
         assert "ball is an object of the class timeseries, which only MATLAB opens" in said
         assert "ball.Data" in said

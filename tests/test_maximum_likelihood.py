@@ -29,7 +29,12 @@ from ambkit.identification.maximum_likelihood.parameters import (
     named,
 )
 from ambkit.identification.maximum_likelihood.restricted_likelihood import restricted
-from ambkit.identification.maximum_likelihood.search import climb, hold, narrowed, with_room
+from ambkit.identification.maximum_likelihood.search import (
+    fix,
+    maximise,
+    restore_clearance,
+    tighten_clearance,
+)
 from benchmarks.identification import START, TRUTH, TRUTHS, closed_loops, judged
 
 SEEDS = 12
@@ -130,10 +135,10 @@ def test_what_looks_like_another_is_held_where_it_was_given(records):
     mass, k = TRUTH.bearing.rotor.mass, TRUTH.bearing.magnet.magnet_constant
     far = TRUTH.replace(rotor__mass=1e4 * mass, magnet__magnet_constant=1e4 * k)
     rest = named(["magnet_constant"])
-    best = climb(records[:1], TRUTH, rest, 0.01)
+    best = maximise(records[:1], TRUTH, rest, 0.01)
     drifted = replace(best, model=far, local=replace(best.local, value=best.local.value + 50))
     mass_of = named(["mass"])[0]
-    model, at = hold(records[:1], drifted, mass_of, rest, TRUTH, 0.01, TRUTH)
+    model, at = fix(records[:1], drifted, mass_of, rest, TRUTH, 0.01, TRUTH)
     assert model.bearing.rotor.mass == mass
     assert model.bearing.magnet.magnet_constant == pytest.approx(k, rel=0.1)
     assert at == engineering(mass, "kg", 3)
@@ -156,22 +161,22 @@ def test_an_offset_that_brings_the_current_to_its_limit_is_told():
     assert quiet.nearest_limit(record) == pytest.approx(left / std)
     at_limit = quiet.replace(current_offset=left)
     assert at_limit.nearest_limit(record) == pytest.approx(0, abs=1e-9)
-    (told,) = narrowed([record], quiet, at_limit)[1]
+    (told,) = restore_clearance([record], quiet, at_limit)[1]
     assert "limit of 1.5 A" in told
-    assert not narrowed([record], quiet, quiet)[1]
-    assert not narrowed([record], at_limit, at_limit)[1]  # of the log, not of the search
+    assert not restore_clearance([record], quiet, quiet)[1]
+    assert not restore_clearance([record], at_limit, at_limit)[1]  # of the log, not of the search
 
 
 def test_a_gap_may_be_less_than_the_travel_of_the_description_and_that_is_told():
     u = 0.2 * np.sin(np.arange(1000) / 50)
     record = Record(1e-4 * np.arange(1000), {"y": 1e-4 * u, "u": u})
     given = LoopModel(TRUTH.bearing)  # travel 1 mm
-    roomy = with_room([record], given, named(["air_gap"]))
+    roomy = tighten_clearance([record], given, named(["air_gap"]))
     close = roomy.replace(magnet__air_gap=0.9e-3)
-    model, (told,) = narrowed([record], given, close)
+    model, (told,) = restore_clearance([record], given, close)
     assert "no room for the travel of 1 mm" in told
     assert model.bearing.rotor.clearance < 0.9e-3
-    wide, nothing = narrowed([record], given, roomy)
+    wide, nothing = restore_clearance([record], given, roomy)
     assert wide.bearing == given.bearing
     assert not nothing
 
@@ -186,7 +191,7 @@ def test_what_two_stiffnesses_do_not_tell_is_in_the_errors():
     assert not found.held
     assert found.converged
     place = [p.name for p in found.parameters].index("current_offset")
-    assert found.told[place] < 0.5  # what is known of it was known beforehand
+    assert found.record_share[place] < 0.5  # what is known of it was known beforehand
     assert found.standard_error("current_offset") == pytest.approx(0.0468, rel=0.35)
     assert found.to_dict()["known_beforehand"]["current_offset"]["standard_deviation"] > 0.04
     two = maximum_likelihood(record, start, free[:2])
@@ -201,13 +206,13 @@ def test_noises_are_where_the_restricted_likelihood_is_greatest(records):
     """Against the textbook's: maximise over the others, take off half of ln det, maximise that."""
     free = named(["disturbance_noise", "position_offset", "air_gap"])
     others = [p for p in free if p.name != "disturbance_noise"]
-    best = climb(records[:1], TRUTH, free, 0.01)
+    best = maximise(records[:1], TRUTH, free, 0.01)
 
     def loss(log_growth):
         model = best.model.replace(
             disturbance_noise=math.exp(log_growth) * best.model.disturbance_noise
         )
-        top = climb(records[:1], model, others, 0.01)
+        top = maximise(records[:1], model, others, 0.01)
         return 0.5 * np.linalg.slogdet(top.local.information)[1] - top.local.value
 
     textbook = minimize_scalar(loss, bounds=(-0.3, 0.5), method="bounded", options={"xatol": 1e-4})
@@ -215,7 +220,7 @@ def test_noises_are_where_the_restricted_likelihood_is_greatest(records):
     moved = math.log(model.disturbance_noise / best.model.disturbance_noise)
     assert moved > 0.01
     assert moved == pytest.approx(textbook.x, rel=0.15)
-    alone = climb(records[:1], TRUTH, free[-1:], 0.01)
+    alone = maximise(records[:1], TRUTH, free[-1:], 0.01)
     assert restricted(records[:1], alone.model, alone.local, free[-1:], 0.01) is alone.model
 
 
@@ -285,8 +290,8 @@ def test_finite_steps_of_the_filter_bias_nothing():
     loop = Scenario(duration=0.5, controller=PID.for_bearing(pump), reference=swing)
     run, start = [simulate(pump, loop).record], LoopModel(pump, disturbance_noise=0.05)
     free = named(["sensor_lag", "magnet_constant", "air_gap", "disturbance_noise"])
-    coarse = climb(run, start, free, 0.01)
-    fine = climb(run, start.replace(substeps=64), free, 0.01).model
+    coarse = maximise(run, start, free, 0.01)
+    fine = maximise(run, start.replace(substeps=64), free, 0.01).model
     errors = np.sqrt(np.diag(np.linalg.inv(coarse.local.information)))
     off = np.array([math.log(p.of(coarse.model) / p.of(fine)) for p in free]) / errors
     assert np.abs(off).max() < 0.3  # standard errors
@@ -470,14 +475,14 @@ def test_a_control_that_switches_within_a_sample_moves_the_rotor_as_it_would_in_
     )
     finer = late.replace(substeps=5)  # the switch is at an edge of these
     coarse, exact = (model.innovations(record)[0] for model in (late, finer))
-    missed = late.misplaced(record["u"])
+    missed = late.offset_error(record["u"])
     plain = coarse + missed  # as if nothing had been missed
     assert 1e-9 < np.ptp(missed) < 1e-7
     off, before = (np.std((one - exact)[20:]) for one in (coarse, plain))
     assert off < 0.3 * before
-    assert np.abs(finer.misplaced(record["u"])).max() < 1e-20
-    assert not late.replace(line=True).misplaced(record["u"]).any()
-    assert not late.replace(current_lag=1e-3).misplaced(record["u"]).any()
+    assert np.abs(finer.offset_error(record["u"])).max() < 1e-20
+    assert not late.replace(line=True).offset_error(record["u"]).any()
+    assert not late.replace(current_lag=1e-3).offset_error(record["u"]).any()
 
 
 @pytest.mark.long

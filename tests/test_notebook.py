@@ -40,7 +40,7 @@ ESTIMATE = KalmanFilter(BEARING).run(RECORD, covariance=True)
 def shown() -> dict[str, Any]:
     """One of each that a notebook shows, under the name of its class."""
     from ambkit.identification.forces.lift_off import LiftOff
-    from ambkit.identification.online.comparison import learn_online
+    from ambkit.identification.online.comparison import compare_online
     from ambkit.workflow.identify import identify_by_lift_off
 
     scores = compare(BEARING, SCENARIO, {"linear": lambda: KalmanFilter(BEARING)}, [0])
@@ -56,7 +56,7 @@ def shown() -> dict[str, Any]:
     made = [
         BEARING, RECORD, ESTIMATE, Expert.paper(), scores, study, study.bench,
         Benches({"paper": study.bench}), LoopScores(BEARING, {}, {"a step": scores}, range(1)),
-        ambkit.identify_online(RECORD, BEARING), learn_online(RECORD, BEARING),
+        ambkit.identify_online(RECORD, BEARING), compare_online(RECORD, BEARING),
         ambkit.simulate(BEARING, duration="10 ms"),
         ambkit.filter(RECORD, ["linear"], machine=BEARING, settling="5 ms"),
         ambkit.tune(BEARING, filter="linear", budget=2, runs=1),
@@ -72,7 +72,7 @@ def shown() -> dict[str, Any]:
 
 NAMES = (
     "Bearing", "Record", "Estimate", "Expert", "Scores", "Study", "Bench", "Benches",
-    "LoopScores", "Identification", "SideBySide", "Run", "Filtering", "Tuned", "Design",
+    "LoopScores", "Identification", "OnlineComparison", "Run", "Filtering", "Tuned", "Design",
     "LiftedOff", "Assessment", "TradeOff", "Sweep", "Injection", "AssessedLog",
 )  # fmt: skip
 

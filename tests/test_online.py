@@ -19,7 +19,7 @@ import ambkit
 from ambkit import Bearing, Constant, Record, Scenario, Sine, Step
 from ambkit.base.errors import AmbkitError
 from ambkit.identification.online.augmented import AugmentedIdentifier, AugmentedResult
-from ambkit.identification.online.comparison import SideBySide, learn_online, online_figure
+from ambkit.identification.online.comparison import OnlineComparison, compare_online, online_figure
 from ambkit.identification.online.result import OnlineResult, mean_error
 from ambkit.result.report.items import Band, Line, Rule, Span
 from ambkit.simulation.external_inputs import ExternalInputs
@@ -52,7 +52,7 @@ def moved(seed: int = 0, *, load: float = 0.0, colour: float = 0.0, step: float 
 
 def errors(records: list[Record]) -> dict[str, Array]:
     """Error of each k over the truth, and its standard error, a row a record."""
-    all_of = [learn_online(record, BEARING, start=START).results for record in records]
+    all_of = [compare_online(record, BEARING, start=START).results for record in records]
     return {
         name: np.array([(r[name].magnet_constant / K - 1, r[name].standard_error / K)
                         for r in all_of])
@@ -79,7 +79,7 @@ def test_all_find_k_where_the_rotor_moves() -> None:
 def test_at_rest_who_needs_motion_says_so_and_does_not_drift(load: float) -> None:
     """ADALINE learns from the weight instead, and takes a load for the magnet."""
     still = Scenario(duration=0.5, disturbance=Constant(value=load))
-    learned = learn_online(ambkit.simulate(BEARING, still).record, BEARING, start=START)
+    learned = compare_online(ambkit.simulate(BEARING, still).record, BEARING, start=START)
     for name in ("rls", "augmented"):
         result = learned.results[name]
         assert result.held.all()
@@ -94,7 +94,7 @@ def test_at_rest_who_needs_motion_says_so_and_does_not_drift(load: float) -> Non
 
 def test_without_a_weight_nobody_learns_at_rest() -> None:
     level = BEARING.replace(rotor__gravity="none")
-    learned = learn_online(
+    learned = compare_online(
         ambkit.simulate(level, Scenario(duration=0.3)).record, level, start=START
     )
     assert all(result.held.all() for result in learned.results.values())
@@ -108,11 +108,11 @@ def test_without_a_weight_nobody_learns_at_rest() -> None:
 
 
 def test_a_load_that_is_not_told_leads_only_adaline_astray() -> None:
-    learned = learn_online(moved(load=3.0), BEARING, start=START)
+    learned = compare_online(moved(load=3.0), BEARING, start=START)
     assert learned.agree("rls", "augmented")
     assert "the k of ADALINE is" in learned.agreement
     assert any("one of 3 N: a known load belongs to --disturbance" in n for n in learned.notes)
-    told = learn_online(moved(load=3.0), BEARING, start=START, disturbance=3.0)
+    told = compare_online(moved(load=3.0), BEARING, start=START, disturbance=3.0)
     assert told.agreement == "All three agree within their errors."
     for name in ("rls", "augmented"):
         assert abs(told.to_dict()["learners"][name]["load"]) < 0.2
@@ -120,10 +120,10 @@ def test_a_load_that_is_not_told_leads_only_adaline_astray() -> None:
 
 def test_colour_is_told_and_white_noise_is_not() -> None:
     """The filter bends k to it; ADALINE and least squares look at slow motion only."""
-    white = [learn_online(moved(seed), BEARING) for seed in range(4)]
+    white = [compare_online(moved(seed), BEARING) for seed in range(4)]
     assert not any(one.coloured for one in white)
     assert max(abs(one.colour) for one in white) < 0.05
-    coloured = [learn_online(moved(seed, colour=10.0), BEARING) for seed in range(4)]
+    coloured = [compare_online(moved(seed, colour=10.0), BEARING) for seed in range(4)]
     assert all(one.coloured for one in coloured)
     assert all("the innovations have colour" in " ".join(one.notes) for one in coloured)
     bias = {
@@ -189,14 +189,17 @@ def test_who_agrees_with_whom_is_one_sentence(k: tuple[float, ...], sentence: st
     results = dict(
         zip(("adaline", "rls", "augmented"), (Said(one, 0.02) for one in k), strict=True)
     )
-    assert SideBySide(BEARING, 1.0, None, results).agreement == sentence
+    assert OnlineComparison(BEARING, 1.0, None, results).agreement == sentence
     # The same constants, nearly: discretisation alone moves them by more than their errors.
     near = {name: Said(1.0 + 0.002 * i, 1e-6) for i, name in enumerate(results)}
-    assert SideBySide(BEARING, 1.0, None, near).agreement == "All three agree within their errors."
+    assert (
+        OnlineComparison(BEARING, 1.0, None, near).agreement
+        == "All three agree within their errors."
+    )
 
 
 def test_the_picture_shows_truth_bands_and_what_was_held() -> None:
-    learned = learn_online(moved(), BEARING, start=START)
+    learned = compare_online(moved(), BEARING, start=START)
     constants, *monitors = online_figure(learned).panels
     assert len(monitors) == 3
     filtered = learned.results["augmented"]

@@ -17,7 +17,7 @@ import ambkit
 from ambkit.base.errors import ConfigError, RecordError
 from ambkit.data import recordings
 from ambkit.data.channel_map import ChannelMap
-from ambkit.data.reading import Refused, faults, grid, read
+from ambkit.data.reading import RejectedLog, faults, grid, read
 from ambkit.data.reading.clock import examine
 from ambkit.data.reading.plausibility import suspects
 from ambkit.data.reading.propose import guess
@@ -88,7 +88,7 @@ def test_lost_samples_get_their_places_and_no_other_moves(n, lost, step, start):
     kept = np.array([k for k in range(n) if k not in lost])
     clock = examine("t", times[kept])
     assert clock.jumps.size == 0
-    full, place = grid.with_missing(clock)
+    full, place = grid.insert_missing(clock)
     np.testing.assert_array_equal(place, kept)
     np.testing.assert_array_equal(full[place], times[kept])
     np.testing.assert_allclose(np.diff(full), step, rtol=1e-2)
@@ -352,8 +352,8 @@ def test_a_held_signal_is_averaged_over_the_sample(delay):
 
 
 def test_one_sample_is_one_sample():
-    assert "shifted by 1 sample;" in grid.shift_in_words("y", 1e-3, 1e-3)
-    assert "shifted by 2 samples;" in grid.shift_in_words("y", 2e-3, 1e-3)
+    assert "shifted by 1 sample;" in grid.describe_shift("y", 1e-3, 1e-3)
+    assert "shifted by 2 samples;" in grid.describe_shift("y", 2e-3, 1e-3)
 
 
 def test_the_map_takes_a_delay_out_and_says_so(read_columns):
@@ -541,7 +541,7 @@ def test_whatever_is_done_to_a_csv_there_is_a_record_or_a_clear_word(
         channel_map = ChannelMap.from_toml(guess(path))
         try:
             assert len(read(path, channel_map, resample=True).record) >= 2
-        except Refused as refused:
+        except RejectedLog as refused:
             figure = refused_figure(refused)
             assert figure is None or figure.panels
 

@@ -7,7 +7,7 @@ import pytest
 
 from ambkit.base.errors import RecordError
 from ambkit.data.channel_map import ChannelMap
-from ambkit.data.reading import Refused, read
+from ambkit.data.reading import RejectedLog, read
 from ambkit.data.reading.reading_figure import reading_figure
 from ambkit.data.reading.rejected_log_figure import refused_figure
 from ambkit.result.report.items import Line, Rule, Span
@@ -65,7 +65,7 @@ def test_the_picture_of_a_refused_log_shows_where(tmp_path, spoil, axis, marked)
     log = columns()
     spoil(log)
     logs.csv(tmp_path / "log.csv", log)
-    with pytest.raises(Refused) as failure:
+    with pytest.raises(RejectedLog) as failure:
         read(tmp_path / "log.csv", ChannelMap.from_toml(MAP))
     figure = refused_figure(failure.value)
     assert figure.title == "log.csv: refused"
@@ -91,7 +91,7 @@ def test_damaged_lines_are_shown_among_the_sound_ones(tmp_path):
     lines = path.read_text().split("\n")
     lines[200], lines[500] = "x,1,2", "1,2"
     path.write_text("\n".join(lines))
-    with pytest.raises(Refused, match=r"log\.csv:201: column time: 'x'") as failure:
+    with pytest.raises(RejectedLog, match=r"log\.csv:201: column time: 'x'") as failure:
         read(path, ChannelMap.from_toml(MAP))
     assert failure.value.damaged == (199, 499)
     figure = refused_figure(failure.value)
@@ -105,7 +105,7 @@ def test_two_clocks_are_shown_each_with_its_channels(tmp_path):
     logs.mdf4(path, {"time": fast, "pos": fast}, {"time": slow, "current": slow})
     # They have two clocks; and, in the other map, the wrong one.
     for text in (TWO, MAP.replace('"time"', '"0/time"')):
-        with pytest.raises(Refused) as failure:
+        with pytest.raises(RejectedLog) as failure:
             read(path, ChannelMap.from_toml(text))
         figure = refused_figure(failure.value)
         lines = {panel.y.label: panel.items[0] for panel in figure.panels}
@@ -205,7 +205,7 @@ def test_a_refused_log_is_drawn_in_all_formats(tmp_path):
     log = columns()
     without_times(log)
     logs.csv(tmp_path / "log.csv", log)
-    with pytest.raises(Refused) as failure:
+    with pytest.raises(RejectedLog) as failure:
         read(tmp_path / "log.csv", ChannelMap.from_toml(MAP))
     figure = refused_figure(failure.value)
     for ending in ENDINGS:

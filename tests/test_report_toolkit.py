@@ -23,7 +23,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambkit.base.errors import AmbkitError
-from ambkit.data.reading import Refused, read
+from ambkit.data.reading import RejectedLog, read
 from ambkit.data.reading.reading_figure import reading_figure
 from ambkit.data.reading.rejected_log_figure import refused_figure
 from ambkit.result.report import (
@@ -842,7 +842,7 @@ def test_browser_draws_a_log_as_read_and_as_refused(tmp_path, jump):
     page = tmp_path / "log.html"
     try:
         figure = reading_figure(read(tmp_path / "log.csv"))
-    except Refused as refused:
+    except RejectedLog as refused:
         figure = refused_figure(refused)
     save_figure(figure, page)
     ask = """JSON.stringify({

@@ -128,7 +128,7 @@ def test_a_filter_that_there_is_not_is_named_with_those_that_there_are(given: An
         lambda: ambkit.assess(ZITTAU, given),
         lambda: ambkit.inject_faults(ZITTAU, given),
         lambda: ambkit.compare(ZITTAU, given),
-        lambda: export_fmu(ZITTAU, "estimator", "a.fmu", estimator=given),
+        lambda: export_fmu(ZITTAU, "estimator", "a.fmu", filter=given),
         lambda: ambkit.tune(ZITTAU, filter=given),
     ]
     for call in calls:

@@ -18,7 +18,7 @@ from ambkit.control.control import Control
 from ambkit.control.controllers import TYPES
 from ambkit.control.linear.steady_state_filter import tells
 from ambkit.data.channel_map import ChannelMap, inputs_of
-from ambkit.data.reading import load_filled
+from ambkit.data.reading import load_with_gaps
 from ambkit.data.record import Record
 from ambkit.estimate.experts import experts
 from ambkit.estimate.filter_file import FilterFile
@@ -225,7 +225,7 @@ def record_argument(source: Any, channels: Any = None, window: Any = None) -> Re
     """Return a record, filled where its log has gaps, or the part of it that is wanted."""
     record: Record = source
     if isinstance(source, str | os.PathLike):
-        record = load_filled(source, channels, NOTES.warning)
+        record = load_with_gaps(source, channels, NOTES.warning)
     of_type(Record, record=record)
     if window is None:
         return record

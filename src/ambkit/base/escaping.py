@@ -9,6 +9,8 @@ import json
 import re
 import unicodedata
 from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import tomli_w
@@ -88,3 +90,16 @@ def _in_toml(char: str) -> str:
 
 FILTERS = {"one_line": one_line, "c_comment": c_comment, "markdown": markdown}
 """For templates; ``one_line`` is all that a comment to the line's end needs, as in CMake."""
+
+
+@cache
+def templates(folder: Path, *, autoescape: bool = False) -> Any:
+    """Return the Jinja templates of a folder; HTML escapes by itself, what else passes a filter."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(folder), undefined=StrictUndefined, autoescape=autoescape,
+        keep_trailing_newline=True, trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters |= FILTERS
+    return environment

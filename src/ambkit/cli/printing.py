@@ -88,10 +88,10 @@ def draw_refused(error: AmbkitError, plots: Sequence[Path]) -> None:
     if not plots:
         return
     from ambkit.data.reading.rejected_log_figure import refused_figure
-    from ambkit.data.reading.rejections import Refused
+    from ambkit.data.reading.rejections import RejectedLog
     from ambkit.result import saving
 
-    if not isinstance(error, Refused):
+    if not isinstance(error, RejectedLog):
         return
     figure = refused_figure(error)
     for path in plots:

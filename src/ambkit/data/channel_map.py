@@ -1,12 +1,6 @@
 """The channel map: which row or column of a log is which signal, and what its numbers mean.
 
-::
-
-    array = "logouts"              # the array in the .mat that holds the channels
-
-    [signals.t]
-    row = 0
-    unit = "s"
+Of each number in the log, ``value = sign * scale * number * unit + offset``, in SI::
 
     [signals.y]                    # y = 10 mm - z: distance from the magnet, turned around
     row = 2
@@ -14,20 +8,9 @@
     sign = -1
     offset = "10 mm"
 
-    [signals.u]                    # a current stands for the control signal at 1 V/A
-    row = 4
-    unit = "A"
-    scale = "1 V/A"
-    offset = "-0.94 V"
-
-Of each number in the log, ``value = sign * scale * number * unit + offset``, in SI. So what ties a
-log to a bearing, such as the point around which the bearing is described, is data, not code.
-
-A channel that the logger wrote too late has a ``delay``, and is shifted by it. A ``u`` that is the
-current as a sensor showed it is ``measured``, and is not held between samples. What drives it is
-the channel ``control``, in any unit: identification tells the sensor's noise by it, and a ``u``
-with a ``control`` beside it is measured. A channel with
-a clock of its own names that with ``time``; a log without times has ``sampling_time``.
+A channel that was logged late has a ``delay``. A ``u`` that is a measured current is ``measured``,
+and not held between samples; ``control`` is what drives it, in any unit. A channel with a clock of
+its own names that with ``time``; a log without times has ``sampling_time``.
 """
 
 from collections.abc import Iterator, Mapping
@@ -53,7 +36,7 @@ Index = Annotated[int, Field(ge=0, strict=True)]
 PLACES = ("r", "x_logged")  #: Signals that are read off the same scale as y.
 
 
-class Mapped(NamedTuple):
+class MappedSignals(NamedTuple):
     """The signals that a channel map found in a log."""
 
     signals: Mapping[str, Array]  #: Each signal (n,) in SI, without the clocks.
@@ -177,14 +160,14 @@ class ChannelMap(Document):
                 results.append(channel.column)
         return tuple(dict.fromkeys(results))
 
-    def apply(self, log: Log) -> Mapped:
+    def apply(self, log: Log) -> MappedSignals:
         """Pick the signals out of a log; see `pick`."""
         mapped, problems = self.pick(log)
         if problems:
             raise RecordError(problems, log.name)
         return mapped
 
-    def pick(self, log: Log) -> tuple[Mapped, list[str]]:
+    def pick(self, log: Log) -> tuple[MappedSignals, list[str]]:
         """Pick those signals out of a log that are there."""
         values: dict[str, Array] = {}
         remarks: list[str] = []
@@ -204,9 +187,9 @@ class ChannelMap(Document):
             n = max((v.size for v in signals.values()), default=0)
             clocks["t"] = self.sampling_time * np.arange(n, dtype=np.float64)
         if not problems:
-            problems = list(self._of_other_clocks(log, signals, clocks, clock_of))
+            problems = list(self._clock_problems(log, signals, clocks, clock_of))
         about = {"log": self.name, "origin": self.source}
-        mapped = Mapped(
+        mapped = MappedSignals(
             signals,
             {name: self.signals[name].si_unit for name in signals},
             clocks,
@@ -222,7 +205,7 @@ class ChannelMap(Document):
         """Whether u is a current that a sensor showed, and not the control that drives it."""
         return "u" in signals and (self.signals["u"].measured or CONTROL in signals)
 
-    def _of_other_clocks(
+    def _clock_problems(
         self,
         log: Log,
         signals: Mapping[str, Array],

@@ -1,8 +1,7 @@
-"""Series with units as pandas and xarray hold them: units, and what else is known, in ``attrs``.
+"""Series as pandas and xarray hold them: units, and what else is known, in ``attrs``.
 
-In pandas ``attrs`` of the frame has a dictionary ``units`` (of the index, which is the time, too)
-and whatever else describes it. In xarray each variable has its own ``units``, as in CF conventions,
-and the rest is JSON in ``attrs`` of the data set, for netCDF holds no dictionaries.
+A DataFrame has ``attrs["units"]``, of its index too. In xarray each variable has ``units`` (CF
+conventions), and the rest is JSON in ``attrs`` of the data set: netCDF holds no dictionaries.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import ExtraMissing, RecordError
-from ambkit.data.signals import UNITS, held_in
+from ambkit.data.signals import UNITS, to_si
 
 KEY = "ambkit"  #: Where a data set of xarray has, as JSON, what no variable says.
 
@@ -102,22 +101,14 @@ def in_si(series: Series, units: Mapping[str, str] | None = None) -> Series:
         )
     columns, result = {}, {}
     for name, values in raw_columns.items():
-        columns[name], result[name] = _converted(name, values, known_units.get(name))
+        if (unit := known_units.get(name)) is None:
+            raise RecordError(f'column {name} has no unit; give it, as in units={{"{name}": "mm"}}')
+        try:
+            columns[name], result[name] = to_si(name, unit, values)
+        except ValueError as error:
+            raise RecordError(f"column {name}: {error}") from None
     t, _ = columns.pop("t"), result.pop("t")
     return Series(t, columns, result, series.about)
-
-
-def _converted(name: str, values: NDArray[Any], unit: str | None) -> tuple[Array, str]:
-    from ambkit.base.units import factor
-
-    if unit is None:
-        raise RecordError(f'column {name} has no unit; give it, as in units={{"{name}": "mm"}}')
-    try:
-        target = held_in(name, unit)
-        scale = 1.0 if unit == target else factor(unit, target)
-    except ValueError as error:
-        raise RecordError(f"column {name}: {error}") from None
-    return (values if scale == 1.0 else values * scale), target
 
 
 def _checked(

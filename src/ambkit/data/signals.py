@@ -71,3 +71,12 @@ def si_unit(unit: str) -> str:
             continue
         return candidate
     raise ValueError(f"{unit} measures nothing that a record holds; known: {', '.join(SI_UNITS)}")
+
+
+def to_si(name: str, unit: str, values: Any) -> tuple[Any, str]:
+    """Convert a signal to the SI unit in which a record holds it; SI values keep their bits."""
+    from ambkit.base.units import factor
+
+    target = held_in(name, unit)
+    scale = 1.0 if unit == target else factor(unit, target)
+    return (values if scale == 1.0 else values * scale), target

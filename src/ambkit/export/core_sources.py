@@ -18,9 +18,6 @@ _EXTERNAL = re.compile(
     re.MULTILINE,
 )
 
-INCLUDE_FOLDERS = ("core/include", "core")
-"""What a compiler must be told to find the core's headers, relative to an export."""
-
 
 def folder() -> Path:
     """Return the folder with the C sources of the core."""

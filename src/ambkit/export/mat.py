@@ -65,15 +65,15 @@ def variables(
     bearing: Bearing, expert: Expert | None, filter_file: FilterFile | None = None
 ) -> dict[str, Any]:
     """Return what the file holds, by the names in MATLAB; all in SI."""
-    estimator = _estimator(bearing, expert, filter_file)
-    content: dict[str, Any] = _model(estimator) | {
-        "states": np.array([state.name for state in estimator.states], dtype=object),
+    filter = _estimator(bearing, expert, filter_file)
+    content: dict[str, Any] = _model(filter) | {
+        "states": np.array([state.name for state in filter.states], dtype=object),
         "tables": _tables(bearing, expert),
         "bearing": _fields(bearing),
         "about": f"{bearing.name}, written by ambkit {version('ambkit')}; SI units",
     }
     if filter_file is not None:
-        read = {"y": estimator.inputs.y, "u": estimator.inputs.u}
+        read = {"y": filter.inputs.y, "u": filter.inputs.u}
         content["inputs"] = {
             name: {"gain": item.gain, "zero": item.zero, "unit": item.unit}
             for name, item in read.items()
@@ -81,12 +81,12 @@ def variables(
     return content if expert is None else content | {"expert": _expert(expert)}
 
 
-def _model(estimator: Estimator) -> dict[str, Any]:
+def _model(filter: Estimator) -> dict[str, Any]:
     """Matrices of the model that the filter predicts with."""
-    k = ConstantStiffness.of(estimator.bearing)
-    parameters = estimator.core.parameters
+    k = ConstantStiffness.of(filter.bearing)
+    parameters = filter.core.parameters
     held = parameters["set"]
-    model = estimator.linear_model(k.k_i, k.k_s)
+    model = filter.linear_model(k.k_i, k.k_s)
     return {
         "A": model.A,
         "B": model.B,
@@ -95,7 +95,7 @@ def _model(estimator: Estimator) -> dict[str, Any]:
         "E": model.E,
         "Q": held["var_u"][0] * model.B @ model.B.T + _symmetric(parameters["growth"]),
         "R": model.R,
-        "P0": np.diag(np.square(estimator.default_std())),
+        "P0": np.diag(np.square(filter.default_std())),
         "T": held["T"],
         "f_0": float(held["f_0"][0]),
     }

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -164,11 +164,9 @@ class Expert(Shown, Part):
             Too many nodes, a width or scale factor that is not positive, shapes that do not fit.
         """
         scale = scale_factors(stiff, scaling)
-        count = stiff.k_i.size
-        if widths is None:
-            widths = default_width(stiff, scale)
-        if weights is None:
-            weights = [stiff.k_i.ravel(), stiff.k_s.ravel()]
+        shape = (2, stiff.k_i.size)
+        widths = default_width(stiff, scale) if widths is None else widths
+        weights = [stiff.k_i.ravel(), stiff.k_s.ravel()] if weights is None else weights
         return cls._of(
             source=stiff.name,
             source_hash=stiff.fingerprint,
@@ -176,8 +174,8 @@ class Expert(Shown, Part):
             scale=scale,
             nodes=(stiff.current, stiff.displacement),
             force_bias=stiff.force_bias,
-            widths=_shaped("widths", widths, (2, count)),
-            weights=_shaped("weights", weights, (2, count)),
+            widths=_shaped("widths", widths, shape),
+            weights=_shaped("weights", weights, shape),
             training=training,
         )
 
@@ -242,27 +240,14 @@ class Expert(Shown, Part):
         if not 0 < factor < float("inf"):
             raise AmbkitError(f"factor must be greater than 0 and finite, is {factor!r}")
 
-        def times(values: Iterable[float]) -> tuple[float, ...]:
-            return tuple(factor * value for value in values)
-
         changed: dict[str, Any] = {
             "source": f"{self.source}, magnet constant times {factor:g}",
             "source_hash": "",  # it is of the other map
             "force_bias": factor * self.force_bias,
-            "rules": tuple(
-                rule.model_copy(
-                    update={
-                        "weight_k_i": factor * rule.weight_k_i,
-                        "weight_k_s": factor * rule.weight_k_s,
-                    }
-                )
-                for rule in self.rules
-            ),
+            "rules": tuple(_times(r, factor, "weight_k_i", "weight_k_s") for r in self.rules),
         }
         if self.training is not None:
-            curves = ("force_rms", "k_i_rms", "k_s_rms")
-            learned = {name: times(getattr(self.training, name)) for name in curves}
-            changed["training"] = self.training.model_copy(update=learned)
+            changed["training"] = _times(self.training, factor, "force_rms", "k_i_rms", "k_s_rms")
         return self.model_copy(update=changed)
 
     @classmethod
@@ -297,8 +282,8 @@ class Expert(Shown, Part):
             ]
             raise ConfigError([": ".join(filter(None, parts)) for parts in results], name) from None
         except ValueError:  # of int(), which takes only so many digits
-            most = sys.get_int_max_str_digits()
-            raise AmbkitError(f"{name}: has an integer of more than {most} digits") from None
+            digits = f"more than {sys.get_int_max_str_digits()} digits"
+            raise AmbkitError(f"{name}: has an integer of {digits}") from None
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network as JSON, a line for each rule, through a temporary file.
@@ -340,13 +325,7 @@ class Expert(Shown, Part):
         return np.array(self.training.force_rms if self.training else ())
 
     def in_core(self, core: ModuleType) -> Fuzzy:
-        """Build the C implementation.
-
-        Parameters
-        ----------
-        core : module
-            The build of the core that computes, see `ambkit.machine.magnets.core_module`.
-        """
+        """Build the C implementation, for the build of the core that computes."""
         return network(
             core,
             centres=self.centres,
@@ -395,6 +374,15 @@ class Expert(Shown, Part):
         from ambkit.fuzzy.expert_card import expert_card
 
         return expert_card(self)
+
+
+def _times(part: Any, factor: float, *names: str) -> Any:
+    """Return a part with some of its numbers multiplied."""
+    values = {name: getattr(part, name) for name in names}
+    return part.model_copy(update={
+        name: tuple(factor * v for v in value) if isinstance(value, tuple) else factor * value
+        for name, value in values.items()
+    })  # fmt: skip
 
 
 def _shaped(name: str, values: ArrayLike, shape: tuple[int, int]) -> Array:

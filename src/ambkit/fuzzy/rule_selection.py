@@ -1,9 +1,7 @@
 """How many rules measured points carry: cross-validation, and the smallest network that is enough.
 
-The box is cut into blocks. The points of some blocks are left out, the force is found from the
-others, a network is trained on it, and held to the points left out. Whole blocks, not points: an
-error of the force that is alike for neighbours is still seen by those of a single point, and more
-rules would look better than they are (Roberts et al. 2017).
+Whole blocks of the box are left out, not points: errors that are alike for neighbours would not be
+seen, and more rules would look better than they are (Roberts et al. 2017).
 """
 
 from __future__ import annotations
@@ -95,7 +93,7 @@ class RuleChoice:
 
     @property
     def chosen(self) -> Candidate:
-        """The smallest network within the limit; of two with as many rules the better one."""
+        """The smallest network within the limit (Breiman et al. 1984, 3.4.3), of two the better."""
         enough = [c for c in self.candidates if c.error <= self.limit]
         return min(enough, key=lambda c: (c.rules, c.error))
 
@@ -130,9 +128,6 @@ def choose_rules(
     **training: Any,
 ) -> RuleChoice:
     """Choose the number of rules by cross-validation and the one-standard-error rule."""
-    # The smallest network whose error is within one standard error of the best one's (Breiman,
-    # Friedman, Olshen and Stone 1984, section 3.4.3). A candidate has no more rules than points
-    # remain when some are left out.
     if threads is not None and threads < 1:
         raise AmbkitError(f"threads must be 1 or more, is {threads}")
     if training.get("method", "least-squares") == "least-squares":
@@ -149,20 +144,12 @@ def choose_rules(
             f"{FEWEST} or more are needed all over the bearing's box; there are {count} in "
             f"{np.unique(block[inside]).size} of its {BLOCKS * BLOCKS} blocks"
         )
-    remain = min(count - int(np.count_nonzero(left_out)) for left_out in folds)
-    shapes = []
-    for shape in sorted(CANDIDATES if candidates is None else candidates, key=np.prod):
-        if min(shape) >= 2 and shape[0] * shape[1] <= min(remain, MAX_RULES):
-            shapes.append(shape)
-        elif candidates is not None:
-            raise AmbkitError(
-                f"candidates: {shape[0]}x{shape[1]} rules cannot be judged; these points allow 2 "
-                f"or more in each direction, and {min(remain, MAX_RULES)} or less in total"
-            )
+    remain = min(min(count - int(np.count_nonzero(out)) for out in folds), MAX_RULES)
+    shapes = _allowed(candidates, remain)
     note("finding the force without some points")
     surfaces = [ForceSurface(bearing, points.where(~out), law_error) for out in folds]
-    doubts = [_doubt(s, points.where(out)) for s, out in zip(surfaces, folds, strict=True)]
-    done: list[Candidate] = []
+    spreads = [_spread(s, points.where(out)) for s, out in zip(surfaces, folds, strict=True)]
+    results: list[Candidate] = []
     least, since = np.inf, 0
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
 
@@ -172,7 +159,7 @@ def choose_rules(
             def squares(k: int) -> Array:
                 left = points.where(folds[k])
                 off = np.asarray(force(k)(left.current, left.displacement)) - left.force
-                return np.asarray((off / doubts[k]) ** 2)
+                return np.asarray((off / spreads[k]) ** 2)
 
             parts = np.concatenate(list(pool.map(squares, range(FOLDS))))
             return _error(parts, np.concatenate([block[left_out] for left_out in folds]))
@@ -183,13 +170,27 @@ def choose_rules(
             def trained(k: int, shape: Shape = shape) -> ForceFunction:
                 return train(map_of(bearing, surfaces[k], box, shape), **training).force
 
-            done.append(Candidate(shape, *evaluate(trained)))
-            since = 0 if done[-1].error < least else since + 1
-            least = min(least, done[-1].error)
+            results.append(Candidate(shape, *evaluate(trained)))
+            since = 0 if results[-1].error < least else since + 1
+            least = min(least, results[-1].error)
             if since == PATIENCE and candidates is None:
                 break
         limit, _ = evaluate(lambda k: surfaces[k])
-    return RuleChoice(tuple(done), limit, len(folds))
+    return RuleChoice(tuple(results), limit, len(folds))
+
+
+def _allowed(candidates: Sequence[Shape] | None, remain: int) -> list[Shape]:
+    """Return the grids that so many points allow, from few rules to many."""
+    shapes = []
+    for shape in sorted(CANDIDATES if candidates is None else candidates, key=np.prod):
+        if min(shape) >= 2 and shape[0] * shape[1] <= remain:
+            shapes.append(shape)
+        elif candidates is not None:
+            raise AmbkitError(
+                f"candidates: {shape[0]}x{shape[1]} rules cannot be judged; these points allow 2 "
+                f"or more in each direction, and {remain} or less in total"
+            )
+    return shapes
 
 
 def measured_map(
@@ -228,7 +229,7 @@ def box_of(bearing: Bearing, points: ForcePoints) -> Box:
     return box[0], box[1]
 
 
-def _doubt(surface: ForceSurface, left_out: ForcePoints) -> Array:
+def _spread(surface: ForceSurface, left_out: ForcePoints) -> Array:
     """Standard deviation of points about a surface that does not know them (n,) [N]."""
     of_surface = surface.standard_error(left_out.current, left_out.displacement)
     return np.asarray(np.hypot(surface.noise(left_out), of_surface))

@@ -1,14 +1,11 @@
 """The coil of a magnet: from the control signal to its current, and by how much it lags.
 
-A switched amplifier with a diode in parallel to the coil pulls the current towards what the control
-signal asks for, and lets it die away by itself::
+A switched amplifier with a diode in parallel to the coil lets the current die away by itself::
 
     tau(z) di/dt = G (u - u0) - i,     i >= 0,     tau(z) = L/R = a + b exp(-z/c)
 
-The inductance falls with the distance z of what is pulled. The diode holds the current at zero, and
-what the control asks for may be below it: a target that were cut at zero would let the current die
-away too slowly. Told is what logs tell: ``G = V/R`` and ``tau = L/R`` go together, so neither the
-resistance nor the voltage of full control can be had from control and current alone.
+The target may be below zero: one cut at zero would let the current die away too slowly. Control and
+current tell ``G = V/R`` and ``tau = L/R``, not resistance or voltage alone.
 """
 
 from __future__ import annotations

@@ -201,7 +201,7 @@ def export_fmu(
     model, chosen = export_arguments(machine, filter)
     return fmu.export_fmu(
         model, chosen.magnet, out, kind=kind, fmi=fmi, scenario=scenario_argument(scenario),
-        estimator=chosen.kind, filter_file=chosen.file, precision=precision, everywhere=everywhere,
+        filter=chosen.kind, filter_file=chosen.file, precision=precision, everywhere=everywhere,
         force=force,
     ).stated()  # fmt: skip
 
@@ -255,7 +255,7 @@ def export_ssp(
     model, chosen = axis_to_export(machine, filter)
     made = fmu.export_ssp(
         model, chosen.magnet, out, fmi=fmi, scenario=scenario_argument(scenario),
-        estimator=chosen.kind, filter_file=chosen.file, force=force,
+        filter=chosen.kind, filter_file=chosen.file, force=force,
     )  # fmt: skip
     fmus = {one.kind: list(one.variables) for one in made}
     return Statement(f"{out}: {len(made)} FMUs of FMI {fmi}.0.", {"path": str(out), "fmus": fmus})

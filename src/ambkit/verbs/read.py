@@ -53,7 +53,7 @@ def read(
 
     Raises
     ------
-    Refused
+    RejectedLog
         The file is damaged; the map does not fit it; or there is no even grid: two clocks, jitter,
         jumps. The message has all of it, each with its place, and what would help.
     RecordError

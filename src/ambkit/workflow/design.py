@@ -18,7 +18,7 @@ from ambkit.control.control import Control
 from ambkit.control.stabilising_controller import overshoot
 from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.data.input_scaling import Inputs
-from ambkit.data.reading import load_filled
+from ambkit.data.reading import load_with_gaps
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import kind_called
 from ambkit.judge.adequacy import sentences
@@ -193,7 +193,7 @@ class _Work:
         if channels is not None and self.inputs is not None:
             channels = ChannelMap.load(channels).with_inputs(self.inputs)
         logs, others = (
-            [load_filled(path, channels) for path in of] for of in (self.logs, self.validate)
+            [load_with_gaps(path, channels) for path in of] for of in (self.logs, self.validate)
         )
         return logs, others
 
@@ -245,7 +245,7 @@ def _identified(
     free: Sequence[str] | None,
     place: Path,
 ) -> None:
-    records = [load_filled(path, channels) for path in logs]
+    records = [load_with_gaps(path, channels) for path in logs]
     result = identify(machine.short, records, free=free)
     inputs = None if channels is None else inputs_of(ChannelMap.load(channels))
     files.write_text(place / "machine.toml", annotated_toml(result.likelihood, place))

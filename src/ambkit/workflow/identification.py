@@ -193,7 +193,7 @@ def by_corpus(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class IdentifiedOnline(WritesMachine, comparison.SideBySide):
+class IdentifiedOnline(WritesMachine, comparison.OnlineComparison):
     """What the methods learned, and the machine of one of them."""
 
     method: str = "all"  #: Whose machine it is.
@@ -239,7 +239,7 @@ def online(
                 hint = f"or a signal of the record: {', '.join(log)}"
                 raise AmbkitError(f"{error}, {hint}") from None
     with arguments_of_the_user():
-        learned = comparison.learn_online(log, known, start=start, disturbance=disturbance)
+        learned = comparison.compare_online(log, known, start=start, disturbance=disturbance)
     result = IdentifiedOnline(**vars(learned), method=method)
     if method != "all":
         _ = result.machine  # refused now where nothing could be learned

@@ -79,7 +79,7 @@ def carried_over(model: LoopModel, *, delay: bool = True, offsets: bool = True) 
             "add):",
             *(f"  {line}" for line in lines),
         ]
-    known = _known_to_filters(model.late_bearing(delay=not delay))
+    known = _known_to_filters(model.delayed_machine(delay=not delay))
     if known:
         lines.append(f"{known} A map needs none.")
     intensity_text = f"{model.disturbance_noise:.4g} N^2/s"

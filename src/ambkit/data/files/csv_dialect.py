@@ -1,13 +1,8 @@
 """How a CSV is written: its separator, decimal sign, header, unit row, found by looking at it.
 
-Loggers disagree on all of these. Of every separator and decimal sign that are possible, that pair
-is taken under which most cells of the first lines are numbers; where the numbers begin, the header
-ends.
-
-Not by clevercsv (tried: 0.8.5): it finds the separator alone, which it did as well as this module
-in 17 of 18 kinds of file; decimal sign, units, names in a comment and stamps of time would be
-looked for as here, so that hardly a line would go. Two hundred lines of 500 columns took it 3.5 s,
-here 0.27 s.
+Of every separator and decimal sign that are possible, that pair is taken under which most cells of
+the first lines are numbers; where the numbers begin, the header ends. Not by clevercsv 0.8.5, which
+finds the separator alone, no better, and takes 13 times as long.
 """
 
 import csv
@@ -75,7 +70,7 @@ class Dialect(NamedTuple):
         result = split(line, self.separator)
         return result[:-1] if self.closed and len(result) > self.width else result
 
-    def in_words(self) -> str:
+    def describe(self) -> str:
         """Say what is unusual, for the report; empty for a plain CSV."""
         words = [f"{SEPARATORS[self.separator]} between cells"] if self.separator != "," else []
         words += ["decimal comma"] if self.decimal == "," else []

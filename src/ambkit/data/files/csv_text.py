@@ -1,29 +1,22 @@
 """CSV with units in its header: exact both ways, and clear about what is wrong where.
 
-::
-
     t [s],y [m],"# {""bearing"": ""zittau_axial"", ""rows"": 2}"
-    0.0,1.5e-05
-    0.001,
 
-The last cell of the header is no column: it holds what else is known, as JSON. ``pandas.read_csv``
-takes such a file without options, with an empty column there. Files of before 0.3 have that in
-lines before the header, ``# key: JSON``, and are read as well. An empty cell is a missing
-sample. Each number is written with as many digits as it takes to read back exactly the same. That
-is what ambkit writes; it reads what other programs write, too (`csv_dialect`).
+The last cell of the header holds what else is known, as JSON; files of before 0.3 have it in lines
+``# key: JSON`` above. An empty cell is a missing sample. Each number has as many digits as it takes
+to read back exactly the same. What other programs write is read, too (`csv_dialect`).
 """
 
 import csv
 import io
 import json
 import math
-import os
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from decimal import Decimal, InvalidOperation
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,7 +26,14 @@ from ambkit.base.errors import RecordError, shortened
 from ambkit.base.escaping import one_line
 from ambkit.data.files import csv_dialect
 from ambkit.data.files.csv_dialect import MISSING, Dialect, number_of
-from ambkit.data.files.log import DamagedLog, Log, column_names, counted_from, too_coarse
+from ambkit.data.files.log import (
+    DamagedLog,
+    Log,
+    Request,
+    column_names,
+    counted_from,
+    too_coarse,
+)
 
 _KEY = re.compile(r"[^\w.-]")  # what no key of a note has
 _NOTE = re.compile(r"#\s*([\w.-]+):\s(.*)")
@@ -66,21 +66,14 @@ def _cell(value: float) -> str:
     return "" if math.isnan(value) else repr(value)
 
 
-def read(
-    path: str | os.PathLike[str],
-    selection: Collection[str | int] | None = None,
-    progress: Callable[[str], object] = lambda _: None,
-    lenient: bool = False,
-    texts: Collection[str | int] = (),
-) -> Log:
+def read(path: str, request: Request) -> Log:
     """Read a text file with columns; see `ambkit.data.files.formats.read_log`."""
     try:
         content = memory_limit.read_bytes(path, memory_limit.TEXT_SHARE)
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from error
-    text, encoding = _decode(content, os.fspath(path))
-    remarks = [encoding] if encoding else []
-    return parse(text, os.fspath(path), selection, remarks, lenient=lenient, texts=texts)
+    text, encoding = _decode(content, path)
+    return _parse(text, path, request, [encoding] if encoding else [])
 
 
 def _decode(content: bytes, name: str) -> tuple[str, str]:
@@ -99,15 +92,22 @@ def _decode(content: bytes, name: str) -> tuple[str, str]:
         return content.decode("latin-1"), "Latin-1"
 
 
-def parse(
-    text: str,
-    name: str,
-    selection: Collection[str | int] | None = None,
-    remarks: Collection[str] = (),
-    *,
-    lenient: bool = False,
-    texts: Collection[str | int] = (),
-) -> Log:
+_Columns = tuple[dict[str, Any], list[str], dict[int, list[str]]]
+"""Columns, what to say of how they were read, and what is wrong, by samples."""
+
+
+class _Body(NamedTuple):
+    """The lines with the samples, and what they hold."""
+
+    text: str
+    first: int  #: Line of the file that it begins with, from 1.
+    dialect: Dialect
+    names: list[str]  #: Of all columns.
+    chosen: list[str]  #: Of those that are read.
+    stamps: Collection[str]  #: Of those that hold times as text.
+
+
+def _parse(text: str, name: str, request: Request, remarks: list[str]) -> Log:
     """Read the columns of a text."""
     # Not str.splitlines: that also breaks at characters which a note may hold, U+0085 for one.
     text = _UNEVEN_LINE_ENDS.sub("\n", text) if "\r" in text else text
@@ -120,61 +120,61 @@ def parse(
         raise RecordError(f"{name}: has no header and no samples; is the file cut short?")
     meta = known | dict(_notes(head[: dialect.body]))
     names = _names(dialect)
-    chosen = column_names(names, selection, f"{name}:{(dialect.header or 0) + 1}")
     header = f"{name}:{(dialect.header or 0) + 1}"
-    stamps = {*(names[k] for k in dialect.stamps), *column_names(names, texts, header)}
-    numeric = set(dialect.numeric)
-    left = [
-        item
-        for place, item in enumerate(names)
-        if lenient and place not in numeric and item not in stamps
-    ]
-    if left:
-        row = next((dialect.cells(line) for line in head[dialect.body :] if line.strip()), [])
-        cells = dict(zip(names, row, strict=False))
-        descriptions = [
-            f"{item} ({cells.get(item, '')!r}{_hint(cells.get(item, ''))})" for item in left
-        ]
-        remarks = [*remarks, f"columns without numbers are not read: {', '.join(descriptions)}"]
-        dropped = set(left)
-        chosen = [item for item in chosen if item not in dropped]
+    chosen = column_names(names, request.columns, header)
+    stamps = {*(names[k] for k in dialect.stamps), *column_names(names, request.texts, header)}
+    if request.lenient and (left := _without_numbers(names, stamps, dialect, head)):
+        remarks.append(f"columns without numbers are not read: {', '.join(left.values())}")
+        chosen = [item for item in chosen if item not in left]
     start = _end_of_line(text, dialect.body) + 1 if dialect.body else 0
-    body = text[start:]
-    result = _read_fast(body, names, chosen, dialect, stamps)
-    problems: dict[int, list[str]] = {}
-    early: list[str] = []
-    if result is not None:
-        columns, early = result
-    else:
-        place = name, dialect.body + 1
-        columns, problems, early = _read_slow(body, names, chosen, dialect, stamps, place)
+    body = _Body(text[start:], dialect.body + 1, dialect, names, chosen, stamps)
+    columns, counted, problems = _read_fast(body) or _read_slow(body, name)
     rows = len(columns[chosen[0]]) if chosen else 0
     stamped = {item: columns.pop(item) for item in chosen if item in stamps}
-    unusual = dialect.in_words()
-    if rows and not text.endswith("\n"):
-        early.append("the last line has no end: its last number may be cut short")
+    if unusual := dialect.describe():
+        remarks.append(unusual)
+    remarks += counted
+    is_cut = not text.endswith("\n")
+    if rows and is_cut:
+        remarks.append("the last line has no end: its last number may be cut short")
+    row_count = meta.pop("rows", None)
     log = Log(
         name,
         columns,
         {k: u for k, u in zip(names, dialect.units, strict=True) if u is not None and k in columns},
         meta=meta,
         order=tuple(names),
-        remarks=(*remarks, *([unusual] if unusual else []), *early),
-        line_of=_lines(body, dialect.body + 1),
+        remarks=tuple(remarks),
+        line_of=_lines(body.text, body.first),
         header=0 if dialect.header is None else dialect.header + 1,
         texts=stamped,
     )
-    row_count = meta.pop("rows", None)
     if problems:
         listed = [text for problem in problems.values() for text in problem]
         raise DamagedLog(shortened(listed), log, tuple(problems))
-    end = f"{name}:{text.count(chr(10)) + (not text.endswith(chr(10)))}: the file is cut short"
-    if row_count is not None and row_count != rows:
-        short = f"{end}: it has {rows} rows, and says that it has {row_count}"
+    if row_count is not None and (row_count != rows or is_cut):
+        short = f"{name}:{text.count(chr(10)) + is_cut}: the file is cut short: "
+        short += (
+            f"it has {rows} rows, and says that it has {row_count}"
+            if row_count != rows
+            else "its last line has no end"
+        )
         raise DamagedLog([short], log, (rows - 1,))
-    if row_count is not None and not text.endswith("\n"):
-        raise DamagedLog([f"{end}: its last line has no end"], log, (rows - 1,))
     return log
+
+
+def _without_numbers(
+    names: list[str], stamps: Collection[str], dialect: Dialect, head: list[str]
+) -> dict[str, str]:
+    """Return the columns that hold neither numbers nor times, each with its first cell."""
+    row = next((dialect.cells(line) for line in head[dialect.body :] if line.strip()), [])
+    cells = dict(zip(names, row, strict=False))
+    numeric = {names[k] for k in dialect.numeric} | {*stamps}
+    return {
+        item: f"{item} ({cells.get(item, '')!r}{_hint(cells.get(item, ''))})"
+        for item in names
+        if item not in numeric
+    }
 
 
 def _without_notes(text: str) -> tuple[str, dict[str, Any]]:
@@ -245,25 +245,24 @@ def _names(dialect: Dialect) -> list[str]:
     ]
 
 
-def _read_fast(
-    body: str, names: list[str], chosen: list[str], dialect: Dialect, stamps: Collection[str]
-) -> tuple[dict[str, Any], list[str]] | None:
+def _read_fast(body: _Body) -> _Columns | None:
     """Read with Arrow's parser; None where it is missing, or the text is not plain enough."""
     try:
         import pyarrow as pa
         from pyarrow import csv as arrow
     except ModuleNotFoundError:
         return None
+    dialect = body.dialect
     if dialect.separator == " ":
         return None
     # Arrow counts what follows the separator at a line's end as a column.
-    places = [f"{name}#{place}" for place, name in enumerate([*names, *[""] * dialect.closed])]
-    place_of = dict(zip(names, places, strict=False))
-    read = {name: place_of[name] for name in chosen}
+    places = [f"{name}#{place}" for place, name in enumerate([*body.names, *[""] * dialect.closed])]
+    place_of = dict(zip(body.names, places, strict=False))
+    read = {name: place_of[name] for name in body.chosen}
 
     def table(kinds: Mapping[str, Any]) -> Any:
         return arrow.read_csv(
-            io.BytesIO(body.encode()),
+            io.BytesIO(body.text.encode()),
             arrow.ReadOptions(column_names=places),
             arrow.ParseOptions(delimiter=dialect.separator),
             arrow.ConvertOptions(
@@ -275,7 +274,9 @@ def _read_fast(
             ),
         )
 
-    kinds = {read[name]: pa.string() if name in stamps else pa.float64() for name in chosen}
+    kinds = {
+        place: pa.string() if name in body.stamps else pa.float64() for name, place in read.items()
+    }
     try:
         result = table(kinds)
     except pa.ArrowInvalid:
@@ -283,7 +284,7 @@ def _read_fast(
     columns: dict[str, Any] = {}
     remarks: list[str] = []
     for name, place in read.items():
-        if name in stamps:
+        if name in body.stamps:
             columns[name] = result.column(place).to_pylist()
             continue
         columns[name] = np.asarray(result.column(place).to_numpy(), dtype=np.float64)
@@ -292,7 +293,7 @@ def _read_fast(
                 exact = table({place: pa.decimal128(37, 9)}).column(place)
                 columns[name], remark = _from_first(name, exact.to_pylist())
                 remarks.append(remark)
-    return columns, remarks
+    return columns, remarks, {}
 
 
 def _from_first(name: str, exact: Sequence[Decimal]) -> tuple[Array, str]:
@@ -301,19 +302,12 @@ def _from_first(name: str, exact: Sequence[Decimal]) -> tuple[Array, str]:
     return counted, counted_from(name, f"{exact[0]:f}".rstrip("0").rstrip("."))
 
 
-def _read_slow(
-    body: str,
-    names: list[str],
-    chosen: list[str],
-    dialect: Dialect,
-    stamps: Collection[str],
-    place: tuple[str, int],
-) -> tuple[dict[str, Any], dict[int, list[str]], list[str]]:
+def _read_slow(body: _Body, file: str) -> _Columns:
     """Read cell by cell, and say of each sample what is wrong with it."""
-    file, first = place
+    _, first, dialect, names, chosen, stamps = body
     columns: dict[str, list[Any]] = {name: [] for name in chosen}
     problems: dict[int, list[str]] = {}
-    lines = body.removesuffix("\n").split("\n")
+    lines = body.text.removesuffix("\n").split("\n")
     sample = -1
     for n, text in enumerate(lines):
         if not text.strip():
@@ -350,7 +344,7 @@ def _read_slow(
             exact = [Decimal(cell.replace(dialect.decimal, ".")) for cell in written]
             results[name], remark = _from_first(name, exact)
             remarks.append(remark)
-    return results, problems, remarks
+    return results, remarks, problems
 
 
 def _hint(cell: str) -> str:

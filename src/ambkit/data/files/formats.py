@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 
 from ambkit.base.errors import RecordError
-from ambkit.data.files.log import Log
+from ambkit.data.files.log import Log, Request
 
 _READERS = {
     ".csv": "csv_text",
@@ -40,5 +40,5 @@ def read_log(
         raise RecordError(f"{path}: cannot read {ending or 'a file without ending'}, use {known}")
     reader = import_module(f"ambkit.data.files.{_READERS[ending]}")
     progress(f"reading {Path(path).name}")
-    log: Log = reader.read(path, selection, progress, lenient, texts)
+    log: Log = reader.read(os.fspath(path), Request(selection, progress, lenient, texts))
     return log

@@ -1,29 +1,27 @@
 """HDF5: each data set of numbers by its path, ``rig/current``, with the unit that it carries."""
 
-import os
-from collections.abc import Callable, Collection
 from typing import Any
 
 import numpy as np
 
 from ambkit.base import memory_limit
 from ambkit.base.arrays import Array
-from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError, shortened
+from ambkit.base.errors import ExtraMissing, RecordError, shortened
 from ambkit.base.escaping import one_line
-from ambkit.data.files.log import Log, check_readable, damaged, whole_numbers
+from ambkit.data.files.log import (
+    Log,
+    Request,
+    check_readable,
+    library_errors,
+    whole_numbers,
+)
 from ambkit.data.files.timestamps import layouts_of
 
 _LESS = " a channel map that names fewer data sets takes less;"
 _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
 
 
-def read(
-    path: str | os.PathLike[str],
-    selection: Collection[str | int] | None = None,
-    progress: Callable[[str], object] = lambda _: None,
-    lenient: bool = False,
-    texts: Collection[str | int] = (),
-) -> Log:
+def read(path: str, request: Request) -> Log:
     """Read data sets; see `ambkit.data.files.formats.read_log`."""
     # A data set of a compound type gives each of its fields, ``rig/log.current``.
     check_readable(path)
@@ -35,34 +33,29 @@ def read(
     units: dict[str, str] = {}
     stamped: dict[str, Any] = {}
     remarks: list[str] = []
-    try:
-        with h5py.File(path, "r") as file:
-            check_within(path, file)
-            result = _data_sets(file, h5py)
-            known = selection is not None and set(selection) <= set(result)
-            chosen = {k: v for k, v in result.items() if not known or k in (selection or ())}
-            memory_limit.check(path, sum(memory_of(*item) for item in chosen.values()), _LESS)
-            for name, (data, part) in chosen.items():
-                progress(f"reading {name}")
-                values = data[()] if part is None else data[part]
-                if values.dtype.kind not in "fiub":
-                    cells = list(map(_plain, values.tolist()))
-                    is_text = all(isinstance(cell, str) for cell in cells)
-                    if is_text and (name in texts or layouts_of(cells)):
-                        stamped[name] = cells
-                    continue
-                arrays[name], remark = whole_numbers(name, values)
-                remarks += remark
-                unit = next((data.attrs[k] for k in _UNIT_NAMES if k in data.attrs), None)
-                if unit is not None and part is None:
-                    units[name] = one_line(_plain(unit))
-            about = {key: _plain(value) for key, value in file.attrs.items()}
-    except AmbkitError:
-        raise
-    except Exception as error:  # h5py passes on whatever the HDF5 library says
-        raise damaged(path, error) from error
+    with library_errors(path), h5py.File(path, "r") as file:
+        check_within(path, file)
+        chosen = _data_sets(file, h5py)
+        if request.columns is not None and set(request.columns) <= set(chosen):
+            chosen = {name: chosen[name] for name in chosen if name in request.columns}
+        memory_limit.check(path, sum(memory_of(*item) for item in chosen.values()), _LESS)
+        for name, (data, part) in chosen.items():
+            request.progress(f"reading {name}")
+            values = data[()] if part is None else data[part]
+            if values.dtype.kind not in "fiub":
+                cells = list(map(_plain, values.tolist()))
+                is_text = all(isinstance(cell, str) for cell in cells)
+                if is_text and (name in request.texts or layouts_of(cells)):
+                    stamped[name] = cells
+                continue
+            arrays[name], remark = whole_numbers(name, values)
+            remarks += remark
+            unit = next((data.attrs[k] for k in _UNIT_NAMES if k in data.attrs), None)
+            if unit is not None and part is None:
+                units[name] = one_line(_plain(unit))
+        about = {key: _plain(value) for key, value in file.attrs.items()}
     meta = {key: value for key, value in about.items() if isinstance(value, str | int | float)}
-    return Log(os.fspath(path), arrays, units, meta=meta, remarks=tuple(remarks), texts=stamped)
+    return Log(path, arrays, units, meta=meta, remarks=tuple(remarks), texts=stamped)
 
 
 def _data_sets(file: Any, h5py: Any) -> dict[str, tuple[Any, str | None]]:
@@ -83,7 +76,7 @@ def _data_sets(file: Any, h5py: Any) -> dict[str, tuple[Any, str | None]]:
     return results
 
 
-def check_within(path: str | os.PathLike[str], file: Any) -> None:
+def check_within(path: str, file: Any) -> None:
     """Refuse an HDF5 file that takes numbers from other files, of which it could name any."""
     import h5py
 
@@ -105,7 +98,7 @@ def check_within(path: str | os.PathLike[str], file: Any) -> None:
     if problems:
         advice = "nothing outside of the file is read: copy the numbers into it"
         problem = shortened([f"{path}: {one_line(problem)}; {advice}" for problem in problems])
-        raise RecordError(problem, os.fspath(path))
+        raise RecordError(problem, path)
 
 
 def memory_of(data: Any, part: str | None = None) -> int:

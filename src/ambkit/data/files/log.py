@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
-from ambkit.base.errors import RecordError
+from ambkit.base.errors import AmbkitError, RecordError
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,15 @@ class Log:
         return ", ".join(entries[:30]) + more or "nothing"
 
 
+class Request(NamedTuple):
+    """What is read of a file."""
+
+    columns: Collection[str | int] | None = None  #: Names of arrays, or places of columns.
+    progress: Callable[[str], object] = lambda _: None
+    lenient: bool = False  #: Leave out columns without numbers instead of refusing them.
+    texts: Collection[str | int] = ()  #: Columns of times as text.
+
+
 class DamagedLog(RecordError):
     """A log that can be read in part."""
 
@@ -99,12 +109,18 @@ def counted_from(name: str, first: str) -> str:
     return f"{name} counts from its first value, {first}: as a whole it has too many digits"
 
 
-def damaged(path: str | os.PathLike[str], error: Exception) -> RecordError:
-    """Return the error for a file that a library cannot read."""
-    if isinstance(error, FileNotFoundError | PermissionError | IsADirectoryError):
-        return RecordError(f"{path}: cannot be read: {error.strerror or error}")
-    what = str(error).partition("\n")[0].partition(";")[0] or type(error).__name__
-    return RecordError(f"{path}: is damaged or cut short: {what}")
+@contextmanager
+def library_errors(path: str) -> Iterator[None]:
+    """Call a file damaged, whatever a library stumbles over in it."""
+    try:
+        yield
+    except AmbkitError:
+        raise
+    except (FileNotFoundError, PermissionError, IsADirectoryError) as error:
+        raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except Exception as error:
+        what = str(error).partition("\n")[0].partition(";")[0] or type(error).__name__
+        raise RecordError(f"{path}: is damaged or cut short: {what}") from error
 
 
 def check_readable(path: str | os.PathLike[str]) -> None:

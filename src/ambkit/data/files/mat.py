@@ -10,7 +10,7 @@ import re
 import struct
 import warnings
 import zlib
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import memory_limit
-from ambkit.base.arrays import Array
-from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError
+from ambkit.base.errors import ExtraMissing, RecordError
 from ambkit.base.escaping import one_line
 from ambkit.data.files.hdf5 import check_within, memory_of
-from ambkit.data.files.log import Log, check_readable, damaged, whole_numbers
+from ambkit.data.files.log import (
+    Log,
+    Request,
+    check_readable,
+    library_errors,
+    whole_numbers,
+)
 from ambkit.data.files.timestamps import layouts_of
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -32,13 +37,7 @@ _COMPRESSED = 15  # type of such an element
 _PART = 1 << 20
 
 
-def read(
-    path: str | os.PathLike[str],
-    selection: Collection[str | int] | None = None,
-    progress: Callable[[str], object] = lambda _: None,
-    lenient: bool = False,
-    texts: Collection[str | int] = (),
-) -> Log:
+def read(path: str, request: Request) -> Log:
     """Read all arrays of numbers, and times as text; see `ambkit.data.files.formats.read_log`."""
     inside = {k: v for k, v in content(path).items() if not k.startswith("__")}
     arrays = {
@@ -48,27 +47,28 @@ def read(
     }
     closed = [message for key, value in inside.items() for message in _objects(key, value)]
     if closed and not arrays:
-        raise RecordError(f"{os.fspath(path)}: {'; '.join(closed)}")
+        raise RecordError(f"{path}: {'; '.join(closed)}")
     cells = {k: v.ravel().tolist() for k, v in arrays.items() if v.dtype.kind == "U"}
     titles = _titles(arrays)
     arrays = {name: values for name, values in arrays.items() if name not in cells}
-    stamped = {k: v for k, v in cells.items() if k in texts or layouts_of(v)}
+    stamped = {k: v for k, v in cells.items() if k in request.texts or layouts_of(v)}
     remarks = closed
     for name, values in arrays.items():
         if values.dtype.kind in "iu" and values.size == max(values.shape):
             arrays[name], remark = whole_numbers(name, values.ravel())
             remarks += remark
     numbers = {name: np.asarray(values, dtype=np.float64) for name, values in arrays.items()}
-    chosen = numbers if selection is None else {k: v for k, v in numbers.items() if k in selection}
-    result = chosen if selection is None else _lacking(numbers, chosen, {*selection} - {*stamped})
-    units = {name: unit for name, (_, unit) in titles.items() if unit and name in result}
-    return Log(
-        os.fspath(path), result, units, remarks=tuple(remarks), texts=stamped,
-        titles={name: title for name, (title, _) in titles.items() if name in result},
-    )  # fmt: skip
+    chosen = numbers
+    if request.columns is not None:
+        known = {k: v for k, v in numbers.items() if k in request.columns}
+        # All of them where one is not there, for the message to list them.
+        chosen = known if {*request.columns} <= {*known, *stamped} else numbers
+    units = {name: unit for name, (_, unit) in titles.items() if unit and name in chosen}
+    titles_of = {name: title for name, (title, _) in titles.items() if name in chosen}
+    return Log(path, chosen, units, remarks=tuple(remarks), texts=stamped, titles=titles_of)
 
 
-def content(path: str | os.PathLike[str]) -> dict[str, Any]:
+def content(path: str) -> dict[str, Any]:
     """Read a file as it is: arrays, texts, cells, and what begins with ``__`` about the file."""
     check_readable(path)
     return _content_of_7_3(path) if _is_7_3(path) else _content(path)
@@ -89,14 +89,7 @@ def _titles(arrays: dict[str, NDArray[Any]]) -> dict[str, tuple[str, str]]:
     return results
 
 
-def _lacking(
-    arrays: dict[str, Array], chosen: dict[str, Array], selection: Collection[str | int]
-) -> dict[str, Array]:
-    """Give all arrays where one that is wanted is not there, for the message to list them."""
-    return chosen if set(selection) <= set(chosen) else arrays
-
-
-def _is_7_3(path: str | os.PathLike[str]) -> bool:
+def _is_7_3(path: str) -> bool:
     with Path(path).open("rb") as file:
         for start in _USER_BLOCKS:
             file.seek(start)
@@ -105,27 +98,23 @@ def _is_7_3(path: str | os.PathLike[str]) -> bool:
     return False
 
 
-def _content(path: str | os.PathLike[str]) -> dict[str, Any]:
+def _content(path: str) -> dict[str, Any]:
     from scipy.io import loadmat
 
-    try:
+    with library_errors(path):
         packed = _unpacked(Path(path))
         memory_limit.check(path, packed, whole=False)
         memory_limit.check(path, _memory_of(path, packed))
-        return dict(loadmat(os.fspath(path)))
-    except AmbkitError:
-        raise
-    except Exception as error:  # SciPy lets through whatever a damaged file makes it stumble over
-        raise damaged(path, error) from error
+        return dict(loadmat(path))
 
 
-def _memory_of(path: str | os.PathLike[str], unpacked: int) -> int:
+def _memory_of(path: str, unpacked: int) -> int:
     """Memory that a MATLAB 5 file of this length takes, as it is and as float64 [byte]."""
     # Numbers may be stored shorter than they are, so those of arrays count by their shape. What is
     # in structures and cells is told by nothing but their bytes.
     from scipy.io import whosmat
 
-    numbers = sum(8 * math.prod(shape) for _, shape, kind in whosmat(os.fspath(path)))
+    numbers = sum(8 * math.prod(shape) for _, shape, kind in whosmat(path))
     return numbers + max(numbers, unpacked)
 
 
@@ -149,14 +138,14 @@ def _unpacked(path: Path) -> int:
     return total
 
 
-def _content_of_7_3(path: str | os.PathLike[str]) -> dict[str, Any]:
+def _content_of_7_3(path: str) -> dict[str, Any]:
     try:
         import h5py
         from pymatreader import read_mat
     except ModuleNotFoundError:
         what = f"{path}: a MATLAB 7.3 file"
         raise ExtraMissing(what, "pymatreader and h5py", "mat") from None
-    try:
+    with library_errors(path):
         with h5py.File(path, "r") as file:
             check_within(path, file)
             sizes: list[int] = []
@@ -166,11 +155,7 @@ def _content_of_7_3(path: str | os.PathLike[str]) -> dict[str, Any]:
             memory_limit.check(path, sum(sizes))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of objects that hold no numbers
-            return dict(read_mat(os.fspath(path)))
-    except AmbkitError:
-        raise
-    except Exception as error:
-        raise damaged(path, error) from error
+            return dict(read_mat(path))
 
 
 def _is_text(value: Any) -> bool:

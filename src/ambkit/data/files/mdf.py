@@ -4,9 +4,8 @@ A channel has its name where that is the only one of it, and ``2/name`` with the
 group. The clock of a group comes as ``time`` where there is one group, as ``2/time`` otherwise.
 """
 
-import os
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -15,35 +14,28 @@ import numpy as np
 
 from ambkit.base import memory_limit
 from ambkit.base.arrays import Array
-from ambkit.base.errors import AmbkitError, ExtraMissing
+from ambkit.base.errors import ExtraMissing
 from ambkit.base.escaping import one_line
-from ambkit.data.files.log import Log, check_readable, damaged
+from ambkit.data.files.log import Log, Request, check_readable, library_errors
 
 
-def read(
-    path: str | os.PathLike[str],
-    selection: Collection[str | int] | None = None,
-    progress: Callable[[str], object] = lambda _: None,
-    lenient: bool = False,
-    texts: Collection[str | int] = (),
-) -> Log:
+def read(path: str, request: Request) -> Log:
     """Read channels, and the clock of each; see `ambkit.data.files.formats.read_log`."""
     check_readable(path)
     try:
         from asammdf import MDF
     except ModuleNotFoundError:
         raise ExtraMissing(f"{path}: an MDF file", "asammdf", "mdf") from None
-    try:
-        with Path(path).open("rb") as stream, MDF(stream) as file:
-            return _read(file, os.fspath(path), selection, progress)
-    except AmbkitError:
-        raise
-    except Exception as error:  # asammdf passes on whatever a damaged file makes it stumble over
-        _let_go(error)
-        raise damaged(path, error) from error
+    with library_errors(path):
+        try:
+            with Path(path).open("rb") as stream, MDF(stream) as file:
+                return _read(file, path, request)
+        except Exception as error:
+            _close(error)
+            raise
 
 
-def _let_go(error: Exception) -> None:
+def _close(error: Exception) -> None:
     """Close what asammdf has half built: deleted without that, it complains on stderr."""
     step = error.__traceback__
     while step is not None:
@@ -54,9 +46,7 @@ def _let_go(error: Exception) -> None:
         step = step.tb_next
 
 
-def _read(
-    file: Any, name: str, selection: Collection[str | int] | None, progress: Callable[[str], object]
-) -> Log:
+def _read(file: Any, name: str, request: Request) -> Log:
     masters = dict(file.masters_db)
     groups = [g for g, group in enumerate(file.groups) if group.channel_group.cycles_nr]
     channels = [
@@ -70,21 +60,21 @@ def _read(
     units: dict[str, str] = {}
     clocks: dict[str, str] = {}
     remarks: list[str] = []
-    requests = set(selection or ())
+    names = set(request.columns or ())
     labels = {(g, c): (label if count[label] == 1 else f"{g}/{label}") for g, c, label in channels}
     times = {g: "time" if len(groups) == 1 else f"{g}/time" for g in groups}
-    all_known = requests <= {*labels.values(), *times.values()}
+    all_known = names <= {*labels.values(), *times.values()}
     chosen = {
         place: label
         for place, label in labels.items()
-        if selection is None or not all_known or label in requests or times[place[0]] in requests
+        if request.columns is None or not all_known or {label, times[place[0]]} & names
     }
     memory_limit.check(
         name, _memory_of(file, chosen), " a channel map that names fewer takes less;"
     )
     for (g, c), label in chosen.items():
         clock = times[g]
-        progress(f"reading {label}")
+        request.progress(f"reading {label}")
         file.groups[g].channels[c].attachment = None  # it may be any file, and is read with it
         signal = file.get(group=g, index=c)
         arrays.setdefault(clock, np.asarray(signal.timestamps, dtype=np.float64))

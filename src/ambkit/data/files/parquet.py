@@ -3,7 +3,7 @@
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,7 +12,14 @@ from ambkit.base import files, memory_limit
 from ambkit.base.arrays import Array
 from ambkit.base.errors import ExtraMissing, RecordError
 from ambkit.base.escaping import one_line
-from ambkit.data.files.log import Log, check_readable, column_names, damaged, whole_numbers
+from ambkit.data.files.log import (
+    Log,
+    Request,
+    check_readable,
+    column_names,
+    library_errors,
+    whole_numbers,
+)
 from ambkit.data.files.timestamps import layouts_of, unwrapped
 
 if TYPE_CHECKING:
@@ -48,62 +55,45 @@ def write(
         parquet.write_table(pa.Table.from_arrays(arrays, schema=schema), temporary)
 
 
-def read(
-    path: str | os.PathLike[str],
-    selection: Collection[str | int] | None = None,
-    progress: Callable[[str], object] = lambda _: None,
-    lenient: bool = False,
-    texts: Collection[str | int] = (),
-) -> Log:
+def read(path: str, request: Request) -> Log:
     """Read the columns; see `ambkit.data.files.formats.read_log`."""
     check_readable(path)
     pa, parquet = _arrow(path)
     columns: dict[str, Array] = {}
     remarks: list[str] = []
     stamped: dict[str, Any] = {}
-    try:
-        with parquet.ParquetFile(path, memory_map=True) as file:
-            schema = file.schema_arrow
-            places = _places(schema.names)
-            twins = sorted({*places} - {*map(one_line, schema.names)})
-            if twins and selection is None and not lenient:
-                raise RecordError(
-                    f"{path}: columns share a name, so that a channel map must say which is meant: "
-                    f"{', '.join(twins)}"
-                )
-            text_columns = column_names(tuple(places), texts, os.fspath(path))
-            chosen = column_names(tuple(places), selection, os.fspath(path))
-            read = {schema.names[places[name].column] for name in chosen}
-            memory_limit.check(path, _memory_of(file.metadata, read), _LESS)
-            for name in chosen:
-                progress(f"reading column {name}")
-                column = _column(file, path, places[name])
-                if _is_text(column.type) and (
-                    name in text_columns or layouts_of(column.slice(0, 200).to_pylist())
-                ):
-                    stamped[name] = column.to_pylist()
-                    continue
-                try:
-                    columns[name], remark = _numbers(column, f"{path}: column {name}")
-                except RecordError:
-                    if not lenient:
-                        raise
-                    remark = [f"column {name} holds no numbers: not read"]
-                remarks += remark
-    except (pa.ArrowException, OSError) as error:
-        raise damaged(path, error) from error
-    of = {name: schema.field(places[name].column) for name in columns}
-    units, meta = _about(schema, of)
-    units |= {name: "s" for name, field in of.items() if pa.types.is_temporal(field.type)}
-    order = tuple(places)
+    with library_errors(path), parquet.ParquetFile(path, memory_map=True) as file:
+        schema = file.schema_arrow
+        places = _places(schema.names)
+        duplicates = sorted({*places} - {*map(one_line, schema.names)})
+        if duplicates and request.columns is None and not request.lenient:
+            raise RecordError(
+                f"{path}: columns share a name, so that a channel map must say which is meant: "
+                f"{', '.join(duplicates)}"
+            )
+        texts = column_names(tuple(places), request.texts, path)
+        chosen = column_names(tuple(places), request.columns, path)
+        read = {schema.names[places[name].column] for name in chosen}
+        memory_limit.check(path, _memory_of(file.metadata, read), _LESS)
+        for name in chosen:
+            request.progress(f"reading column {name}")
+            column = _column(file, path, places[name])
+            head = column.slice(0, 200).to_pylist()
+            if _is_text(column.type) and (name in texts or layouts_of(head)):
+                stamped[name] = column.to_pylist()
+                continue
+            try:
+                columns[name], remark = _numbers(column, f"{path}: column {name}")
+            except RecordError:
+                if not request.lenient:
+                    raise
+                remark = [f"column {name} holds no numbers: not read"]
+            remarks += remark
+    fields = {name: schema.field(places[name].column) for name in columns}
+    units, meta = _about(schema, fields)
+    units |= {name: "s" for name, field in fields.items() if pa.types.is_temporal(field.type)}
     return Log(
-        os.fspath(path),
-        columns,
-        units,
-        meta=meta,
-        order=order,
-        remarks=tuple(remarks),
-        texts=stamped,
+        path, columns, units, meta=meta, order=tuple(places), remarks=tuple(remarks), texts=stamped
     )
 
 
@@ -142,7 +132,7 @@ def _memory_of(about: "FileMetaData", selection: Collection[str]) -> int:
     )
 
 
-def _column(file: "ParquetFile", path: str | os.PathLike[str], place: _Place) -> "ChunkedArray":
+def _column(file: "ParquetFile", path: str, place: _Place) -> "ChunkedArray":
     """Read a column; of text the length is looked at first: a few bytes may stand for any."""
     import pyarrow as pa
     import pyarrow.compute as pc

@@ -13,7 +13,7 @@ from ambkit.base.errors import RecordError
 from ambkit.data.files import csv_text, parquet, timestamps
 from ambkit.data.files.formats import read_log
 from ambkit.data.files.log import Log
-from ambkit.data.signals import UNITS, held_in
+from ambkit.data.signals import UNITS, to_si
 
 
 class Table(NamedTuple):
@@ -66,27 +66,18 @@ def to_table(log: Log) -> Table:
             continue
         columns["t"], units["t"] = timestamps.read(cells, "", name, log.place).seconds, "s"
     for name, values in log.arrays.items():
+        unit = log.units.get(name)
+        if unit is None:
+            example = f"{name} [{UNITS[name]}]" if name in UNITS else "y [m]"
+            problems.append(
+                f"{log.head}: column {name} has no unit; write one, as in {example}, or give a "
+                "channel map, which 'ambkit read guess' proposes"
+            )
+            continue
         try:
-            columns[name], units[name] = _to_si(name, log.units.get(name), values)
+            columns[name], units[name] = to_si(name, unit, values)
         except ValueError as error:
-            problems.append(f"{log.head}: column {name}{error}")
+            problems.append(f"{log.head}: column {name}: {error}")
     if problems:
         raise RecordError(problems, log.name)
     return Table(columns, units, log.meta)
-
-
-def _to_si(name: str, unit: str | None, values: Array) -> tuple[Array, str]:
-    if unit is None:
-        example = f"{name} [{UNITS[name]}]" if name in UNITS else "y [m]"
-        raise ValueError(
-            f" has no unit; write one, as in {example}, or give a channel map, which 'ambkit read "
-            "guess' proposes"
-        )
-    from ambkit.base.units import factor
-
-    try:
-        target = held_in(name, unit)
-        scale = 1.0 if unit == target else factor(unit, target)
-    except ValueError as error:
-        raise ValueError(f": {error}") from None
-    return (values if scale == 1.0 else values * scale), target

@@ -32,7 +32,7 @@ Texts = Sequence[str | None] | NDArray[np.object_]
 _NONE = np.array(None)
 
 
-class Moments(NamedTuple):
+class Timestamps(NamedTuple):
     """A column of times."""
 
     seconds: Array  #: Seconds from the first one (n,); NaN where there is none.
@@ -45,7 +45,7 @@ class Moments(NamedTuple):
 
 def read(
     texts: Texts, layout: str, name: str, place: Callable[[int], str], *, lenient: bool = False
-) -> Moments:
+) -> Timestamps:
     """Read a column of times."""
     cells = np.array(texts, dtype=object)
     cells[cells == _NONE] = ""
@@ -78,7 +78,7 @@ def read(
         )
     seconds = ticks / SECOND
     seconds[_absent(texts)] = np.nan
-    return Moments(seconds, chosen, tuple(remarks), same)
+    return Timestamps(seconds, chosen, tuple(remarks), same)
 
 
 def layouts_of(texts: Texts) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from ambkit.data.reading.clock import Clock
 from ambkit.data.reading.faults import Channel, Fault
-from ambkit.data.reading.reader import Reading, load, load_filled, read
-from ambkit.data.reading.rejections import Refused
+from ambkit.data.reading.reader import Reading, load, load_with_gaps, read
+from ambkit.data.reading.rejections import RejectedLog
 
-__all__ = ["Channel", "Clock", "Fault", "Reading", "Refused", "load", "load_filled", "read"]
+__all__ = ["Channel", "Clock", "Fault", "Reading", "RejectedLog", "load", "load_with_gaps", "read"]

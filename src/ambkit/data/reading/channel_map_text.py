@@ -16,7 +16,7 @@ from ambkit.data.reading.clock import examine
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import Rotor
 from ambkit.data.reading.signal_roles import correlation, seen, slow
-from ambkit.data.reading.weight_scale import Hanging, hanging
+from ambkit.data.reading.weight_scale import WeightScale, weight_scale
 from ambkit.data.signals import si_unit
 
 _OF_Y = {
@@ -31,13 +31,13 @@ _NAMES = {"i": "current", "v": "velocity"}  # not v: that is the truth of a simu
 
 
 @dataclass(frozen=True)
-class Told:
+class ProposedMap:
     """Channels of one length, and what tells the rotor among them."""
 
     found: list[Candidate]  #: The channels, with their roles.
     moves: Rotor | None  #: What tells position and control, where something floats.
 
-    def worth(self) -> tuple[int, int, bool, bool, int]:
+    def score(self) -> tuple[int, int, bool, bool, int]:
         """By physics, then by names, then by the length."""
         named = sum(
             any(c.role in roles and not c.estimated for c in self.found) for roles in ("y", "ui")
@@ -48,79 +48,100 @@ class Told:
         return physics, named, time, by_name, self.found[0].values.size
 
 
-def toml_lines(name: str, log: Log, assignment: Told, others: Sequence[Told]) -> Iterator[str]:
+def toml_lines(
+    name: str, log: Log, assignment: ProposedMap, others: Sequence[ProposedMap]
+) -> Iterator[str]:
     """Write the map."""
-    result, moves = assignment.found, assignment.moves
     yield f"# Proposed by 'ambkit read guess' for {name}. Look at each line before you trust it."
     yield "# Of each number in the log: value = sign * scale * number * unit + offset."
     for remark in log.remarks:
         yield f"# {remark[:1].upper()}{remark[1:]}."
-    chosen = _chosen(result, moves) | _from_others(result, others)
-    everything = [*result, *(c for group in others for c in group.found)]
-    array = _common_array(chosen.values())
-    if array:
-        yield f"array = {toml_string(array)}"
-    y, u = chosen.get("y"), chosen.get("u")
-    signs = _Signs.of(result, y, u, moves)
-    clock = _clock_name(log, chosen)
-    if clock is None:
-        yield ""
-        yield "# No channel rises like a time: fill in how far apart the samples are."
-        yield '# sampling_time = "... ms"'
-    yield from _time(log, clock, chosen.get("t"), array)
-    hangs = _hanging(log, chosen, signs, moves, result)
-    clocks = {clock: "t"}
-    for role, candidate in chosen.items():
-        if role == "t":
-            continue
-        own = candidate.clock
+    yield from _Map(log, assignment, others).lines()
+
+
+class _Map:
+    """A map while it is written."""
+
+    def __init__(self, log: Log, assignment: ProposedMap, others: Sequence[ProposedMap]) -> None:
+        self.log, self.found, self.moves, self.others = (
+            log, assignment.found, assignment.moves, others,
+        )  # fmt: skip
+        self.chosen = _chosen(self.found, self.moves) | _from_others(self.found, others)
+        self.everything = [*self.found, *(c for group in others for c in group.found)]
+        self.array = _common_array(self.chosen.values())
+        self.y, self.u, self.t = (self.chosen.get(role) for role in "yut")
+        self.signs = _Signs.of(self.found, self.y, self.u, self.moves)
+        self.clock = _clock_name(log, self.chosen)
+        #: Signals of the map by the names of the clocks.
+        self.clocks = {self.clock: "t"}
+
+    def lines(self) -> Iterator[str]:
+        """Yield time, signals, and what is not used."""
+        if self.array:
+            yield f"array = {toml_string(self.array)}"
+        if self.clock is None:
+            yield ""
+            yield "# No channel rises like a time: fill in how far apart the samples are."
+            yield '# sampling_time = "... ms"'
+        yield from _time(self.log, self.clock, self.t, self.array)
+        weight = _weight_scale(self.log, self.chosen, self.signs, self.moves, self.found)
+        for role, candidate in self.chosen.items():
+            if role != "t":
+                yield from self._signal(role, candidate, weight)
+        if self.y is None:
+            yield "# Nothing looks like a position; a filter needs y."
+        if self.u is None:
+            yield "# Nothing looks like a control signal; a filter needs u."
+        yield from self._rest()
+
+    def _signal(self, role: str, candidate: Candidate, weight: WeightScale | None) -> Iterator[str]:
+        clock = candidate.clock
         yield ""
         yield from _comment(candidate)
-        if role == "y":
-            yield from _of_rotor(log, clock, chosen, moves)
-        apart = _own_time(candidate, chosen.get("t"), everything)
+        if role == "y" and self.moves is not None:
+            pole, step = self.moves.fit.pole, _step(self.log, self.t) if self.t else 0.0
+            per = f"{pole / step:.3g} rad/s" if step > 0 else f"{pole:.3g} per sample"
+            yield f"# Unstable, as a rotor in a magnetic bearing is: its pole is near {per}."
+        apart = _own_time(candidate, self.t, self.everything)
         if apart is not None:
-            own = apart.label
-            if own not in clocks:
-                clocks[own] = f"t_{role}"
-                yield "# It has a clock of its own: 'ambkit read --resample' puts all on one grid."
-                yield f"[signals.{clocks[own]}]"
-                yield from _where(apart, array)
-                yield f"unit = {toml_string(apart.unit or _unit_of_time(log, apart))}"
-                yield ""
-        if own and own != clock and own not in clocks:
-            clocks[own] = f"t_{role}"
-            yield "# It has a clock of its own: 'ambkit read --resample' puts all on one grid."
-            yield f"[signals.{clocks[own]}]"
-            yield f"column = {toml_string(own)}"
-            yield 'unit = "s"'
-            yield ""
+            clock = apart.label
+            unit = apart.unit or _unit_of_time(self.log, apart)
+            yield from self._own_clock(clock, role, [*_where(apart, self.array)], unit)
+        elif clock and clock != self.clock:
+            yield from self._own_clock(clock, role, [f"column = {toml_string(clock)}"], "s")
         yield f"[signals.{role}]"
-        yield from _where(candidate, array)
-        yield from _meaning(role, candidate, signs, y, hangs)
-        if own and own != clock:
-            yield f"time = {toml_string(clocks[own])}"
-    if y is None:
-        yield "# Nothing looks like a position; a filter needs y."
-    if u is None:
-        yield "# Nothing looks like a control signal; a filter needs u."
-    chosen_ids = [id(candidate) for candidate in chosen.values()]
-    rest = [c for c in everything if id(c) not in chosen_ids and c.label not in clocks]
-    if rest:
-        yield ""
-        yield "# Not used:"
-    for group in others:
-        if group.moves is not None:
-            yield (
-                f"# Other channels, of {group.found[0].values.size} samples, move as a floating "
-                f"rotor too: {group.found[group.moves.position].label} with "
-                f"{group.found[group.moves.control].label}. Is it another run?"
-            )
-    for candidate in rest:
-        low, high = seen(candidate.values).min(), seen(candidate.values).max()
-        unit = f" {candidate.unit}" if candidate.unit else ""
-        why = f"; {', '.join(candidate.why)}" if candidate.why else ""
-        yield f"# {candidate.label}: {low:.4g} to {high:.4g}{unit}{why}"
+        yield from _where(candidate, self.array)
+        yield from _meaning(role, candidate, self.signs, self.y, weight)
+        if clock and clock != self.clock:
+            yield f"time = {toml_string(self.clocks[clock])}"
+
+    def _own_clock(self, clock: str, role: str, where: list[str], unit: str) -> Iterator[str]:
+        if clock not in self.clocks:
+            self.clocks[clock] = f"t_{role}"
+            yield "# It has a clock of its own: 'ambkit read --resample' puts all on one grid."
+            yield f"[signals.{self.clocks[clock]}]"
+            yield from where
+            yield f"unit = {toml_string(unit)}"
+            yield ""
+
+    def _rest(self) -> Iterator[str]:
+        chosen = [id(candidate) for candidate in self.chosen.values()]
+        rest = [c for c in self.everything if id(c) not in chosen and c.label not in self.clocks]
+        if rest:
+            yield ""
+            yield "# Not used:"
+        for group in self.others:
+            if group.moves is not None:
+                yield (
+                    f"# Other channels, of {group.found[0].values.size} samples, move as a "
+                    f"floating rotor too: {group.found[group.moves.position].label} with "
+                    f"{group.found[group.moves.control].label}. Is it another run?"
+                )
+        for candidate in rest:
+            low, high = seen(candidate.values).min(), seen(candidate.values).max()
+            unit = f" {candidate.unit}" if candidate.unit else ""
+            why = f"; {', '.join(candidate.why)}" if candidate.why else ""
+            yield f"# {candidate.label}: {low:.4g} to {high:.4g}{unit}{why}"
 
 
 def _chosen(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidate]:
@@ -144,7 +165,7 @@ def _chosen(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidat
     return {_NAMES.get(role, role): chosen[role] for role in order if role in chosen}
 
 
-def _from_others(results: list[Candidate], others: Sequence[Told]) -> dict[str, Candidate]:
+def _from_others(results: list[Candidate], others: Sequence[ProposedMap]) -> dict[str, Candidate]:
     """Return y or u of another length, with a time there, where these channels have none."""
     lacking = {
         "y": not any(c.role == "y" and not c.estimated for c in results),
@@ -229,7 +250,7 @@ def _unit_of_time(log: Log, candidate: Candidate) -> str:
 
 def _rate(times: Array) -> str:
     there = times[np.isfinite(times)]
-    return examine("t", there).in_words() if there.size > 1 else "one sample"
+    return examine("t", there).describe() if there.size > 1 else "one sample"
 
 
 def _comment(candidate: Candidate) -> Iterator[str]:
@@ -279,11 +300,11 @@ class _Signs:
         return cls(is_inverted != falls, falls, why)
 
 
-def _hanging(
+def _weight_scale(
     log: Log, chosen: dict[str, Candidate], signs: _Signs, moves: Rotor | None,
     results: list[Candidate],
-) -> Hanging | None:  # fmt: skip
-    """Say where the magnet is, of a rotor that hangs below one whose current is never below 0."""
+) -> WeightScale | None:  # fmt: skip
+    """Say where the magnet is, of a rotor that weight below one whose current is never below 0."""
     y, u, t = chosen.get("y"), chosen.get("u"), chosen.get("t")
     if (
         moves is None
@@ -293,7 +314,7 @@ def _hanging(
     ):
         return None
     current = (-1 if signs.u else 1) * seen(u.values)
-    return hanging(moves, seen(y.values), current, _step(log, t))
+    return weight_scale(moves, seen(y.values), current, _step(log, t))
 
 
 def _step(log: Log, t: Candidate) -> float:
@@ -303,29 +324,15 @@ def _step(log: Log, t: Candidate) -> float:
     return abs(float(np.nanmedian(np.diff(t.values)))) * seconds
 
 
-def _of_rotor(
-    log: Log, clock: str | None, chosen: dict[str, Candidate], moves: Rotor | None
-) -> Iterator[str]:
-    """Say how fast the rotor would fall, and by which channels that is told."""
-    if moves is None:
-        return
-    t = chosen.get("t")
-    per = f"{moves.fit.pole:.3g} per sample"
-    if t is not None:
-        step = _step(log, t)
-        per = f"{moves.fit.pole / step:.3g} rad/s" if step > 0 else per
-    yield f"# Unstable, as a rotor in a magnetic bearing is: its pole is near {per}."
-
-
 def _meaning(
-    role: str, candidate: Candidate, signs: _Signs, y: Candidate | None, hangs: Hanging | None
+    role: str, candidate: Candidate, signs: _Signs, y: Candidate | None, weight: WeightScale | None
 ) -> Iterator[str]:
     """Write unit, scale, sign and, as a hint, the offset of a channel."""
     unit, comment = candidate.unit, ""
     if not unit:
         unit, comment = _likely_unit(candidate), "  # guessed from its size"
-        if role == "y" and hangs is not None:
-            unit, comment = hangs.unit, "  # told by gravity"
+        if role == "y" and weight is not None:
+            unit, comment = weight.unit, "  # told by gravity"
     yield f"unit = {toml_string(unit)}{comment}"
     of_current = role == "u" and si_unit(unit) == "A"
     if of_current:
@@ -336,7 +343,8 @@ def _meaning(
     is_inverted = signs.u if role in ("u", "current") else signs.y
     falls = role in _OF_Y and y is not None and _likeness(role, candidate, y) < -0.3
     if role in ("y", *_OF_Y) and y is not None and is_inverted != falls:
-        yield f"sign = -1  # {_why_turned(role, y, signs.why, falls=falls)}"
+        why = signs.why if role == "y" else f"as {y.label}, {_OF_Y[role]}"
+        yield f"sign = -1  # {f'it falls where {y.label} grows' if falls else why}"
     elif falls and y is not None:
         yield f"# sign = 1, for it falls where {y.label} grows, which is turned"
     elif role in ("u", "current") and is_inverted:
@@ -349,8 +357,8 @@ def _meaning(
     elif of_current:
         away = middle if is_inverted else -middle
         yield f'# offset = "{away:.4g} V"  # if its median is the bias current'
-    if role == "y" and hangs is not None:
-        yield from (f"# {line}" for line in hangs.in_words(y.label if y else role, candidate.unit))
+    if role == "y" and weight is not None:
+        yield from (f"# {line}" for line in weight.describe(y.label if y else role, candidate.unit))
     if role in ("y", "u"):
         yield '# delay = "0 ms"  # how late the logger wrote it'
 
@@ -363,12 +371,6 @@ def _likeness(role: str, candidate: Candidate, y: Candidate) -> float:
     return correlation(
         slow(candidate.values), np.gradient(place) if role.startswith("v") else place
     )
-
-
-def _why_turned(role: str, y: Candidate, why: str, *, falls: bool) -> str:
-    if falls:
-        return f"it falls where {y.label} grows"
-    return why if role == "y" else f"as {y.label}, {_OF_Y[role]}"
 
 
 def _likely_unit(candidate: Candidate) -> str:

@@ -59,7 +59,19 @@ class Clock:
         still = np.count_nonzero(np.diff(self.times) == 0)
         return bool(still > 0.1 * self.times.size)
 
-    def in_words(self) -> str:
+    def to_dict(self) -> dict[str, float]:
+        """Return its figures as plain data."""
+        return {
+            "samples": self.times.size,
+            "rate": self.rate,
+            "jitter": self.jitter,
+            "gaps": self.gaps.size,
+            "missing": int(self.missing.sum()),
+            "jumps": self.jumps.size,
+            "uneven": self.uneven.size,
+        }
+
+    def describe(self) -> str:
         """Say how good the clock is, in a line."""
         words = [f"{self.times.size} samples at {engineering(self.rate, 'Hz', digits=5)}"]
         if self.jitter > 1e-6 * self.step:

@@ -1,8 +1,6 @@
-"""Which channels are made of which: copies, differences, filters, and the raw twin of an estimate.
+"""Which channels are made of which: copies, differences, filters, and what an estimate is of.
 
-A log holds what was measured beside what was computed of it. What was computed often moves more
-like a rotor than what was measured, or, of two that belong together as a filter's input and output
-do, just as an unstable plant and its current would by chance.
+What was computed often moves more like a rotor than what was measured, by chance.
 """
 
 from __future__ import annotations
@@ -138,7 +136,9 @@ def _left(regressors: Array, values: Array) -> tuple[float, list[float]]:
     return float((values - regressors @ result).std()), result.tolist()
 
 
-def twins(unit: Array, listed: Sequence[Band], estimate: int, others: Sequence[int]) -> list[int]:
+def raw_counterparts(
+    unit: Array, listed: Sequence[Band], estimate: int, others: Sequence[int]
+) -> list[int]:
     """Return the rougher channels in which an estimate is with one gain, whether fast or slow."""
     # It may be the estimate of these. A control goes with the position too, but the faster, the
     # more of it.

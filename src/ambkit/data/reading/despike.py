@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ambkit.data.reading.faults import noise, resolution
-from ambkit.data.reading.spikes import sound, spikes
+from ambkit.data.reading.spikes import is_valid, spikes
 from ambkit.data.record import Record
 
 
@@ -23,7 +23,7 @@ def spike_free(record: Record) -> tuple[Record, int]:
             continue
         at = np.flatnonzero(np.isfinite(record[name]))
         there = record[name][at]
-        fine = sound(there.size, *spikes(there, noise(there), resolution(there)))
+        fine = is_valid(there.size, *spikes(there, noise(there), resolution(there)))
         cleaned[name] = record[name].copy()
         cleaned[name][at[~fine]] = np.nan
         count += int(np.count_nonzero(~fine))

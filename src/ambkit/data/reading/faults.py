@@ -103,7 +103,7 @@ class Channel:
         ], section=("channels",))  # fmt: skip
 
 
-def describe(name: str, unit: str, values: Array, clock: str = "t") -> Channel:
+def measure(name: str, unit: str, values: Array, clock: str = "t") -> Channel:
     """Measure a channel (n,)."""
     there = values[np.isfinite(values)]
     missing = values.size - there.size

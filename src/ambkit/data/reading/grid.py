@@ -14,7 +14,7 @@ HELD = ("u",)
 """Signals that keep their value from one sample to the next: the controller holds its output."""
 
 
-def with_missing(clock: Clock) -> tuple[Array, Index]:
+def insert_missing(clock: Clock) -> tuple[Array, Index]:
     """Make room for the samples that a clock without jumps has missed."""
     # times (n,) [s]
     if clock.gaps.size == 0:
@@ -117,7 +117,7 @@ def _moved(values: Array, count: int) -> Array:
     return row
 
 
-def shift_in_words(name: str, delay: float, step: float) -> str:
+def describe_shift(name: str, delay: float, step: float) -> str:
     """Say how a delay was taken out of a signal."""
     sample_count, fraction = split(delay / step)
     held = name in HELD

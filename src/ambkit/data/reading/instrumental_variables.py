@@ -1,9 +1,8 @@
 """Position and control of a floating rotor where the sensor's noise goes round the loop.
 
-A controller answers to the noise of its sensor. Where little else moves the rotor, control and
-position then share that noise, and a plain regression of the acceleration on both is biased. What
-both were a while ago shares none of it, and still tells where the rotor is: so these serve as
-instruments (two-stage least squares; Söderström and Stoica 1983, Instrumental Variable Methods).
+Position and control then share that noise, and plain regression of the acceleration is biased. What
+both were a while ago shares none of it, and serves as instruments (two-stage least squares;
+Söderström and Stoica 1983, Instrumental Variable Methods).
 """
 
 from __future__ import annotations
@@ -14,7 +13,13 @@ from itertools import permutations
 import numpy as np
 
 from ambkit.base.arrays import Array
-from ambkit.data.reading.levitation_test import ALIKE, POLE, Levitated, boxed, thinned
+from ambkit.data.reading.levitation_test import (
+    ALIKE,
+    POLE,
+    LevitationFit,
+    decimated,
+    moving_averages,
+)
 
 AGO = 3  #: Boxes between what is regressed and its instruments: half of the kernel.
 LONG = 60  #: Boxes that a record has at least.
@@ -23,11 +28,11 @@ TELLS = (2.0, 13.0)
 """Standard errors by which pole and gain are off zero: in each of three bands, and in sum."""
 
 
-def instrumented(channels: Array, rows: Sequence[int]) -> list[Levitated]:
-    """Find the pairs of channels that move as a levitated rotor and its current; the best first."""
+def instrumented(channels: Array, rows: Sequence[int]) -> list[LevitationFit]:
+    """Find the pairs of channels that move as a rotor and its current do; the best first."""
     # channels (m, n)
     fits: dict[tuple[int, int], list[tuple[int, float, float, float, float]]] = {}
-    for box, thin, values in thinned(channels[list(rows)]):
+    for box, thin, values in decimated(channels[list(rows)]):
         if values.shape[1] < LONG * box:
             break
         sums = _sums(values, box, thin)
@@ -39,9 +44,9 @@ def instrumented(channels: Array, rows: Sequence[int]) -> list[Levitated]:
 
 def _sums(values: Array, box: int, thin: int) -> tuple[Array, Array, Array, Array, int]:
     """Return products of instruments, of smoothed channels and their derivatives, and the rows."""
-    four = boxed(values, box, 4)
+    four = moving_averages(values, box, 4)
     bent = (four[:, 2 * box :] - 2 * four[:, box:-box] + four[:, : -2 * box]) / (box * thin) ** 2
-    smooth = boxed(four, box, 2)[:, 1 : 1 + bent.shape[1]]
+    smooth = moving_averages(four, box, 2)[:, 1 : 1 + bent.shape[1]]
     ago, step = AGO * box, max(1, box // 2)
     rate = np.gradient(smooth, thin, axis=1)
     z = np.concatenate([smooth, rate])[:, :-ago:step]
@@ -86,7 +91,7 @@ def _two_stages(zz: Array, zb: Array, z: list[int], x: list[int], y: int) -> tup
 
 def _agreed(
     i: int, j: int, bands: Sequence[tuple[int, float, float, float, float]]
-) -> Levitated | None:
+) -> LevitationFit | None:
     """Return what three neighbouring bands tell, if they tell the same."""
     best = None
     for near in zip(bands, bands[1:], bands[2:], strict=False):
@@ -102,7 +107,7 @@ def _agreed(
             and evidence.sum() > TELLS[1]
             and (best is None or evidence.sum() > best.evidence)
         ):  # fmt: skip
-            best = Levitated(
+            best = LevitationFit(
                 i,
                 j,
                 float(pole.mean()),

@@ -1,15 +1,10 @@
 """Which channels move as a levitated rotor and its current do: by physics, not by prediction.
 
-Near its operating point a rotor in a magnetic bearing moves by ``x'' = a x + b i + c``, with a > 0:
-the plant is unstable, with a pole at sqrt(a). No other pair of channels does that. A reference
-swings (a < 0); position and reference make a stable loop (a < 0); a current instead of
-the position obeys its controller; a velocity does with the difference of the current only. So
-each pair of channels is fitted, in bands of frequency, and holds
-where neighbouring bands tell the same pole.
-
-The fit never differentiates a sample: channels and their second derivatives pass the same smooth
-kernel, a B-spline of six boxes, whose derivatives are differences of its boxes (Shinbrot 1957,
-modulating functions). All is counted in samples, so neither the sampling rate nor the units matter.
+Near its operating point a rotor in a magnetic bearing moves by ``x'' = a x + b i + c`` with a > 0.
+No other pair of channels does: references and stable loops have a < 0, and a velocity goes with the
+difference of the current. Each pair is fitted in bands of frequency; neighbouring bands must tell
+the same pole. Channels and their second derivatives pass the same smooth kernel, a B-spline of six
+boxes (Shinbrot 1957, modulating functions). All is counted in samples, in any units.
 """
 
 from __future__ import annotations
@@ -48,7 +43,7 @@ TINY = float(np.finfo(np.float64).tiny)
 
 
 @dataclass(frozen=True)
-class Levitated:
+class LevitationFit:
     """Two channels that move as a levitated rotor and its current do."""
 
     position: int  #: Rows of the array that was searched.
@@ -79,15 +74,15 @@ class Band:
 def bands(channels: Array) -> Iterator[Band]:
     """Sum up channels in bands of frequency, from fast to slow."""
     # channels (m, n)
-    for box, thin, values in thinned(channels):
+    for box, thin, values in decimated(channels):
         step = max(1, box // 2)
         rows = values.shape[1] - BOXES * (box - 1) - 2
         blocks = -(-rows // step) // ROWS if rows > 0 else 0
         if blocks < LEAST_BLOCKS:
             return
-        four = boxed(values, box, 4)
+        four = moving_averages(values, box, 4)
         bent = (four[:, 2 * box :] - 2 * four[:, box:-box] + four[:, : -2 * box]) / box**2
-        smooth = boxed(four, box, 2)[:, 1 : 1 + bent.shape[1]]
+        smooth = moving_averages(four, box, 2)[:, 1 : 1 + bent.shape[1]]
         inside, a = (
             item[:, ::step][:, : blocks * ROWS].reshape(-1, blocks, ROWS).transpose(1, 0, 2)
             for item in (smooth, bent / thin**2)
@@ -99,8 +94,8 @@ def bands(channels: Array) -> Iterator[Band]:
         yield Band(box * thin, s @ transposed, a @ transposed, v @ transposed, *own)
 
 
-def thinned(channels: Array) -> Iterator[tuple[int, int, Array]]:
-    """Yield boxes from short to long, how much the record is thinned for each, and that record."""
+def decimated(channels: Array) -> Iterator[tuple[int, int, Array]]:
+    """Yield boxes from short to long, the decimation of the record for each, and that record."""
     # Slow bands need not all samples: they get means of two, of four, and so on.
     for box in (2, 3, 4, 5, 6):
         yield box, 1, channels
@@ -112,7 +107,7 @@ def thinned(channels: Array) -> Iterator[tuple[int, int, Array]]:
         channels, thin = 0.5 * (channels[:, :size:2] + channels[:, 1:size:2]), 2 * thin
 
 
-def boxed(values: Array, box: int, times: int) -> Array:
+def moving_averages(values: Array, box: int, times: int) -> Array:
     """Return running means (m, n - times (box - 1)) over `box` samples, so many times."""
     for _ in range(times):
         sums = np.cumsum(values, axis=1)
@@ -157,7 +152,7 @@ def _two(pp: Array, pc: Array, cc: Array, ap: Array, ac: Array) -> tuple[Array, 
     return inverse * (ap * cc - ac * pc), inverse * (ac * pp - ap * pc)
 
 
-def levitated(listed: Sequence[Band]) -> list[Levitated]:
+def levitation_fits(listed: Sequence[Band]) -> list[LevitationFit]:
     """Find the pairs of channels that move as a levitated rotor and its current."""
     if len(listed) < 3:
         return []
@@ -165,7 +160,7 @@ def levitated(listed: Sequence[Band]) -> list[Levitated]:
     pole = np.sqrt(np.maximum(a, 0))
     copies = np.array([turning(band) for band in listed])
     against = -np.sign(b) * np.array([_correlation(band) for band in listed])
-    best: dict[tuple[int, int], Levitated] = {}
+    best: dict[tuple[int, int], LevitationFit] = {}
     apart = ~np.eye(len(a[0]), dtype=bool)
     for sure, (count, ratio, least) in zip((True, False), AGREE, strict=True):
         for k in range(1, len(listed) - 1):
@@ -182,7 +177,7 @@ def levitated(listed: Sequence[Band]) -> list[Levitated]:
                     continue
                 share_here, before = float(r[:, i, j].mean()), known.evidence if known else 0.0
                 if known is None or share_here > known.explained:
-                    known = Levitated(
+                    known = LevitationFit(
                         i, j, float(p[:, i, j].mean()), float(b[k, i, j]), share_here,
                         listed[k].box, 0.0, sure,
                     )  # fmt: skip

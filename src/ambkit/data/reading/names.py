@@ -23,7 +23,7 @@ _HOLDERS = re.compile(r"values?|data|signals?|\d*|out|yout|logsout|simout")
 """Parts of a name that say nothing, as of a structure that Simulink saves."""
 
 
-def by_name(candidate: Candidate) -> None:
+def role_from_name(candidate: Candidate) -> None:
     """Read role and unit from the name."""
     if candidate.role or any(isinstance(place, int) for place in candidate.where.values()):
         return

@@ -13,7 +13,7 @@ from ambkit.data.reading.derived_channels import OFTEN, is_formula
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import NO_NOISE, in_steps
 from ambkit.data.reading.signal_roles import slow
-from ambkit.data.reading.standstill import NEAR, resting
+from ambkit.data.reading.standstill import NEAR, standstill
 from ambkit.data.signals import TRUTH
 
 LIES = 50  #: Samples in a row in which nothing moves, that a rotor in flight does not have.
@@ -91,7 +91,7 @@ def _lies(t: Array, y: Array, u: Array, unit: str) -> Iterator[str]:
 def _unmoved(y: Array, u: Array, unit: str) -> Iterator[str]:
     """Tell of a position that stays at its end while the control signal goes elsewhere."""
     there = np.isfinite(y) & np.isfinite(u)
-    if np.count_nonzero(there) < LIES or (rests := resting(y[there])) is None:
+    if np.count_nonzero(there) < LIES or (rests := standstill(y[there])) is None:
         return
     y_, u_ = slow(y[there]), slow(u[there])  # without their noise
     near = abs(y_ - rests.end) < max(NEAR * float(np.ptp(y[there])), 4 * noise(y))
@@ -104,7 +104,7 @@ def _unmoved(y: Array, u: Array, unit: str) -> Iterator[str]:
     went = max((way for way, v in ways if way > DRIVEN * noise(v)), default=0.0)
     if went > MOVED * (high - low) > 0:
         yield (
-            f"y is {rests.in_words(unit)}, while u goes through "
+            f"y is {rests.describe(unit)}, while u goes through "
             f"{100 * went / (high - low):.0f} % of its range: does the rotor lie "
             "on a stop there? Such a part tells nothing of the bearing: cut it out"
         )

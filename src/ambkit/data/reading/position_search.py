@@ -1,9 +1,8 @@
 """The rotor's position and its current, among channels without a name: physics, then rawness.
 
-Prediction alone is a trap: what a rig's own filter made of its measurements moves as the rotor
-does, and predicts better than they do. So of channels that tell the same motion the rawest is
-taken: what a converter measured comes in steps, and what was computed from it hardly ever repeats a
-value; where that does not tell them apart, the one with more noise.
+What a rig's own filter made of its measurements predicts better than they do. So of channels that
+tell the same motion the rawest is taken: what a converter measured comes in steps, what was
+computed hardly ever repeats a value; where that does not tell, the one with more noise.
 """
 
 from __future__ import annotations
@@ -18,14 +17,21 @@ from ambkit.data.reading.derived_channels import (
     filters_of_others,
     is_formula,
     is_white,
+    raw_counterparts,
     rough,
     standardised,
-    twins,
     velocities,
 )
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.instrumental_variables import instrumented
-from ambkit.data.reading.levitation_test import TINY, Band, Levitated, bands, levitated, turning
+from ambkit.data.reading.levitation_test import (
+    TINY,
+    Band,
+    LevitationFit,
+    bands,
+    levitation_fits,
+    turning,
+)
 
 REPEATS = 0.6
 """Different values in parts of the samples: a channel with fewer comes from a converter."""
@@ -68,7 +74,7 @@ class Rotor:
 
     position: int  #: Rows of the array that was searched.
     control: int
-    fit: Levitated  #: What told them; of an estimate perhaps, in whose place they are.
+    fit: LevitationFit  #: What told them; of an estimate perhaps, in whose place they are.
     #: Acceleration of the position per control [units / sample²]: negative where a greater control
     #: moves the rotor towards smaller positions.
     gain: float
@@ -102,105 +108,138 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
     # channels (m, n)
     unit = standardised(channels)
     listed = list(bands(unit))
-    if not listed:
-        return None
-    hiss = [noise(values) for values in unit]
-    raw = [in_steps(v) and rough(u) > SIX_DIGITS for v, u in zip(channels, unit, strict=True)]
-    rates = velocities(unit) | filters_of_others(unit, raw)
-    rates -= {position, control}
+    return _Search(channels, unit, listed, (position, control)).rotor() if listed else None
 
-    formulas = {k for k, values in enumerate(unit) if is_formula(values)} - {control}
 
-    def fitting(listed: list[Levitated]) -> list[Levitated]:
-        return [
-            f for f in listed
-            if not {f.position, f.control} & rates and f.control not in formulas
-            and position in (None, f.position) and control in (None, f.control)
-        ]  # fmt: skip
+class _Search:
+    """Channels (m, n), two of which may be known to be the position and the control."""
 
-    plain = result = fitting(levitated(listed))
-    usable = [f for f in result if f.sure or raw[f.position] or raw[f.control]]
-    swift = _swift(listed)
-    level, slow = RELATED, _without(swift, result)
-    if any(f in usable for f in slow):
-        result, usable = slow, [f for f in usable if f in slow]
-    if not usable:
-        candidates = sorted(
-            (k for k in range(len(unit)) if k not in rates), key=lambda k: not raw[k]
-        )
-        plain += (result := fitting(instrumented(unit, sorted(candidates[:TRIED]))))
-        result = usable = _without(swift, result) or result
-        level = CLOSE
-    if not usable:
-        return None
-    near = {box: _families(listed, box) for box in {f.box for f in result}}
-    close = np.array([turning(band) for band in listed[-3:]]).max(0) > level
+    def __init__(
+        self,
+        channels: Array,
+        unit: Array,
+        listed: list[Band],
+        known: tuple[int | None, int | None],
+    ) -> None:
+        self.channels, self.unit, self.bands, self.known = channels, unit, listed, known
+        self.hiss = [noise(values) for values in unit]
+        self.raw = [
+            in_steps(v) and rough(u) > SIX_DIGITS for v, u in zip(channels, unit, strict=True)
+        ]
+        self.rates = (velocities(unit) | filters_of_others(unit, self.raw)) - {*known}
+        self.swift = _fast_candidates(listed)
 
-    def same(f: Levitated, g: Levitated) -> bool:
-        """Whether two fits are of one rotor: one position with a current and its estimate, say."""
-        alike = near[f.box] | near[g.box] | close
-        return bool(
-            alike[f.position, g.position] and alike[f.control, g.control]
-            and f.pole / SAME_POLE < g.pole < f.pole * SAME_POLE
+    def rotor(self) -> Rotor | None:
+        """Return the pair of channels that most of the evidence is for; None where it is vague."""
+        result, usable, plain, level = self._fits()
+        if not usable:
+            return None
+        raw, listed = self.raw, self.bands
+        near = {box: _families(listed, box) for box in {f.box for f in result}}
+        close = np.array([turning(band) for band in listed[-3:]]).max(0) > level
+
+        def same(f: LevitationFit, g: LevitationFit) -> bool:
+            """Whether two fits are of one rotor: one position with a current and its estimate."""
+            alike = near[f.box] | near[g.box] | close
+            return bool(
+                alike[f.position, g.position] and alike[f.control, g.control]
+                and f.pole / SAME_POLE < g.pole < f.pole * SAME_POLE
+            )  # fmt: skip
+
+        def evidence(f: LevitationFit) -> float:
+            return sum(g.evidence for g in result if same(f, g))
+
+        both = [f for f in usable if raw[f.position] and raw[f.control]]
+        best = max(both or usable, key=lambda f: (f.sure, evidence(f)))
+        motion = [best, *(f for f in result if same(best, f))]
+        positions, controls = self._members(best, motion, near[best.box])
+        if not both and (
+            evidence(best) < LEAST
+            or any(_is_ambiguous(fits, positions, controls) for fits in (result, plain))
+        ):
+            return None
+        fits = [*result, *plain]
+        positions = self._rawest(positions, best.position, {f.position for f in fits})
+        controls = self._rawest(controls, best.control, {f.control for f in fits})
+        if self._is_vague(positions, controls, fits):
+            return None
+        others: dict[int, int] = {}
+        for item in result:
+            if item.sure and not {*positions, *controls} & {item.position, item.control}:
+                others.setdefault(item.position, item.control)
+        gain = best.gain * gains(listed, best.position)[positions[0]]
+        gain /= gains(listed, best.control)[controls[0]]
+        gain *= self.channels[positions[0]].std() / self.channels[controls[0]].std()
+        return Rotor(
+            positions[0], controls[0], best, float(gain),
+            tuple(positions[1:]), tuple(controls[1:]), tuple(others.items()),
         )  # fmt: skip
 
-    def worth(f: Levitated) -> float:
-        return sum(g.evidence for g in result if same(f, g))
+    def _fits(self) -> tuple[list[LevitationFit], list[LevitationFit], list[LevitationFit], float]:
+        """Return all fits, those to choose from, those of plain regression, and what is close."""
+        raw, position, control = self.raw, *self.known
+        formulas = {k for k, values in enumerate(self.unit) if is_formula(values)} - {control}
 
-    both = [f for f in usable if raw[f.position] and raw[f.control]]
-    best = max(both or usable, key=lambda f: (f.sure, worth(f)))
-    family = near[best.box]
-    motion = [best, *(f for f in result if same(best, f))]
-    controls = list(dict.fromkeys(f.control for f in motion if f.control != best.position))
-    positions = [f.position for f in motion if f.position not in controls]
-    positions = list(dict.fromkeys(positions))
-    free = {*range(len(unit))} - {*positions, *controls, *rates}
-    positions += sorted(k for k in free if family[best.position, k])
-    if len(positions) == 1 and not raw[best.position] and position is None:
-        unlike = sorted({*range(len(unit))} - {*positions, *controls})
-        positions += twins(unit, listed, best.position, unlike)
-    controls += sorted(k for k in free if family[best.control, k] and k not in positions)
-    if not both and (
-        worth(best) < LEAST or any(_doubtful(fits, positions, controls) for fits in (result, plain))
-    ):
-        return None
+        def fitting(listed: list[LevitationFit]) -> list[LevitationFit]:
+            return [
+                f for f in listed
+                if not {f.position, f.control} & self.rates and f.control not in formulas
+                and position in (None, f.position) and control in (None, f.control)
+            ]  # fmt: skip
 
-    def rawest(members: list[int], chosen: int, fitted_channels: set[int]) -> list[int]:
-        gain = gains(listed, chosen)
+        plain = result = fitting(levitation_fits(self.bands))
+        usable = [f for f in result if f.sure or raw[f.position] or raw[f.control]]
+        slow = _without(self.swift, result)
+        if any(f in usable for f in slow):
+            result, usable = slow, [f for f in usable if f in slow]
+        if usable:
+            return result, usable, plain, RELATED
+        candidates = sorted(
+            (k for k in range(len(self.unit)) if k not in self.rates), key=lambda k: not raw[k]
+        )
+        plain += (result := fitting(instrumented(self.unit, sorted(candidates[:TRIED]))))
+        result = _without(self.swift, result) or result
+        return result, result, plain, CLOSE
+
+    def _members(
+        self, best: LevitationFit, motion: list[LevitationFit], family: Bools
+    ) -> tuple[list[int], list[int]]:
+        """Return all channels that tell the same position, and the same current."""
+        controls = list(dict.fromkeys(f.control for f in motion if f.control != best.position))
+        positions = list(dict.fromkeys(f.position for f in motion if f.position not in controls))
+        free = {*range(len(self.unit))} - {*positions, *controls, *self.rates}
+        positions += sorted(k for k in free if family[best.position, k])
+        if len(positions) == 1 and not self.raw[best.position] and self.known[0] is None:
+            unlike = sorted({*range(len(self.unit))} - {*positions, *controls})
+            positions += raw_counterparts(self.unit, self.bands, best.position, unlike)
+        controls += sorted(k for k in free if family[best.control, k] and k not in positions)
+        return positions, controls
+
+    def _rawest(self, members: list[int], chosen: int, fitted: set[int]) -> list[int]:
+        gain = gains(self.bands, chosen)
 
         def rank(k: int) -> tuple[bool, bool, bool, float]:
-            is_informative = k in fitted_channels or raw[k]
-            return k in (position, control), is_informative, raw[k], hiss[k] / abs(gain[k])
+            is_informative = k in fitted or self.raw[k]
+            return k in self.known, is_informative, self.raw[k], self.hiss[k] / abs(gain[k])
 
         return sorted(members, key=rank, reverse=True)
 
-    all_fits = [*result, *plain]
-    positions = rawest(positions, best.position, {f.position for f in all_fits})
-    controls = rawest(controls, best.control, {f.control for f in all_fits})
-    pair = positions[0], controls[0]
-    left = {*range(len(unit))} - {*positions, *controls, *rates}
-    estimated = not raw[pair[1]] and twins(unit, listed, pair[1], [pair[0]])
-    if control is None and estimated and any(raw[k] for k in left):
-        return None  # an estimate is no current, where a converter's channel is left
-    if {position, control} == {None} and not (raw[pair[0]] and raw[pair[1]]):
-        is_fitted = any((f.position, f.control) == pair for f in all_fits)
-        if not is_fitted or not (raw[pair[0]] or _clearest(positions, unit, listed)):
-            return None
-    used_channels = {*positions, *controls}
-    others: dict[int, int] = {}
-    for item in result:
-        if item.sure and not used_channels & {item.position, item.control}:
-            others.setdefault(item.position, item.control)
-    gain = best.gain * gains(listed, best.position)[positions[0]]
-    gain /= gains(listed, best.control)[controls[0]]
-    gain *= channels[positions[0]].std() / channels[controls[0]].std()
-    return Rotor(
-        positions[0], controls[0], best, float(gain),
-        tuple(positions[1:]), tuple(controls[1:]), tuple(others.items()),
-    )  # fmt: skip
+    def _is_vague(
+        self, positions: list[int], controls: list[int], fits: Sequence[LevitationFit]
+    ) -> bool:
+        """Whether the rawest two may yet be estimates."""
+        raw, y, u = self.raw, positions[0], controls[0]
+        left = {*range(len(self.unit))} - {*positions, *controls, *self.rates}
+        estimated = not raw[u] and raw_counterparts(self.unit, self.bands, u, [y])
+        if self.known[1] is None and estimated and any(raw[k] for k in left):
+            return True  # an estimate is no current, where a converter's channel is left
+        if {*self.known} != {None} or (raw[y] and raw[u]):
+            return False
+        is_fitted = any((f.position, f.control) == (y, u) for f in fits)
+        return not is_fitted or not (raw[y] or _has_most_noise(positions, self.unit, self.bands))
 
 
-def _swift(listed: Sequence[Band]) -> Bools:
+def _fast_candidates(listed: Sequence[Band]) -> Bools:
     """Tell which channels go as the speed of which others (m, m), in some band."""
     # A filter's velocity does; and the current of a quiet loop, in fast bands, where its controller
     # answers to the speed.
@@ -218,7 +257,7 @@ def _swift(listed: Sequence[Band]) -> Bools:
     return np.asarray(most > SWIFT)
 
 
-def _without(swift: Bools, results: Sequence[Levitated]) -> list[Levitated]:
+def _without(swift: Bools, results: Sequence[LevitationFit]) -> list[LevitationFit]:
     """Leave out fits of a velocity instead of the current, or of the position."""
     places = {f.position for f in results}
     return [
@@ -227,7 +266,7 @@ def _without(swift: Bools, results: Sequence[Levitated]) -> list[Levitated]:
     ]  # fmt: skip
 
 
-def _clearest(members: Sequence[int], unit: Array, listed: Sequence[Band]) -> bool:
+def _has_most_noise(members: Sequence[int], unit: Array, listed: Sequence[Band]) -> bool:
     """Whether the first of a channel and its estimates has clearly the most noise."""
     # A filter that takes out the lag of a sensor makes more noise of it, not less; but no white
     # one.
@@ -237,8 +276,8 @@ def _clearest(members: Sequence[int], unit: Array, listed: Sequence[Band]) -> bo
     return not others or (hiss[0] > CLEARLY * max(others) and is_white(unit[members[0]]))
 
 
-def _doubtful(
-    results: Sequence[Levitated], positions: Sequence[int], controls: Sequence[int]
+def _is_ambiguous(
+    results: Sequence[LevitationFit], positions: Sequence[int], controls: Sequence[int]
 ) -> bool:
     """Whether other fits speak against what is taken for the position and the control."""
     # One channel is not both; and what moves a position is one current, or copies of it.

@@ -12,9 +12,9 @@ from ambkit.base.errors import RecordError
 from ambkit.base.escaping import one_line
 from ambkit.data.files.formats import read_log
 from ambkit.data.reading.candidates import Candidate, candidates
-from ambkit.data.reading.channel_map_text import Told, toml_lines
+from ambkit.data.reading.channel_map_text import ProposedMap, toml_lines
 from ambkit.data.reading.signal_roles import correlation, find_roles, seen
-from ambkit.data.reading.standstill import resting
+from ambkit.data.reading.standstill import standstill
 
 RATE = 0.7  #: Correlation with a channel's difference from which on another one is its rate.
 
@@ -32,8 +32,8 @@ def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lamb
             else "no channels:"
         )
         raise RecordError(f"{path}: holds {what} {log.contents}")
-    assignments = [Told(group, find_roles(group)) for group in groups]
-    best = max(assignments, key=Told.worth)
+    assignments = [ProposedMap(group, find_roles(group)) for group in groups]
+    best = max(assignments, key=ProposedMap.score)
     damage = next(
         (c.damage for assignment in assignments for c in assignment.found if c.damage), None
     )
@@ -52,7 +52,7 @@ def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lamb
     return "\n".join(map(one_line, toml_lines(Path(path).name, log, best, others))) + "\n"
 
 
-def _only_rises(best: Told) -> Candidate | None:
+def _only_rises(best: ProposedMap) -> Candidate | None:
     """Return what is called a position and only rises, or only falls, in a log without a time."""
     if any(c.role == "t" or c.clock for c in best.found) or best.moves is not None:
         return None
@@ -65,11 +65,13 @@ def _only_rises(best: Told) -> Candidate | None:
 
 def _refusal(path: str, results: list[Candidate]) -> str:
     """Say why nothing is guessed, and what helps."""
-    lying = {c.label: rests for c in results if not c.role and (rests := resting(seen(c.values)))}
+    lying = {
+        c.label: rests for c in results if not c.role and (rests := standstill(seen(c.values)))
+    }
     moving = [c for c in results if not c.role]
     rates = {label for label in lying for c in moving if _is_rate_of(label, c, moving)}
     descriptions = [
-        f"{label} is {lying[label].in_words()}" for label in lying if label in rates or not rates
+        f"{label} is {lying[label].describe()}" for label in lying if label in rates or not rates
     ]
     lies = f" ({'; '.join(descriptions[:2])}: does the rotor lie there?)" if descriptions else ""
     return (

@@ -23,14 +23,14 @@ from ambkit.data.reading.clock import Clock, examine, instant
 from ambkit.data.reading.faults import Channel, Fault
 from ambkit.data.reading.plausibility import suspects
 from ambkit.data.reading.reading_figure import reading_figure
-from ambkit.data.reading.rejections import Refused, check_times, refuse_uneven, segments_of
+from ambkit.data.reading.rejections import RejectedLog, check_times, refuse_uneven, segments_of
 from ambkit.data.record import Record, time_problems
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 
 if TYPE_CHECKING:
-    from ambkit.data.channel_map import ChannelMap, Mapped
+    from ambkit.data.channel_map import ChannelMap, MappedSignals
     from ambkit.result.report.figure import Figure
 
 
@@ -52,7 +52,7 @@ class Reading(Result):
 
     def account(self) -> list[str]:
         """Say in sentences what was found and done, faults of a kind together."""
-        lines = [f"{name}: {clock.in_words()}" for name, clock in self.clocks.items()]
+        lines = [f"{name}: {clock.describe()}" for name, clock in self.clocks.items()]
         step = min(clock.step for clock in self.clocks.values())
         return [*lines, *self.remarks, *channel_faults.account(self.faults, step)]
 
@@ -86,18 +86,7 @@ class Reading(Result):
             "source": self.source,
             "samples": len(self.record),
             "sampling_time": self.record.sampling_time,
-            "clocks": {
-                name: {
-                    "samples": clock.times.size,
-                    "rate": clock.rate,
-                    "jitter": clock.jitter,
-                    "gaps": clock.gaps.size,
-                    "missing": int(clock.missing.sum()),
-                    "jumps": clock.jumps.size,
-                    "uneven": clock.uneven.size,
-                }
-                for name, clock in self.clocks.items()
-            },
+            "clocks": {name: clock.to_dict() for name, clock in self.clocks.items()},
             "channels": {channel.name: asdict(channel) for channel in self.channels},
             "faults": [asdict(fault) for fault in self.faults],
         }
@@ -132,12 +121,12 @@ def read(
     try:
         return _placed(log, mapped, resample, sampling_time, segment, missing, progress)
     except RecordError as error:
-        raise Refused(error, log.name, mapped) from None
+        raise RejectedLog(error, log.name, mapped) from None
 
 
 def _placed(
     log: Log,
-    mapped: Mapped,
+    mapped: MappedSignals,
     resample: bool,
     sampling_time: float | None,
     segment: int | None,
@@ -146,64 +135,83 @@ def _placed(
 ) -> Reading:
     """Put the signals of a log on one grid, and say what was wrong; see `read`."""
     remarks = [*log.remarks, *mapped.remarks]
-    used = list(dict.fromkeys(mapped.clock_of.values()))
-    check_times(log, mapped, used)
-    clocks = {name: examine(name, mapped.clocks[name]) for name in used}
+    clocks = _clocks(log, mapped)
     signals = dict(mapped.signals)
-    faults: list[Fault] = [f for c in clocks.values() for f in _clock_faults(c)]
+    faults = [fault for clock in clocks.values() for fault in _clock_faults(clock)]
     if segment is not None or any(clock.jumps.size for clock in clocks.values()):
         parts, remark = segments_of(log, clocks, segment)
         signals = {name: v[parts[mapped.clock_of[name]]] for name, v in signals.items()}
         clocks = {name: clock.part(parts[name]) for name, clock in clocks.items()}
         remarks.append(remark)
         faults = [replace(f, action="another part is read") for f in faults if f.kind == "jump"]
-        faults += [f for c in clocks.values() for f in _clock_faults(c)]
+        faults += [fault for clock in clocks.values() for fault in _clock_faults(clock)]
     if not resample:
         refuse_uneven(log, mapped, clocks)
     channels: list[Channel] = []
     for name in signals:
-        clock = clocks[mapped.clock_of[name]]
         progress(f"looking at {name}")
-        logged, unit = signals[name], mapped.units[name]
-        signals[name] = np.where(np.isinf(logged), np.nan, logged)
-        channels.append(channel_faults.describe(name, unit, signals[name], clock.name))
-        for fault in channel_faults.find(name, logged, clock.times, unit):
-            if fault.kind in missing:
-                signals[name] = _masked(signals[name], clock.times, fault)
-            if fault.kind in (*missing, "infinite"):
-                fault = replace(fault, action="taken as missing")
-            delay = mapped.delays.get(name, 0.0)  # faults are told where the record has them
-            faults.append(replace(fault, start=fault.start - delay, stop=fault.stop - delay))
+        clock = clocks[mapped.clock_of[name]]
+        channel, signals[name], more = _examined(name, signals[name], mapped, clock, missing)
+        channels.append(channel)
+        faults += more
     progress("placing the samples")
     if resample:
+        done = "resampled"
         times, on_grid, notes = _resampled(log, signals, mapped.clock_of, clocks, sampling_time)
-        faults = [_action_of_grid(fault, "resampled") for fault in faults]
+        remarks += notes
     elif sampling_time is not None:
         raise RecordError("sampling_time (--sampling-time) is the step to resample to: ask for it")
     else:
-        times, on_grid, notes = _filled(signals, clocks)
-        faults = [_action_of_grid(fault, "filled with missing samples") for fault in faults]
-    remarks += notes
+        done = "filled with missing samples"
+        times, place = grid.insert_missing(clock)
+        on_grid = {name: grid.spread(v, place, times.size) for name, v in signals.items()}
     step = float(times[-1] - times[0]) / (times.size - 1)
     for name, delay in mapped.delays.items():
         on_grid[name] = grid.shifted(on_grid[name], delay / step, held=name in grid.HELD)
-        remarks.append(grid.shift_in_words(name, delay, step))
+        remarks.append(grid.describe_shift(name, delay, step))
     remarks += suspects(times, on_grid, mapped.units)
-    faults = [_within(fault, times) for fault in faults]
-    channels = [_as_placed(c, on_grid[c.name], mapped.delays.get(c.name, 0.0)) for c in channels]
-    meta = {**mapped.meta, "source": Path(log.name).name}
+    faults = [replace(f, action=done) if f.kind in ("gap", "jitter") else f for f in faults]
     reading = Reading(
-        Record.__new__(Record), clocks, tuple(channels), tuple(faults), tuple(remarks), log.name
-    )
+        Record.__new__(Record), clocks, tuple(_as_placed(c, on_grid, mapped) for c in channels),
+        tuple(_within(fault, times) for fault in faults), tuple(remarks), log.name,
+    )  # fmt: skip
+    meta = mapped.meta | {"source": Path(log.name).name}
     meta["reading"] = reading.account()[:SENTENCES]
+    return replace(reading, record=_record(log, times, on_grid, mapped.units, meta))
+
+
+def _clocks(log: Log, mapped: MappedSignals) -> dict[str, Clock]:
+    used = list(dict.fromkeys(mapped.clock_of.values()))
+    check_times(log, mapped, used)
+    return {name: examine(name, mapped.clocks[name]) for name in used}
+
+
+def _record(log: Log, times: Array, signals: Mapping[str, Array], *of: Any) -> Record:
     try:
-        record = Record(times, on_grid, mapped.units, meta)
+        return Record(times, signals, *of)
     except RecordError as error:
-        raise RecordError([f"{log.name}: {problem}" for problem in error.problems]) from None
-    return replace(reading, record=record)
+        raise RecordError([f"{log.name}: {text}" for text in error.problems], log.name) from None
 
 
-def load_filled(
+def _examined(
+    name: str, logged: Array, mapped: MappedSignals, clock: Clock, missing: Collection[str]
+) -> tuple[Channel, Array, list[Fault]]:
+    """Say what a channel looks like, and what is wrong with it; and take samples as missing."""
+    unit, delay = mapped.units[name], mapped.delays.get(name, 0.0)
+    values, faults = np.where(np.isinf(logged), np.nan, logged), []
+    channel = channel_faults.measure(name, unit, values, clock.name)
+    for fault in channel_faults.find(name, logged, clock.times, unit):
+        if fault.kind in missing:
+            first = np.searchsorted(clock.times, fault.start)
+            values[first : first + fault.samples] = np.nan
+        if fault.kind in (*missing, "infinite"):
+            fault = replace(fault, action="taken as missing")
+        # Faults are where the record has them.
+        faults.append(replace(fault, start=fault.start - delay, stop=fault.stop - delay))
+    return channel, values, faults
+
+
+def load_with_gaps(
     path: str | os.PathLike[str],
     channel_map: ChannelMap | str | os.PathLike[str] | None = None,
     note: Callable[[str], object] = lambda _: None,
@@ -224,93 +232,61 @@ def load(
     path: str | os.PathLike[str],
     channel_map: ChannelMap | str | os.PathLike[str] | None = None,
 ) -> Record:
-    """Read a record whose clock is even; `read` also takes logs with faults.
-
-    Parameters
-    ----------
-    path : path
-        The file: without a channel map a table with units, see `Record.load`; with one, any format
-        that `read` knows.
-    channel_map : ChannelMap or path, optional
-        Which row or column of the file is which signal, with its unit, scale, sign and offset.
-
-    Raises
-    ------
-    RecordError
-        As `read`; also for gaps and infinite values, which `read` makes missing samples. The
-        message names file and line.
-    AmbkitError
-        The file, or the channel map, cannot be read.
-    """
+    """Read a record whose clock is even: a table with units, or by a channel map."""
+    # What is refused here, gaps and infinite values too, `read` makes a record of.
     if channel_map is None:
         return Record.load(path)
     log, mapped = _mapped(path, channel_map, lambda _: None)
-    used = list(dict.fromkeys(mapped.clock_of.values()))
-    check_times(log, mapped, used)
-    clocks = {name: examine(name, mapped.clocks[name]) for name in used}
+    clocks = _clocks(log, mapped)
     if len(clocks) > 1:
         refuse_uneven(log, mapped, clocks)
-    t = mapped.clocks[used[0]]
+    t = mapped.clocks[next(iter(clocks))]
     problems = list(time_problems(t, log.place))
     if problems:
         advice = f"{log.name}: 'ambkit read' can make an even record of it"
         raise RecordError([*shortened(problems), advice], log.name)
     step = float(t[-1] - t[0]) / (t.size - 1)
-    signals = {
-        name: grid.shifted(values, mapped.delays[name] / step, held=name in grid.HELD)
-        if name in mapped.delays
-        else values
-        for name, values in mapped.signals.items()
-    }
-    try:
-        return Record(t, signals, mapped.units, mapped.meta | {"source": Path(path).name})
-    except RecordError as error:
-        raise RecordError([f"{log.name}: {text}" for text in error.problems], log.name) from None
+    signals = dict(mapped.signals)
+    for name, delay in mapped.delays.items():
+        signals[name] = grid.shifted(signals[name], delay / step, held=name in grid.HELD)
+    return _record(log, t, signals, mapped.units, mapped.meta | {"source": Path(path).name})
 
 
 def _mapped(
     path: str | os.PathLike[str],
     channel_map: ChannelMap | str | os.PathLike[str] | None,
     progress: Callable[[str], object],
-) -> tuple[Log, Mapped]:
+) -> tuple[Log, MappedSignals]:
     """Read a log, and pick its signals out of it; a table with names and units needs no map."""
-    from ambkit.data.channel_map import ChannelMap, Mapped
+    from ambkit.data.channel_map import ChannelMap, MappedSignals
     from ambkit.data.files.tables import to_table
 
+    if channel_map is not None and not isinstance(channel_map, ChannelMap):
+        channel_map = ChannelMap.load(channel_map)
+    selection, texts = (channel_map.wanted, channel_map.texts) if channel_map else (None, ())
+    error: RecordError | None = None
+    damaged: tuple[int, ...] = ()
+    try:
+        log = read_log(path, selection, progress, texts=texts)
+    except DamagedLog as damage:
+        log, error, damaged = damage.log, damage, damage.samples
     if channel_map is not None:
-        if not isinstance(channel_map, ChannelMap):
-            channel_map = ChannelMap.load(channel_map)
-        log, error, damaged = _logged(path, channel_map, progress)
         mapped, problems = channel_map.pick(log)
         error = error or (RecordError(problems, log.name) if problems else None)
-        if error:
-            raise Refused(error, log.name, mapped, damaged)
-        return log, mapped
-    log, error, damaged = _logged(path, None, progress)
-    try:
-        table = to_table(log)
-    except RecordError as other:
-        raise error or other from None
-    columns = dict(table.columns)
-    if "t" not in columns and error is None:
-        raise RecordError(f"{path}: has no column t [s]; it has {', '.join(columns)}")
-    clocks = {"t": columns.pop("t")} if "t" in columns else {}
-    units = {name: table.units[name] for name in columns}
-    mapped = Mapped(columns, units, clocks, dict.fromkeys(columns, "t"), {}, table.meta)
+    else:
+        try:
+            table = to_table(log)
+        except RecordError as other:
+            raise error or other from None
+        columns = dict(table.columns)
+        if "t" not in columns and error is None:
+            raise RecordError(f"{path}: has no column t [s]; it has {', '.join(columns)}")
+        clocks = {"t": columns.pop("t")} if "t" in columns else {}
+        units = {name: table.units[name] for name in columns}
+        mapped = MappedSignals(columns, units, clocks, dict.fromkeys(columns, "t"), {}, table.meta)
     if error:
-        raise Refused(error, log.name, mapped, damaged)
+        raise RejectedLog(error, log.name, mapped, damaged)
     return log, mapped
-
-
-def _logged(
-    path: str | os.PathLike[str], channel_map: ChannelMap | None, progress: Callable[[str], object]
-) -> tuple[Log, RecordError | None, tuple[int, ...]]:
-    """Read a log; of a damaged one what can be read, what is wrong, and where."""
-    selection, texts = (channel_map.wanted, channel_map.texts) if channel_map else (None, ())
-    try:
-        return read_log(path, selection, progress, texts=texts), None, ()
-    except DamagedLog as error:
-        return error.log, error, error.samples
 
 
 def _clock_faults(clock: Clock) -> list[Fault]:
@@ -332,13 +308,6 @@ def _clock_faults(clock: Clock) -> list[Fault]:
     return result
 
 
-def _masked(values: Array, times: Array, fault: Fault) -> Array:
-    first = np.searchsorted(times, fault.start)
-    masked_values = values.copy()
-    masked_values[first : first + fault.samples] = np.nan
-    return masked_values
-
-
 def _within(fault: Fault, times: Array) -> Fault:
     """Cut a fault at the ends of the record, beyond which a delay may have moved it."""
     if fault.kind == "jump" or (times[0] <= fault.start and fault.stop <= times[-1]):
@@ -349,23 +318,11 @@ def _within(fault: Fault, times: Array) -> Fault:
     return replace(fault, start=ends[0], stop=ends[1])
 
 
-def _as_placed(channel: Channel, values: Array, delay: float) -> Channel:
+def _as_placed(channel: Channel, on_grid: Mapping[str, Array], mapped: MappedSignals) -> Channel:
     """Count the samples as the record has them: gaps are filled, stretches may be masked."""
-    lost = int(np.isnan(values).sum())
-    return replace(channel, samples=values.size, missing=lost, delay=delay)
-
-
-def _action_of_grid(fault: Fault, action: str) -> Fault:
-    return replace(fault, action=action) if fault.kind in ("gap", "jitter") else fault
-
-
-def _filled(
-    signals: Mapping[str, Array], clocks: Mapping[str, Clock]
-) -> tuple[Array, dict[str, Array], list[str]]:
-    """Leave each sample where it is, and make room for the missing ones."""
-    (clock,) = clocks.values()
-    times, place = grid.with_missing(clock)
-    return times, {name: grid.spread(v, place, times.size) for name, v in signals.items()}, []
+    values, delay = on_grid[channel.name], mapped.delays.get(channel.name, 0.0)
+    missing = int(np.isnan(values).sum())
+    return replace(channel, samples=values.size, missing=missing, delay=delay)
 
 
 def _resampled(

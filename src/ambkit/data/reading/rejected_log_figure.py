@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown, one_line
 from ambkit.data.reading.clock import examine
-from ambkit.data.reading.rejections import Refused
+from ambkit.data.reading.rejections import RejectedLog
 from ambkit.data.signal_panels import axis_of, missing_spans, steps_panel
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line
@@ -26,7 +26,7 @@ TOLD = 3
 _TIME, _NUMBER = Axis("time", "s"), Axis("sample")
 
 
-def refused_figure(refused: Refused) -> Figure | None:
+def refused_figure(refused: RejectedLog) -> Figure | None:
     """Show the clocks and channels of a refused log, with the places that are complained of."""
     # Over time, if all of its clocks go on; over the number of the sample otherwise, since times
     # that go back, or are none, are no axis.

@@ -11,20 +11,20 @@ from ambkit.data.files.log import Log
 from ambkit.data.reading.clock import Clock, instant, not_finite
 
 if TYPE_CHECKING:
-    from ambkit.data.channel_map import Mapped
+    from ambkit.data.channel_map import MappedSignals
 
 
-class Refused(RecordError):
+class RejectedLog(RecordError):
     """A log that gives no record; what could be read of it is there to be looked at."""
 
     def __init__(
-        self, error: RecordError, name: str, mapped: Mapped, damaged: tuple[int, ...] = ()
+        self, error: RecordError, name: str, mapped: MappedSignals, damaged: tuple[int, ...] = ()
     ) -> None:
         super().__init__(error.problems, error.title)
         self.name, self.mapped, self.damaged = name, mapped, damaged
 
 
-def check_times(log: Log, mapped: Mapped, used: list[str]) -> None:
+def check_times(log: Log, mapped: MappedSignals, used: list[str]) -> None:
     """Refuse times that are no numbers, each with its line."""
     problems = []
     for name in used:
@@ -93,13 +93,13 @@ def _jumps(clock: Clock) -> str:
     return f"{count or 'no'} jump{'' if count == 1 else 's'}"
 
 
-def refuse_uneven(log: Log, mapped: Mapped, clocks: Mapping[str, Clock]) -> None:
+def refuse_uneven(log: Log, mapped: MappedSignals, clocks: Mapping[str, Clock]) -> None:
     """Refuse clocks that give no even grid, and say what would."""
     if len(clocks) > 1:
         listed = []
         for clock in clocks.values():
             names = [name for name, own in mapped.clock_of.items() if own == clock.name]
-            listed.append(f"{clock.name} ({', '.join(names)}: {clock.in_words()})")
+            listed.append(f"{clock.name} ({', '.join(names)}: {clock.describe()})")
         raise RecordError(
             f"{log.name}: the signals have {len(clocks)} clocks: {'; '.join(listed)}. --resample "
             "(resample=True) puts them on one"

@@ -1,10 +1,8 @@
 """What each channel of a log may be: by names and units where it has them, else by physics.
 
-A rotor that floats is unstable: its acceleration grows with its position and follows its current.
-No other pair of channels moves so (`ambkit.data.reading.position_search`); and around that pair the
-others find their places: a velocity is the position's difference, a reference goes with the
-position without its noise, an estimate lies within that noise. So even an array without one name
-can be told apart; and where nothing moves so, nothing is guessed.
+Around position and current (`ambkit.data.reading.position_search`) the others find their places: a
+velocity is the position's difference, a reference goes with the position without its noise, an
+estimate lies within that noise. Where nothing moves as a rotor, nothing is guessed.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from ambkit.base.arrays import Array
 from ambkit.data.reading.candidates import TEXT, Candidate
 from ambkit.data.reading.derived_channels import same_numbers
 from ambkit.data.reading.faults import noise
-from ambkit.data.reading.names import by_name
+from ambkit.data.reading.names import role_from_name
 from ambkit.data.reading.position_search import Rotor, in_steps, rotor
 
 COMPARED = 40  #: Channels that are compared, each with each.
@@ -29,7 +27,7 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
     """Give each candidate the role that its name, its unit or its motion speak for."""
     for candidate in results:
         candidate.values = np.where(np.isfinite(candidate.values), candidate.values, np.nan)
-        by_name(candidate)
+        role_from_name(candidate)
     _find_time(results)
     for candidate in results:
         if not candidate.role and np.ptp(seen(candidate.values)) == 0:
@@ -83,13 +81,7 @@ def _find_rotor(results: list[Candidate]) -> Rotor | None:
         for role in "yui"
     }
     y, control = named["y"], named["u"] or named["i"]
-    open_ = [c for c in results if not c.role and not c.estimated]
-    if y is not None:
-        open_ = [c for c in open_ if c.values.shape == y.values.shape and c.clock == y.clock]
-    elif open_:
-        open_ = [c for c in open_ if c.values.shape == open_[0].values.shape]
-    compared = [c for c in (y, control) if c is not None] + open_
-    compared = [c for c in compared if c.values.shape == compared[0].values.shape][:COMPARED]
+    compared = _compared(results, y, control)
     if len(compared) < 2:
         return None
     rows = np.array([filled(c.values[:LOOKED_AT]) for c in compared])
@@ -98,24 +90,42 @@ def _find_rotor(results: list[Candidate]) -> Rotor | None:
         if not compared[k].role:
             compared[k].role = "-"
             compared[k].why.append(f"holds the same numbers as {compared[same].label}")
-    kept_indices = [k for k in range(len(compared)) if k not in copies and np.ptp(rows[k]) > 0]
-    places = {id(compared[k]): n for n, k in enumerate(kept_indices)}
-    moves = rotor(
-        rows[kept_indices],
-        places.get(id(y)) if y else None,
-        places.get(id(control)) if control else None,
-    )
+    distinct = [k for k in range(len(compared)) if k not in copies and np.ptp(rows[k]) > 0]
+    channels, rows = [compared[k] for k in distinct], rows[distinct]
+    places = {id(c): n for n, c in enumerate(channels)}
+    moves = rotor(rows, places.get(id(y)), places.get(id(control)))
     misnamed = None
     if moves is None and y is None and control is not None:  # a "command" may be the reference's
-        moves, misnamed = rotor(rows[kept_indices]), control
+        moves, misnamed = rotor(rows), control
     if moves is None:
         return None
-    of = [compared[k] for k in kept_indices]
-    position, mover = of[moves.position], of[moves.control]
+    position, mover = channels[moves.position], channels[moves.control]
     if misnamed is not None and misnamed is not mover and misnamed is not position:
         misnamed.role = ""
         moved = f"{position.label} moves with {mover.label}"
         misnamed.why[-1] = f"named like a control signal, but {moved}"
+    _name_rotor(moves, channels)
+    index = {id(c): n for n, c in enumerate(results)}
+    return moves.renumbered([index[id(c)] for c in channels])
+
+
+def _compared(
+    results: list[Candidate], y: Candidate | None, control: Candidate | None
+) -> list[Candidate]:
+    """Return the channels of one length that may be position and control."""
+    unnamed = [c for c in results if not c.role and not c.estimated]
+    if y is not None:
+        unnamed = [c for c in unnamed if c.values.shape == y.values.shape and c.clock == y.clock]
+    compared = [c for c in (y, control) if c is not None]
+    if y is None and unnamed:
+        unnamed = [c for c in unnamed if c.values.shape == unnamed[0].values.shape]
+    compared += unnamed
+    return [c for c in compared if c.values.shape == compared[0].values.shape][:COMPARED]
+
+
+def _name_rotor(moves: Rotor, channels: Sequence[Candidate]) -> None:
+    """Give the channels of a rotor their roles, and say why."""
+    position, mover = channels[moves.position], channels[moves.control]
     how = f"{100 * moves.fit.explained:.0f} % of its acceleration explained"
     how += "" if moves.fit.sure else ", in two bands of frequency only: look twice"
     if not position.role:
@@ -127,17 +137,16 @@ def _find_rotor(results: list[Candidate]) -> Rotor | None:
     for rows_of, first, role in (
         (moves.positions, position, "y"), (moves.controls, mover, mover.role),
     ):  # fmt: skip
-        for estimate in [of[k] for k in rows_of]:
+        for estimate in [channels[k] for k in rows_of]:
             referred = role == "y" and _is_reference(estimate, first, _size(first))
             if not estimate.role and not referred:
                 estimate.role, estimate.estimated = role, True
                 rawer = "less in steps" if in_steps(first.values) else "with less noise"
                 estimate.why.append(f"moves as {first.label}, {rawer}: an estimate of it")
     for a, b in moves.others:
-        for one, two in ((of[a], of[b]), (of[b], of[a])):
-            one.why.append(f"moves as a floating rotor does with {two.label}: another axis?")
-    index = {id(c): n for n, c in enumerate(results)}
-    return moves.renumbered([index[id(c)] for c in of])
+        for k, other in ((a, b), (b, a)):
+            label = channels[other].label
+            channels[k].why.append(f"moves as a floating rotor does with {label}: another axis?")
 
 
 def _size(y: Candidate) -> tuple[float, float]:

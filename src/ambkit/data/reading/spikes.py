@@ -48,11 +48,11 @@ def without(values: Array, starts: Index, lengths: Index) -> Array:
     """Return a signal with each spike on the straight line between its neighbours."""
     if starts.size == 0:
         return values
-    fine, at = sound(values.size, starts, lengths), np.arange(values.size)
+    fine, at = is_valid(values.size, starts, lengths), np.arange(values.size)
     return np.where(fine, values, np.interp(at, at[fine], values[fine]))
 
 
-def sound(size: int, starts: Index, lengths: Index) -> Bools:
+def is_valid(size: int, starts: Index, lengths: Index) -> Bools:
     """Return which of so many samples are in no spike."""
     fine = np.ones(size, dtype=bool)
     for k in range(LONGEST):

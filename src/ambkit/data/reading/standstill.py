@@ -16,21 +16,21 @@ OFTEN = 0.3  #: Share of the samples from which on that is told.
 
 
 @dataclass(frozen=True)
-class Resting:
+class Standstill:
     """A position that is at one end of its range for long."""
 
     end: float  #: That end, in the channel's unit.
     share: float  #: Share of the samples that are there.
     greatest: bool  #: Whether it is the greater end.
 
-    def in_words(self, unit: str = "") -> str:
+    def describe(self, unit: str = "") -> str:
         """Say it in a sentence's part."""
         end = "greatest" if self.greatest else "least"
         value = engineering(self.end, unit, digits=3) if unit else f"{self.end:.4g}"
         return f"at its {end} value, {value}, in {100 * self.share:.0f} % of the samples"
 
 
-def resting(values: Array) -> Resting | None:
+def standstill(values: Array) -> Standstill | None:
     """Find out whether a position (n,) lies at one of its ends for a good part of the time."""
     # values (n,)
     if values.size < 50:
@@ -42,7 +42,7 @@ def resting(values: Array) -> Resting | None:
         return None
     near = max(NEAR * value_range, 4 * rough)
     results = [
-        Resting(float(end), float(np.mean(abs(values - end) < near)), end == max_value)
+        Standstill(float(end), float(np.mean(abs(values - end) < near)), end == max_value)
         for end in (least, max_value)
     ]
     most = max(results, key=lambda item: item.share)

@@ -28,7 +28,7 @@ moves look less."""
 
 
 @dataclass(frozen=True)
-class Hanging:
+class WeightScale:
     """What gravity tells of a rotor below one magnet."""
 
     gap: float  #: From the magnet to the rotor where it usually floats, as the magnet sees it [m].
@@ -36,7 +36,7 @@ class Hanging:
     zero: float  #: The logged position at which that gap would be 0.
     unit: str  #: The usual unit next to the scale.
 
-    def in_words(self, label: str, unit: str) -> Iterator[str]:
+    def describe(self, label: str, unit: str) -> Iterator[str]:
         """Say it in lines."""
         yield (
             f"If one magnet carries it: by gravity {label} is about {self.scale:.2g} m a unit, and "
@@ -50,8 +50,8 @@ class Hanging:
             )
 
 
-def hanging(moves: Rotor, position: Array, current: Array, step: float) -> Hanging | None:
-    """Tell the gap and the scale of a hanging rotor; None where the current is below zero too."""
+def weight_scale(moves: Rotor, position: Array, current: Array, step: float) -> WeightScale | None:
+    """Tell the gap and the scale of a hanging rotor; None where the current falls below zero."""
     # position (n,); current (n,)
     usual = float(np.median(current))
     identifiable = moves.fit.sure and moves.fit.explained > EXPLAINED and step > 0
@@ -62,4 +62,4 @@ def hanging(moves: Rotor, position: Array, current: Array, step: float) -> Hangi
     gap, scale = 2 * G / a, 2 * G / (b * usual)
     unit = min(UNITS, key=lambda name: abs(np.log(scale / UNITS[name])))
     away = gap / scale * (1 if moves.turned else -1)
-    return Hanging(gap, scale, float(np.median(position)) - away, unit)
+    return WeightScale(gap, scale, float(np.median(position)) - away, unit)

@@ -99,21 +99,21 @@ def struct(
     return "{\n" + "".join(lines) + "  " * level + "}"
 
 
-def called(estimator: Estimator) -> InCore:
+def called(filter: Estimator) -> InCore:
     """Return how the core calls an estimator."""
-    result = in_core_of(estimator)
+    result = in_core_of(filter)
     if result is None:
-        raise AmbkitError(f"the {estimator.name} cannot be exported yet")
+        raise AmbkitError(f"the {filter.name} cannot be exported yet")
     return result
 
 
-def own(estimator: Estimator, precision: CPrecision) -> str:
+def own(filter: Estimator, precision: CPrecision) -> str:
     """Write what only this kind of estimator has, its arrays in it; empty where it has nothing."""
-    fields = estimator.core.own
-    inner: Estimator | None = getattr(estimator, "inner", None)
+    fields = filter.core.own
+    inner: Estimator | None = getattr(filter, "inner", None)
     if inner is not None:
         if inner.core.own:
-            raise AmbkitError(f"{estimator.name}: around this filter it cannot be exported")
+            raise AmbkitError(f"{filter.name}: around this filter it cannot be exported")
         fields = {"inner": Name(f"{{&{called(inner).methods}, NULL, NULL, NULL}}")} | fields
     return struct_with_arrays(fields, precision) if fields else ""
 

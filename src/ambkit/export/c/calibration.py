@@ -49,11 +49,11 @@ PARAMETERS = (
 
 def check(controller: Controller) -> None:
     """Refuse what cannot be calibrated."""
-    estimator = controller.estimator
-    called = c_literals.called(estimator)
-    if not estimator.engine.built_in or called.has_own or called.has_state:
+    filter = controller.estimator
+    called = c_literals.called(filter)
+    if not filter.engine.built_in or called.has_own or called.has_state:
         raise AmbkitError(
-            f"{estimator.machine.name}, {estimator.name}: what it works by is made of more than "
+            f"{filter.machine.name}, {filter.name}: what it works by is made of more than "
             "noise, gate, mass and k; calibration is for linear, adaptive and extended filters of "
             "an axis without parts"
         )
@@ -63,8 +63,8 @@ def check(controller: Controller) -> None:
 
 def exported(controller: Controller) -> dict[str, float]:
     """Return the values that are exported, by the names in `PARAMETERS`."""
-    estimator, bearing = controller.estimator, controller.bearing
-    set_ = estimator.core.parameters["set"]
+    filter, bearing = controller.estimator, controller.bearing
+    set_ = filter.core.parameters["set"]
     results = {name: float(set_[name][0]) for name in ("var_y", "var_u", "var_d")}
     results |= {"gate": float(set_["gate"]), "mass": bearing.rotor.mass, "strong": 1.0}
     gains = ("kp", "ki", "kd", "T_f", "T_t", "weight")
@@ -78,10 +78,10 @@ def limits_of(controller: Controller) -> Limits:
 
 
 def _fields(controller: Controller, name: str) -> dict[str, Any]:
-    estimator, bearing = controller.estimator, controller.bearing
-    bias = bias_force_of(estimator.magnet, bearing)
+    filter, bearing = controller.estimator, controller.bearing
+    bias = bias_force_of(filter.magnet, bearing)
     within = limits_of(controller)
-    known = float(estimator.core.parameters["set"]["f_0"][0])
+    known = float(filter.core.parameters["set"]["f_0"][0])
     return {
         "control": Name(f"&{name}_control"),
         "exported": np.array(list(exported(controller).values())),
@@ -89,7 +89,7 @@ def _fields(controller: Controller, name: str) -> dict[str, Any]:
         "high": np.array([within.high[item.name] for item in PARAMETERS]),
         "carried": known - bias,
         "bias": bias,
-        "as_printed": estimator.engine.as_printed,
+        "as_printed": filter.engine.as_printed,
     }
 
 

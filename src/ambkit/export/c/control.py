@@ -50,22 +50,22 @@ class Structs(NamedTuple):
     control: dict[str, Any]
 
 
-def controller_of(estimator: Estimator, scenario: Scenario) -> Controller:
+def controller_of(filter: Estimator, scenario: Scenario) -> Controller:
     """Return the controller that a scenario states around an estimator."""
-    machine = estimator.machine
+    machine = filter.machine
     if scenario.controller.custom:
         raise AmbkitError(
             f"controller.custom: {name_of(scenario.controller.custom)} is Python, and has no C"
         )
     if machine.single:
-        pid = scenario.of_one_axis(estimator.bearing).controller
-        return Controller.of_axis(estimator.bearing, estimator, pid, scenario.sequence)
+        pid = scenario.of_one_axis(filter.bearing).controller
+        return Controller.of_axis(filter.bearing, filter, pid, scenario.sequence)
     settled = settled_scenario(machine, scenario)
-    feeding = estimator if settled.feedback == "estimate" else None
+    feeding = filter if settled.feedback == "estimate" else None
     plant, speeds = Plant(machine), controller_test_cases.speeds_of(machine, settled)
     max_speed = machine.speed if speeds is None else max(map(abs, speeds))
     result = controllers_of(plant, settled.controller, feeding, fastest=max_speed)
-    return Controller(plant, estimator, result, settled.sequence, feeding is not None)
+    return Controller(plant, filter, result, settled.sequence, feeding is not None)
 
 
 def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Structs:
@@ -132,8 +132,8 @@ def context(
     controller: Controller, scenario: Scenario, name: str, precision: CPrecision
 ) -> dict[str, Any]:
     """Return what the templates say of a controller."""
-    estimator, of = controller.estimator, structs(controller, name)
-    machine = estimator.machine
+    filter, of = controller.estimator, structs(controller, name)
+    machine = filter.machine
     bias = np.array([axis.bearing.magnet.bias_current for axis in machine.axes])
     two_sided = [axis.bearing.magnet.type == "two-sided" for axis in machine.axes]
     several = len(machine.axes) > 1
@@ -158,18 +158,18 @@ def context(
 def _in_flight(controller: Controller, scenario: Scenario, precision: CPrecision) -> dict[str, Any]:
     """Return what the files of the self-test say."""
     tested = controller_test_cases.vectors(controller, scenario)
-    quick, estimator = controller_test_cases.quick(controller), controller.estimator
-    most = float(np.finfo(estimator.precision).max)
+    fast_sequence, filter = controller_test_cases.fast_sequence(controller), controller.estimator
+    most = float(np.finfo(filter.precision).max)
 
     def listed(values: Array) -> str:
-        result = controller_test_cases.also_infinite(values)
+        result = controller_test_cases.with_infinite_inputs(values)
         stood_in = np.nan_to_num(result, nan=most, posinf=most / 2, neginf=-most / 2)
         return c_literals.array(stood_in.ravel(), precision)
 
-    between, beyond = selftest.stops(estimator)
-    middle = np.ravel(estimator.inputs.y.numbers(0.0))[0]
-    starts = np.array([*tested.starts, *tested.taken, len(tested.y)])
-    kinds = ["from power-on"] * len(tested.starts) + ["taken over"] * len(tested.taken)
+    between, beyond = selftest.stops(filter)
+    middle = np.ravel(filter.inputs.y.numbers(0.0))[0]
+    starts = np.array([*tested.starts, *tested.transfers, len(tested.y)])
+    kinds = ["from power-on"] * len(tested.starts) + ["taken over"] * len(tested.transfers)
     return {
         "steps": len(tested.y),
         "amplified": int(tested.amplified.sum()),
@@ -178,11 +178,11 @@ def _in_flight(controller: Controller, scenario: Scenario, precision: CPrecision
         "u": c_literals.array(tested.u.ravel(), precision),
         "speed": c_literals.array(tested.speed, precision),
         "status": c_literals.array(tested.status, precision),
-        "mean": c_literals.array(controller_test_cases.in_turn(tested.mean), precision),
-        "taken_with": c_literals.array(tested.taken_with, precision),
+        "mean": c_literals.array(controller_test_cases.sequentially(tested.mean), precision),
+        "taken_with": c_literals.array(tested.transfer_currents, precision),
         "marks": c_literals.array(controller_test_cases.marks_of(tested), precision),
-        "quick": c_literals.struct({key: quick[key] for key in _COUNTS}, precision, {}),
-        "settling": f"{quick['settling']}U",
+        "quick": c_literals.struct({key: fast_sequence[key] for key in _COUNTS}, precision, {}),
+        "settling": f"{fast_sequence['settling']}U",
         "places": c_literals.rows(np.vstack([between, beyond]), precision),
         "middle": c_literals.number(middle, precision),
         "runs": list(zip(kinds, np.diff(starts).tolist(), strict=True)),

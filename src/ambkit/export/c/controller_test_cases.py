@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
 
 
-QUICK: dict[str, Any] = {
+FAST_SEQUENCE: dict[str, Any] = {
     "waiting": 5, "lost": 30, "overloaded": 12, "rise": 0.012, "descent": 0.018, "settling": 17,
 }  # fmt: skip
 """The sequence of the self-test: fields of ``amb_sequence``, and the settling at most."""
 LIFTED, UP = 300, 130  #: Samples of a flight in the self-test, and from which on the rotor is up.
 SLOW = 20  #: Samples of a plant's time constant, for each of which a flight takes as many more.
-TAKEN = 40  #: Samples of a flight that is taken over.
+TRANSFER_SAMPLES = 40  #: Samples of a flight that is taken over.
 PUSH, PULL = 0.2, 3.0  #: Loads of the flights, in what an axis can pull with its greatest current.
 DRAWN, ROUNDED = 4, 256  #: Flights whose readings are off, and by how many roundings of the travel.
 PART = 2e-3  #: Of the greatest current: a tenth of what the self-test lets pass.
@@ -51,8 +51,8 @@ class Vectors(NamedTuple):
     mean: Array  # (N, states), each in its unit
     amplified: Bools  # (N,): samples where rounding is amplified
     starts: list[int]  # where flights begin at power-on ...
-    taken: list[int]  # ... and where those do that are taken over, ...
-    taken_with: Array  # ... with these currents (axes,) [A]
+    transfers: list[int]  # ... and where those do that are taken over, ...
+    transfer_currents: Array  # ... with these currents (axes,) [A]
     saturated: int  # samples in which a current was at its limit
 
 
@@ -67,12 +67,12 @@ def speeds_of(machine: Machine, scenario: Scenario) -> tuple[float, float] | Non
     return float(speed.min()), float(speed.max())
 
 
-def quick(controller: Controller) -> dict[str, Any]:
+def fast_sequence(controller: Controller) -> dict[str, Any]:
     """Return fields of a sequence that firmware need not hold seconds of."""
     slow, settling = slowness(controller), settling_of(controller.estimator)
-    longer = {key: slow * QUICK[key] for key in ("lost", "overloaded")}
-    slower = {key: QUICK[key] / slow for key in ("rise", "descent")}
-    return QUICK | longer | slower | {"settling": min(settling, QUICK["settling"])}
+    longer = {key: slow * FAST_SEQUENCE[key] for key in ("lost", "overloaded")}
+    slower = {key: FAST_SEQUENCE[key] / slow for key in ("rise", "descent")}
+    return FAST_SEQUENCE | longer | slower | {"settling": min(settling, FAST_SEQUENCE["settling"])}
 
 
 def slowness(controller: Controller) -> int:
@@ -86,10 +86,10 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
     # and far away, and references that are none; on all axes in turn, and where the flight's speed
     # changes up and down with it: from where the rotor lies to where it lies again. Some trip, and
     # a rotor in flight is taken over.
-    estimator, machine = controller.estimator, controller.plant.machine
+    filter, machine = controller.estimator, controller.plant.machine
     parts = []
-    for scene in _scenes(controller, scenario):
-        run = _flown(controller, scene, scene.readings)
+    for case in _cases(controller, scenario):
+        run = _simulated(controller, case, case.readings)
         record, names = run.record, [axis.name for axis in machine.axes]
         y = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
         r, u = (np.column_stack([record[signal(of, name)] for name in names]) for of in "ru")
@@ -98,22 +98,22 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
         mode = record["mode"].astype(np.uint8)
         # From where rounding decides, from where readings are refused of a rotor that has tripped,
         # and is thrown between its stops, and of several readings from where some are lost.
-        spoilt = (scene.readings != 0).any(axis=1) & (len(machine.readings) > 1)
-        spoilt |= (mode == Mode.TRIPPED) & ((run.status & Status.OUTLIER) != 0)
-        amplified = np.maximum.accumulate(spoilt | _spread(controller, scene, run))
+        corrupted = (case.readings != 0).any(axis=1) & (len(machine.readings) > 1)
+        corrupted |= (mode == Mode.TRIPPED) & ((run.status & Status.OUTLIER) != 0)
+        amplified = np.maximum.accumulate(corrupted | _spread(controller, case, run))
         # Where float has no digits left before that, all that it says is rounding.
-        amplified |= bool((without_digits(estimator, y, u) & ~amplified).any())
-        fly, speed = scene.fly > 0, record["speed"]
+        amplified |= bool((without_digits(filter, y, u) & ~amplified).any())
+        fly, speed = case.fly > 0, record["speed"]
         part = (y, r, u, speed, mode, fly, run.status, run.usable, run.estimate.mean, amplified)
         parts.append(_as_read(controller, part))
     flight_count = len(parts)
-    taken_with = np.zeros(len(machine.axes))
+    transfer_currents = np.zeros(len(machine.axes))
     # Of a model that turns the core's controller alone follows no speed.
     if speeds_of(machine, scenario) is None:
-        over, taken_with = _transferred(controller, parts[0])
+        over, transfer_currents = _transferred(controller, parts[0])
         parts += over
     starts = np.cumsum([0, *(len(item[0]) for item in parts[:-1])]).tolist()
-    estimator.turning(None, 1)  # what is written of the filter is of the machine's own speed
+    filter.turning(None, 1)  # what is written of the filter is of the machine's own speed
     joined = [np.concatenate(item) for item in zip(*parts, strict=True)]
     gain = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
     low, high = (
@@ -123,7 +123,7 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
     iu = joined[2] * gain
     full = ((iu >= high * (1 - 1e-6)) | (iu <= low * (1 - 1e-6))).any(axis=1)
     at = starts[:flight_count], starts[flight_count:]
-    return Vectors._make([*joined, *at, taken_with, int(full.sum())])
+    return Vectors._make([*joined, *at, transfer_currents, int(full.sum())])
 
 
 def _as_read(controller: Controller, part: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -139,30 +139,32 @@ def _as_read(controller: Controller, part: tuple[Any, ...]) -> tuple[Any, ...]:
 
 def _along(
     controller: Controller, y: Array, r: Array, speed: Array, fly: Bools,
-    taken_with: Array | None = None,
+    transfer_currents: Array | None = None,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Return what the controller gives along readings (n, m), as `Vectors` has it from `r` on."""
-    estimator = controller.estimator
-    number = np.dtype(estimator.precision).type
-    si, _ = estimator.in_si(y, np.zeros(0))
+    filter = controller.estimator
+    number = np.dtype(filter.precision).type
+    si, _ = filter.in_si(y, np.zeros(0))
     signals = (np.ascontiguousarray(item, number) for item in (si, r, fly))
-    output = controller.in_core(**quick(controller)).run(*signals, float(speed[0]), taken_with)
+    kernel = controller.in_core(**fast_sequence(controller))
+    output = kernel.run(*signals, float(speed[0]), transfer_currents)
     status, usable = output["status"], output["usable"] > 0
     return r, output["u"], speed, output["mode"], fly, status, usable, output["mean"]
 
 
-def _flown(controller: Controller, scene: Scene, readings: Array) -> Run:
+def _simulated(controller: Controller, case: TestCase, readings: Array) -> Run:
     """Return one flight, with this added to its readings (n, m) [m]."""
     external_inputs = ExternalInputs(
-        readings=readings, references=scene.references, fly=scene.fly, exported=quick(controller)
-    )
+        readings=readings, references=case.references, fly=case.fly,
+        exported=fast_sequence(controller),
+    )  # fmt: skip
     return simulate_run(
-        controller.plant.machine, scene.flight, estimator=controller.estimator,
+        controller.plant.machine, case.flight, estimator=controller.estimator,
         controllers=controller.law, external_inputs=external_inputs,
     )  # fmt: skip
 
 
-def _spread(controller: Controller, scene: Scene, run: Run) -> Bools:
+def _spread(controller: Controller, case: TestCase, run: Run) -> Bools:
     """Return where flights differ (n,) whose readings differ by no more than rounding makes."""
     # A compiler that contracts rounds otherwise. A rotor that is thrown between its stops makes of
     # that another flight, and a reading at the gate another decision.
@@ -170,10 +172,10 @@ def _spread(controller: Controller, scene: Scene, run: Run) -> Bools:
     least = ROUNDED * min(bearing.clearance for bearing in machine.bearings)
     least *= float(np.finfo(controller.estimator.precision).eps)
     axes = [(signal("u", axis.name), axis.bearing.amplifier) for axis in machine.axes]
-    random, result = np.random.default_rng(0), np.zeros(len(scene.readings), bool)
+    random, result = np.random.default_rng(0), np.zeros(len(case.readings), bool)
     for _ in range(DRAWN):
-        off = least * random.choice([-1.0, 1.0], scene.readings.shape)
-        other = _flown(controller, scene, scene.readings + off)
+        off = least * random.choice([-1.0, 1.0], case.readings.shape)
+        other = _simulated(controller, case, case.readings + off)
         for key, amplifier in axes:
             away = np.abs(other.record[key] - run.record[key]) * amplifier.gain
             result |= away > PART * amplifier.current_limit
@@ -192,23 +194,24 @@ def _transferred(
     y, r, u, speed, mode, *_, amplified = signals
     flying = np.flatnonzero(mode == Mode.FLYING)  # none, where it is overloaded on its way up
     at = int(flying[10]) if len(flying) > 10 else UP
-    y, r, speed = y[at : at + TAKEN], r[at : at + TAKEN], np.full(TAKEN, speed[at])
+    n = TRANSFER_SAMPLES
+    y, r, speed = y[at : at + n], r[at : at + n], np.full(n, speed[at])
     gain = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
-    taken_with = (gain * u[at - 1]).astype(np.dtype(controller.estimator.precision).type)
-    landing, staying = np.arange(TAKEN) < TAKEN // 2, np.ones(TAKEN, bool)
+    transfer_currents = (gain * u[at - 1]).astype(np.dtype(controller.estimator.precision).type)
+    landing, staying = np.arange(n) < n // 2, np.ones(n, bool)
     far = 60 * max(bearing.clearance for bearing in machine.bearings)
-    spread, several, spoilt = np.full(TAKEN, amplified[0]), y.shape[1] > 1, y.copy()
-    spoilt[8:30], spoilt[34:37] = y[8], np.nan
+    spread, several, corrupted = np.full(n, amplified[0]), y.shape[1] > 1, y.copy()
+    corrupted[8:30], corrupted[34:37] = y[8], np.nan
     over = [
-        (readings, *_along(controller, readings, reference, speed, fly, taken_with), spread | bad)
-        for readings, reference, fly, bad in (
-            (y, r, landing, False), (y, r + far, staying, False), (spoilt, r, staying, several)
+        (y, *_along(controller, y, r, speed, fly, transfer_currents), spread | bad)
+        for y, r, fly, bad in (
+            (y, r, landing, False), (y, r + far, staying, False), (corrupted, r, staying, several)
         )
     ]  # fmt: skip
-    return over, taken_with
+    return over, transfer_currents
 
 
-class Scene(NamedTuple):
+class TestCase(NamedTuple):
     """One flight of the self-test, n samples."""
 
     flight: Scenario
@@ -217,11 +220,11 @@ class Scene(NamedTuple):
     fly: Array  # (n,): whether it is told to fly, 1 or 0
 
 
-def _scenes(controller: Controller, scenario: Scenario) -> Iterator[Scene]:
+def _cases(controller: Controller, scenario: Scenario) -> Iterator[TestCase]:
     machine, slow = controller.plant.machine, slowness(controller)
     n = LIFTED * slow
 
-    def told(*off: tuple[int, int]) -> Array:
+    def commands(*off: tuple[int, int]) -> Array:
         fly = np.ones(n)
         for first, end in off:
             fly[first * slow : end * slow] = 0.0
@@ -229,19 +232,19 @@ def _scenes(controller: Controller, scenario: Scenario) -> Iterator[Scene]:
 
     none, well = np.zeros((n, len(machine.axes))), np.zeros((n, len(machine.readings)))
     # On the way up it is called back, and lands.
-    lands, unwanted = told((0, 8), (100, 106), (230, LIFTED)), none.copy()
-    unwanted[190 * slow, 0] = unwanted[193 * slow, -1] = unwanted[196 * slow, :] = np.nan
-    landing_scenario = _happening(machine, scenario, 1.0, PUSH, slow)
-    yield Scene(landing_scenario, _spoilt(machine, well, slow), unwanted, lands)
+    lands, references = commands((0, 8), (100, 106), (230, LIFTED)), none.copy()
+    references[190 * slow, 0] = references[193 * slow, -1] = references[196 * slow, :] = np.nan
+    landing_scenario = _event_scenario(machine, scenario, 1.0, PUSH, slow)
+    yield TestCase(landing_scenario, _corrupted(machine, well, slow), references, lands)
     # It has tripped when it is told not to fly, and lifts again.
-    pulled = _happening(machine, scenario, -1.0, PULL, slow)
-    yield Scene(pulled, _lost(machine, well, slow), none, told((200, 210)))
-    unwanted = none.copy()
-    unwanted[180 * slow :: 3] = np.nan
-    yield Scene(pulled, well, unwanted, told())  # a current at its limit trips it
+    pulled = _event_scenario(machine, scenario, -1.0, PULL, slow)
+    yield TestCase(pulled, _lost(machine, well, slow), none, commands((200, 210)))
+    references = none.copy()
+    references[180 * slow :: 3] = np.nan
+    yield TestCase(pulled, well, references, commands())  # a current at its limit trips it
 
 
-def _happening(
+def _event_scenario(
     machine: Machine, scenario: Scenario, sign: float, share: float, slow: int
 ) -> Scenario:
     """Return a flight on all axes in turn: references of a twentieth of the travel, and loads."""
@@ -276,7 +279,7 @@ def _speed(machine: Machine, scenario: Scenario, sign: float) -> Sum | None:
     return Sum(parts=(Constant(value=first), ramp))
 
 
-def _spoilt(machine: Machine, well: Array, slow: int) -> Array:
+def _corrupted(machine: Machine, well: Array, slow: int) -> Array:
     """Return what is added to the readings: losses, and readings far away."""
     added, travel = well.copy(), min(bearing.clearance for bearing in machine.bearings)
     added[170 * slow : 170 * slow + 4, 0], added[178 * slow, :] = np.nan, np.nan
@@ -292,13 +295,13 @@ def _lost(machine: Machine, well: Array, slow: int) -> Array:
     return added
 
 
-def in_turn(mean: Array) -> Array:
+def sequentially(mean: Array) -> Array:
     """Return of each sample one state (N,), the next one each time."""
     k = np.arange(len(mean))
     return np.asarray(mean[k, k % mean.shape[1]])
 
 
-def also_infinite(values: Array) -> Array:
+def with_infinite_inputs(values: Array) -> Array:
     """Return the numbers, of which those that are none are infinite in turn: it is all the same."""
     result = values.copy()
     none = np.flatnonzero(np.isnan(values))
@@ -310,14 +313,14 @@ def marks_of(tested: Vectors) -> NDArray[np.uint8]:
     """Return the mode of each sample and the marks that the template of the self-test has (N,)."""
     result = tested.mode + 8 * tested.fly.astype(np.uint8) + 32 * tested.usable.astype(np.uint8)
     result[tested.starts] += 16
-    result[tested.taken] += 64
+    result[tested.transfers] += 64
     result[tested.amplified] += 128
     return result.astype(np.uint8)
 
 
 def coverage(controller: Controller, tested: Vectors) -> list[tuple[str, str]]:
     """Return what the samples visit, in words: what, and how much of it."""
-    runs = len(tested.starts) + len(tested.taken)
+    runs = len(tested.starts) + len(tested.transfers)
     rows = [("samples", f"{len(tested.y)}, in {runs} flights, each from a start")]
     machine, states = controller.plant.machine, controller.estimator.states
     of = [

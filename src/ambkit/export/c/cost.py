@@ -76,15 +76,15 @@ class Cost:
         ], section=("cost",))  # fmt: skip
 
 
-def of(estimator: Estimator) -> Cost | None:
+def of(filter: Estimator) -> Cost | None:
     """Return what a float filter costs, from the stored figures; None where it was not measured."""
-    if not estimator.engine.built_in:
+    if not filter.engine.built_in:
         return None
     stored = _stored()
-    figures = stored["estimators"].get(made_of(estimator))
+    figures = stored["estimators"].get(made_of(filter))
     if figures is None:
         return None
-    held = _held(estimator).parameters
+    held = _held(filter).parameters
     of_rules = round(held.get("rules", 0) * figures.get("instructions_a_rule", 0))
     bound = figures["bound"] + round(held.get("rules", 0) * figures.get("bound_a_rule", 0))
     trusted = figures["trusted"]
@@ -94,7 +94,7 @@ def of(estimator: Estimator) -> Cost | None:
         bound=bound,
         trusted=None if trusted is None else trusted + of_rules,
         code=figures["code"],
-        constants=figures["constants_without_arrays"] + bytes_of_arrays(estimator),
+        constants=figures["constants_without_arrays"] + bytes_of_arrays(filter),
         state=figures["state"],
         stack=figures["stack"],
         selftest=figures["selftest"],
@@ -102,29 +102,29 @@ def of(estimator: Estimator) -> Cost | None:
     )
 
 
-def made_of(estimator: Estimator) -> str:
+def made_of(filter: Estimator) -> str:
     """Name all that decides how many instructions a step has, but for the rules of an expert."""
-    own = estimator.core.own
-    parts = [type(estimator.core).__name__]
+    own = filter.core.own
+    parts = [type(filter.core).__name__]
     if "n" in own:
         parts.append(f"{own['n']} models")
-    inner: Estimator | None = getattr(estimator, "inner", None)
+    inner: Estimator | None = getattr(filter, "inner", None)
     if inner is not None:
         results = [name for name in ("measurement", "disturbance") if own[name]]
         often = "every sample" if own["window"] == 1 else "by windows"
         parts += [" and ".join(results), often, type(inner.core).__name__]
-    return ", ".join([*parts, type(_held(estimator)).__name__])
+    return ", ".join([*parts, type(_held(filter)).__name__])
 
 
-def bytes_of_arrays(estimator: Estimator) -> int:
+def bytes_of_arrays(filter: Estimator) -> int:
     """Return the flash that the arrays of its magnet take [bytes]."""
-    held = arrays_of(_held(estimator).parameters)
+    held = arrays_of(_held(filter).parameters)
     return _REAL * sum(np.asarray(values).size for values in held.values())
 
 
-def _held(estimator: Estimator) -> Any:
+def _held(filter: Estimator) -> Any:
     """Return the core's magnet that an estimator asks."""
-    return estimator.magnet.in_core(core_module(estimator.precision))
+    return filter.magnet.in_core(core_module(filter.precision))
 
 
 @cache

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 def data_context(
-    estimator: Estimator,
+    filter: Estimator,
     magnet: Magnet,
     kind: Kind,
     precision: CPrecision,
-    of_model: model.InC,
+    of_model: model.CModel,
     *,
     editable: bool,
 ) -> dict[str, Any]:
@@ -33,17 +33,17 @@ def data_context(
     arrays = c_literals.arrays_of(fields)
     names = _names(magnet, None)
     named = of_model.arrays | {names[path]: values for path, values in arrays.items()}
-    if estimator.whole is not None:
+    if filter.whole is not None:
         named = dict(of_model.arrays)
-        for k, item in enumerate(magnets_of(estimator)):
+        for k, item in enumerate(magnets_of(filter)):
             own = c_literals.arrays_of(item.parameters)
             named |= {_names(item, k)[path]: values for path, values in own.items()}
-    kalman = estimator.core.parameters | {"model": of_model.numbers}
+    kalman = filter.core.parameters | {"model": of_model.numbers}
     if editable:
         kalman = kalman["set"]
     return {
         "kalman": c_literals.struct_with_arrays(kalman, precision),
-        "std": c_literals.array(np.asarray(estimator.default_std()), precision),
+        "std": c_literals.array(np.asarray(filter.default_std()), precision),
         "magnet": c_literals.struct(fields, precision, names),
         "magnet_type": kind.type,
         "magnet_methods": kind.methods,
@@ -52,12 +52,12 @@ def data_context(
 
 
 def several(
-    estimator: Estimator, magnets: list[Magnet], kinds: list[Kind], precision: CPrecision
+    filter: Estimator, magnets: list[Magnet], kinds: list[Kind], precision: CPrecision
 ) -> dict[str, Any]:
     """Return what only the export of a machine has."""
-    machine_view = estimator.whole
+    machine_view = filter.whole
     assert machine_view is not None
-    constant, by_reading = machine_view.start_form(estimator.states, estimator.levitation_current)
+    constant, by_reading = machine_view.start_form(filter.states, filter.levitation_current)
     return {
         "axes": [axis.name for axis in machine_view.machine.axes],
         "readings": [r.name for r in machine_view.machine.readings],
@@ -90,17 +90,15 @@ def raw(name: str, reading: Scaling, precision: CPrecision) -> dict[str, str] | 
     }
 
 
-def levitation_current(estimator: Estimator, precision: CPrecision) -> str:
+def levitation_current(filter: Estimator, precision: CPrecision) -> str:
     """Return the current that holds the rotor at x, as `Estimator.equilibrium_state` has it."""
-    middle, per_metre = (
-        c_literals.number(value, precision) for value in estimator.levitation_current
-    )
+    middle, per_metre = (c_literals.number(value, precision) for value in filter.levitation_current)
     return f"{middle} + {per_metre} * x"
 
 
-def magnets_of(estimator: Estimator) -> list[Magnet]:
+def magnets_of(filter: Estimator) -> list[Magnet]:
     """Return the core's magnets that an estimator asks, one for each axis."""
-    held = estimator.magnet.in_core(core_module(estimator.precision))
+    held = filter.magnet.in_core(core_module(filter.precision))
     return held if isinstance(held, list) else [held]
 
 
@@ -111,10 +109,10 @@ def _names(magnet: Magnet, k: int | None) -> dict[str, str]:
 
 
 def crc(
-    estimator: Estimator,
+    filter: Estimator,
     name: str,
     precision: CPrecision,
-    of_model: model.InC,
+    of_model: model.CModel,
     *,
     editable: bool,
     flown: Controller | None,
@@ -122,38 +120,36 @@ def crc(
 ) -> Crc:
     """Return the CRC of the data file, with its names."""
     constants = Constants(precision)
-    of_machine = estimator.whole is not None
+    of_machine = filter.whole is not None
     for path, values in of_model.arrays.items():
         constants.array(path, values)
-    magnets = magnets_of(estimator)
+    magnets = magnets_of(filter)
     for k, magnet in enumerate(magnets):
         names = _names(magnet, k if of_machine else None)
         for path, values in c_literals.arrays_of(magnet.parameters).items():
             constants.array(names[path], values)
-    kalman = estimator.core.parameters | {"model": of_model.numbers}
+    kalman = filter.core.parameters | {"model": of_model.numbers}
     if editable:
         constants.fields(f"{name}_settings", kalman["set"], arrays=True)
-        constants.array(f"&{name}_mass", np.array([estimator.bearing.rotor.mass]))
+        constants.array(f"&{name}_mass", np.array([filter.bearing.rotor.mass]))
     else:
         constants.fields(f"{name}_kalman", kalman, arrays=True)
     if of_model.turning is not None:
         constants.fields(f"{name}_turning", of_model.turning, arrays=False)
-    constants.array(f"{name}_std", np.asarray(estimator.default_std()))
-    if estimator.whole is not None:
-        start, by_reading = estimator.whole.start_form(
-            estimator.states, estimator.levitation_current
-        )
+    constants.array(f"{name}_std", np.asarray(filter.default_std()))
+    if filter.whole is not None:
+        start, by_reading = filter.whole.start_form(filter.states, filter.levitation_current)
         constants.array(f"{name}_start", start)
         constants.array(f"{name}_start_by", by_reading.ravel())
         for k, magnet in enumerate(magnets):
             constants.fields(f"magnet_{k}", magnet.parameters, arrays=False)
     else:
         (magnet,) = magnets
-        paper = c_literals.called(estimator) is PAPER and flown is None
+        paper = c_literals.called(filter) is PAPER and flown is None
         constant_stiffness = paper and magnet.in_c[0] == "amb_stiffness"
         place = f"{name}_stiffness" if constant_stiffness else "magnet"
         constants.fields(place, magnet.parameters, arrays=False)
-    constants.fields("own", estimator.core.own, arrays=True)
+    constants.fields("own", filter.core.own, arrays=True)
     if flown is not None:
         control.constants(flown, name, constants)
         if calibrated:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 class Export:
     """What is exported, and what follows from it."""
 
-    estimator: Estimator
+    filter: Estimator
     name: str
     precision: CPrecision
     facts: dict[str, str]
@@ -43,7 +43,7 @@ class Export:
     @property
     def several(self) -> bool:
         """Whether C takes arrays of readings and currents, and not a number each."""
-        return self.estimator.whole is not None
+        return self.filter.whole is not None
 
     @property
     def one(self) -> Controller | None:
@@ -58,7 +58,7 @@ class Export:
     @cached_property
     def magnets(self) -> list[Magnet]:
         """The magnets that the filter asks."""
-        return data_file.magnets_of(self.estimator)
+        return data_file.magnets_of(self.filter)
 
     @cached_property
     def kinds(self) -> list[Kind]:
@@ -68,7 +68,7 @@ class Export:
     @cached_property
     def in_core(self) -> InCore | None:
         """How the core calls the estimator; None of the paper's filter alone."""
-        called = c_literals.called(self.estimator)
+        called = c_literals.called(self.filter)
         return None if called is PAPER and not self.several and not self.controller else called
 
     @property
@@ -81,12 +81,12 @@ class Export:
         """The speeds that its model follows."""
         if self.scenario is None or not self.several:
             return None
-        return controller_test_cases.speeds_of(self.estimator.machine, self.scenario)
+        return controller_test_cases.speeds_of(self.filter.machine, self.scenario)
 
     @cached_property
-    def of_model(self) -> model.InC:
+    def of_model(self) -> model.CModel:
         """The model in C."""
-        return model.in_c(self.estimator, loops=self.loops, speeds=self.speeds)
+        return model.c_model(self.filter, loops=self.loops, speeds=self.speeds)
 
     @cached_property
     def flown(self) -> dict[str, Any]:
@@ -104,7 +104,7 @@ class Export:
         if self.in_core is not None:
             stems = ("estimator", self.in_core.source, *self.in_core.calls)
             needed += [f"src/{stem}.c" for stem in stems]
-            inner = getattr(self.estimator, "inner", None)
+            inner = getattr(self.filter, "inner", None)
             needed += [] if inner is None else [f"src/{c_literals.called(inner).source}.c"]
         needed += self.of_model.sources
         needed += control.SOURCES if self.controller is not None else ()

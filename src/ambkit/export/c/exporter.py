@@ -110,26 +110,20 @@ def export_c(
     of_type(Machine, bearing=bearing)
     flown_on, bearing = bearing, (bearing if filter_file is None else filter_file.plant).short
     name = checked(prefix, bearing.name)
-    for limit in ("frozen_limit", "outlier_limit"):
-        if options.get(limit, 0) > MOST_COUNTED:
-            raise AmbkitError(
-                f"{limit} must be at most {MOST_COUNTED}, what an unsigned int holds everywhere; "
-                f"is {options[limit]}"
-            )
     options["precision"] = _CORE_PRECISION[precision]
     table = None
     if expert_form == "tabulated":
         magnet = table = _tabulated(magnet, bearing, force_bound, options["precision"])
     elif force_bound is not None:
         raise AmbkitError("force_bound is for an expert in tabulated form")
-    estimator = made(kind, bearing, magnet, filter_file, options)
-    wrong = require_adequate(estimator, flown_on, scenario, force=force)
-    _check_nodes(estimator)
-    spent = cost.of(estimator) if precision == "float" and not editable else None
+    filter = made(kind, bearing, magnet, filter_file, options)
+    wrong = require_adequate(filter, flown_on, scenario, force=force)
+    _check_nodes(filter)
+    spent = cost.of(filter) if precision == "float" and not editable else None
     controller: Controller | None = None
     if scenario is not None:
-        controller, scenario = _controller(estimator, scenario, editable=editable)
-        spent = None if estimator.machine.single else spent
+        controller, scenario = _controller(filter, scenario, editable=editable)
+        spent = None if filter.machine.single else spent
     if calibrated:
         if controller is None:
             raise AmbkitError("calibration is for a whole controller; give a scenario")
@@ -137,11 +131,11 @@ def export_c(
     facts = _facts(magnet, precision) | _cost_facts(spent)
     if wrong:
         facts = {"MUST NOT FLY": "; ".join(wrong)} | facts
-    if estimator.description:
-        facts = {"for": estimator.description} | facts
+    if filter.description:
+        facts = {"for": filter.description} | facts
     content = render.render(
         Export(
-            estimator, name, precision, facts, loops, editable, controller, scenario, calibrated,
+            filter, name, precision, facts, loops, editable, controller, scenario, calibrated,
             framed=telemetry,
         )
     )  # fmt: skip
@@ -150,15 +144,20 @@ def export_c(
         content.files["calibration.json"] = json.dumps(calibration_data, indent=2) + "\n"
     written = folder.write(Path(out), content.files)
     return CExport(
-        written,
-        name,
-        precision,
-        tuple(content.files),
-        content.sources,
-        content.configuration,
-        table,
-        spent,
-    )
+        written, name, precision, tuple(content.files), content.sources, content.configuration,
+        table, spent,
+    )  # fmt: skip
+
+
+def _tabulated(
+    magnet: MagnetModel | None, bearing: Machine, bound: float | None, precision: Precision
+) -> TabulatedExpert:
+    if not isinstance(magnet, Expert) or not bearing.single:
+        raise AmbkitError(
+            "only an expert can be tabulated, that of a single axis; give one, or export the "
+            "exact form"
+        )
+    return tabulate(magnet, bearing.isolated_axis(""), bound=bound, precision=precision)
 
 
 @dataclass(frozen=True, repr=False)
@@ -228,33 +227,37 @@ def made(
     options: dict[str, Any],
 ) -> Estimator:
     """Return the estimator that is exported."""
+    for limit in ("frozen_limit", "outlier_limit"):
+        if options.get(limit, 0) > MOST_COUNTED:
+            raise AmbkitError(
+                f"{limit} must be at most {MOST_COUNTED}, what an unsigned int holds everywhere; "
+                f"is {options[limit]}"
+            )
     if filter_file is not None:
-        estimator = filter_file.make(precision=options["precision"], magnet=magnet)
-        called(estimator)
-        return estimator
+        filter = filter_file.make(precision=options["precision"], magnet=magnet)
+        called(filter)
+        return filter
     if kind is None:
         kind = "linear" if magnet is None else "adaptive"
     if not isinstance(kind, str) or kind not in KINDS:
         raise AmbkitError(f'there is no kind of estimator "{kind}"; known: {", ".join(KINDS)}')
     try:
-        estimator = KINDS[kind].make(bearing, magnet, **options)
+        filter = KINDS[kind].make(bearing, magnet, **options)
     except ValueError as error:  # a kind of one axis, or more than the core has room for
         raise AmbkitError(str(error)) from error
-    called(estimator)
-    return estimator
+    called(filter)
+    return filter
 
 
 def _controller(
-    estimator: Estimator, scenario: Scenario, *, editable: bool
+    filter: Estimator, scenario: Scenario, *, editable: bool
 ) -> tuple[Controller, Scenario]:
     """Return the controller, and the scenario as its self-test flies it."""
-    machine, sequence = estimator.machine, scenario.sequence or LiftOff()
+    machine, sequence = filter.machine, scenario.sequence or LiftOff()
     scenario.check_for(tuple(axis.name for axis in machine.axes), body=not machine.single)
     if editable:
         raise AmbkitError("editable is for a filter alone, and not for the whole controller")
-    controller = control.controller_of(
-        estimator, scenario.model_copy(update={"sequence": sequence})
-    )
+    controller = control.controller_of(filter, scenario.model_copy(update={"sequence": sequence}))
     if not machine.single:
         tested = settled_scenario(machine, scenario)
         return controller, tested.model_copy(update={"sequence": sequence})
@@ -278,9 +281,9 @@ def _facts(magnet: MagnetModel | None, precision: CPrecision) -> dict[str, str]:
     return facts
 
 
-def _check_nodes(estimator: Estimator) -> None:
+def _check_nodes(filter: Estimator) -> None:
     """Refuse a table whose nodes an int of 16 bits cannot count."""
-    for magnet in data_file.magnets_of(estimator):
+    for magnet in data_file.magnets_of(filter):
         rows, columns = (magnet.parameters.get(key, 0) for key in ("rows", "columns"))
         if rows * columns > MOST_NODES:
             raise AmbkitError(

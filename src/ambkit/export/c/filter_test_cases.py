@@ -28,7 +28,7 @@ MOST_SETTLING = 200  #: Samples of a plant's time constant that are lived throug
 MOST_PLACES = 24  #: Rows, and columns, of the box that are visited.
 
 
-class Scene(NamedTuple):
+class TestCase(NamedTuple):
     """One run, n samples."""
 
     name: str
@@ -37,46 +37,46 @@ class Scene(NamedTuple):
     amplifies: int | None = None  # sample from which on rounding is amplified; None: nowhere
 
 
-def of(estimator: Estimator, magnets: list[Magnet], settling: int) -> list[Scene]:
+def of(filter: Estimator, magnets: list[Magnet], settling: int) -> list[TestCase]:
     """Return the runs for an estimator."""
-    if estimator.whole is not None:
-        settled = [_settled_machine(estimator, settling)] if settling <= MOST_SETTLING else []
-        return [*_of_machine(estimator), *settled]
-    return [*_of_axis(estimator, settling), *_box(estimator, magnets[0])]
+    if filter.whole is not None:
+        settled = [_settled_machine(filter, settling)] if settling <= MOST_SETTLING else []
+        return [*_of_machine(filter), *settled]
+    return [*_of_axis(filter, settling), *_box(filter, magnets[0])]
 
 
 # ---- One axis ----
 
 
-def _of_axis(estimator: Estimator, settling: int) -> Iterator[Scene]:
-    yield _spoilt(estimator, _flight(estimator, 1.0))
-    yield _jumping(estimator, _flight(estimator, -1.0))
-    yield _outage(estimator)
-    yield _inconsistent(estimator)
+def _of_axis(filter: Estimator, settling: int) -> Iterator[TestCase]:
+    yield _corrupted(filter, _flight(filter, 1.0))
+    yield _jumping(filter, _flight(filter, -1.0))
+    yield _outage(filter)
+    yield _inconsistent(filter)
     if settling <= MOST_SETTLING:
-        yield _settled(estimator, settling)
+        yield _settled(filter, settling)
 
 
-def _flight(estimator: Estimator, sign: float) -> Scene:
+def _flight(filter: Estimator, sign: float) -> TestCase:
     """Hover, then a step of half the expert's reach."""
     from ambkit.control.control import Control
     from ambkit.simulation.run import simulate
     from ambkit.simulation.scenario import Scenario
     from ambkit.simulation.waveforms import Step
 
-    bearing = estimator.bearing
+    bearing = filter.bearing
     T = bearing.sampling_time
     reference = Step(amplitude=sign * bearing.rotor.clearance / 4, time=20 * T)
     controller = Control.for_bearing(bearing)
     scenario = Scenario(duration=(FLIGHT - 1) * T, reference=reference, controller=controller)
     record = simulate(bearing, scenario)
     name = "a step up" if sign > 0 else "a step down"
-    return Scene(name, record["y"].copy(), record["u"].copy())
+    return TestCase(name, record["y"].copy(), record["u"].copy())
 
 
-def _spoilt(estimator: Estimator, scene: Scene) -> Scene:
+def _corrupted(filter: Estimator, case: TestCase) -> TestCase:
     """Measurements far away and lost, a frozen sensor, demands beyond the limits and no numbers."""
-    bearing, (_, y, u, _) = estimator.bearing, scene
+    bearing, (_, y, u, _) = filter.bearing, case
     far = 1e3 * bearing.sensor.gain * bearing.rotor.clearance
     just = 1e-2 * far * np.array([0.98, -0.98, 1.02, -1.02])  # ten travels and more: no rotor
     y[30:38:2] = just
@@ -88,27 +88,27 @@ def _spoilt(estimator: Estimator, scene: Scene) -> Scene:
         ) / bearing.amplifier.gain
     u[98:101] = np.nan, np.inf, -np.inf
     y[104], u[104] = np.nan, np.nan
-    return scene._replace(name=f"{scene.name}, with losses, freezing and saturation")
+    return case._replace(name=f"{case.name}, with losses, freezing and saturation")
 
 
-def _jumping(estimator: Estimator, scene: Scene) -> Scene:
+def _jumping(filter: Estimator, case: TestCase) -> TestCase:
     """Measurements that jump: just not, and just as far as an outlier; and one that stays."""
-    settings = estimator.core.parameters["set"]
-    name, y, u, _ = scene
+    settings = filter.core.parameters["set"]
+    name, y, u, _ = case
     if not settings["outlier_limit"]:
-        return scene
+        return case
     gate, var_y = settings["gate"], float(settings["var_y"][0])
-    var_y += float(estimator.core.parameters["rounding"][0])
+    var_y += float(filter.core.parameters["rounding"][0])
     acceleration_step = 100.0 * settings["K_sen"][0] * settings["T"] ** 2
     turns = [(40 + 6 * n, part) for n, part in enumerate((1.001, 0.999, -1.001, -0.999))]
     # The more are left out, the farther may the next one be.
     turns += [(66, 1.5), (67, 1.001), (74, -1.5), (75, -0.999), (82, 1.5), (83, 1.5), (84, 1.001)]
     turns += [(30, -1.5), (31, -1.5), (32, -0.999)]
     for k, part in sorted(turns):
-        output = run(estimator, y[: k + 1], u[: k + 1])
+        output = run(filter, y[: k + 1], u[: k + 1])
         e, S = output["innovation"].ravel(), output["variance"].ravel()
         if not S[k] > 0:
-            return scene
+            return case
         out = int(k - 1 - np.flatnonzero(output["status"][:k].ravel() & Status.OUTLIER == 0)[-1])
         last = k - 1 - out  # that was taken in, and left
         left = e[last] * var_y / S[last]
@@ -116,49 +116,49 @@ def _jumping(estimator: Estimator, scene: Scene) -> Scene:
         least = max(gate * np.sqrt(S[k]), goes_on + np.sign(part) * left)
         y[k] += part * least - e[k]
     # Where no rotor is, but a sensor that has slipped shows it: the estimate is held at the stop.
-    there = 1.2 * np.copysign(estimator.bearing.rotor.clearance, -y[90])
+    there = 1.2 * np.copysign(filter.bearing.rotor.clearance, -y[90])
     y[90:] += settings["K_sen"][0] * there - y[90]
     u[0] = np.nan  # before any was good
-    return scene._replace(name=f"{name}, with jumps about the gate, and one that stays")
+    return case._replace(name=f"{name}, with jumps about the gate, and one that stays")
 
 
-def _outage(estimator: Estimator) -> Scene:
+def _outage(filter: Estimator) -> TestCase:
     """On a stop, then nothing, until the filter says so; then the rotor on the other side."""
-    bearing = estimator.bearing
+    bearing = filter.bearing
     sensor_range = bearing.sensor.gain * bearing.rotor.clearance
     y, u = np.full(LONGEST_OUTAGE + 30, np.nan), np.zeros(LONGEST_OUTAGE + 30)
     y[0] = -0.9 * sensor_range
     u[:] = 0.3 * bearing.current_max / bearing.amplifier.gain
-    held = np.flatnonzero(run(estimator, y, u)["status"] & Status.HELD)
+    held = np.flatnonzero(run(filter, y, u)["status"] & Status.HELD)
     n = int(held[0]) + 5 if held.size and held[0] < LONGEST_OUTAGE else 60
     there = 0.6 * sensor_range * (1 + 1e-3 * np.resize([1.0, -1.0], 30))
-    return Scene("an outage", np.concatenate([y[:n], there]), u[: n + 30])
+    return TestCase("an outage", np.concatenate([y[:n], there]), u[: n + 30])
 
 
-def _settled(estimator: Estimator, settling: int) -> Scene:
+def _settled(filter: Estimator, settling: int) -> TestCase:
     """At rest until it may be fed back, then nothing until it may not."""
-    bearing = estimator.bearing
+    bearing = filter.bearing
     n = settling + 6
     here = 1e-2 * bearing.sensor.gain * bearing.rotor.clearance * np.resize([1.0, -1.0, 0.5], n)
     y = np.concatenate([here, np.full(n, np.nan)])
     holding = bearing.current_min / 4 / bearing.amplifier.gain
-    return Scene("settled, and then nothing", y, np.full(2 * n, holding))
+    return TestCase("settled, and then nothing", y, np.full(2 * n, holding))
 
 
-def _inconsistent(estimator: Estimator) -> Scene:
+def _inconsistent(filter: Estimator) -> TestCase:
     """A noise six times as large as was said."""
-    bearing = estimator.bearing
-    std = float(np.sqrt(estimator.core.parameters["set"]["var_y"][0]))
+    bearing = filter.bearing
+    std = float(np.sqrt(filter.core.parameters["set"]["var_y"][0]))
     off = 6.0 * std * np.random.default_rng(0).choice([-1.0, 1.0], NOISY)
     here = -0.2 * bearing.sensor.gain * bearing.rotor.clearance
     holding = bearing.current_min / 4 / bearing.amplifier.gain
-    return Scene("too much noise", here + off, np.full(NOISY, holding))
+    return TestCase("too much noise", here + off, np.full(NOISY, holding))
 
 
-def _box(estimator: Estimator, magnet: Magnet) -> Iterator[Scene]:
+def _box(filter: Estimator, magnet: Magnet) -> Iterator[TestCase]:
     """From each displacement, all currents, one after the other, before the rotor has moved far."""
     # Of a table every other cell is met in its middle, and so each of its nodes is asked.
-    bearing = estimator.bearing
+    bearing = filter.bearing
     x_max, gain = bearing.rotor.clearance, bearing.sensor.gain
     of = magnet.parameters
     xs = _places(-x_max, x_max, of, "x_min", "per_metre", "rows")
@@ -172,7 +172,7 @@ def _box(estimator: Estimator, magnet: Magnet) -> Iterator[Scene]:
         u = np.append(ordered / bearing.amplifier.gain, 0.0)
         step = 1e-4 * bearing.rotor.clearance * np.resize([1.0, -1.0], len(u))
         inwards = np.where(np.arange(len(u)) > 0, step, 0.0) * (-1.0 if x > 0 else 1.0)
-        yield Scene(f"all currents at {1e3 * x:.3g} mm", gain * (x + inwards), u)
+        yield TestCase(f"all currents at {1e3 * x:.3g} mm", gain * (x + inwards), u)
 
 
 def _places(low: float, high: float, of: dict[str, Any], at: str, per: str, count: str) -> Array:
@@ -188,60 +188,60 @@ def _places(low: float, high: float, of: dict[str, Any], at: str, per: str, coun
 # ---- A machine ----
 
 
-def _of_machine(estimator: Estimator) -> Iterator[Scene]:
-    machine_view: Any = estimator.whole
-    yield _spoilt_machine(estimator, *_levitated(estimator, 1.0))
-    y, u = _levitated(estimator, -1.0)
+def _of_machine(filter: Estimator) -> Iterator[TestCase]:
+    machine_view: Any = filter.whole
+    yield _corrupted_machine(filter, *_levitated(filter, 1.0))
+    y, u = _levitated(filter, -1.0)
     y[60:] += 0.3 * machine_view.gains * machine_view.travel_seen  # all of them, and it stays
     y[90:, 0] = np.nan
     u[0, 0] = np.nan  # before any was good
     name = "a load the other way, a jump that stays, and a sensor that is lost"
-    yield Scene(name, y, u, amplifies=60)
+    yield TestCase(name, y, u, amplifies=60)
     every = np.ones(len(machine_view.gains), bool)
-    yield _outage_of_machine(estimator, every, "an outage")
+    yield _outage_of_machine(filter, every, "an outage")
     half = np.arange(len(machine_view.gains)) % 2 == 0
-    yield _outage_of_machine(estimator, half, "an outage of every other sensor")
+    yield _outage_of_machine(filter, half, "an outage of every other sensor")
 
 
-def _settled_machine(estimator: Estimator, settling: int) -> Scene:
+def _settled_machine(filter: Estimator, settling: int) -> TestCase:
     """At rest until it may be fed back, with readings that are of no use; then nothing."""
-    machine_view: Any = estimator.whole
+    machine_view: Any = filter.whole
     seen = machine_view.gains * machine_view.travel_seen
-    frozen = int(estimator.core.parameters["set"]["frozen_limit"])
+    frozen = int(filter.core.parameters["set"]["frozen_limit"])
     n = settling + frozen + 30
     y = 1e-2 * seen * np.resize([1.0, -1.0, 0.5], (2 * n, 1))
     y[6:9] = np.nan
     y[12 : 15 + frozen] = y[12]
     y[18 + frozen] = 5 * seen
     y[n:] = np.nan
-    return Scene("settled, and then nothing", y, np.zeros((2 * n, len(machine_view.isolated))))
+    return TestCase("settled, and then nothing", y, np.zeros((2 * n, len(machine_view.isolated))))
 
 
-def _outage_of_machine(estimator: Estimator, lost: Bools, name: str) -> Scene:
+def _outage_of_machine(filter: Estimator, lost: Bools, name: str) -> TestCase:
     """Off the middle, then nothing of some, until the filter says so; the first is back first."""
     # What is left of a large covariance by a sharp sensor is what rounding leaves of it.
-    machine_view: Any = estimator.whole
+    machine_view: Any = filter.whole
     seen = machine_view.gains * machine_view.travel_seen
     limits = np.array([b.current_max / b.amplifier.gain for b in machine_view.isolated])
     n = LONGEST_OUTAGE
     y = -0.5 * seen * (1 + 1e-3 * np.resize([1.0, -1.0, 0.5], (n, 1)))
     u = np.tile(0.3 * limits, (n, 1))
     y[1:, lost] = np.nan
-    held = np.flatnonzero(run(estimator, y, u)["status"].ravel() & Status.HELD)
+    held = np.flatnonzero(run(filter, y, u)["status"].ravel() & Status.HELD)
     until = int(held[0]) + 5 if held.size else 40
     back = 0.4 * seen * (1 + 1e-3 * np.resize([1.0, 0.0], (20, 1)))
     back[:3, 1:] = np.where(lost[1:], np.nan, back[:3, 1:])
     amplifies = until if lost.all() else 1
-    return Scene(name, np.concatenate([y[:until], back]), u[: until + 20], amplifies)
+    return TestCase(name, np.concatenate([y[:until], back]), u[: until + 20], amplifies)
 
 
-def _levitated(estimator: Estimator, sign: float) -> tuple[Array, Array]:
+def _levitated(filter: Estimator, sign: float) -> tuple[Array, Array]:
     """Let a machine hover under a load."""
     from ambkit.simulation.run import simulate
     from ambkit.simulation.scenario import Disturbance, Scenario
     from ambkit.simulation.waveforms import Step
 
-    machine, machine_view = estimator.bearing, estimator.whole
+    machine, machine_view = filter.bearing, filter.whole
     assert machine_view is not None
     T = machine.sampling_time
     tenth = Step(amplitude=sign * 0.1 * machine.rotor.mass * GRAVITY, time=20 * T)
@@ -251,9 +251,9 @@ def _levitated(estimator: Estimator, sign: float) -> tuple[Array, Array]:
     return y.copy(), u.copy()
 
 
-def _spoilt_machine(estimator: Estimator, y: Array, u: Array) -> Scene:
+def _corrupted_machine(filter: Estimator, y: Array, u: Array) -> TestCase:
     """Measurements far away, frozen sensors, and demands beyond the limits."""
-    machine_view = estimator.whole
+    machine_view = filter.whole
     assert machine_view is not None
     far = 1e3 * machine_view.gains * machine_view.travel_seen
     y[40:43] = far, -far, far  # all of them
@@ -264,15 +264,15 @@ def _spoilt_machine(estimator: Estimator, y: Array, u: Array) -> Scene:
     limits = [2 * b.amplifier.current_limit / b.amplifier.gain for b in machine_view.isolated]
     u[100], u[106] = limits, np.negative(limits)
     u[112, 0], u[113, -1] = np.nan, np.inf
-    most = float(np.finfo(estimator.precision).max)
+    most = float(np.finfo(filter.precision).max)
     u[116, 0], u[117, -1] = most / 4, -most / 4  # numbers, whose products are none
-    return Scene("a load, with losses, freezing and saturation", y, u)
+    return TestCase("a load, with losses, freezing and saturation", y, u)
 
 
-def run(estimator: Estimator, y: Array, u: Array) -> dict[str, Any]:
+def run(filter: Estimator, y: Array, u: Array) -> dict[str, Any]:
     """Run from a fresh start at the first measurement; inputs may be no numbers."""
-    number = np.dtype(estimator.precision).type
+    number = np.dtype(filter.precision).type
     y, u = (np.asarray(values, number) for values in (y, u))
-    estimator.reset(estimator.initial_state(y))
-    output: dict[str, Any] = estimator.core.run(y, u, covariance=True)
+    filter.reset(filter.initial_state(y))
+    output: dict[str, Any] = filter.core.run(y, u, covariance=True)
     return output

@@ -178,13 +178,13 @@ class _Loops:
             measurement=variances["var_y"], control=variances["var_u"],
             disturbance=variances["var_d"] / bearing.sampling_time,
         )  # fmt: skip
-        estimator = KalmanFilter(
+        filter = KalmanFilter(
             other, ConstantStiffness(s * k.k_i, s * k.k_s), noise=assumed,
             as_printed=controller.estimator.engine.as_printed,
         )  # fmt: skip
-        rows = fed(controller.law, len(estimator.states), 0.0)
+        rows = fed(controller.law, len(filter.states), 0.0)
         signals = (POSITION, VELOCITY, POSITION)
-        return estimator_at(estimator, self.point, (rows, signals))
+        return estimator_at(filter, self.point, (rows, signals))
 
 
 def _ends(

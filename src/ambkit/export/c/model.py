@@ -25,7 +25,7 @@ BUILT_IN = "generated/model.h"
 LOOPS = "include/ambkit/loops.h"
 
 
-class InC(NamedTuple):
+class CModel(NamedTuple):
     """A model as an export has it."""
 
     instead: dict[str, str | None]  # files of the core with another text, or left out
@@ -36,30 +36,30 @@ class InC(NamedTuple):
     turning: dict[str, Any] | None = None  # fields of the struct amb_turning, where there is one
 
 
-def in_c(
-    estimator: Estimator, *, loops: bool | None = None, speeds: tuple[float, float] | None = None
-) -> InC:
+def c_model(
+    filter: Estimator, *, loops: bool | None = None, speeds: tuple[float, float] | None = None
+) -> CModel:
     """Return an estimator's model in C."""
-    engine = estimator.engine
+    engine = filter.engine
     if engine.built_in:
         if loops:
             raise AmbkitError("the paper's axis has straight-line code; loops are for other models")
-        return InC({LOOPS: None}, (), estimator.core.parameters["model"], {}, {})
+        return CModel({LOOPS: None}, (), filter.core.parameters["model"], {}, {})
     model = engine.model
     if speeds is not None:
         if loops is False:
             raise AmbkitError("a model that follows the speed of rotation is computed by loops")
-        return turning(by_loops(model), engine.nodes(*speeds))
+        return turning(loop_model(model), engine.nodes(*speeds))
     if loops if loops is not None else len(model.states) > MOST_UNROLLED:
-        return by_loops(model)
+        return loop_model(model)
     names = emit.Names(model)
-    what = "One axis" if estimator.whole is None else "A machine"
+    what = "One axis" if filter.whole is None else "A machine"
     about = f"{what}: {', '.join(state.name for state in model.states)}"
     header = emit.header(names, about, by=f"ambkit {version('ambkit')}")
-    return InC({LOOPS: None, BUILT_IN: header}, (), emit.constants(names, model), {}, {})
+    return CModel({LOOPS: None, BUILT_IN: header}, (), emit.constants(names, model), {}, {})
 
 
-def by_loops(model: Model) -> InC:
+def loop_model(model: Model) -> CModel:
     """Return a model as ``ambkit/loops.h`` has it, whatever its size."""
     fields: dict[str, Any] = {}
     held: dict[str, NDArray[Any]] = {}
@@ -75,10 +75,10 @@ def by_loops(model: Model) -> InC:
             fields[name] = Name(f"model_{name}")
     counts = ("states", "forces", "controls", "sensors", "noises")
     room = {name.upper(): fields[name] for name in counts}
-    return InC({BUILT_IN: None}, ("src/loops.c",), fields, held, room)
+    return CModel({BUILT_IN: None}, ("src/loops.c",), fields, held, room)
 
 
-def turning(of: InC, nodes: Nodes) -> InC:
+def turning(of: CModel, nodes: Nodes) -> CModel:
     """Return a model by loops whose numbers stand together, and what a speed makes of them."""
     numbers, arrays, at = dict(of.numbers), dict(of.arrays), 0
     for name in NUMBERS:

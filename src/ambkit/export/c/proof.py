@@ -53,7 +53,7 @@ class Proof:
         return self.finite == self.any == self.open == 0
 
 
-def stored_as(estimator: Estimator, precision: CPrecision, control: Control | None = None) -> str:
+def stored_as(filter: Estimator, precision: CPrecision, control: Control | None = None) -> str:
     """Return what the proof of a kind is stored under, or that of a controller with it."""
     law = ""
     if control is not None:
@@ -61,24 +61,24 @@ def stored_as(estimator: Estimator, precision: CPrecision, control: Control | No
         law += f" of the {control.feedback or 'estimate'}, "
         law += "feed-forward, " if control.feed_forward else ""
         law += "blocks, " if control.block else ""
-    return f"{law}{cost.made_of(estimator)}, {precision}"
+    return f"{law}{cost.made_of(filter)}, {precision}"
 
 
 def recorded(
-    estimator: Estimator, precision: CPrecision, control: Control | None = None, *, editable: bool
+    filter: Estimator, precision: CPrecision, control: Control | None = None, *, editable: bool
 ) -> Proof | None:
     """Return what is stored of an estimator's kind; None where that was not tried."""
-    if not estimator.engine.built_in or editable:
+    if not filter.engine.built_in or editable:
         return None
     stored = _stored()
     of = stored["filters" if control is None else "controllers"]
-    result = of.get(stored_as(estimator, precision, control))
+    result = of.get(stored_as(filter, precision, control))
     return None if result is None else Proof(**result, tool=stored["tool"])
 
 
 def outputs(states: list[str], export: Export) -> list[str]:
     """Return the numbers of a step's struct, each as C names it."""
-    machine, one = export.estimator.machine, export.one
+    machine, one = export.filter.machine, export.one
     if one is not None:
         coils = (f"coil[{k}]" for k in range(one.coils))
         return [*coils, "iu", "u", *states, "innovation", "variance"]
@@ -101,7 +101,7 @@ def _stored() -> dict[str, Any]:
 
 def context(export: Export, context: dict[str, Any]) -> dict[str, Any]:
     """Return what the files of the proof say."""
-    estimator, one = export.estimator, export.one
+    filter, one = export.filter, export.one
     sources = [text for name, text in export.core_files.items() if name.endswith(".c")]
     uses = {
         called: any(f"{called}(" in text for text in sources)
@@ -109,7 +109,7 @@ def context(export: Export, context: dict[str, Any]) -> dict[str, Any]:
     }
     contracts = [called for called, used in uses.items() if used]
     by_contract = f" -eva-use-spec {','.join(contracts)}" if contracts else ""
-    models = estimator.core.own.get("n", 0)  # their number is data, no constant that Eva sees
+    models = filter.core.own.get("n", 0)  # their number is data, no constant that Eva sees
     by_model = f" -eva-min-loop-unroll {models + 1}" if models else ""
     others = ",hold_each:60" if models else ""  # the ways through the bounds of each model
     others += "" if export.controller is None else ",see:60"
@@ -117,7 +117,7 @@ def context(export: Export, context: dict[str, Any]) -> dict[str, Any]:
         "outputs": outputs([state.field for state in context["states"]], export),
         "options": OPTIONS.format(tag=context["tag"], others=others) + by_model + by_contract,
         "recorded": recorded(
-            estimator, export.precision, None if one is None else one.pid,
+            filter, export.precision, None if one is None else one.pid,
             editable=export.editable,
         ),
         "uses_exponential": uses["amb_exp_negative"],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -53,7 +52,7 @@ class Content(NamedTuple):
 
 def render(export: Export) -> Content:
     """Write all texts."""
-    if export.editable and not export.estimator.engine.built_in:
+    if export.editable and not export.filter.engine.built_in:
         raise AmbkitError(
             "editable is for the paper's axis: of other models C has the matrices, and not what "
             "they were made from"
@@ -64,10 +63,10 @@ def render(export: Export) -> Content:
         calibration_json = calibration.described(export.one, export.name, export.precision)
         described["calibration.json"] = calibration_json
     if export.framed:
-        T = export.estimator.bearing.sampling_time
+        T = export.filter.bearing.sampling_time
         of_frame = (export.name, context["configuration"], T, context["frame"])
         described["telemetry.json"] = telemetry.described(*of_frame)
-    templates = _templates()
+    templates = escaping.templates(Path(__file__).parent / "templates")
     texts = (
         export.core_files
         | described
@@ -110,8 +109,8 @@ def _made(export: Export) -> dict[str, str]:
 
 def _context(export: Export) -> dict[str, Any]:
     """Return what the templates are told."""
-    estimator, name, precision, one = (
-        export.estimator, export.name, export.precision, export.one
+    filter, name, precision, one = (
+        export.filter, export.name, export.precision, export.one
     )  # fmt: skip
     context = {
         "controller": None,
@@ -123,23 +122,23 @@ def _context(export: Export) -> dict[str, Any]:
         **export.flown,
         "controlled": export.beside,
         "crc": data_file.crc(
-            estimator, name, precision, export.of_model, editable=export.editable,
+            filter, name, precision, export.of_model, editable=export.editable,
             flown=export.controller, calibrated=export.calibrated,
         ),
     }  # fmt: skip
     context["proof"] = proof.context(export, context) if export.proved else None
     if export.calibrated and one is not None:
         context["base_of_calibration"] = calibration.context(one, name, precision)
-    context["configuration"] = _configuration(estimator, context, export.core_files)
+    context["configuration"] = _configuration(filter, context, export.core_files)
     context["frame"] = telemetry.frame(export, context["states"])
     return context
 
 
 def _names(export: Export) -> dict[str, Any]:
     """Return what is said in words, and which files there are."""
-    estimator, name, in_core = export.estimator, export.name, export.in_core
-    bearing, several, base = estimator.bearing, export.several, in_core.base if in_core else ""
-    assumed, sampled, magnets = _assumed(estimator), _sampled(estimator), _about(export.kinds)
+    filter, name, in_core = export.filter, export.name, export.in_core
+    bearing, several, base = filter.bearing, export.several, in_core.base if in_core else ""
+    assumed, sampled, magnets = _assumed(filter), _sampled(filter), _about(export.kinds)
     proved = _PROVED
     if export.controller is not None:
         proved = _PROVED.replace("NAME_reset", "NAME_transfer")
@@ -150,7 +149,7 @@ def _names(export: Export) -> dict[str, Any]:
     return {
         "name": name,
         "guard": name.upper(),
-        "title": f"{estimator.name} for {bearing.name}",
+        "title": f"{filter.name} for {bearing.name}",
         "bearing": bearing.name,
         "version": version("ambkit"),
         "y_given": "const amb_real y[AMB_SENSORS]" if several else "amb_real y",
@@ -162,9 +161,9 @@ def _names(export: Export) -> dict[str, Any]:
         "selftest_sources": export.tests,
         "given": export.given,
         "in_core": in_core,
-        "built_in": estimator.engine.built_in,
-        "single": estimator.machine.single,
-        "strict": in_core is None and estimator.engine.built_in,
+        "built_in": filter.engine.built_in,
+        "single": filter.machine.single,
+        "strict": in_core is None and filter.engine.built_in,
         "magnet_header": f"{export.kinds[0].source}.h",
         "magnet_about": magnets,
         "sampled": sampled,
@@ -176,28 +175,28 @@ def _names(export: Export) -> dict[str, Any]:
         "covariance": (in_core.covariance if in_core else "") or f"{base}cov",
         "editable": export.editable,
         "framed": export.framed,
-        "as_printed": estimator.engine.as_printed,
+        "as_printed": filter.engine.as_printed,
         "proof_sentence": proved.replace("NAME", name),
     }
 
 
 def _tested(export: Export) -> dict[str, Any]:
     """Return what the files of the self-test say."""
-    estimator, precision = export.estimator, export.precision
-    settling, bound = settling_of(estimator), bound_of(estimator)
+    filter, precision = export.filter, export.precision
+    settling, bound = settling_of(filter), bound_of(filter)
     if export.one is None:
-        tested = test_vectors.make(estimator, export.magnets, settling=settling, bound=bound)
-        test_data = selftest.context(tested, estimator, precision)
+        tested = test_vectors.make(filter, export.magnets, settling=settling, bound=bound)
+        test_data = selftest.context(tested, filter, precision)
     else:
         test_data = {key: export.flown["in_flight"][key] for key in ("runs", "coverage")}
     return {
         "bound": (_BOUNDS_OF_MACHINES if export.several else _BOUNDS)[precision],
         **test_data,
-        "diagonal": test_vectors.diagonal(len(estimator.states)),
-        "shown": selftest.first(estimator, "sensor"),
-        "load": selftest.first(estimator, "disturbance force"),
-        **selftest.of_roles(estimator),
-        **selftest.stops_in_c(estimator, precision),
+        "diagonal": test_vectors.diagonal(len(filter.states)),
+        "shown": selftest.first(filter, "sensor"),
+        "load": selftest.first(filter, "disturbance force"),
+        **selftest.of_roles(filter),
+        **selftest.stops_in_c(filter, precision),
         "settling": settling,
         "bound_of_output": f"{bound:.1f}",
     }
@@ -205,17 +204,15 @@ def _tested(export: Export) -> dict[str, Any]:
 
 def _numbers(export: Export) -> dict[str, Any]:
     """Return the constants, and the units of what comes in."""
-    estimator, precision, several = export.estimator, export.precision, export.several
-    bearing, unit = estimator.bearing, estimator.machine.control_unit
-    inputs = {
-        item: data_file.raw(item, getattr(estimator.inputs, item), precision) for item in "yu"
-    }
+    filter, precision, several = export.filter, export.precision, export.several
+    bearing, unit = filter.bearing, filter.machine.control_unit
+    inputs = {item: data_file.raw(item, getattr(filter.inputs, item), precision) for item in "yu"}
     units = {"y": "m", "u": unit} | {item: of["unit"] for item, of in inputs.items() if of}
-    current_text = "" if several else data_file.levitation_current(estimator, precision)
+    current_text = "" if several else data_file.levitation_current(filter, precision)
     return {
         "precision": precision,
         "sampling_time": engineering(bearing.sampling_time, "s"),
-        "several": data_file.several(estimator, export.magnets, export.kinds, precision)
+        "several": data_file.several(filter, export.magnets, export.kinds, precision)
         if several else None,
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "inputs": inputs,
@@ -223,20 +220,20 @@ def _numbers(export: Export) -> dict[str, Any]:
         "control_unit": unit,
         **{f"{item}_unit": of for item, of in units.items()},
         "room": export.of_model.room,
-        "states": model.states(estimator.states, current_text),
+        "states": model.states(filter.states, current_text),
         **data_file.data_context(
-            estimator, export.magnets[0], export.kinds[0], precision, export.of_model,
+            filter, export.magnets[0], export.kinds[0], precision, export.of_model,
             editable=export.editable,
         ),
         "turning": _turning(export.of_model, export.speeds, precision),
         "speed_own": c_literals.number(bearing.speed, precision) if several else "",
         "mass": "" if several else c_literals.number(bearing.rotor.mass, precision),
-        "own": "" if export.in_core is None else c_literals.own(estimator, precision),
+        "own": "" if export.in_core is None else c_literals.own(filter, precision),
     }  # fmt: skip
 
 
 def _turning(
-    of_model: model.InC, speeds: tuple[float, float] | None, precision: CPrecision
+    of_model: model.CModel, speeds: tuple[float, float] | None, precision: CPrecision
 ) -> dict[str, Any] | None:
     """Return what the files say of a model that follows the speed of rotation."""
     fields = of_model.turning
@@ -251,24 +248,24 @@ def _turning(
     }
 
 
-def _sampled(estimator: Estimator) -> str:
+def _sampled(filter: Estimator) -> str:
     """Say which model of a sample it predicts with."""
-    if estimator.engine.as_printed:
+    if filter.engine.as_printed:
         return "position held (eq. 19 as the paper prints it): estimates are ahead of the rotor"
-    return estimator.predicts
+    return filter.predicts
 
 
-def _assumed(estimator: Estimator) -> dict[str, str]:
+def _assumed(filter: Estimator) -> dict[str, str]:
     """Say what it assumes of the noise, and where each number came from."""
     labels = {
         "measurement": ("noise of the measurement, R", "m^2"),
-        "control": ("noise of the control signal", f"{estimator.machine.control_unit}^2"),
+        "control": ("noise of the control signal", f"{filter.machine.control_unit}^2"),
         "disturbance": ("growth of the disturbance force's variance, Q", "N^2/s"),
     }
     assumptions = {}
-    for name, value in estimator.variances._asdict().items():
+    for name, value in filter.variances._asdict().items():
         what, unit = labels[name]
-        origin = estimator.origin.get(f"noise.{name}")
+        origin = filter.origin.get(f"noise.{name}")
         values = value if isinstance(value, tuple) else (value,)
         shown_values = ", ".join(dict.fromkeys(f"{item:.6g}" for item in values))
         assumptions[what] = f"{shown_values} {unit}" + (f" ({origin})" if origin else "")
@@ -297,16 +294,14 @@ def _bit_headers(core_files: dict[str, str], *, alone: bool) -> list[str]:
     return [file for file in core_files if file.endswith(names) and "/include/" in file]
 
 
-def _configuration(
-    estimator: Estimator, context: dict[str, Any], core_files: dict[str, str]
-) -> str:
+def _configuration(filter: Estimator, context: dict[str, Any], core_files: dict[str, str]) -> str:
     """Return 16 hexadecimal digits that change with all that the estimator was made from."""
     digest = hashlib.sha256()
     numbers = (
         "version", "precision", "inputs_text", "kalman", "std", "magnet_type", "magnet", "own",
         "title",
     )  # fmt: skip
-    parts = [_described(estimator.bearing), *(context[key] for key in numbers)]
+    parts = [_described(filter.bearing), *(context[key] for key in numbers)]
     if context["several"]:
         parts.append(repr(context["several"]))
     parts += [array["text"] for array in context["arrays"]]
@@ -321,22 +316,7 @@ def _described(bearing: Machine) -> str:
     """Return the description of a bearing or a machine without the folders of its files."""
     text = bearing.to_toml()
     of = bearing.bearings
-    for path in filter(None, (getattr(item.magnet, key) for item in of for key in FILES)):
-        text = text.replace(path, Path(path).name)
+    for path in (getattr(item.magnet, key) for item in of for key in FILES):
+        if path:
+            text = text.replace(path, Path(path).name)
     return text
-
-
-@cache
-def _templates() -> Any:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
-        undefined=StrictUndefined,
-        keep_trailing_newline=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        autoescape=False,  # that is for HTML; what others wrote passes a filter
-    )
-    environment.filters |= escaping.FILTERS
-    return environment

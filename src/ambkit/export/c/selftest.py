@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def context(
-    tested: test_vectors.Vectors, estimator: Estimator, precision: CPrecision
+    tested: test_vectors.Vectors, filter: Estimator, precision: CPrecision
 ) -> dict[str, Any]:
     """Return what the self-test's files say."""
     starts = tested.starts.tolist()
@@ -32,7 +32,7 @@ def context(
         "health": c_literals.array(tested.health, precision),
         "marks": c_literals.array(marks, precision),
         "runs": list(zip(tested.runs, np.diff([*starts, len(tested.y)]).tolist(), strict=True)),
-        "coverage": test_vectors.coverage(tested, estimator),
+        "coverage": test_vectors.coverage(tested, filter),
     }
 
 
@@ -42,22 +42,20 @@ def _with_stand_ins(values: Array, precision: CPrecision) -> Array:
     return np.nan_to_num(values, nan=most, posinf=most / 2, neginf=-most / 2)
 
 
-def is_plain(estimator: Estimator) -> bool:
+def is_plain(filter: Estimator) -> bool:
     """Whether it is the linear filter, of one axis or of a rotor that does not bend."""
-    machine_view = estimator.whole
+    machine_view = filter.whole
     bends = machine_view is not None and machine_view.H.shape[1] > machine_view.rigid
-    return (
-        estimator.name.startswith("linear") and not c_literals.called(estimator).base and not bends
-    )
+    return filter.name.startswith("linear") and not c_literals.called(filter).base and not bends
 
 
-def of_roles(estimator: Estimator) -> dict[str, Any]:
+def of_roles(filter: Estimator) -> dict[str, Any]:
     """Return which states the self-test of a machine asks for."""
     # `plain`: its state is the Kalman filter's own, whose covariance the self-test can spoil, and
     # the rotor is rigid: a mode may go beyond its bound, or back, within a sample.
-    roles, machine_view = [state.role for state in estimator.states], estimator.whole
+    roles, machine_view = [state.role for state in filter.states], filter.whole
     return {
-        "plain": machine_view is not None and is_plain(estimator),
+        "plain": machine_view is not None and is_plain(filter),
         "positions": [i for i, role in enumerate(roles) if role == "position"],
         "moving": [
             str(role in ("position", "velocity", "disturbance force")).lower() for role in roles
@@ -67,14 +65,14 @@ def of_roles(estimator: Estimator) -> dict[str, Any]:
     }
 
 
-def first(estimator: Estimator, role: str) -> int:
+def first(filter: Estimator, role: str) -> int:
     """Return the place of the first state of a role; -1 where there is none."""
-    return next((i for i, state in enumerate(estimator.states) if state.role == role), -1)
+    return next((i for i, state in enumerate(filter.states) if state.role == role), -1)
 
 
-def stops(estimator: Estimator) -> tuple[Array, Array]:
+def stops(filter: Estimator) -> tuple[Array, Array]:
     """Return readings (2, m) that may be a rotor on its stops, and ones that may not."""
-    known = estimator.core.parameters
+    known = filter.core.parameters
     gain, travel, var_y = (np.asarray(known["set"][k], float) for k in ("K_sen", "travel", "var_y"))
     stop_reading, noise = (
         np.abs(gain) * travel,
@@ -83,12 +81,12 @@ def stops(estimator: Estimator) -> tuple[Array, Array]:
     between, beyond = (
         np.array([-at, at]) for at in (stop_reading + 3.8 * noise, stop_reading + 4.2 * noise)
     )
-    return estimator.inputs.y.numbers(between), estimator.inputs.y.numbers(beyond)
+    return filter.inputs.y.numbers(between), filter.inputs.y.numbers(beyond)
 
 
-def stops_in_c(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
+def stops_in_c(filter: Estimator, precision: CPrecision) -> dict[str, str]:
     """Return the same as C."""
-    results = dict(zip(("between", "beyond"), stops(estimator), strict=True))
-    if estimator.whole is None:
+    results = dict(zip(("between", "beyond"), stops(filter), strict=True))
+    if filter.whole is None:
         return {name: c_literals.array(at.ravel(), precision, "") for name, at in results.items()}
     return {name: c_literals.rows(at, precision) for name, at in results.items()}

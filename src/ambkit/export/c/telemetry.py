@@ -25,10 +25,10 @@ class Number(NamedTuple):
 
 def frame(export: Export, fields: Sequence[State]) -> list[Number]:
     """Return the numbers of a frame."""
-    machine, inside = export.estimator.machine, "estimates." if export.beside else ""
+    machine, inside = export.filter.machine, "estimates." if export.beside else ""
     results = [
         Number(state.name, state.unit, inside + field.field)
-        for state, field in zip(export.estimator.states, fields, strict=True)
+        for state, field in zip(export.filter.states, fields, strict=True)
     ]
 
     def at(what: str, k: int) -> str:

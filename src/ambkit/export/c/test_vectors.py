@@ -34,18 +34,18 @@ class Vectors(NamedTuple):
     runs: tuple[str, ...]  # names of the runs
 
 
-def make(estimator: Estimator, magnets: list[Magnet], *, settling: int, bound: float) -> Vectors:
+def make(filter: Estimator, magnets: list[Magnet], *, settling: int, bound: float) -> Vectors:
     """Let an estimator live through all scenes."""
     parts, amplified = [], []
-    for scene in filter_test_cases.of(estimator, magnets, settling):
-        y, u, si = _as_read(estimator, scene)
-        output = filter_test_cases.run(estimator, *si)
-        n = within(estimator, output["mean"], bound)
+    for case in filter_test_cases.of(filter, magnets, settling):
+        y, u, si = _as_read(filter, case)
+        output = filter_test_cases.run(filter, *si)
+        n = within(filter, output["mean"], bound)
         output = {name: values[:n].reshape(n, -1) for name, values in output.items()}
-        parts.append((scene.name, y[:n], u[:n], output))
-        after = np.arange(n) >= (n if scene.amplifies is None else scene.amplifies)
-        amplified.append(after | without_digits(estimator, *si)[:n])
-    columns = [_columns(estimator, output) for *_, output in parts]
+        parts.append((case.name, y[:n], u[:n], output))
+        after = np.arange(n) >= (n if case.amplifies is None else case.amplifies)
+        amplified.append(after | without_digits(filter, *si)[:n])
+    columns = [_columns(filter, output) for *_, output in parts]
     health = [output.get("health", output["status"]) for *_, output in parts]
     status = [output["status"].ravel() for *_, output in parts]
     settled = [
@@ -65,16 +65,16 @@ def make(estimator: Estimator, magnets: list[Magnet], *, settling: int, bound: f
     )
 
 
-def without_digits(estimator: Estimator, y: Array, u: Array) -> Bools:
+def without_digits(filter: Estimator, y: Array, u: Array) -> Bools:
     """Return from where on (n,) float, in a machine's filter, is off by what double would say."""
     # A mean by more than a standard deviation, or a variance by more than ten of itself: then what
     # another rounding says is another number. AdaptiveNoise has no precision of its own.
-    args, options = estimator._made
-    if estimator.whole is None or "precision" not in options or estimator.precision == "float64":
+    args, options = filter._made
+    if filter.whole is None or "precision" not in options or filter.precision == "float64":
         return np.zeros(len(y), bool)
-    sharp = type(estimator)(*args, **(options | {"precision": "float64"}))
-    one, other = (filter_test_cases.run(item, y, u) for item in (estimator, sharp))
-    entries = diagonal(len(estimator.states))
+    sharp = type(filter)(*args, **(options | {"precision": "float64"}))
+    one, other = (filter_test_cases.run(item, y, u) for item in (filter, sharp))
+    entries = diagonal(len(filter.states))
     variance, true = (item["covariance"][:, entries].astype(float) for item in (one, other))
     std = np.sqrt(np.maximum(true, np.finfo(np.float32).tiny))
     off = np.abs(one["mean"] - other["mean"]) > std
@@ -88,30 +88,30 @@ def diagonal(n: int) -> list[int]:
 
 
 def _as_read(
-    estimator: Estimator, scene: filter_test_cases.Scene
+    filter: Estimator, case: filter_test_cases.TestCase
 ) -> tuple[Array, Array, tuple[Any, Any]]:
     """Return what the controller reads, and what that is in SI, of one axis in the rig's units."""
-    if estimator.whole is not None:
-        number = np.dtype(estimator.precision).type
-        y, u = (values.astype(number).astype(float) for values in (scene.y, scene.u))
+    if filter.whole is not None:
+        number = np.dtype(filter.precision).type
+        y, u = (values.astype(number).astype(float) for values in (case.y, case.u))
         return y, u, (y, u)
-    of = estimator.inputs
-    y, u = of.y.numbers(scene.y), of.u.numbers(scene.u)
-    return y, u, estimator.in_si(y, u)
+    of = filter.inputs
+    y, u = of.y.numbers(case.y), of.u.numbers(case.u)
+    return y, u, filter.in_si(y, u)
 
 
-def within(estimator: Estimator, mean: Array, bound: float) -> int:
+def within(filter: Estimator, mean: Array, bound: float) -> int:
     """Return how many samples there are before the output is no rotor."""
     # mean (N, n) [m, m/s, N ...]
-    caps = estimator.core.parameters["set"]["cap"]
+    caps = filter.core.parameters["set"]["cap"]
     beyond = np.flatnonzero((np.abs(mean) > 0.99 * bound * caps).any(axis=1))
     return int(beyond[0]) if beyond.size else len(mean)
 
 
-def _columns(estimator: Estimator, output: dict[str, Any]) -> Array:
+def _columns(filter: Estimator, output: dict[str, Any]) -> Array:
     """Return all numbers that an export puts out, sample by sample."""
     names = ("k_i", "k_s", "innovation", "variance")
-    variances = output["covariance"][:, diagonal(len(estimator.states))]
+    variances = output["covariance"][:, diagonal(len(filter.states))]
     return np.hstack([output["mean"], variances, *(output[name] for name in names)]).astype(float)
 
 
@@ -129,11 +129,11 @@ def _feed_back(status: NDArray[np.uint16], health: NDArray[np.uint16], settling:
     return np.array(decisions)
 
 
-def coverage(tested: Vectors, estimator: Estimator) -> list[tuple[str, str]]:
+def coverage(tested: Vectors, filter: Estimator) -> list[tuple[str, str]]:
     """Return what the samples visit, in words: what, and how much of it."""
-    n = len(estimator.states)
+    n = len(filter.states)
     rows = [("samples", f"{len(tested.y)}, in {len(tested.starts)} runs, each from a start")]
-    for place, state in enumerate(estimator.states):
+    for place, state in enumerate(filter.states):
         values = tested.expected[:, place]
         rows.append((f"`{state.name}`", f"{values.min():.4g} to {values.max():.4g} {state.unit}"))
     forces = (tested.expected.shape[1] - 2 * n - 2 * tested.health.shape[1]) // 2

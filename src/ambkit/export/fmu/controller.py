@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ambkit.simulation.scenario import Scenario
 
 
-class Flown(NamedTuple):
+class ControllerStart(NamedTuple):
     """A controller, and how it starts."""
 
     controller: Controller
@@ -39,14 +39,14 @@ def is_whole(scenario: Scenario) -> bool:
     return scenario.sequence is not None or law.needs_estimate or bool(law.block)
 
 
-def flown(estimator: Estimator, scenario: Scenario) -> Flown:
+def flown(filter: Estimator, scenario: Scenario) -> ControllerStart:
     """Return what :func:`ambkit.simulate` flies, started as there."""
-    controller = control.controller_of(estimator, scenario)
+    controller = control.controller_of(filter, scenario)
     isolated, nothing = controller.plant.isolated, np.zeros(len(controller.plant.isolated))
     levitated = scenario.start == "levitated" or scenario.sequence is None
     current = nothing
     if scenario.start == "levitated":
-        single = len(isolated) == 1 and estimator.machine.single
+        single = len(isolated) == 1 and filter.machine.single
         held = (
             [levitation_current_at(isolated[0])]
             if single
@@ -57,7 +57,7 @@ def flown(estimator: Estimator, scenario: Scenario) -> Flown:
         np.array([getattr(item, f"current_{end}") for item in isolated]) for end in ("min", "max")
     )
     place = controller.down if scenario.start == "landed" else nothing
-    return Flown(controller, levitated, place, np.clip(current, low, high))
+    return ControllerStart(controller, levitated, place, np.clip(current, low, high))
 
 
 def starts_at(bearing: Bearing, scenario: Scenario) -> float:
@@ -65,7 +65,7 @@ def starts_at(bearing: Bearing, scenario: Scenario) -> float:
     return lies_at(bearing) if scenario.start == "landed" else 0.0
 
 
-def flown_data(of: Flown, precision: CPrecision) -> dict[str, Any]:
+def controller_data(of: ControllerStart, precision: CPrecision) -> dict[str, Any]:
     """Return what the data files say of a whole controller."""
     controller, current = of.controller, of.current
     structs = control.structs(controller, "amb_data", of_filter=False)

@@ -63,7 +63,7 @@ def export_fmu(
     kind: Kind = "estimator",
     fmi: Fmi = 3,
     scenario: Scenario | None = None,
-    estimator: str | None = None,
+    filter: str | None = None,
     filter_file: FilterFile | None = None,
     precision: CPrecision = "double",
     everywhere: bool = False,
@@ -92,7 +92,7 @@ def export_fmu(
     if filter_file is not None:
         filter_ = filter_file.make(magnet=magnet, **of)
     else:
-        kind_of_filter = estimator or ("linear" if magnet is None else "adaptive")
+        kind_of_filter = filter or ("linear" if magnet is None else "adaptive")
         filter_ = kind_called(kind_of_filter).make(machine, magnet, **of)
     if kind != "plant":
         require_adequate(filter_, bearing, scenario, force=force)
@@ -104,17 +104,7 @@ def export_fmu(
             f"{short.name} has several axes: of these there are FMUs of kind estimator and "
             f"whole-controller, and no {kind}"
         )
-    match kind:
-        case "estimator":
-            parts = _estimator(filter_)
-        case "plant":
-            parts = _plant(machine, flown.starts_at(machine, what))
-        case "closed-loop":
-            parts = _whole_loop(filter_, what) if flown.is_whole(what) else _loop(filter_, what)
-        case "controller":
-            parts = _regulator(filter_, what) if flown.is_whole(what) else _pid(machine, what)
-        case "whole-controller":
-            parts = _whole(filter_, what)
+    parts = _parts(kind, machine, filter_, what)
     made = _content(short, kind, fmi, parts, token="")
     token = _token(made.files)
     made = _content(short, kind, fmi, parts, token)
@@ -134,115 +124,105 @@ class _Parts(NamedTuple):
     model: str  # by its name in C
     variables: tuple[Variable, ...]
     data: dict[str, str]  # the data files
-    estimator: Estimator | None
+    filter: Estimator | None
 
 
-def _estimator(estimator: Estimator) -> _Parts:
-    return _Parts(
-        f"The {estimator.name} of {estimator.bearing.name}",
-        "estimator",
-        variables.of_estimator(estimator),
-        sources.data_files("estimator", filter=sources.filter_data(estimator)),
-        estimator,
-    )
+def _parts(kind: Kind, machine: Any, filter: Estimator, scenario: Scenario) -> _Parts:
+    match kind:
+        case "estimator":
+            return _estimator(filter)
+        case "plant":
+            return _plant(machine, flown.starts_at(machine, scenario))
+        case "closed-loop":
+            return (
+                _whole_loop(filter, scenario)
+                if flown.is_whole(scenario)
+                else _loop(filter, scenario)
+            )
+        case "controller":
+            return (
+                _regulator(filter, scenario)
+                if flown.is_whole(scenario)
+                else _pid(machine, scenario)
+            )
+        case "whole-controller":
+            return _whole(filter, scenario)
+
+
+def _estimator(filter: Estimator) -> _Parts:
+    about = f"The {filter.name} of {filter.bearing.name}"
+    data = sources.data_files("estimator", filter=sources.filter_data(filter))
+    return _Parts(about, "estimator", variables.of_estimator(filter), data, filter)
 
 
 def _plant(bearing: Bearing, place: float) -> _Parts:
+    about = f"Bearing {bearing.name}: amplifier, magnet, rotor and sensor"
     plant_variables = variables.of_plant(bearing, place)
     sizes = sources.nominals(bearing, [v.rate_of for v in plant_variables if v.rate_of])
-    return _Parts(
-        f"Bearing {bearing.name}: amplifier, magnet, rotor and sensor",
-        model := "plant" if sizes else "late-plant",
-        plant_variables,
-        sources.data_files(model, rig=sources.rig_data(bearing), nominals=sizes),
-        None,
-    )
+    model = "plant" if sizes else "late-plant"
+    data = sources.data_files(model, rig=sources.rig_data(bearing), nominals=sizes)
+    return _Parts(about, model, plant_variables, data, None)
 
 
 def _pid(bearing: Bearing, scenario: Scenario) -> _Parts:
     controller = scenario.controller
     estimate = controller.feedback == "estimate"
-    return _Parts(
-        f"The PID controller of bearing {bearing.name}, fed by "
-        + ("an estimator" if estimate else "the sensor"),
-        "pid",
-        variables.of_controller(bearing, controller),
-        sources.data_files(
-            "pid",
-            pid=sources.pid_data(bearing, controller),
-            feedback_estimate=estimate,
-            k_ui=c_literals.number(bearing.amplifier.gain, "double"),
-            K_sen=c_literals.number(1.0 if estimate else bearing.sensor.gain, "double"),
-        ),
-        None,
-    )
+    source = "an estimator" if estimate else "the sensor"
+    data = sources.data_files(
+        "pid", pid=sources.pid_data(bearing, controller), feedback_estimate=estimate,
+        k_ui=c_literals.number(bearing.amplifier.gain, "double"),
+        K_sen=c_literals.number(1.0 if estimate else bearing.sensor.gain, "double"),
+    )  # fmt: skip
+    about = f"The PID controller of bearing {bearing.name}, fed by {source}"
+    return _Parts(about, "pid", variables.of_controller(bearing, controller), data, None)
 
 
-def _regulator(estimator: Estimator, scenario: Scenario) -> _Parts:
-    bearing = estimator.bearing
+def _regulator(filter: Estimator, scenario: Scenario) -> _Parts:
+    bearing = filter.bearing
     if scenario.feedback == "measurement":
         raise AmbkitError(
             "a controller with blocks that the sensor feeds has no FMU of its own: take kind "
             "whole-controller or closed-loop"
         )
-    controller = Controller.of_axis(bearing, estimator, scenario.controller, scenario.sequence)
+    controller = Controller.of_axis(bearing, filter, scenario.controller, scenario.sequence)
+    about = f"The {_called(scenario.controller)} of bearing {bearing.name}, fed by an estimator"
     current = levitation_current_at(bearing)
-    return _Parts(
-        f"The {_called(scenario.controller)} of bearing {bearing.name}, fed by an estimator",
-        "regulator",
-        variables.of_regulator(estimator, current, controller.integral(current, 0.0)),
-        sources.data_files("regulator", **flown.law_data(controller)),
-        None,
-    )
+    own = variables.of_regulator(filter, current, controller.integral(current, 0.0))
+    data = sources.data_files("regulator", **flown.law_data(controller))
+    return _Parts(about, "regulator", own, data, None)
 
 
-def _loop(estimator: Estimator, scenario: Scenario) -> _Parts:
-    bearing, controller = estimator.bearing, scenario.controller
-    feeds = f"the {estimator.name}" if controller.feedback == "estimate" else "the sensor"
-    return _Parts(
-        f"Bearing {bearing.name}, held by a PID controller that {feeds} feeds",
-        "loop-pid",
-        variables.of_loop(estimator, controller),
-        sources.data_files(
-            "loop-pid",
-            filter=sources.filter_data(estimator),
-            rig=sources.rig_data(bearing),
-            pid=sources.pid_data(bearing, controller),
-            feedback_estimate=controller.feedback == "estimate",
-        ),
-        estimator,
-    )
+def _loop(filter: Estimator, scenario: Scenario) -> _Parts:
+    bearing, controller = filter.bearing, scenario.controller
+    estimate = controller.feedback == "estimate"
+    source = f"the {filter.name}" if estimate else "the sensor"
+    data = sources.data_files(
+        "loop-pid", filter=sources.filter_data(filter), rig=sources.rig_data(bearing),
+        pid=sources.pid_data(bearing, controller), feedback_estimate=estimate,
+    )  # fmt: skip
+    about = f"Bearing {bearing.name}, held by a PID controller that {source} feeds"
+    return _Parts(about, "loop-pid", variables.of_loop(filter, controller), data, filter)
 
 
-def _whole_loop(estimator: Estimator, scenario: Scenario) -> _Parts:
-    bearing, of = estimator.bearing, flown.flown(estimator, scenario)
-    return _Parts(
-        f"Bearing {bearing.name}, held by its whole controller: {estimator.name}, "
-        + _called(scenario.controller),
-        "loop-flight",
-        variables.of_loop(estimator, scenario.controller, of),
-        sources.data_files(
-            "loop-flight",
-            filter=sources.filter_data(estimator),
-            rig=sources.rig_data(bearing),
-            **flown.flown_data(of, "double"),
-        ),
-        estimator,
-    )
+def _whole_loop(filter: Estimator, scenario: Scenario) -> _Parts:
+    bearing, start = filter.bearing, flown.flown(filter, scenario)
+    law = _called(scenario.controller)
+    about = f"Bearing {bearing.name}, held by its whole controller: {filter.name}, {law}"
+    data = sources.data_files(
+        "loop-flight", filter=sources.filter_data(filter), rig=sources.rig_data(bearing),
+        **flown.controller_data(start, "double"),
+    )  # fmt: skip
+    own = variables.of_loop(filter, scenario.controller, start)
+    return _Parts(about, "loop-flight", own, data, filter)
 
 
-def _whole(estimator: Estimator, scenario: Scenario) -> _Parts:
-    of, precision = flown.flown(estimator, scenario), sources.precision_of(estimator)
-    return _Parts(
-        f"The whole controller of {estimator.bearing.name}: {estimator.name}, "
-        + (_called(scenario.controller) if estimator.machine.single else "of all axes"),
-        "flight",
-        variables.of_whole(estimator, of),
-        sources.data_files(
-            "flight", filter=sources.filter_data(estimator), **flown.flown_data(of, precision)
-        ),
-        estimator,
-    )
+def _whole(filter: Estimator, scenario: Scenario) -> _Parts:
+    start = flown.flown(filter, scenario)
+    law = _called(scenario.controller) if filter.machine.single else "of all axes"
+    about = f"The whole controller of {filter.bearing.name}: {filter.name}, {law}"
+    of_controller = flown.controller_data(start, sources.precision_of(filter))
+    data = sources.data_files("flight", filter=sources.filter_data(filter), **of_controller)
+    return _Parts(about, "flight", variables.of_whole(filter, start), data, filter)
 
 
 def _called(controller: Control) -> str:
@@ -261,7 +241,7 @@ class _Content(NamedTuple):
 def _content(machine: Machine, kind: Kind, fmi: Fmi, parts: _Parts, token: str) -> _Content:
     """Return all texts of the FMU, with the token in them."""
     fixed = sources.model_files(parts.model, fmi) | parts.data
-    fixed |= sources.library_files(fixed, parts.estimator)
+    fixed |= sources.library_files(fixed, parts.filter)
     compiled = sources.compiled_files([*fixed, "description.c"])
     model = Model(
         identifier=_identifier(machine, kind),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from functools import cache
+from functools import partial
 from importlib.metadata import distribution, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ from ambkit.control.pid import PID
 from ambkit.export import core_sources
 from ambkit.export.c import c_literals, data_file
 from ambkit.export.c.c_literals import CPrecision, Kind
-from ambkit.export.c.model import LOOPS, in_c
+from ambkit.export.c.model import LOOPS, c_model
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.machine.magnets import core_module, magnet_of, own_time
 from ambkit.models import plant_parts
@@ -49,21 +49,21 @@ _STANDARD: dict[Fmi, tuple[str, ...]] = {
 }
 
 
-def precision_of(estimator: Estimator | None) -> CPrecision:
+def precision_of(filter: Estimator | None) -> CPrecision:
     """Return what a model computes in: a plant in double, an estimator in its own precision."""
-    return "float" if estimator is not None and estimator.precision == "float32" else "double"
+    return "float" if filter is not None and filter.precision == "float32" else "double"
 
 
-def library_files(texts: dict[str, str], estimator: Estimator | None) -> dict[str, str]:
+def library_files(texts: dict[str, str], filter: Estimator | None) -> dict[str, str]:
     """Return the library's own C, core and simulation, that C files include."""
     # With each header goes the C file of the same name. All lies in ``sources/`` such that this is
     # the one folder that a compiler must know.
-    of_model = None if estimator is None else in_c(estimator)
+    of_model = None if filter is None else c_model(filter)
     instead = {LOOPS: None} if of_model is None else of_model.instead
     room = {} if of_model is None else of_model.room
-    if room or precision_of(estimator) == "float":
+    if room or precision_of(filter) == "float":
         known = {"version": version("ambkit"), "room": room}
-        values = known | {"float": precision_of(estimator) == "float"}
+        values = known | {"float": precision_of(filter) == "float"}
         instead = instead | {_PRECISION: rendered("precision.h.j2", values)}
     simulation, sim = core_sources.folder().parent / "sim", {}
     stems = _included("sim", texts)
@@ -130,7 +130,10 @@ def data_files(model: str, **context: Any) -> dict[str, str]:
     """Return the files that define what the headers of this model declare as data."""
     values: dict[str, Any] = dict.fromkeys(_DATA) | context
     headers = [f"{stem}.h" for stem in _MODELS[model] if (_HERE / "c" / f"{stem}.h").is_file()]
-    magnets = [*(values["filter"] or {}).get("magnets", ()), *filter(None, [values["rig"]])]
+    magnets = [
+        *(values["filter"] or {}).get("magnets", ()),
+        *([values["rig"]] if values["rig"] else []),
+    ]
     headers += dict.fromkeys(magnet["magnet_header"] for magnet in magnets)
     known = {"version": version("ambkit"), "headers": headers}
     files = {"data.c": rendered("data.c.j2", known | values)}
@@ -159,56 +162,52 @@ def description_files(kind: str, model: Model) -> dict[str, str]:
     }
 
 
-def filter_data(estimator: Estimator) -> dict[str, Any]:
+def filter_data(filter: Estimator) -> dict[str, Any]:
     """Return what the data file says of an estimator."""
     in_core, precision, of_model = (
-        c_literals.called(estimator),
-        precision_of(estimator),
-        in_c(estimator),
+        c_literals.called(filter),
+        precision_of(filter),
+        c_model(filter),
     )
     magnets = [
         magnet_data(held, f"magnet_{k}", precision)
-        for k, held in enumerate(data_file.magnets_of(estimator))
+        for k, held in enumerate(data_file.magnets_of(filter))
     ]
     return {
         "magnets": magnets,
-        "settings": c_literals.struct_with_arrays(estimator.core.parameters["set"], precision),
+        "settings": c_literals.struct_with_arrays(filter.core.parameters["set"], precision),
         "arrays": c_literals.declared(of_model.arrays, precision),
         "model": c_literals.struct(of_model.numbers, precision, {}),
         "in_core": in_core,
-        "own": c_literals.own(estimator, precision),
-        "std": c_literals.array(np.asarray(estimator.default_std()), precision),
-        **{name: c_literals.array(start, precision) for name, start in _starts(estimator).items()},
+        "own": c_literals.own(filter, precision),
+        "std": c_literals.array(np.asarray(filter.default_std()), precision),
+        **{name: c_literals.array(start, precision) for name, start in _starts(filter).items()},
     }
 
 
-def _starts(estimator: Estimator) -> dict[str, Array]:
+def _starts(filter: Estimator) -> dict[str, Array]:
     """Return at which states an estimator starts, by places, by currents and by readings."""
-    view, states = estimator.view, estimator.states
+    view, states = filter.view, filter.states
     nothing, values = np.zeros(len(view.isolated)), np.eye(len(view.isolated))
 
     def at(q: Array, currents: Array) -> Array:
-        return view.equilibrium_state(
-            states, estimator.levitation_current, q, None, currents
-        ).ravel()
+        return view.equilibrium_state(states, filter.levitation_current, q, None, currents).ravel()
 
     middle, pseudo_inverse = np.zeros(view.H.shape[1]), np.linalg.pinv(view.H[:, : view.rigid])
     moved = np.zeros((len(middle), len(nothing)))
     moved[: view.rigid] = pseudo_inverse
-    levitation = (
-        middle if view.single else Plant(estimator.machine).equilibrium(nothing, nothing)[0]
-    )
+    levitation = middle if view.single else Plant(filter.machine).equilibrium(nothing, nothing)[0]
     results = {
         "rest": at(levitation, nothing),
         "by_place": np.column_stack([at(q, nothing) for q in moved.T]).ravel(),
-        "by_current": np.column_stack([at(middle, each_) for each_ in values]).ravel(),
+        "by_current": np.column_stack([at(middle, column) for column in values]).ravel(),
     }
     if view.single:
         return results | {
             "start_by": np.zeros(0),
-            "hover": np.asarray(estimator.levitation_current),
+            "hover": np.asarray(filter.levitation_current),
         }
-    start, start_by = view.start_form(states, estimator.levitation_current)
+    start, start_by = view.start_form(states, filter.levitation_current)
     return results | {"start": start, "start_by": start_by.ravel(), "hover": np.zeros(2)}
 
 
@@ -256,12 +255,13 @@ def rig_data(bearing: Bearing) -> dict[str, Any]:
     return magnet_data(held, "rig") | {"text": c_literals.struct_with_arrays(fields, "double")}
 
 
-def nominals(bearing: Bearing, states: Sequence[str]) -> list[float]:
+def nominals(bearing: Bearing, states: Sequence[str]) -> list[str]:
     """Return the typical size of each state of a plant in continuous time, in its unit."""
     travel = bearing.rotor.clearance
     sizes = {"x": travel, "x_m": abs(bearing.sensor.gain) * travel, "v": travel / own_time(bearing)}
     sizes |= dict.fromkeys(plant_parts.between_magnet_and_rotor(bearing), Typical.of(bearing).force)
-    return [sizes.get(name, bearing.amplifier.current_limit) for name in states]
+    values = (sizes.get(name, bearing.amplifier.current_limit) for name in states)
+    return [c_literals.number(value, "double") for value in values]
 
 
 def pid_data(bearing: Bearing, controller: PID) -> str:
@@ -287,21 +287,6 @@ def compiled_files(files: Iterable[str]) -> tuple[str, ...]:
 
 def rendered(template: str, context: dict[str, Any]) -> str:
     """Fill in a template of this package."""
-    return str(_templates(template.endswith(".html.j2")).get_template(template).render(context))
-
-
-@cache
-def _templates(autoescape: bool) -> Any:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FileSystemLoader(_HERE / "templates"),
-        undefined=StrictUndefined,
-        keep_trailing_newline=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        autoescape=autoescape,
-    )
-    environment.filters |= escaping.FILTERS
-    environment.filters["number"] = lambda value: c_literals.number(value, "double")
-    return environment
+    templates = escaping.templates(_HERE / "templates", autoescape=template.endswith(".html.j2"))
+    number = partial(c_literals.number, precision="double")
+    return str(templates.get_template(template).render(context, number=number))

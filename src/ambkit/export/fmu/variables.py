@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ambkit.control.control import Control
     from ambkit.control.pid import PID
     from ambkit.estimate.estimator import Estimator
-    from ambkit.export.fmu.controller import Flown
+    from ambkit.export.fmu.controller import ControllerStart
     from ambkit.machine.machine import Bearing, Machine
 
 Kind = Literal["estimator", "plant", "closed-loop", "controller", "whole-controller"]
@@ -56,33 +56,25 @@ class Variable:
         return "VR_" + re.sub(r"\W", "_", self.name)
 
 
-UNITS: dict[str, dict[str, int]] = {
-    "1": {},
-    "s": {"s": 1},
-    "m": {"m": 1},
-    "m2": {"m": 2},
-    "m/s": {"m": 1, "s": -1},
-    "m/s2": {"m": 1, "s": -2},
-    "rad": {"rad": 1},
-    "rad/s": {"rad": 1, "s": -1},
-    "kg.m": {"kg": 1, "m": 1},
-    "N/s": {"kg": 1, "m": 1, "s": -3},
-    "kg": {"kg": 1},
-    "A": {"A": 1},
-    "A/s": {"A": 1, "s": -1},
-    "A/m": {"A": 1, "m": -1},
-    "A/(m.s)": {"A": 1, "m": -1, "s": -1},
-    "A.s/m": {"A": 1, "m": -1, "s": 1},
-    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
-    "A2": {"A": 2},
-    "V2": {"kg": 2, "m": 4, "s": -6, "A": -2},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "N/A": {"kg": 1, "m": 1, "s": -2, "A": -1},
-    "N/m": {"kg": 1, "s": -2},
-    "N2/s": {"kg": 2, "m": 2, "s": -5},
-    "N.m2/A2": {"kg": 1, "m": 3, "s": -2, "A": -2},
-}
-"""Exponents of the SI base units in each unit."""
+UNITS = (
+    "1", "s", "m", "m2", "m/s", "m/s2", "rad", "rad/s", "kg.m", "N/s", "kg", "A", "A/s", "A/m",
+    "A/(m.s)", "A.s/m", "V", "A2", "V2", "N", "N/A", "N/m", "N2/s", "N.m2/A2",
+)  # fmt: skip
+"""Units of variables, in the order of the file."""
+
+_DERIVED = {"N": {"kg": 1, "m": 1, "s": -2}, "V": {"kg": 1, "m": 2, "s": -3, "A": -1}}
+
+
+def exponents(unit: str) -> dict[str, int]:
+    """Return the exponents of the SI base units in a unit."""
+    total: dict[str, int] = {}
+    for sign, product in zip((1, -1), unit.split("/"), strict=False):
+        for name, power in re.findall(r"([A-Za-z]+)(\d?)", product):
+            for base, exponent in _DERIVED.get(name, {name: 1}).items():
+                total[base] = total.get(base, 0) + sign * exponent * int(power or 1)
+    order = ("kg", "m", "s", "A") if total.get("kg") else ("rad", "A", "m", "s")
+    return {base: total[base] for base in order if total.get(base)}
+
 
 TIME = Variable("time", "time", "s", "time")
 
@@ -95,15 +87,15 @@ def in_unit(variables: Sequence[Variable], control: str) -> tuple[Variable, ...]
     )
 
 
-def of_estimator(estimator: Estimator) -> tuple[Variable, ...]:
+def of_estimator(filter: Estimator) -> tuple[Variable, ...]:
     """Return the variables of an estimator."""
     about = "control signal u[k] from sample k on (C step: u_previous = u[k-1]); NaN: not known"
     return (
         TIME,
-        *_readings(estimator.machine),
-        *_each("u", "input", "V", about, _axes(estimator.machine), limit="losable"),
-        *_estimates("", estimator),
-        *_variances(estimator),
+        *_readings(filter.machine),
+        *_per_name("u", "input", "V", about, _axes(filter.machine), limit="losable"),
+        *_estimates("", filter),
+        *_variances(filter),
     )
 
 
@@ -111,7 +103,7 @@ def _axes(machine: Machine) -> list[str]:
     return [axis.name for axis in machine.axes]
 
 
-def _each(
+def _per_name(
     what: str, role: Role, unit: str, about: str, names: Sequence[str],
     starts: Iterable[float] | float = 0.0, **more: Any,
 ) -> list[Variable]:  # fmt: skip
@@ -127,21 +119,21 @@ def _each(
 
 def _readings(machine: Machine) -> list[Variable]:
     names = [reading.name for reading in machine.readings]
-    return _each("y", "input", "m", "measured position; NaN: lost", names, limit="losable")
+    return _per_name("y", "input", "m", "measured position; NaN: lost", names, limit="losable")
 
 
 def _references(machine: Machine, **more: Any) -> list[Variable]:
-    return _each("r", "input", "m", "position that is demanded", _axes(machine), **more)
+    return _per_name("r", "input", "m", "position that is demanded", _axes(machine), **more)
 
 
-def _estimates(prefix: str, estimator: Estimator) -> list[Variable]:
+def _estimates(prefix: str, filter: Estimator) -> list[Variable]:
     known = {"x": "displacement", "x_m": "position as the sensor shows it"}
-    axes, readings = _axes(estimator.machine), [r.name for r in estimator.machine.readings]
+    axes, readings = _axes(filter.machine), [r.name for r in filter.machine.readings]
     results = []
     for block, before, about in (
         ("mean", "", "estimated {known}"), ("std", "std_", "standard deviation of {field}"),
     ):  # fmt: skip
-        both = zip(states(estimator.states), estimator.states, strict=True)
+        both = zip(states(filter.states), filter.states, strict=True)
         for k, (state, described) in enumerate(both):
             description = about.format(
                 known=known.get(state.field, described.role), field=state.field
@@ -157,13 +149,13 @@ def _estimates(prefix: str, estimator: Estimator) -> list[Variable]:
         ("variance", "m2", "variance of the innovation, as the filter expects it", readings),
         ("status", "", "sum of flags, 0 where all is well (sources/ambkit/status.h)", [""]),
     ):
-        results += _each(prefix + name, "output", unit, about, of, held=True)
+        results += _per_name(prefix + name, "output", unit, about, of, held=True)
     return results
 
 
-def _variances(estimator: Estimator) -> list[Variable]:
-    assumed, axes = estimator.variances, _axes(estimator.machine)
-    readings = [reading.name for reading in estimator.machine.readings]
+def _variances(filter: Estimator) -> list[Variable]:
+    assumed, axes = filter.variances, _axes(filter.machine)
+    readings = [reading.name for reading in filter.machine.readings]
     rows: Any = (
         ("measurement_variance", "m2", "variance of the measurement", readings, assumed.measurement,
          "positive"),
@@ -175,7 +167,7 @@ def _variances(estimator: Estimator) -> list[Variable]:
     return [
         variable
         for name, unit, about, of, starts, limit in rows
-        for variable in _each(
+        for variable in _per_name(
             name, "tunable", unit, f"{about} that the filter assumes", of, several(starts),
             limit=limit,
         )
@@ -191,11 +183,11 @@ def of_plant(bearing: Bearing, place: float = 0.0) -> tuple[Variable, ...]:
         Variable("on", "input", "1", "currents, that of the bias too: from 0.5 on", 1.0),
         Variable("f_d", "input", "N", "disturbance force"),
         *_noises(bearing),
-        *_faults(),
-        *_truth(),
+        *_FAULTS,
+        *_TRUTH,
         Variable("y", "output", "m", "measured position: x_m and noise_y, with the sensor's faults",
                  follows=sensor_inputs),
-        *_forced(),
+        *_FORCED,
     )  # fmt: skip
     if not in_continuous_time(bearing):
         return (*known, *_rig(bearing, place))
@@ -233,36 +225,31 @@ def _continuous(bearing: Bearing) -> Iterator[Variable]:
 
 
 def of_loop(
-    estimator: Estimator, controller: PID, loop_controller: Flown | None = None
+    filter: Estimator, controller: PID, loop_controller: ControllerStart | None = None
 ) -> tuple[Variable, ...]:
     """Return the variables of a closed loop; `flown`: the whole controller in it, if it has one."""
+    bearing, whole = filter.bearing, loop_controller
     return (
         TIME,
         Variable("r", "input", "m", "position that is demanded"),
-        *_wanted(loop_controller),
+        *_fly_input(whole),
         Variable("f_d", "input", "N", "disturbance force"),
-        *_noises(estimator.bearing),
-        *_truth(),
+        *_noises(bearing),
+        *_TRUTH,
         Variable("y", "output", "m", "measured position", held=True),
         Variable("u", "output", "V", "control signal", held=True),
-        *_forced(),
-        *_estimates("estimate.", estimator),
-        *_mode(loop_controller),
-        *_rig(
-            estimator.bearing, 0.0 if loop_controller is None else float(loop_controller.place[0])
-        ),
-        *_variances(estimator),
-        *(
-            _gains(controller, estimator.bearing)
-            if loop_controller is None
-            else [_current(float(loop_controller.current[0]))]
-        ),
+        *_FORCED,
+        *_estimates("estimate.", filter),
+        *_mode(whole),
+        *_rig(bearing, 0.0 if whole is None else float(whole.place[0])),
+        *_variances(filter),
+        *(_gains(controller, bearing) if whole is None else [_current(float(whole.current[0]))]),
     )
 
 
-def of_whole(estimator: Estimator, loop_controller: Flown) -> tuple[Variable, ...]:
+def of_whole(filter: Estimator, loop_controller: ControllerStart) -> tuple[Variable, ...]:
     """Return the variables of a whole controller."""
-    machine = estimator.machine
+    machine = filter.machine
     axes, demanded = _axes(machine), "control current that is demanded"
     coils = [
         Variable(signal(f"coil_{k}", axis.name), "output", "A",
@@ -274,21 +261,21 @@ def of_whole(estimator: Estimator, loop_controller: Flown) -> tuple[Variable, ..
         TIME,
         *_readings(machine),
         *_references(machine, limit="losable"),
-        *_wanted(loop_controller),
+        *_fly_input(loop_controller),
         *([] if machine.single else [
             Variable("speed", "input", "rad/s", "speed of rotation", machine.speed)
         ]),
         replace(coils[0], first="coil_0"), *coils[1:],
-        *_each("u", "output", "V", "control signal", axes, held=True),
-        *_each("iu", "output", "A", demanded, axes, held=True),
+        *_per_name("u", "output", "V", "control signal", axes, held=True),
+        *_per_name("iu", "output", "A", demanded, axes, held=True),
         Variable("on", "output", "1", "1 where there are currents, else 0", held=True),
         Variable("status", "output", "", "sum of flags, of estimator and controller", held=True),
         *_mode(loop_controller),
-        *_estimates("estimate.", estimator),
-        *_variances(estimator),
-        *_each("start_position", "fixed", "m", "displacement at the start", axes,
+        *_estimates("estimate.", filter),
+        *_variances(filter),
+        *_per_name("start_position", "fixed", "m", "displacement at the start", axes,
                loop_controller.place.tolist()),
-        *_each("start_current", "fixed", "A", "demanded until the start", axes,
+        *_per_name("start_current", "fixed", "A", "demanded until the start", axes,
                loop_controller.current.tolist()),
     )  # fmt: skip
 
@@ -296,31 +283,29 @@ def of_whole(estimator: Estimator, loop_controller: Flown) -> tuple[Variable, ..
 AT = ("the coil towards +x", "the other coil")  #: The two coils of a pair.
 
 
-def _wanted(loop_controller: Flown | None) -> list[Variable]:
+def _fly_input(loop_controller: ControllerStart | None) -> list[Variable]:
     if loop_controller is None or loop_controller.controller.sequence is None:
         return []
     return [Variable("fly", "input", "1", "whether it is to fly: from 0.5 on", 1.0)]
 
 
-def _mode(loop_controller: Flown | None) -> list[Variable]:
+def _mode(loop_controller: ControllerStart | None) -> list[Variable]:
     if loop_controller is None or loop_controller.controller.sequence is None:
         return []
     about = "0 off, 1 waiting, 2 lifting, 3 flying, 4 landing, 5 tripped"
     return [Variable("mode", "output", "", about, held=True)]
 
 
-def of_regulator(estimator: Estimator, current: float, integral: float) -> tuple[Variable, ...]:
+def of_regulator(filter: Estimator, current: float, integral: float) -> tuple[Variable, ...]:
     """Return the variables of a controller of all states, that starts with these [A]."""
-    equilibrium = estimator.equilibrium_state(0.0, current=current)
-    described = zip(states(estimator.states), estimator.states, equilibrium, strict=True)
+    equilibrium = filter.equilibrium_state(0.0, current=current)
+    described = zip(states(filter.states), filter.states, equilibrium, strict=True)
     return (
         TIME,
         Variable("r", "input", "m", "position that is demanded"),
         *(
-            Variable(
-                state.field, "input", item.unit, f"estimated {item.role}", float(start),
-                limit="losable",
-            )
+            Variable(state.field, "input", item.unit, f"estimated {item.role}", float(start),
+                     limit="losable")
             for state, item, start in described
         ),
         Variable("u", "output", "V", "control signal", held=True),
@@ -348,53 +333,30 @@ def _noises(bearing: Bearing) -> list[Variable]:
     sensor = bearing.sensor
     parts = {"coloured noise": sensor.coloured_noise, "hum": sensor.hum}
     named = "".join(f", {name} too" for name, part in parts.items() if part)
+    about = f"noise on the measurement{named}; NaN: the sensor is lost"
     return [
         Variable("noise_u", "input", "V", "noise on the control signal"),
-        Variable(
-            "noise_y",
-            "input",
-            "m",
-            f"noise on the measurement{named}; NaN: the sensor is lost",
-            limit="losable",
-        ),
+        Variable("noise_y", "input", "m", about, limit="losable"),
     ]
 
 
-def _faults() -> list[Variable]:
-    return [
-        Variable("fault_y_gain", "input", "1", "fault: the measurement times that", 1.0),
-        Variable("fault_y_offset", "input", "m", "fault: and so much more"),
-        Variable("fault_frozen", "input", "1", "fault: from 0.5 on the measurement stands still"),
-        Variable("fault_u_gain", "input", "1", "fault: the control signal times that", 1.0),
-        Variable(
-            "fault_current",
-            "input",
-            "1",
-            "fault: share of the amplifier's range that is left",
-            1.0,
-            "not negative",
-        ),
-    ]
-
-
-def _truth() -> list[Variable]:
-    return [
-        Variable("x", "output", "m", "displacement of the rotor"),
-        Variable("v", "output", "m/s", "its velocity"),
-        Variable("x_m", "output", "m", "position as the sensor shows it, without noise"),
-    ]
-
-
-def _forced() -> list[Variable]:
-    constant = ("magnet_constant",)
-    return [
-        Variable("iu", "output", "A", "control current until now", held=True),
-        Variable("f_mag", "output", "N", "force of the magnet now", follows=constant),
-    ]
-
-
-def _place(x: float) -> Variable:
-    return Variable("start_position", "fixed", "m", "displacement at the start", x)
+_FAULTS = (
+    Variable("fault_y_gain", "input", "1", "fault: the measurement times that", 1.0),
+    Variable("fault_y_offset", "input", "m", "fault: and so much more"),
+    Variable("fault_frozen", "input", "1", "fault: from 0.5 on the measurement stands still"),
+    Variable("fault_u_gain", "input", "1", "fault: the control signal times that", 1.0),
+    Variable("fault_current", "input", "1", "fault: share of the amplifier's range that is left",
+             1.0, "not negative"),
+)  # fmt: skip
+_TRUTH = (
+    Variable("x", "output", "m", "displacement of the rotor"),
+    Variable("v", "output", "m/s", "its velocity"),
+    Variable("x_m", "output", "m", "position as the sensor shows it, without noise"),
+)
+_FORCED = (
+    Variable("iu", "output", "A", "control current until now", held=True),
+    Variable("f_mag", "output", "N", "force of the magnet now", follows=("magnet_constant",)),
+)
 
 
 def _current(current: float) -> Variable:
@@ -402,17 +364,12 @@ def _current(current: float) -> Variable:
 
 
 def _rig(bearing: Bearing, place: float = 0.0) -> list[Variable]:
-    mass, constant = bearing.rotor.mass, bearing.magnet.magnet_constant
+    mass, k = bearing.rotor.mass, bearing.magnet.magnet_constant
     return [
-        _place(place),
+        Variable("start_position", "fixed", "m", "displacement at the start", place),
         Variable("mass", "tunable", "kg", "mass of the rotor", mass, "positive"),
         Variable(
-            "magnet_constant",
-            "tunable",
-            "N.m2/A2",
-            "constant k of the magnet",
-            constant,
-            "positive",
+            "magnet_constant", "tunable", "N.m2/A2", "constant k of the magnet", k, "positive"
         ),
     ]
 
@@ -421,16 +378,11 @@ def _gains(controller: PID, bearing: Bearing) -> list[Variable]:
     from ambkit.machine.levitation import levitation_current_at
 
     current = levitation_current_at(bearing)
+    weight = "share of the reference that kp sees"
     return [
         Variable("start_current", "fixed", "A", "of the controller's integral", current),
         Variable("controller.kp", "tunable", "A/m", "proportional gain", controller.kp),
         Variable("controller.ki", "tunable", "A/(m.s)", "integral gain", controller.ki),
         Variable("controller.kd", "tunable", "A.s/m", "derivative gain", controller.kd),
-        Variable(
-            "controller.setpoint_weight",
-            "tunable",
-            "1",
-            "share of the reference that kp sees",
-            controller.setpoint_weight,
-        ),
+        Variable("controller.setpoint_weight", "tunable", "1", weight, controller.setpoint_weight),
     ]

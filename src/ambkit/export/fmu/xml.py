@@ -8,7 +8,7 @@ from typing import Literal
 from xml.etree import ElementTree
 
 from ambkit.base.escaping import one_line
-from ambkit.export.fmu.variables import UNITS, Variable
+from ambkit.export.fmu.variables import UNITS, Variable, exponents
 
 Fmi = Literal[2, 3]
 
@@ -123,10 +123,10 @@ def _interface(
 def _units(root: ElementTree.Element, variables: Sequence[Variable]) -> None:
     used = {variable.unit for variable in variables}
     definitions = ElementTree.SubElement(root, "UnitDefinitions")
-    for name, exponents in UNITS.items():
+    for name in UNITS:
         if name in used:
             unit = ElementTree.SubElement(definitions, "Unit", name=name)
-            powers = {base: str(exponent) for base, exponent in exponents.items()}
+            powers = {base: str(exponent) for base, exponent in exponents(name).items()}
             ElementTree.SubElement(unit, "BaseUnit", powers)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 from typing import NamedTuple
 
 from ambkit.base.errors import AmbkitError
@@ -62,3 +63,10 @@ def check(board: Board, *, run: bool = True) -> None:
             f"a processor in the loop needs {' and '.join(missing)}, which is not there: "
             f"{debian}{' '.join(install)}"
         )
+
+
+def qemu_command(image: Path) -> list[str]:
+    """Return what runs a firmware: an instruction takes 1 ns, and files are those of the folder."""
+    machine = ("-M", "mps2-an386", "-nographic", "-icount", "shift=0")
+    semihosting = ("-semihosting-config", "enable=on,target=native")
+    return [QEMU, *machine, *semihosting, "-kernel", str(image)]

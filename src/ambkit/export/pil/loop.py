@@ -20,7 +20,7 @@ from ambkit.export.c.exporter import export_c, made
 from ambkit.export.c.model import states
 from ambkit.export.pil import boards, build
 from ambkit.export.pil.processor import Processor
-from ambkit.export.pil.result import Pil, judged, others_sent
+from ambkit.export.pil.result import Pil, compare_bits, unequal_frames
 from ambkit.machine.machine import Machine
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
@@ -59,21 +59,21 @@ def pil(
     of_type(Scenario, scenario=base_scenario)
     sequence = base_scenario.sequence or LiftOff()
     lift_scenario = base_scenario.model_copy(update={"start": "landed", "sequence": sequence})
-    estimator = made(kind, plant, magnet, filter_file, {"precision": "float32"})
+    filter = made(kind, plant, magnet, filter_file, {"precision": "float32"})
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         export = export_c(
             plant, magnet, folder / "export", kind=kind, filter_file=filter_file,
             prefix=build.PREFIX, telemetry=True, force=force, scenario=lift_scenario,
         ).folder  # fmt: skip
-        fields = [state.field for state in states(estimator.states)]
+        fields = [state.field for state in states(filter.states)]
         runs = boards.in_qemu(for_board)
         image = build.firmware(export, fields, runs, folder / "qemu", several)
         built = build.size(export, for_board, folder / "board", several)
-        run = simulate_run(plant, lift_scenario, estimator=estimator)
+        run = simulate_run(plant, lift_scenario, estimator=filter)
         machine, record = run.machine, run.record
         measurement = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
-        y = estimator.inputs.y.numbers(measurement)
+        y = filter.inputs.y.numbers(measurement)
         r = np.column_stack([record[signal("r", name)] for name in run.axes])
         flies, speed = sequence.fly(record.t), record.signals.get("speed", np.zeros(len(y)))
         (folder / "pipes").mkdir()
@@ -83,27 +83,27 @@ def pil(
                 processor.step(y[k], r[k], fly=flies[k] > 0, speed=speed[k])
             greeting, answers = processor.greeting, processor.answers
         frames = read_telemetry(folder / "pipes" / "frames", export / "telemetry.json")
-    others = _others(answers, _expected(run, estimator, lift_scenario, y, r, flies), run)
+    others = _others(answers, _expected(run, filter, lift_scenario, y, r, flies), run)
     s = np.column_stack([record[run.displacement(name)] for name in run.axes])
     travel = np.array([axis.bearing.clearance for axis in machine.axes])
-    names = [state.name for state in estimator.states]
-    return judged(
+    names = [state.name for state in filter.states]
+    return compare_bits(
         answers, greeting, off=s - r, moved=s, travel=travel, record=record, run=run,
         unequal=int(others.sum()), frames=frames,
-        unequal_frames=others_sent(answers, frames, names, coils=not several),
+        unequal_frames=unequal_frames(answers, frames, names, coils=not several),
         board=for_board.about, built=built,
     )  # fmt: skip
 
 
 def _expected(
-    run: Run, estimator: Estimator, scenario: Scenario, y: Array,
+    run: Run, filter: Estimator, scenario: Scenario, y: Array,
     r: Array, flies: Array,
 ) -> Expected:  # fmt: skip
     """Return what the processor is to answer: as simulated, or along a rig's rounded numbers."""
     record = run.record
-    if run.machine.single and (estimator.inputs.y.gain != 1 or estimator.inputs.y.zero):
-        pid = scenario.of_one_axis(estimator.bearing).controller
-        controller = Controller.of_axis(estimator.bearing, estimator, pid, scenario.sequence)
+    if run.machine.single and (filter.inputs.y.gain != 1 or filter.inputs.y.zero):
+        pid = scenario.of_one_axis(filter.bearing).controller
+        controller = Controller.of_axis(filter.bearing, filter, pid, scenario.sequence)
         rounded = y[:, 0].astype("f4").astype(float)
         return controller.run(rounded, r[:, 0], flies)
     assert run.estimate is not None

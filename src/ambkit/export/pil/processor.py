@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.errors import AmbkitError
-from ambkit.export.pil.boards import QEMU
-from ambkit.export.pil.emulator import command
+from ambkit.export.pil.boards import QEMU, qemu_command
 
 OFTEN = 20
 """Every so many samples instructions are counted, and wherever mode or status is another."""
@@ -57,7 +56,7 @@ class Processor:
             # For both directions: opening does not wait for the other end.
             self._pipes.append(os.open(folder / name, os.O_RDWR))
         self._process = subprocess.Popen(
-            command(image), cwd=folder,
+            qemu_command(image), cwd=folder,
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         )  # fmt: skip
         try:

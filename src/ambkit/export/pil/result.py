@@ -116,7 +116,7 @@ class Pil(Result):
                 instructions_figure(self.record.t, counted)]  # fmt: skip
 
 
-def others_sent(answers: NDArray[np.void], frames: Record, names: list[str], coils: bool) -> int:
+def unequal_frames(answers: NDArray[np.void], frames: Record, names: list[str], coils: bool) -> int:
     """Return how many numbers the telemetry has otherwise than the answers."""
     # told (n,)
     if frames.t.size != len(answers):
@@ -130,7 +130,7 @@ def others_sent(answers: NDArray[np.void], frames: Record, names: list[str], coi
     return sum(int((there != sent).sum()) for there, sent in pairs)
 
 
-def judged(
+def compare_bits(
     answers: NDArray[np.void],
     greeting: np.void,
     *,

@@ -10,29 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import engineering, figure
 from ambkit.data.reading.despike import without_spikes
-from ambkit.estimate.constant_velocity import ConstantVelocityFilter, tune
-from ambkit.estimate.innovations import whiteness
-from ambkit.identification.corpus.arx import ORDER, fit_arx, normal_of
+from ambkit.identification.corpus.baselines import Baselines
 from ambkit.identification.corpus.corpus_figure import corpus_figure
-from ambkit.identification.corpus.magnet_strength import Weakened, weakened
+from ambkit.identification.corpus.magnet_strength import StrengthLoss, strength_loss
 from ambkit.identification.corpus.pooling import Pooled, pool
-from ambkit.identification.corpus.predicted_control import fit_controls, normal_of_controls
+from ambkit.identification.corpus.prediction import Prediction, predict, rms
 from ambkit.identification.corpus.segmentation import SMOOTHED, Stretch, cut, flights, noise_of
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
-from ambkit.identification.maximum_likelihood.likelihood import settling_time
-from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_on_a_line
-from ambkit.identification.maximum_likelihood.parameters import NOISES, Parameter, beforehand, usual
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel, is_interpolated
+from ambkit.identification.maximum_likelihood.parameters import NOISES, Parameter, priors_of, usual
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
-from ambkit.identification.maximum_likelihood.validation import (
-    AS_GOOD,
-    as_expected,
-    little_left,
-    predictable,
-)
 from ambkit.identification.noise import with_steps
 from ambkit.machine.accessories import Hum
 from ambkit.result.result import Result
@@ -45,74 +35,10 @@ if TYPE_CHECKING:
     from ambkit.result.report.figure import Figure
 
 
-AHEAD = (1, 10)  #: Samples ahead that are predicted.
-
-SPARE = 2
-"""Controls more than these that are expected: one between whose two a line goes, one of a delay
-below zero."""
-
-LAGS = 50  #: Of the correlation of the residuals.
-
 SAME_LINE = 0.02
 """By which share frequencies of one line may differ between logs: the mains keep to 1 %."""
 
 FEWEST = 2  #: Logs that can be pooled.
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """How a log is predicted by a model of the others."""
-
-    name: str  #: Of the log.
-    samples: int  #: Measurements that count.
-    #: Samples ahead, and the RMS error [m]: of the model, with the controls since; of the model,
-    #: with those that its past lets expect; of the last measurement, held; of the constant-velocity
-    #: filter; of the ARX model. These two, and what is to be expected, are fitted to the others as
-    #: well.
-    error: Mapping[int, float]
-    alone: Mapping[int, float]
-    held: Mapping[int, float]
-    unmodelled: Mapping[int, float]
-    arx: Mapping[int, float]
-    floor: float  #: Noise of the measurement itself, as the model has it along this log, rms [m].
-    nis: float  #: Mean normalised innovation squared; 1 where the noise is right.
-    #: Share of 50 lags at which the residuals correlate no more than white ones would.
-    white: float
-    left: float  #: Share of the residuals' variance that their own past and the control's predict.
-
-    @property
-    def good(self) -> bool:
-        """Whether nothing knows more of this log than the model."""
-        # No baseline predicts it better, its noise is what the model expects, and hardly anything
-        # of what is left could be predicted. The ARX model knows no later control, so it is held
-        # against the model without these.
-        known = ((self.error, self.held), (self.error, self.unmodelled), (self.alone, self.arx))
-        beaten = all(own[k] <= AS_GOOD * other[k] for k in AHEAD for own, other in known)
-        return beaten and as_expected(self.nis) and little_left(self.left)
-
-    def rows(self) -> list[Row]:
-        """Return the figures as rows."""
-        return [
-            Row("samples", "samples", self.samples, detail=True),
-            *(Row(f"{key}.{k}", f"{words} {k}", value, "m", 3)
-              for k in AHEAD for key, (name, words) in KINDS.items()
-              for value in [getattr(self, name)[k]]),
-            Row("noise_floor", "noise", self.floor, "m", 3, detail=True),
-            Row("nis", "NIS", self.nis, digits=3),
-            Row("white_share", "white", self.white, "%"),
-            Row("predictable_share", "left", self.left, "%"),
-            Row("good", "good", self.good),
-        ]  # fmt: skip
-
-
-KINDS = {
-    "error": ("error", "error"),
-    "without_later_controls": ("alone", "alone"),
-    "arx": ("arx", "ARX"),
-    "without_a_magnet": ("unmodelled", "velocity"),
-    "held": ("held", "held"),
-}
-"""Errors of a log that is predictions: their attribute, and their name."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -128,7 +54,7 @@ class Corpus(Result):
     left_out: Mapping[str, str]  #: Logs that nothing is identified from, and why.
     spikes: Mapping[str, str]  #: Logs whose positions have spikes, and how many were left out.
     #: How much weaker a one-sided magnet is in flight than it was described, and at what amplitude.
-    weakened: Weakened | None = None
+    strength_loss: StrengthLoss | None = None
 
     @property
     def bearing(self) -> Bearing:
@@ -137,7 +63,7 @@ class Corpus(Result):
         known = [step for step in steps if step is not None]
         step = min(known) if known and len(known) == len(steps) else None
         noise_found = any(p.name == "measurement_noise" for p in self.pooled.parameters)
-        return with_steps(self.model.late_bearing(), step, noise_found=noise_found)
+        return with_steps(self.model.delayed_machine(), step, noise_found=noise_found)
 
     @property
     def not_used(self) -> list[tuple[str, str]]:
@@ -178,11 +104,13 @@ class Corpus(Result):
                 Row("scatter_between_logs", "scatter between logs", scatter,
                     "%" if one.positive else one.unit),
             ], section=("parameters",), of=name)  # fmt: skip
-            for log, value, error in zip(self.found, p.each[:, k], p.each_error[:, k], strict=True):
+            for log, value, error in zip(self.found, p.each[:, k], p.log_errors[:, k], strict=True):
                 error = float(error) * _scale(one, float(value))
                 result.append(Row(one.name, name, float(value), one.unit, of=log, error=error,
                                  section=("alone",)))  # fmt: skip
-        for log, flight in ({} if self.weakened is None else self.weakened.flights).items():
+        for log, flight in (
+            {} if self.strength_loss is None else self.strength_loss.flights
+        ).items():
             result += put([
                 Row("amplitude", "amplitude of the current", flight.amplitude, "A", 2),
                 Row("factor", "described over found", flight.factor,
@@ -197,7 +125,7 @@ class Corpus(Result):
     @property
     def notes(self) -> list[str]:
         """What the figures mean, and what is left out."""
-        weaker = [] if self.weakened is None else [self.weakened.text]
+        weaker = [] if self.strength_loss is None else [self.strength_loss.text]
         return [
             "Errors are rms, so many samples ahead, with the controls since. Alone is the model "
             "with the controls that the past lets expect; ARX knows no other, velocity is a Kalman "
@@ -222,7 +150,7 @@ class Corpus(Result):
             "lines": [h.model_dump() for h in self.model.bearing.sensor.hum],
             "left_out": dict(self.left_out),
             "spikes": dict(self.spikes),
-            "in_flight": None if self.weakened is None else asdict(self.weakened),
+            "in_flight": None if self.strength_loss is None else asdict(self.strength_loss),
         }  # fmt: skip
 
     def figures(self) -> list[Figure]:
@@ -259,11 +187,11 @@ def identify_corpus(
             f"a corpus needs {FEWEST} logs of a flight, {len(flight_records)} are left: {why}"
         )
     free = usual(start) if free is None else free
-    if all(goes_on_a_line(r) for parts in flight_records.values() for r in parts):
+    if all(is_interpolated(r) for parts in flight_records.values() for r in parts):
         start = start.replace(line=True)
     # The sampled model is exact, but for the part of a sample in a delay: nanometres.
     start = start.replace(substeps=1)
-    start = start.replace(known={n: v for n, v in beforehand(start).items() if n in free})
+    start = start.replace(known={n: v for n, v in priors_of(start).items() if n in free})
     names = list(flight_records)
     result = _each(flight_records, start, free, threads, note)
     for name in [name for name in names if isinstance(result[name], str)]:
@@ -289,7 +217,7 @@ def identify_corpus(
         predicted = list(workers.map(by_the_others, names))
     joint, model = _together(list(likelihoods.values()), start)
     note("the magnet in flight and as described")
-    weaker = weakened(flight_records, likelihoods, start, threads)
+    weaker = strength_loss(flight_records, likelihoods, start, threads)
     return Corpus(start, model, joint, likelihoods, predicted, stretches, left_out, spikes, weaker)
 
 
@@ -306,7 +234,7 @@ def _together(results: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[P
             shared.append(
                 Hum(
                     frequency=float(np.median(frequencies)),
-                    amplitude=_rms(np.array([h.amplitude for h in near])),
+                    amplitude=rms(np.array([h.amplitude for h in near])),
                     # A line that is elsewhere in each log wanders as far.
                     bandwidth=max(float(np.median([h.bandwidth for h in near])),
                                   float(np.std(frequencies))),
@@ -382,79 +310,3 @@ def _each(
     with ThreadPoolExecutor(threads) as workers:
         rest = workers.map(lambda name: searched(name, begin, parameters, improve=False), names[1:])
         return {names[0]: first, **dict(zip(names[1:], rest, strict=True))}
-
-
-@dataclass(frozen=True, eq=False)
-class Baselines:
-    """What predicts without knowing a magnet, fitted to some logs."""
-
-    naive: ConstantVelocityFilter  #: Tuned by the likelihood.
-    normal: Mapping[int, Array]  #: Samples ahead, and the normal equations of an ARX model.
-    controls: Array  #: Normal equations of the controls that are to be expected.
-
-    @classmethod
-    def of(cls, records: Sequence[Record]) -> Baselines:
-        """Fit them to the flights of one log."""
-        T = records[0].sampling_time
-        naive = tune([record["y"] for record in records], T)
-        controls = normal_of_controls(records, AHEAD[-1] + SPARE)
-        return cls(naive, {k: normal_of(records, k) for k in AHEAD}, controls)
-
-    @classmethod
-    def together(cls, several: Sequence[Baselines]) -> Baselines:
-        """Return those of several logs: one ARX model, and what they tune to in the mean."""
-        q, R = (
-            math.exp(float(np.mean([math.log(getattr(one.naive, name)) for one in several])))
-            for name in ("q", "R")
-        )
-        normal = {k: np.sum([one.normal[k] for one in several], axis=0) for k in AHEAD}
-        controls = np.sum([one.controls for one in several], axis=0)
-        return cls(ConstantVelocityFilter(several[0].naive.T, q, R), normal, controls)
-
-
-def predict(
-    name: str, records: Sequence[Record], model: LoopModel, others: Baselines
-) -> Prediction:
-    """Foretell a log by a model that has not seen it, beside what knows no magnet."""
-    naive = others.naive
-    first = max(round(settling_time(model.bearing) / records[0].sampling_time) * 4, ORDER)
-    misses: dict[str, dict[int, list[Array]]] = {
-        kind: {k: [] for k in AHEAD} for kind in ("model", "alone", "held", "naive", "arx")
-    }
-    residuals, squares, variances, controls = [], [], [], []
-    linear = {k: fit_arx(others.normal[k], k) for k in AHEAD}
-    expected = fit_controls(others.controls)
-    for record in records:
-        y = record["y"]
-        e, S, used = model.innovations(record)
-        used[:first] = False
-        residuals.append((e / np.sqrt(S))[used])
-        controls.append(record["u"][used])
-        squares.append((e**2 / S)[used])
-        share = 1 + model.bearing.sensor.position_noise * (y - model.position_offset)
-        variances.append(model.bearing.sensor.noise_variance * np.clip(share, 1 / 8, 8)[used] ** 2)
-        windows = expected.windows(record)
-        for k in AHEAD:
-            target = y[k:]
-            uncontrolled = np.full(target.size, np.nan)
-            uncontrolled[ORDER - 1 :] = model.predict_with(record, k, windows, ORDER)[: -k or None]
-            for kind, guess in (
-                ("model", model.predict(record, k)), ("alone", uncontrolled), ("held", y[:-k]),
-                ("naive", naive.predict(y, k)), ("arx", linear[k].predict(record)),
-            ):  # fmt: skip
-                misses[kind][k].append((target - guess)[first:])
-    rms = {
-        kind: {k: _rms(np.concatenate(parts)) for k, parts in by.items()}
-        for kind, by in misses.items()
-    }
-    residual = np.concatenate(residuals)
-    return Prediction(
-        name, residual.size, rms["model"], rms["alone"], rms["held"], rms["naive"], rms["arx"],
-        _rms(np.sqrt(np.concatenate(variances))), float(np.mean(np.concatenate(squares))),
-        whiteness(residual, LAGS).share_within,
-        predictable(residual, np.concatenate(controls)),
-    )  # fmt: skip
-
-
-def _rms(values: Array) -> float:
-    return math.sqrt(float(np.nanmean(values**2)))

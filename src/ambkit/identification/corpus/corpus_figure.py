@@ -11,9 +11,9 @@ from ambkit.result.report.items import Axis, Bars
 
 KINDS = (
     ("error", "estimate", "model of the others"),
-    ("alone", "series 3", "model, without later controls"),
+    ("without_later_controls", "series 3", "model, without later controls"),
     ("arx", "series 1", "ARX"),
-    ("unmodelled", "series 2", "without a magnet"),
+    ("without_a_magnet", "series 2", "without a magnet"),
     ("held", "constant", "last measurement held"),
 )
 

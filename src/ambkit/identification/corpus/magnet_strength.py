@@ -31,7 +31,7 @@ LOOSE = 10.0
 
 
 @dataclass(frozen=True)
-class InFlight:
+class StrengthFit:
     """A magnet in one flight."""
 
     amplitude: float  #: Of the control current within the time in which the rotor falls, rms [A].
@@ -41,10 +41,10 @@ class InFlight:
 
 
 @dataclass(frozen=True)
-class Weakened:
+class StrengthLoss:
     """A magnet in several flights."""
 
-    flights: Mapping[str, InFlight]  #: By the names of the logs.
+    flights: Mapping[str, StrengthFit]  #: By the names of the logs.
     #: In the mean, and the standard error of its logarithm with the scatter between flights in it.
     factor: float
     factor_error: float
@@ -73,7 +73,7 @@ class Weakened:
 
 def _in_flight(
     records: Sequence[Record], result: MaximumLikelihood, start: LoopModel
-) -> InFlight | None:
+) -> StrengthFit | None:
     """Search a log with the gap as described; None where it does not tell the magnet."""
     # A current that flows is the one that was found, with the coil that it was found with.
     described = start.bearing.magnet
@@ -92,15 +92,15 @@ def _in_flight(
         k, error = held["magnet_constant"], held.standard_error("magnet_constant")
     except AmbkitError:
         return None
-    return InFlight(_amplitude(records, result.model), described.magnet_constant / k, error / k)
+    return StrengthFit(_amplitude(records, result.model), described.magnet_constant / k, error / k)
 
 
-def weakened(
+def strength_loss(
     records: Mapping[str, Sequence[Record]],
     results: Mapping[str, MaximumLikelihood],
     start: LoopModel,
     threads: int = 1,
-) -> Weakened | None:
+) -> StrengthLoss | None:
     """Say how much weaker a one-sided magnet is in flight than it is described."""
     if start.bearing.magnet.type != "one-sided":
         return None
@@ -121,7 +121,9 @@ def weakened(
     if y.size >= FEWEST and np.ptp(a) > 0:
         line, errors = _line(np.column_stack([np.ones_like(a), a - a.mean()]), y, e)
         slope, slope_error = float(line[1]), float(errors[1])
-    return Weakened(log_results, math.exp(float(mean[0])), float(mean_error[0]), slope, slope_error)
+    return StrengthLoss(
+        log_results, math.exp(float(mean[0])), float(mean_error[0]), slope, slope_error
+    )
 
 
 def _line(A: np.ndarray, y: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,10 +1,8 @@
 """What several logs say together, where each is a little different: random effects.
 
-Each log has its own estimate of the parameters, with an error. Physics is one, but the loops that
-excite it, the room's temperature and what a model leaves out are not: logs scatter by more than
-their errors. So ``theta_l ~ N(mu, C_l + T)`` with T diagonal, found by the restricted likelihood
-(DerSimonian and Laird 1986 for the model, Harville 1977 for the likelihood), and mu with an error
-that has the scatter in it.
+Logs scatter by more than their errors. So ``theta_l ~ N(mu, C_l + T)`` with T diagonal, by the
+restricted likelihood (DerSimonian and Laird 1986 for the model, Harville 1977 for the likelihood),
+and mu with an error that has the scatter in it.
 """
 
 from __future__ import annotations
@@ -37,7 +35,7 @@ class Pooled:
     #: (p,) Standard deviation between logs beyond their own errors, in the same units.
     scatter: Array
     each: Array  #: (logs, p) Of each log alone; NaN where a log holds the parameter.
-    each_error: Array
+    log_errors: Array
 
     def applied_to(self, model: LoopModel) -> LoopModel:
         """Return a model with these values."""
@@ -58,12 +56,12 @@ def pool(results: Sequence[MaximumLikelihood]) -> Pooled:
     names = [name for name in PARAMETERS if name in seen]
     parameters = [PARAMETERS[name] for name in names]
     size = np.array([1.0 if p.positive else COORDINATE.get(p.name, 1.0) for p in parameters])
-    parts, each_error = (np.full((len(results), len(names)), np.nan) for _ in range(2))
+    parts, log_errors = (np.full((len(results), len(names)), np.nan) for _ in range(2))
     fits = []
     for row, one in enumerate(results):
         own = [k for k, p in enumerate(one.parameters) if p.name in seen]
         at = [names.index(one.parameters[k].name) for k in own]
-        parts[row, at], each_error[row, at] = one.values[own], one.errors[own]
+        parts[row, at], log_errors[row, at] = one.values[own], one.errors[own]
         theta = np.zeros(len(names))
         theta[at] = [_coordinate(one.parameters[k], one.values[k]) for k in own]
         information = np.zeros((len(names), len(names)))
@@ -75,7 +73,7 @@ def pool(results: Sequence[MaximumLikelihood]) -> Pooled:
     values = np.array([_value(p, m) for p, m in zip(parameters, mean, strict=True)])
     return Pooled(
         parameters, values, size * np.sqrt(np.diag(covariance)),
-        np.where(scatter > 2 * LEAST_SCATTER, size * scatter, 0.0), parts, each_error,
+        np.where(scatter > 2 * LEAST_SCATTER, size * scatter, 0.0), parts, log_errors,
     )  # fmt: skip
 
 

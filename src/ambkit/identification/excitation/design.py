@@ -1,10 +1,7 @@
 """The experiment that tells most about a bearing while its loop keeps within limits.
 
-The excitation is added to the reference of the position controller, and not to the control signal:
-every loop has that input, and no rig must be changed for it. Nothing is lost by it. A PID passes
-the reference on by its gain kp and its set-point weight b, while its derivative looks at the
-position alone; so a reference r acts as a control signal of ``b kp r / k_ui`` would, at frequencies
-far above the loop's own too.
+The excitation is added to the reference, an input that every loop has. Nothing is lost by it: a PID
+passes it on by its gain kp and set-point weight b, so r acts as a control signal ``b kp r / k_ui``.
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
 """The magnet's force on a grid of operating points, with its uncertainty, from records of the loop.
 
-The law that was identified is corrected at the nodes of a grid, bilinearly between them, such that
-the Kalman filter's innovations are least surprising (as in `maximum_likelihood`: so it is unbiased
-in closed loop). Before, an error of the law is taken to be smooth: alike for nodes that are near
-each other. So a node between others that were visited is known by them, more nodes cost no
-certainty, and far from where the rotor was the correction stays zero and its error the one that was
-assumed: the law itself is then all that is known.
+The identified law is corrected at the nodes, bilinearly between them, by the innovations of the
+Kalman filter (so it is unbiased in closed loop). Its error is taken to be smooth beforehand: nodes
+between visited ones are known by them, and far from where the rotor was the law itself is left.
 """
 
 from __future__ import annotations
@@ -17,13 +14,11 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import REACH, smooth
-from ambkit.machine.forces.table import check_nodes
 from ambkit.machine.magnets import equally_far, magnet_of
 
 if TYPE_CHECKING:
@@ -38,6 +33,9 @@ FINE = 65
 """Nodes a side of the table that the filter asks, over all that the records visit: a few for each
 node of the map, as the law is bent between them."""
 
+ASSUMED = (
+    0.2  #: Of the range of the law: how wrong it may be before any record, standard deviation.
+)
 NODES = (9, 7, 5)  #: Nodes a side that are thought of by default, the finest first.
 ENOUGH = 20  #: Samples that a node needs to be told from its neighbours.
 LARGEST = 20_000_000  #: Derivatives, one for each sample and node, that are kept at once: 160 MB.
@@ -85,10 +83,7 @@ def force_map(
     model: LoopModel,
     records: Record | Sequence[Record],
     *,
-    currents: ArrayLike | None = None,
-    displacements: ArrayLike | None = None,
     nodes: tuple[int, int] | None = None,
-    share: float = 0.2,
     settling: float = 0.0,
     note: Callable[[str], None] = lambda text: None,
 ) -> ForceMap:
@@ -100,11 +95,11 @@ def force_map(
     limit = b.rotor.clearance
     visited = np.clip(iu, b.current_min, b.current_max), np.clip(x, -limit, limit)
     across, along = nodes_for(*visited) if nodes is None else nodes
-    current = _nodes("currents", currents, visited[0], across, "A")
-    displacement = _nodes("displacements", displacements, visited[1], along, "m")
+    current = _nodes("currents", visited[0], across)
+    displacement = _nodes("displacements", visited[1], along)
     grid = np.meshgrid(current, displacement)
     law = magnet_of(b).force(*grid)
-    assumed = share * float(np.ptp(law))
+    assumed = ASSUMED * float(np.ptp(law))
 
     def innovations(correction: Array) -> tuple[Array, Array, Bools]:
         magnet = _Corrected(b, current, displacement, correction.reshape(law.shape), ranges)
@@ -118,9 +113,27 @@ def force_map(
         return e, sigma, used
 
     ranges = [_all_of(values) for values in visited]
-    known_before = _known_before(current, displacement, assumed)
-    w = np.zeros(law.size)
-    step = 0.05 * assumed
+    before = _known_before(current, displacement, assumed)
+    correction, errors = _corrections(innovations, before, 0.05 * assumed, note)
+    return ForceMap(
+        current,
+        displacement,
+        law + correction.reshape(law.shape),
+        errors.reshape(law.shape),
+        law,
+        assumed,
+    )
+
+
+def _corrections(
+    innovations: Callable[[Array], tuple[Array, Array, Bools]],
+    before: Array,
+    step: float,
+    note: Callable[[str], None],
+) -> tuple[Array, Array]:
+    """Return the corrections at the nodes (n,) and their standard errors, by least squares."""
+    # before (n, n): information; step [N]: of the differences
+    w = np.zeros(len(before))
     for k in range(ROUNDS):
         e, sigma, used = innovations(w)
         slopes = []
@@ -134,22 +147,13 @@ def force_map(
         # e/sigma would find the force that makes sigma large (the likelihood's other half is
         # left out; it tells next to nothing of the force).
         J = np.array(slopes)[:, used] / sigma[used]
-        e = e[used] / sigma[used]
-        information = J @ J.T + known_before
-        w = w - np.linalg.solve(information, J @ e + known_before @ w)
+        information = J @ J.T + before
+        w = w - np.linalg.solve(information, J @ (e[used] / sigma[used]) + before @ w)
     # A constant force cannot be told from a load: it is taken off, as the records see it.
     seen = np.diag(J @ J.T)
     less_mean = np.eye(w.size) - seen / seen.sum()
     covariance = less_mean @ np.linalg.inv(information) @ less_mean.T
-    correction, errors = less_mean @ w, np.sqrt(np.diag(covariance))
-    return ForceMap(
-        current,
-        displacement,
-        law + correction.reshape(law.shape),
-        errors.reshape(law.shape),
-        law,
-        assumed,
-    )
+    return less_mean @ w, np.sqrt(np.diag(covariance))
 
 
 class _Corrected:
@@ -232,14 +236,10 @@ def _ends(visited: Array) -> Array:
     return np.asarray(np.nanpercentile(visited, [0.5, 99.5]))
 
 
-def _nodes(name: str, values: ArrayLike | None, visited: Array, count: int, unit: str) -> Array:
-    if values is None:
-        low, high = _ends(visited)
-        if not high > low:
-            raise AmbkitError(f"the records cover no range of {name}: let the rotor move")
-        if count < 4:
-            raise AmbkitError(f"nodes of {name} must be 4 or more, are {count}")
-        return np.linspace(low, high, count)
-    nodes = np.array(values, dtype=float)
-    check_nodes(name, nodes, unit, least=4)
-    return nodes
+def _nodes(name: str, visited: Array, count: int) -> Array:
+    low, high = _ends(visited)
+    if not high > low:
+        raise AmbkitError(f"the records cover no range of {name}: let the rotor move")
+    if count < 4:
+        raise AmbkitError(f"nodes of {name} must be 4 or more, are {count}")
+    return np.linspace(low, high, count)

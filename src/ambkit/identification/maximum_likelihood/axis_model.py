@@ -65,7 +65,9 @@ class AxisModel(LoopModel):
         y = np.full((len(u), len(self.machine.readings)), np.nan)
         for k, reading in enumerate(self.machine.readings):
             y[:: self.substeps, k] = record[signal("y", reading.name)]
-        y[:: self.substeps, own] = record["y"] - self.position_offset - self.misplaced(record["u"])
+        y[:: self.substeps, own] = (
+            record["y"] - self.position_offset - self.offset_error(record["u"])
+        )
         std = dict(zip((s.name for s in kalman.states), kalman.default_std(), strict=True))
         if np.isfinite(self.load_std):
             std |= {name: self.load_std for name in std if name.startswith("f_d")}
@@ -77,14 +79,14 @@ class AxisModel(LoopModel):
     def _of_axis(self, axis: str, record: Record) -> Array:
         """Return what acts at the filter's steps of an axis's control signal [V]."""
         if axis == self.axis:
-            return self._acting(record["u"])
+            return self._delayed_control(record["u"])
         other = LoopModel(
             self.machine.isolated_axis(axis),
             delay=self.delay,
             substeps=self.substeps,
             line=self.line,
         )
-        return other._acting(record[signal("u", axis)])
+        return other._delayed_control(record[signal("u", axis)])
 
 
 def axis_record(record: Record, model: AxisModel) -> Record:

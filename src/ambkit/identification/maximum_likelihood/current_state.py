@@ -1,22 +1,15 @@
 """The current as a state that is measured and driven: what a noisy sensor shows, and what flows.
 
-A control signal drives the current through the coil, and a sensor shows it with noise. Taken for
-what flows, the sensor's noise moves no rotor: a quiet loop, in which hardly anything else is new in
-the current, then seems to have a weaker magnet and a force before its current. So where a record
-has both, the current that flows is found from both::
+The noise of a current's sensor moves no rotor: taken for what flows, a quiet loop seems to have a
+weaker magnet. So where a record has the control too, the current is found from both::
 
     i+ = a i + (1 - a) (G (u - u0)) + w,      a = exp(-T/tau),      i_m = i + v
 
 by the stationary Kalman filter, its figures as likely as can be, and smoothed (Rauch, Tung and
-Striebel 1965). That looks ahead, and tells nothing of the position's noise all the same: given the
-control signal, the current depends on ``w`` alone, whatever made the control signal. What is left
-unknown is a deviation that is forgotten within `FlowingCurrent.memory`; given the measurements it
-is a process of first order again. With it as a state of the filter along the position, the
-likelihood of both signals is exact for a coil whose time constant stands still.
-
-That of the current alone is not: a controller answers to what ``w`` has done to the rotor, and so
-the control tells of the current what its own measurements do not yet. So the coil found here is
-where the search of both begins (``joint.py``).
+Striebel 1965). Given the control, it depends on ``w`` alone, and tells nothing of the position's
+noise. What is left unknown, a process of first order with `CurrentState.memory`, is a state of
+the filter along the position: so the likelihood of both signals is exact for a constant tau. In a
+loop the control knows of ``w`` by the rotor: so coil and loop are then searched together (`joint`).
 """
 
 from __future__ import annotations
@@ -49,7 +42,7 @@ LONGEST_TIME = 2000
 LEAST_SAMPLES = 500  #: Of all records together, that a coil is found from.
 FIGURES = 3  #: That a control has beyond the current's own past: gain, zero and delay.
 
-TOO_QUIET = (
+INSUFFICIENT_EXCITATION = (
     "the noise of the measured current is a good part of what the current does: it passes for a "
     "delay below zero and biases the magnet; with the signal that drives the current, control in "
     "the channel map, what flows could be told"
@@ -60,7 +53,7 @@ QUIET = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class FlowingCurrent:
+class CurrentState:
     """What control signals and measured currents say of each other, and what flowed."""
 
     records: Sequence[Record]  #: With the current that flows for the one that was measured.
@@ -109,7 +102,7 @@ class FlowingCurrent:
         return {name: float(getattr(self, name)) for name in names}
 
 
-def too_quiet(records: Sequence[Record], own_time: float) -> bool:
+def insufficient_excitation(records: Sequence[Record], own_time: float) -> bool:
     """Whether noise is a good part of a current's change in the plant's time constant [s]."""
     changes, noise = [], []
     for record in records:
@@ -124,7 +117,7 @@ def too_quiet(records: Sequence[Record], own_time: float) -> bool:
     return white > QUIET**2 * float(np.var(np.concatenate(changes)))
 
 
-def flowing(records: Sequence[Record], amplifier_gain: float = 1.0) -> FlowingCurrent | None:
+def smooth_current(records: Sequence[Record], amplifier_gain: float = 1.0) -> CurrentState | None:
     """Find the current that flows from a measured current and what drives it."""
     is_complete = all(
         CONTROL in record and np.isfinite(record[CONTROL]).all() and np.isfinite(record["u"]).all()
@@ -140,10 +133,10 @@ def flowing(records: Sequence[Record], amplifier_gain: float = 1.0) -> FlowingCu
         return None
     if sum(len(i) - coil.settled for i, _ in pairs) < LEAST_SAMPLES / 2:
         return None
-    return through(coil, records, amplifier_gain)
+    return propagate(coil, records, amplifier_gain)
 
 
-def through(coil: Coil, records: Sequence[Record], amplifier_gain: float) -> FlowingCurrent:
+def propagate(coil: Coil, records: Sequence[Record], amplifier_gain: float) -> CurrentState:
     """Return the current that flows where it follows the control through a coil."""
     T, scale, back = records[0].sampling_time, abs(amplifier_gain), coil.back
     innovations = [coil.predicted(r["u"], r[CONTROL])[1][coil.settled :] for r in records]
@@ -152,7 +145,7 @@ def through(coil: Coil, records: Sequence[Record], amplifier_gain: float) -> Flo
     flows = [
         {name: r[name] for name in r} | {"u": coil.smoothed(r["u"], r[CONTROL])} for r in records
     ]
-    return FlowingCurrent(
+    return CurrentState(
         [Record(r.t, flow, r.units, r.meta) for r, flow in zip(records, flows, strict=True)],
         coil.gain * amplifier_gain, coil.zero * amplifier_gain, coil.lag * T, coil.delay * T,
         scale * math.sqrt(sensor), scale * math.sqrt(sensor * max(unknown, 0.0)),

@@ -9,51 +9,58 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.reading.despike import without_spikes
 from ambkit.estimate.estimator import check_sampling
 from ambkit.identification.maximum_likelihood.current_state import (
-    TOO_QUIET,
-    flowing,
-    too_quiet,
+    INSUFFICIENT_EXCITATION,
+    CurrentState,
+    insufficient_excitation,
+    smooth_current,
 )
-from ambkit.identification.maximum_likelihood.information import doubtful
-from ambkit.identification.maximum_likelihood.initial_guess import best_start
+from ambkit.identification.maximum_likelihood.information import weakly_identified
+from ambkit.identification.maximum_likelihood.initial_guess import initial_guess
 from ambkit.identification.maximum_likelihood.joint import Joint
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
+from ambkit.identification.maximum_likelihood.likelihood import (
+    Likelihood,
+    likelihood_at,
+    settling_time,
+)
 from ambkit.identification.maximum_likelihood.line_noise import with_lines
-from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_on_a_line
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel, is_interpolated
 from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
     NOISES,
     USUAL,
     Coordinates,
     Parameter,
-    beforehand,
+    identifiable,
     named,
-    searchable,
+    priors_of,
 )
 from ambkit.identification.maximum_likelihood.profile_likelihood import intervals
 from ambkit.identification.maximum_likelihood.restricted_likelihood import restricted
 from ambkit.identification.maximum_likelihood.result import CONFIDENCE, MaximumLikelihood
 from ambkit.identification.maximum_likelihood.search import (
     WALL,
-    Climbed,
-    climb,
-    hold,
-    narrowed,
-    not_needed,
-    ran_away,
-    with_room,
+    Optimum,
+    diverged,
+    fix,
+    maximise,
+    restore_clearance,
+    tighten_clearance,
+    unnecessary,
 )
 from ambkit.identification.noise import position_step
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
+    from ambkit.machine.accessories import Hum
     from ambkit.machine.machine import Bearing
 
 
@@ -77,126 +84,48 @@ def maximum_likelihood(
     # Spikes of the position are left out first.
     logged = [records] if not isinstance(records, Sequence) else list(records)
     several, spikes = without_spikes(logged)
-    initial_model = start if isinstance(start, LoopModel) else LoopModel(start)
-    parameters, alike = searchable(named(free), initial_model)
+    model = start if isinstance(start, LoopModel) else LoopModel(start)
+    parameters, alike = identifiable(named(free), model)
     if not parameters:
         reasons = "".join(f"; {name}: {why}" for name, why in alike.items())
         raise AmbkitError(f"no parameter is free{reasons}")
-    if settling is None:
-        settling = settling_time(initial_model.bearing)
-    _check_records(several, initial_model, settling)
-    nominal_model, initial_model = initial_model, _movable(initial_model, parameters)
-    current, measured, remarks = None, several, [spikes] if spikes else []
-    if all(goes_on_a_line(record) for record in several):
-        nominal_model, initial_model = (
-            model.replace(line=True) for model in (nominal_model, initial_model)
-        )
-        current = flowing(several, initial_model.bearing.amplifier.gain) if use_control else None
-    if current is not None:
-        note("the current that flows, from control and measurement")
-        several = list(current.records)
-        nominal_model, initial_model = (
-            current.driving(model) for model in (nominal_model, initial_model)
-        )
-    elif initial_model.line and too_quiet(several, settling_time(initial_model.bearing)):
-        remarks.append(TOO_QUIET)
-    known = beforehand(initial_model)
-    names = {p.name for p in parameters}
-    initial_model = initial_model.replace(
-        known={name: known[name] for name in known if name in names}
-    )
-    initial_model = with_room(several, initial_model, parameters)
-    begin, begun_from = initial_model, "the bearing given"
-    if improve_start:
-        note("looking for a start")
-        begin, begun_from = best_start(several, initial_model, parameters, settling)
-        # With a wrong idea of the noise, the information misleads; and offsets run away first.
-        sure = [p for p in parameters if p.name in (*NOISES, "position_noise", "delay")]
-        if 0 < len(sure) < len(parameters):
-            begin = climb(several, begin, sure, settling).model
+    settling = settling_time(model.bearing) if settling is None else settling
+    _check_records(several, model, settling)
+    search = _Search(several, model, settling, note)
+    search.remarks += [spikes] if spikes else []
+    search.prepare(parameters, use_control=use_control)
+    begin, started_from = search.begin(parameters, improve_start=improve_start)
     held = {
-        name: f"{why}; held at {named([name])[0].text(initial_model)}"
+        name: f"{why}; held at {named([name])[0].text(search.initial)}"
         for name, why in alike.items()
     }
-    search = _Search(several, nominal_model, settling, note)
     result, free_parameters, missed = search.up(begin, parameters)
     if lines:
-        note("looking for lines")
-        hum = with_lines(several, result.model, free_parameters, settling, note).bearing.sensor.hum
+        hum = search.lines(result.model, free_parameters)
         if hum != result.model.bearing.sensor.hum:
             # What could not be told beside lines that nobody knew of may be told now; and what
             # took their place is no start for it.
             begin = (begin if missed else result.model).replace(sensor__hum=hum)
             result, free_parameters, missed = search.up(begin, parameters)
-    parameters, held = free_parameters, held | missed
-    joint = None
-    if current is not None:
-        note("the coil, from current and position together")
-        joint = Joint(
-            measured, current, result.model, parameters, settling, current.coil.settled
-        ).climbed()
-        current, several = joint.current, list(joint.current.records)
-        result = climb(several, joint.model, parameters, settling)
-        remarks.append(current.text)
+    parameters = free_parameters
+    joint = search.joint(result.model, parameters)
+    if joint is not None:
+        result = maximise(search.records, joint.model, parameters, settling)
     note("correcting what is biased")
-    model = restricted(several, result.model, result.local, parameters, settling)
-    coordinates = Coordinates(model, parameters)
-    local = Likelihood(several, coordinates, settling).local(np.zeros(len(parameters)))
-    unit = np.outer(coordinates.unit_steps(), coordinates.unit_steps())
-    joint_expansion = replace(joint, model=model).local(local) if joint is not None else local
-    inverse = np.asarray(np.linalg.inv(joint_expansion.information), float)
-    curved, robust = inverse * unit, inverse @ joint_expansion.scatter @ inverse * unit
-    larger = np.sqrt(np.maximum(np.diag(robust) / np.diag(curved), 1.0))
-    covariance = curved * np.outer(larger, larger)
-    profiles: dict[str, tuple[float, float]] = {}
-    if profile:
-        note("looking how far the errors hold")
-        uncoupled = np.asarray(
-            np.linalg.inv(local.information), float
-        )  # as if no coil were unknown
-        larger *= np.sqrt(np.diag(inverse) / np.diag(uncoupled))
-        profiles = intervals(several, model, parameters, uncoupled, larger, settling)
-    if current is not None:
-        searched, model = model, current.measuring(model)
-        one = np.array([_relative(p, searched, model) for p in parameters])
-        covariance, robust = (c * np.outer(one, one) for c in (covariance, robust))
-        profiles.pop("control_noise", None)  # of what control and measurement leave unknown
-    errors = np.sqrt(np.diag(covariance))
-    delay = [k for k, p in enumerate(parameters) if p.name == "delay"]
-    if delay and CONFIDENCE * errors[delay[0]] > initial_model.bearing.sampling_time:
-        remarks.append("the loop is too quiet to tell the delay to a sample")
-    model, touched = narrowed(several, nominal_model, model)
-    return MaximumLikelihood(
-        start=initial_model,
-        model=model,
-        parameters=parameters,
-        values=np.array([p.of(model) for p in parameters]),
-        errors=errors,
-        robust_errors=np.sqrt(np.diag(robust)),
-        covariance=covariance,
-        correlation=covariance / np.outer(errors, errors),
-        told=np.diag(inverse @ joint_expansion.told),
-        profiles=profiles,
-        touched=touched,
-        remarks=remarks,
-        current=current,
-        held=held,
-        log_likelihood=local.value,
-        start_log_likelihood=Likelihood(several, Coordinates(initial_model, []), settling).value(
-            np.zeros(0)
-        ),
-        samples=result.samples,
-        begun_from=begun_from,
-        steps=search.steps,
-        converged=result.converged,
-        settling=settling,
-        position_step=position_step(logged),
-    )
+    model = restricted(search.records, result.model, result.local, parameters, settling)
+    model, errors = search.errors(model, parameters, joint, profile=profile)
+    step = position_step(logged)
+    return search.result(model, parameters, errors, result, held | missed, started_from, step)
 
 
-def _relative(p: Parameter, before: LoopModel, after: LoopModel) -> float:
-    """By how much a standard error changes with the value that it is relative to."""
-    return p.of(before) / p.of(after) if p.positive else 1.0
+class _Errors(NamedTuple):
+    """How surely p parameters are known."""
+
+    covariance: Array  #: (p, p)
+    robust: Array  #: (p, p) The same by the scatter of the scores.
+    record_share: Array  #: (p,) The records' part of the precision.
+    profiles: dict[str, tuple[float, float]]
+    log_likelihood: float
 
 
 class _Search:
@@ -205,38 +134,165 @@ class _Search:
     def __init__(
         self,
         records: Sequence[Record],
-        nominal_model: LoopModel,
+        nominal: LoopModel,
         settling: float,
         note: Callable[[str], object],
     ) -> None:
-        self.records, self.asked, self.settling, self.note = records, nominal_model, settling, note
+        self.measured = self.records = records
+        self.nominal = self.initial = nominal
+        self.settling, self.note = settling, note
+        self.current: CurrentState | None = None
+        self.remarks: list[str] = []
         self.steps = 0
+
+    def prepare(self, parameters: list[Parameter], *, use_control: bool) -> None:
+        """Find the current that flows, what is known beforehand, and room for the search."""
+        models = [self.nominal, _movable(self.nominal, parameters)]
+        if all(is_interpolated(record) for record in self.records):
+            models = [model.replace(line=True) for model in models]
+            gain = models[1].bearing.amplifier.gain
+            self.current = smooth_current(self.records, gain) if use_control else None
+        if self.current is not None:
+            self.note("the current that flows, from control and measurement")
+            self.records = list(self.current.records)
+            models = [self.current.driving(model) for model in models]
+        elif models[1].line and insufficient_excitation(
+            self.records, settling_time(models[1].bearing)
+        ):
+            self.remarks.append(INSUFFICIENT_EXCITATION)
+        self.nominal, initial = models
+        names = {p.name for p in parameters}
+        known = {name: value for name, value in priors_of(initial).items() if name in names}
+        self.initial = tighten_clearance(self.records, initial.replace(known=known), parameters)
+
+    def begin(self, parameters: list[Parameter], *, improve_start: bool) -> tuple[LoopModel, str]:
+        """Return where the search begins, and what that is called."""
+        if not improve_start:
+            return self.initial, "the bearing given"
+        self.note("looking for a start")
+        begin, started_from = initial_guess(self.records, self.initial, parameters, self.settling)
+        # With a wrong idea of the noise, the information misleads; and offsets run away first.
+        sure = [p for p in parameters if p.name in (*NOISES, "position_noise", "delay")]
+        if 0 < len(sure) < len(parameters):
+            begin = maximise(self.records, begin, sure, self.settling).model
+        return begin, started_from
 
     def up(
         self, begin: LoopModel, parameters: list[Parameter]
-    ) -> tuple[Climbed, list[Parameter], dict[str, str]]:
+    ) -> tuple[Optimum, list[Parameter], dict[str, str]]:
         """Go up, hold one parameter that is not told after the other, and go up again."""
         held: dict[str, str] = {}
         while True:
             self.note(f"searching {len(parameters)} parameters")
-            result = climb(self.records, begin, parameters, self.settling)
+            result = maximise(self.records, begin, parameters, self.settling)
             self.steps += result.steps
-            worst = doubtful(result.local.information, parameters)
-            worst = worst or ran_away(result.model, parameters)
-            worst = worst or not_needed(self.records, result, parameters, self.settling)
+            worst = weakly_identified(result.local.information, parameters)
+            worst = worst or diverged(result.model, parameters)
+            worst = worst or unnecessary(self.records, result, parameters, self.settling)
             if worst is None:
                 return result, parameters, held
             parameter, why = worst
             parameters = [p for p in parameters if p is not parameter]
             from_start = begin if ALIKE in why or WALL in why else None
-            begin, at = hold(
-                self.records, result, parameter, parameters, self.asked, self.settling, from_start
+            begin, at = fix(
+                self.records, result, parameter, parameters, self.nominal, self.settling, from_start
             )
             held[parameter.name] = f"{why}; held at {at}"
             if not parameters:
                 raise AmbkitError(
                     "the records tell nothing: " + "; ".join(f"{n}: {w}" for n, w in held.items())
                 )
+
+    def lines(self, model: LoopModel, parameters: list[Parameter]) -> tuple[Hum, ...]:
+        """Return the lines of a model's sensor, and those that are found in the position."""
+        self.note("looking for lines")
+        lined = with_lines(self.records, model, parameters, self.settling, self.note)
+        return lined.bearing.sensor.hum
+
+    def joint(self, model: LoopModel, parameters: list[Parameter]) -> Joint | None:
+        """Find coil and loop together, where a current flows."""
+        if self.current is None:
+            return None
+        self.note("the coil, from current and position together")
+        settled = self.current.coil.settled
+        joint = Joint(
+            self.measured, self.current, model, parameters, self.settling, settled
+        ).maximised()
+        self.current, self.records = joint.current, list(joint.current.records)
+        self.remarks.append(joint.current.text)
+        return joint
+
+    def errors(
+        self, model: LoopModel, parameters: list[Parameter], joint: Joint | None, *, profile: bool
+    ) -> tuple[LoopModel, _Errors]:
+        """Return a model for the signals as they are measured, and how surely it is known."""
+        coordinates = Coordinates(model, parameters)
+        local = Likelihood(self.records, coordinates, self.settling).local(
+            np.zeros(len(parameters))
+        )
+        unit = np.outer(coordinates.unit_steps(), coordinates.unit_steps())
+        expansion = replace(joint, model=model).local(local) if joint is not None else local
+        inverse = np.asarray(np.linalg.inv(expansion.information), float)
+        curved, robust = inverse * unit, inverse @ expansion.scatter @ inverse * unit
+        larger = np.sqrt(np.maximum(np.diag(robust) / np.diag(curved), 1.0))
+        covariance = curved * np.outer(larger, larger)
+        profiles: dict[str, tuple[float, float]] = {}
+        if profile:
+            self.note("looking how far the errors hold")
+            # As if no coil were unknown.
+            uncoupled = np.asarray(np.linalg.inv(local.information), float)
+            larger *= np.sqrt(np.diag(inverse) / np.diag(uncoupled))
+            profiles = intervals(self.records, model, parameters, uncoupled, larger, self.settling)
+        if self.current is not None:
+            searched, model = model, self.current.measuring(model)
+            # A relative error changes with the value that it is relative to.
+            one = np.array([p.of(searched) / p.of(model) if p.positive else 1.0
+                            for p in parameters])  # fmt: skip
+            covariance, robust = (c * np.outer(one, one) for c in (covariance, robust))
+            profiles.pop("control_noise", None)  # of what control and measurement leave unknown
+        record_share = np.diag(inverse @ expansion.record_information)
+        return model, _Errors(covariance, robust, record_share, profiles, local.value)
+
+    def result(
+        self,
+        model: LoopModel,
+        parameters: list[Parameter],
+        errors: _Errors,
+        optimum: Optimum,
+        held: dict[str, str],
+        started_from: str,
+        step: float | None,
+    ) -> MaximumLikelihood:
+        """Return all that was found, with the stops of the description."""
+        standard_errors = np.sqrt(np.diag(errors.covariance))
+        delay = [k for k, p in enumerate(parameters) if p.name == "delay"]
+        if delay and CONFIDENCE * standard_errors[delay[0]] > model.bearing.sampling_time:
+            self.remarks.append("the loop is too quiet to tell the delay to a sample")
+        model, touched = restore_clearance(self.records, self.nominal, model)
+        return MaximumLikelihood(
+            start=self.initial,
+            model=model,
+            parameters=parameters,
+            values=np.array([p.of(model) for p in parameters]),
+            errors=standard_errors,
+            robust_errors=np.sqrt(np.diag(errors.robust)),
+            covariance=errors.covariance,
+            correlation=errors.covariance / np.outer(standard_errors, standard_errors),
+            record_share=errors.record_share,
+            profiles=errors.profiles,
+            touched=touched,
+            remarks=self.remarks,
+            current=self.current,
+            held=held,
+            log_likelihood=errors.log_likelihood,
+            start_log_likelihood=likelihood_at(self.records, self.initial, self.settling),
+            samples=optimum.samples,
+            started_from=started_from,
+            steps=self.steps,
+            converged=optimum.converged,
+            settling=self.settling,
+            position_step=step,
+        )
 
 
 def _check_records(records: Sequence[Record], model: LoopModel, settling: float) -> None:

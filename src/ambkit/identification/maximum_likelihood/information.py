@@ -22,8 +22,8 @@ from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
     Coordinates,
     Parameter,
+    identifiable,
     named,
-    searchable,
 )
 
 LEAST_EIGENVALUE = 1e-5
@@ -69,7 +69,7 @@ def expect(
 ) -> Expectation:
     """Say how surely a record would tell parameters of the model that it comes from."""
     # Parameters that cannot be told are held one by one, as `maximum_likelihood` does.
-    parameters, held = searchable(named(free), model)
+    parameters, held = identifiable(named(free), model)
     if settling is None:
         settling = settling_time(model.bearing)
     coordinates = Coordinates(model, parameters)
@@ -80,7 +80,9 @@ def expect(
 
     indices = list(range(len(parameters)))
     while indices:
-        worst = doubtful(information[np.ix_(indices, indices)], [parameters[at] for at in indices])
+        worst = weakly_identified(
+            information[np.ix_(indices, indices)], [parameters[at] for at in indices]
+        )
         if worst is None:
             break
         parameter, why = worst
@@ -98,7 +100,7 @@ def expect(
     )  # fmt: skip
 
 
-def alike_in(information: Array) -> list[int]:
+def correlated(information: Array) -> list[int]:
     """Places of parameters that the records cannot tell apart; empty where they can."""
     root = np.sqrt(np.maximum(np.diag(information), 1e-300))
     eigenvalues, vectors = np.linalg.eigh(information / np.outer(root, root))
@@ -107,14 +109,16 @@ def alike_in(information: Array) -> list[int]:
     return [i for i in range(root.size) if abs(vectors[i, 0]) > 0.25]
 
 
-def doubtful(information: Array, parameters: Sequence[Parameter]) -> tuple[Parameter, str] | None:
+def weakly_identified(
+    information: Array, parameters: Sequence[Parameter]
+) -> tuple[Parameter, str] | None:
     """Name a parameter that records do not tell, and why; None where they tell all."""
     # information (p, p)
     root = np.sqrt(np.diag(information))
     for at in reversed(range(root.size)):
         if not root[at] > 1.0:  # alone, with all others known, its error would be its coarse one
             return parameters[at], "the records do not depend on it"
-    alike = alike_in(information)
+    alike = correlated(information)
     if alike:
         names = " and ".join(parameters[i].name for i in alike)
         return parameters[alike[-1]], f"{names} {ALIKE}"

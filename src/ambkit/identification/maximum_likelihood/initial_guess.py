@@ -11,9 +11,9 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.identification.dead_time import delayed, lagged
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood
+from ambkit.identification.maximum_likelihood.likelihood import likelihood_at
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
+from ambkit.identification.maximum_likelihood.parameters import Parameter
 from ambkit.identification.online.adaline import Adaline
 from ambkit.machine.magnets import ConstantStiffness
 
@@ -25,7 +25,7 @@ LONGEST_DELAY = 8  #: Samples of delay that are tried.
 GROWTHS = (1e-6, 1e-4, 1e-2, 1.0)  #: Growths of the load that are tried, times the one given.
 
 
-def best_start(
+def initial_guess(
     records: Sequence[Record],
     initial_model: LoopModel,
     parameters: Sequence[Parameter],
@@ -55,8 +55,8 @@ def best_start(
         ]
 
     def likelihood(candidate: tuple[LoopModel, str]) -> float:
-        coarse = candidate[0].replace(substeps=1)  # it is only to tell hills from valleys
-        return Likelihood(records, Coordinates(coarse, []), settling).value(np.zeros(0))
+        # A coarse one: it is only to tell hills from valleys.
+        return likelihood_at(records, candidate[0].replace(substeps=1), settling)
 
     return max(candidates, key=likelihood)
 
@@ -64,7 +64,7 @@ def best_start(
 def _by_adaline(records: Sequence[Record], model: LoopModel) -> list[LoopModel]:
     """Take the magnet constant that ADALINE learns along the first record (paper, eq. 22-25)."""
     try:
-        k = Adaline(model.prompt_bearing).run(model.corrected(records[0])).magnet_constant
+        k = Adaline(model.undelayed_machine).run(model.corrected(records[0])).magnet_constant
         return [model.replace(magnet__magnet_constant=k)]
     except (AmbkitError, ValueError):
         return []

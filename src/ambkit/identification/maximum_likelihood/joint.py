@@ -1,13 +1,11 @@
 """The coil before the magnet, from current and position together.
 
-In a closed loop the control answers to the position, which tells what the current has done. A coil
-that is fitted to control and current alone takes that answer for what it follows: over seeds of a
-quiet loop its gain comes out 0.4 % too small and its lag 0.8 % too long, ten of its standard errors
-in 60 records, and the gap that is found with it 1 % too small. The likelihood of both signals has
-no such slope: it is that of the current given its past and the control, times that of the position
-given the current that flows (``current.py``), and the figures of the coil are in both. So they are
-moved together with those of the loop (Gauss and Newton), and what is unknown of them is in the
-errors of all.
+In a closed loop the control answers to the position, which tells what the current has done: fitted
+to control and current alone, the gain of a coil comes out 0.4 % too small and its lag 0.8 % too
+long, ten standard errors in 60 records of a quiet loop. The likelihood of both signals, that of the
+current given its past and the control times that of the position given the current that flows, has
+no such slope. So coil and loop are moved together (Gauss and Newton), and what is unknown of either
+is in the errors of all.
 """
 
 from __future__ import annotations
@@ -24,8 +22,8 @@ from ambkit.base.errors import ConfigError
 from ambkit.data.signals import CONTROL
 from ambkit.identification.maximum_likelihood.current_state import (
     Coil,
-    FlowingCurrent,
-    through,
+    CurrentState,
+    propagate,
 )
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, Local, between_blocks
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
@@ -51,7 +49,7 @@ class Joint:
     """Records with a measured current, a coil before the magnet, and the loop."""
 
     measured: Sequence[Record]  #: With ``u``, a measured current, and ``control``.
-    current: FlowingCurrent  #: What flows.
+    current: CurrentState  #: What flows.
     model: LoopModel  #: Of the loop that it flows in.
     parameters: list[Parameter]  #: Of it, which move: p.
     settling: float  #: Time at the start of each record that does not count for the position [s].
@@ -64,7 +62,7 @@ class Joint:
         of_position = self._likelihood(self.current).value(np.zeros(len(self.parameters)))
         return of_position - 0.5 * count * math.log(variance)
 
-    def climbed(self) -> Joint:
+    def maximised(self) -> Joint:
         """Return coil and loop where both signals are most likely."""
         at, value = self, self.value
         for _ in range(ROUNDS):
@@ -93,13 +91,13 @@ class Joint:
         shared = information[:p, p:] @ own
         lost = shared @ information[p:, :p]
         left = scores[:p] - shared @ scores[p:]
-        known = local.information - local.told
+        known = local.information - local.record_information
         return Local(
             local.value,
             local.score,
             local.information - lost,
             between_blocks(left, self.model.bearing) + known,
-            local.told - lost,
+            local.record_information - lost,
         )
 
     def moved(self, step: Array) -> Joint | None:
@@ -113,16 +111,16 @@ class Joint:
             return None
         return replace(self, current=current, model=model)
 
-    def _through(self, coil: Coil) -> FlowingCurrent:
-        return through(coil, self.measured, self.current.amplifier_gain)
+    def _through(self, coil: Coil) -> CurrentState:
+        return propagate(coil, self.measured, self.current.amplifier_gain)
 
-    def _driven(self, current: FlowingCurrent) -> LoopModel:
+    def _driven(self, current: CurrentState) -> LoopModel:
         """Return the model whose current strays from another one; by how much, may be searched."""
         if any(p.name == "control_noise" for p in self.parameters):
             return self.model.replace(memory=current.memory)
         return current.driving(self.model)
 
-    def _likelihood(self, current: FlowingCurrent) -> Likelihood:
+    def _likelihood(self, current: CurrentState) -> Likelihood:
         """Likelihood of the position where a current flows."""
         coordinates = Coordinates(self._driven(current), self.parameters)
         return Likelihood(current.records, coordinates, self.settling)
@@ -171,6 +169,6 @@ class Joint:
         scores[p:] -= by_i * i / math.sqrt(variance)
         information = by_e @ by_e.T + 0.5 * by_S @ by_S.T
         information[p:, p:] += by_i @ by_i.T
-        slope, known = likelihood.known_beforehand(likelihood.coordinates.model)
+        slope, known = likelihood.priors(likelihood.coordinates.model)
         information[:p, :p] += known
         return information, scores, slope

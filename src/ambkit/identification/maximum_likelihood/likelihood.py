@@ -47,7 +47,7 @@ class Local:
     #: so that whatever correlates them within one is in it (White 1982 for the form, Liang and
     #: Zeger 1986 for the blocks). Equal to the information where the model is right.
     scatter: Array
-    told: Array  #: (p, p) The information of the records alone.
+    record_information: Array  #: (p, p) The information of the records alone.
 
     @property
     def held(self) -> Array:
@@ -128,7 +128,7 @@ class Likelihood:
         r = e / np.sqrt(S)
         scores = -(by_e * r + 0.5 * by_S * (1 - r**2))
         model, information = self.coordinates.model_at(z), by_e @ by_e.T + 0.5 * by_S @ by_S.T
-        slope, known = self.known_beforehand(model)
+        slope, known = self.priors(model)
         return Local(
             _log_likelihood(e, S) + log_prior(model),
             scores.sum(axis=1) + slope,
@@ -137,7 +137,7 @@ class Likelihood:
             information,
         )
 
-    def known_beforehand(self, model: LoopModel) -> tuple[Array, Array]:
+    def priors(self, model: LoopModel) -> tuple[Array, Array]:
         """Score (p,) and information (p, p) of what is known before any record."""
         unit = self.coordinates.unit_steps()
         slope, precision = np.zeros(unit.size), np.zeros(unit.size)
@@ -148,6 +148,11 @@ class Likelihood:
                 step = (now if parameter.positive else unit[at]) / std
                 slope[at], precision[at] = -step * (now - value) / std, step**2
         return slope, np.diag(precision)
+
+
+def likelihood_at(records: Sequence[Record], model: LoopModel, settling: float) -> float:
+    """Log likelihood of records under a model."""
+    return Likelihood(records, Coordinates(model, []), settling).value(np.zeros(0))
 
 
 def settling_time(bearing: Bearing) -> float:

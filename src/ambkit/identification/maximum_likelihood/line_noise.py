@@ -19,10 +19,10 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.base.errors import ConfigError
 from ambkit.base.units import engineering
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood, likelihood_at
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
-from ambkit.identification.maximum_likelihood.search import climb
+from ambkit.identification.maximum_likelihood.search import maximise
 from ambkit.machine.accessories import Hum
 from ambkit.machine.magnets import own_time
 
@@ -66,18 +66,11 @@ def with_lines(
         if candidate_model is None:
             break
         if parameters:
-            candidate_model = climb(records, candidate_model, parameters, settling, ENOUGH).model
-            again = _fitted(
-                records,
-                _without_last(candidate_model),
-                candidate_model.bearing.sensor.hum[-1],
-                settling,
-            )
-            candidate_model = again or candidate_model
-        gain = (
-            Likelihood(records, Coordinates(candidate_model, []), settling).value(np.zeros(0))
-            - before
-        )
+            candidate_model = maximise(records, candidate_model, parameters, settling, ENOUGH).model
+            *others, last = candidate_model.bearing.sensor.hum
+            others_model = candidate_model.replace(sensor__hum=tuple(others))
+            candidate_model = _fitted(records, others_model, last, settling) or candidate_model
+        gain = likelihood_at(records, candidate_model, settling) - before
         if gain < FIGURES / 2 * math.log(max(int(used.sum()), 2)):
             break
         model = candidate_model
@@ -134,25 +127,19 @@ def _fitted(
     longest = T * max(len(record) for record in records)
 
     def at(z: Array) -> LoopModel:
+        bandwidth = line.bandwidth * math.exp(min(float(z[2]), 50.0))
         one = Hum(
             frequency=line.frequency + float(z[0]) / longest,
             amplitude=line.amplitude * math.exp(float(z[1])),
-            bandwidth=float(
-                np.clip(
-                    line.bandwidth * math.exp(min(float(z[2]), 50.0)),
-                    NARROWEST / longest,
-                    0.1 * line.frequency,
-                )
-            ),
+            bandwidth=float(np.clip(bandwidth, NARROWEST / longest, 0.1 * line.frequency)),
         )
         return model.replace(sensor__hum=(*model.bearing.sensor.hum, one))
 
     def cost(z: Array) -> float:
         try:
-            there = Coordinates(at(z), [])
+            return -likelihood_at(records, at(z), settling)
         except ConfigError:
             return math.inf
-        return -Likelihood(records, there, settling).value(np.zeros(0))
 
     begin = np.zeros(FIGURES)
     simplex = np.vstack([begin, 0.7 * np.eye(FIGURES) * [1.0, 1.0, 3.0]])
@@ -180,7 +167,3 @@ def _as_large_as_it_is(records: Sequence[Record], model: LoopModel) -> LoopModel
     if not amplitude > 0:
         return model
     return model.replace(sensor__hum=(*others, last.model_copy(update={"amplitude": amplitude})))
-
-
-def _without_last(model: LoopModel) -> LoopModel:
-    return model.replace(sensor__hum=model.bearing.sensor.hum[:-1])

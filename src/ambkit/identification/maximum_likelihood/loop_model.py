@@ -80,11 +80,11 @@ class LoopModel:
                 object.__setattr__(self, name, value)
 
     @property
-    def prompt_bearing(self) -> Bearing:
+    def undelayed_machine(self) -> Bearing:
         """The bearing as if the current followed at once, for signals that are late already."""
         return _late(self.bearing, 0.0, 0.0)
 
-    def late_bearing(self, *, delay: bool = True) -> Bearing:
+    def delayed_machine(self, *, delay: bool = True) -> Bearing:
         """Return the bearing with the model's delay and lag of the current as its own."""
         T = self.bearing.sampling_time
         held = self.delay - (0.5 * T if self.line else 0.0)  # a filter is told of steps
@@ -180,7 +180,7 @@ class LoopModel:
         steps = ahead * self.substeps
         fine = kalman.core.forecast(np.ascontiguousarray(out["mean"]), u, steps)[:, self.reading]
         n = len(record) - ahead
-        missed = self.misplaced(record["u"])[ahead:]
+        missed = self.offset_error(record["u"])[ahead:]
         return np.asarray(fine[:: self.substeps][:n]) + self.position_offset + missed
 
     def predict_with(self, record: Record, ahead: int, controls: Array, past: int) -> Array:
@@ -189,20 +189,22 @@ class LoopModel:
         out, _, kalman = self._run(record)
         count, every, steps = len(controls), self.substeps, ahead * self.substeps
         first = (past - 1) * every
-        acting = self._acting(controls.ravel()).reshape(count, -1)[:, first : first + steps]
+        acting = self._delayed_control(controls.ravel()).reshape(count, -1)[
+            :, first : first + steps
+        ]
         mean = out["mean"][::every][len(record) - count :]
         begun = np.repeat(np.concatenate([mean, mean[-1:]]), steps, axis=0)
         u = np.concatenate([acting.ravel(), np.zeros(steps)])
         seen = kalman.core.forecast(np.ascontiguousarray(begun), u, steps)[::steps, 0]
-        missed = self.misplaced(record["u"])[len(record) - count :]
+        missed = self.offset_error(record["u"])[len(record) - count :]
         return np.asarray(seen[:count]) + self.position_offset + missed
 
-    def _acting(self, u: Array) -> Array:
+    def _delayed_control(self, u: Array) -> Array:
         """Return what acts at the filter's steps, late, of a control signal (n,) [V]."""
         h = self.bearing.sampling_time / self.substeps
         return delayed(lagged(self._at_steps(u), h, self.current_lag), self.delay / h)
 
-    def misplaced(self, u: Array) -> Array:
+    def offset_error(self, u: Array) -> Array:
         """Return by how much the filter's measurement is beyond the true one [m], turned around."""
         # Where a held control signal switches within a step, the force's mean gives the right
         # momentum, and a position that misses ``f (1 - f)/2 h^2`` times the step of the
@@ -230,9 +232,9 @@ class LoopModel:
     ) -> tuple[dict[str, Any], Array, Estimator]:
         """Run the filter with its finer steps; between two samples no measurement comes."""
         h = self.bearing.sampling_time / self.substeps
-        u = self._acting(record["u"])
+        u = self._delayed_control(record["u"])
         y = np.full(u.size, np.nan)
-        y[:: self.substeps] = record["y"] - self.position_offset - self.misplaced(record["u"])
+        y[:: self.substeps] = record["y"] - self.position_offset - self.offset_error(record["u"])
         kalman = kalman or self.kalman()
         known = y[np.isfinite(y)]
         self._start(kalman, float(known[0]) if known.size else 0.0, record["u"][:1])
@@ -307,7 +309,7 @@ class LoopModel:
         return replace(model, bearing=self.bearing.replace(**of_bearing))
 
 
-def goes_on_a_line(record: Record) -> bool:
+def is_interpolated(record: Record) -> bool:
     """Whether the control signal of a record is a measured current."""
     # Its channel map says so, or what drives that current is beside it.
     return "u" in record.meta.get("measured", ()) or CONTROL in record

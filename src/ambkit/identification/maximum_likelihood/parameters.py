@@ -114,7 +114,7 @@ OFFSET_SHARE = 0.05
 """Of the bias current: how well the zero of a measured current is known where nobody says."""
 
 
-def beforehand(model: LoopModel) -> dict[str, tuple[float, float]]:
+def priors_of(model: LoopModel) -> dict[str, tuple[float, float]]:
     """Return what is known of parameters before any record: value and standard deviation [SI]."""
     # Of some, a record may tell nothing. A load that nobody knows takes the condition that the
     # magnet carries the weight away, and with it the offset of the current: two stiffnesses are
@@ -154,7 +154,7 @@ ALIKE = "cannot be told apart"
 """In the reason why a parameter is held: it looks like another that is looked for."""
 
 
-def searchable(
+def identifiable(
     parameters: Sequence[Parameter], model: LoopModel
 ) -> tuple[list[Parameter], dict[str, str]]:
     """Return what is left to be found, and why the others are not looked for."""

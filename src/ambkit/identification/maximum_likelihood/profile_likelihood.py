@@ -16,9 +16,9 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import ConfigError
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood, likelihood_at
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
-from ambkit.identification.maximum_likelihood.search import climb
+from ambkit.identification.maximum_likelihood.search import maximise
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -113,16 +113,16 @@ def _end(
             moved = Coordinates(model, coordinates.parameters).model_at(
                 along * ((far - there) / error)
             )
-            climbed = climb(records, moved, rest, settling, ENOUGH) if rest else None
+            maximised = maximise(records, moved, rest, settling, ENOUGH) if rest else None
         except (ConfigError, OverflowError):  # no bearing can be there: the interval ends before
             far = 0.5 * (past[0] + far)
             continue
-        if climbed is None:
-            value = Likelihood(records, Coordinates(moved, []), settling).value(np.zeros(0))
+        if maximised is None:
+            value = likelihood_at(records, moved, settling)
         else:
-            model, there = climbed.model, far
-            value = climbed.local.value + 0.5 * climbed.local.left
-        seen.append((top - value, moved if climbed is None else model))
+            model, there = maximised.model, far
+            value = maximised.local.value + 0.5 * maximised.local.left
+        seen.append((top - value, moved if maximised is None else model))
         root = math.sqrt(2 * max(top - value, 0.0))
         if abs(0.5 * root**2 - 0.5 * ASIDE**2) < (NEARLY - 1) * 0.5 * ASIDE**2:
             break

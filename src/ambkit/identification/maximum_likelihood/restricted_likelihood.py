@@ -1,10 +1,8 @@
 """Noises by the restricted likelihood: as if the other parameters had not been fitted.
 
-What is fitted to a record follows part of its noise, and maximum likelihood takes what is left for
-all: as the variance of n values about their own mean comes out small by one part in n. The
-restricted likelihood (Patterson and Thompson 1971; as a profile likelihood adjusted, Cox and Reid
-1987) takes half the logarithm of the determinant of what is known of the others from the
-likelihood, and its maximum over the noises is without that bias, to first order.
+What is fitted to a record follows part of its noise. The restricted likelihood (Patterson and
+Thompson 1971; as an adjusted profile likelihood Cox and Reid 1987) takes half the logarithm of the
+others' information off: its maximum over the noises is without that bias, to first order.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 
 if TYPE_CHECKING:
-    from ambkit.identification.maximum_likelihood.current_state import FlowingCurrent
+    from ambkit.identification.maximum_likelihood.current_state import CurrentState
     from ambkit.machine.accessories import Hum
     from ambkit.machine.machine import Bearing
     from ambkit.result.report.figure import Figure
@@ -62,19 +62,19 @@ class MaximumLikelihood(Result):
     start_log_likelihood: float
     samples: int  #: Measurements that count.
     #: Which start the search went up from: the bearing given, ADALINE or least squares.
-    begun_from: str
+    started_from: str
     steps: int  #: Steps of the search.
     converged: bool  #: Whether it ended at a maximum.
     #: (p,) What part of each parameter's precision is the records' own and not known beforehand: 1
     #: where nothing was, near 0 of an offset of which the records tell nothing.
-    told: Array
+    record_share: Array
     #: (float, float) Ends of the 95 % intervals in the parameter's own unit where the likelihood is
     #: not near to quadratic, and so `errors` would not do: by the profile of the likelihood.
     profiles: Mapping[str, tuple[float, float]]
     touched: Sequence[str]  #: Limits that the search came to, in sentences.
     remarks: Sequence[str]  #: What is to be known of the records, in sentences.
     #: What control signal and measured current said of each other, where records have both.
-    current: FlowingCurrent | None
+    current: CurrentState | None
     settling: float = field(default=0.0)
     #: Smallest step in which ``y`` of the records comes [m]; None where it has none.
     position_step: float | None = None
@@ -83,7 +83,7 @@ class MaximumLikelihood(Result):
     def bearing(self) -> Bearing:
         """The bearing found: its delay where `delay_counts`, its current's lag, its steps."""
         noise_found = any(p.name == "measurement_noise" for p in self.parameters)
-        late = self.model.late_bearing(delay=self.delay_counts)
+        late = self.model.delayed_machine(delay=self.delay_counts)
         return with_steps(late, self.position_step, noise_found=noise_found)
 
     @property
@@ -94,7 +94,7 @@ class MaximumLikelihood(Result):
     @property
     def delay_counts(self) -> bool:
         """Whether the delay is the bearing's: it was given, or found and surely not zero."""
-        if self.model.late_bearing().delay is None:
+        if self.model.delayed_machine().delay is None:
             return False  # below zero, or longer than any bearing's
         free = any(p.name == "delay" for p in self.parameters)
         delay_known = self.start.bearing.delay is not None or not free
@@ -181,7 +181,8 @@ class MaximumLikelihood(Result):
                     error=self.standard_error(p.name), interval=self.interval(p.name)),
                 Row("robust_standard_error", "robust error",
                     self.standard_error(p.name, robust=True), p.unit, 2, detail=True),
-                Row("told_by_records", "by the records", float(self.told[i]), "%", detail=True),
+                Row("told_by_records", "by the records", float(self.record_share[i]), "%",
+                    detail=True),
             ], section=("parameters",), of=p.name)  # fmt: skip
         return rows
 
@@ -208,7 +209,7 @@ class MaximumLikelihood(Result):
             f"{p.name.replace('_', ' ')} was known beforehand, "
             f"{figure(self.model.known[p.name][0], p.unit)} ± "
             f"{figure(self.model.known[p.name][1], p.unit, 2)}: the records tell "
-            f"{100 * self.told[i]:.0f} % of what the found value rests on."
+            f"{100 * self.record_share[i]:.0f} % of what the found value rests on."
             for i, p in enumerate(self.parameters) if p.name in self.model.known
         ]  # fmt: skip
         if self.profiles:
@@ -244,7 +245,7 @@ class MaximumLikelihood(Result):
             "log_likelihood": self.log_likelihood,
             "start_log_likelihood": self.start_log_likelihood,
             "samples": self.samples,
-            "begun_from": self.begun_from,
+            "begun_from": self.started_from,
             "steps": self.steps,
             "converged": self.converged,
             "known_beforehand": {

@@ -52,7 +52,7 @@ LEAST_GAIN = 0.1 * CONVERGED
 
 
 @dataclass(frozen=True, eq=False)
-class Climbed:
+class Optimum:
     """Where a search ended."""
 
     model: LoopModel  #: The most likely one.
@@ -62,13 +62,13 @@ class Climbed:
     samples: int  #: Measurements that count.
 
 
-def climb(
+def maximise(
     records: Sequence[Record],
     begin: LoopModel,
     parameters: list[Parameter],
     settling: float,
     enough: float = CONVERGED,
-) -> Climbed:
+) -> Optimum:
     """Go up to the maximum by Fisher's scoring, damped after Marquardt (1963)."""
     # Newton's decrement ends it that is less than `enough`.
     # SciPy's trust regions are balls in the coordinates; here one coordinate is known a thousand
@@ -97,7 +97,7 @@ def climb(
     if rough:
         at = likelihood.local(z)
     _, _, used = likelihood.innovations(z)
-    return Climbed(coordinates.model_at(z), at, steps, converged, int(used.sum()))
+    return Optimum(coordinates.model_at(z), at, steps, converged, int(used.sum()))
 
 
 def _step_up(
@@ -115,9 +115,9 @@ def _step_up(
     return None
 
 
-def hold(
+def fix(
     records: Sequence[Record],
-    result: Climbed,
+    result: Optimum,
     parameter: Parameter,
     rest: list[Parameter],
     initial_model: LoopModel,
@@ -137,21 +137,21 @@ def hold(
         begins = [model]
         if ran_from is not None:
             begins.append(ran_from.replace(**{parameter.place: value}))
-        climbed = max(
-            (climb(records, begin, rest, settling) for begin in begins),
+        maximised = max(
+            (maximise(records, begin, rest, settling) for begin in begins),
             key=lambda one: one.local.value,
         )
         loss = RULED_OUT if parameter.name in LAGS else MUCH_LESS_LIKELY
-        likely = climbed.local.value > result.local.value - loss
-        model = climbed.model if likely or ran_from is not None else result.model
+        likely = maximised.local.value > result.local.value - loss
+        model = maximised.model if likely or ran_from is not None else result.model
     if model is result.model:
         why = f"as found, for {parameter.text(initial_model)}, as given, is far less likely"
         return model, f"{parameter.text(model)}, {why}"
     return model, parameter.text(model)
 
 
-def not_needed(
-    records: Sequence[Record], result: Climbed, parameters: Sequence[Parameter], settling: float
+def unnecessary(
+    records: Sequence[Record], result: Optimum, parameters: Sequence[Parameter], settling: float
 ) -> tuple[Parameter, str] | None:
     """Name a lag without which the records are as likely; None where there is none."""
     # Beside a delay a lag shows by its square alone, which the records tell as well below zero as
@@ -163,7 +163,7 @@ def not_needed(
         if not rest:
             continue
         none = NO_LAG * result.model.bearing.sampling_time
-        other = climb(records, _with(result.model, parameter, none, rest), rest, settling)
+        other = maximise(records, _with(result.model, parameter, none, rest), rest, settling)
         if other.local.value > result.local.value - RULED_OUT:
             return parameter, "the records are about as likely without any"
     return None
@@ -181,7 +181,7 @@ def _with(
     return model.replace(**others)
 
 
-def ran_away(result: LoopModel, parameters: Sequence[Parameter]) -> tuple[Parameter, str] | None:
+def diverged(result: LoopModel, parameters: Sequence[Parameter]) -> tuple[Parameter, str] | None:
     """Name a parameter that only a wall has stopped, and the wall; None where there is none."""
     # Beyond it no bearing can be: a hovering current that no amplifier gives.
     for parameter in parameters:
@@ -193,7 +193,7 @@ def ran_away(result: LoopModel, parameters: Sequence[Parameter]) -> tuple[Parame
     return None
 
 
-def with_room(
+def tighten_clearance(
     records: Sequence[Record], model: LoopModel, parameters: Sequence[Parameter]
 ) -> LoopModel:
     """Return a model whose stops are only as far as the records go."""
@@ -207,7 +207,7 @@ def with_room(
     return model.replace(rotor__clearance=room)
 
 
-def narrowed(
+def restore_clearance(
     records: Sequence[Record], nominal_model: LoopModel, result: LoopModel
 ) -> tuple[LoopModel, list[str]]:
     """Return what was found with the stops of the description, and what limits it touches."""

@@ -52,7 +52,7 @@ class Validation:
     nis: float  #: Mean normalised innovation squared; 1 where the noise is right.
     gain: float  #: Log likelihood per sample over that of the start; NaN without one.
     #: RMS errors of a constant-velocity Kalman filter that is tuned to this very record [m].
-    unmodelled: Mapping[int, float]
+    without_a_magnet: Mapping[int, float]
     #: Share of the residuals' variance that their past and the control signal's predict.
     left: float
 
@@ -71,9 +71,9 @@ class Validation:
         k = self.farthest
         return (
             self.fit[k] > self.held[k]
-            and self.error[k] <= AS_GOOD * self.unmodelled[k]
-            and as_expected(self.nis)
-            and little_left(self.left)
+            and self.error[k] <= AS_GOOD * self.without_a_magnet[k]
+            and is_consistent(self.nis)
+            and is_explained(self.left)
             and not self.gain < 0
         )
 
@@ -81,51 +81,39 @@ class Validation:
     def verdict(self) -> str:
         """What to think of the model, in sentences."""
         k = self.farthest
-        sentences = []
-        better = self.fit[k] > self.held[k]
-        sentences.append(
-            f"It predicts {k} samples ahead with a fit of {self.fit[k]:.1f} %"
-            + (", better than" if better else ", no better than")
-            + f" holding the last measurement ({self.held[k]:.1f} %)."
-        )
-        naive = self.unmodelled[k]
-        sentences.append(
-            f"Its error there is {engineering(self.error[k], 'm', 3)} rms, that of a filter "
-            f"without a magnet {engineering(naive, 'm', 3, like=self.error[k])}."
-        )
-        if self.of_start and not math.isnan(self.gain):
-            if self.gain >= 0:
-                sentences.append(
-                    f"It is more likely than the start by {self.gain:.3f} a sample, whose fit was "
-                    f"{self.of_start[k]:.1f} %."
-                )
-            else:
-                sentences.append(
-                    f"The start was more likely, by {-self.gain:.3f} a sample: what was identified "
-                    "does not hold here."
-                )
+        fit, held, error = self.fit[k], self.held[k], self.error[k]
+        better = "better" if fit > held else "no better"
+        naive = engineering(self.without_a_magnet[k], "m", 3, like=error)
         white, cross = 100 * self.residual.share_within, 100 * self.cross.share_within
-        if white >= 100 * WHITE:
+        sentences = [
+            f"It predicts {k} samples ahead with a fit of {fit:.1f} %, {better} than holding the "
+            f"last measurement ({held:.1f} %).",
+            f"Its error there is {engineering(error, 'm', 3)} rms, that of a filter without a "
+            f"magnet {naive}.",
+        ]
+        if self.of_start and self.gain >= 0:
             sentences.append(
-                f"Its residuals are white ({white:.0f} % of the lags within the bounds)."
+                f"It is more likely than the start by {self.gain:.3f} a sample, whose fit was "
+                f"{self.of_start[k]:.1f} %."
             )
-        else:
+        elif self.of_start and self.gain < 0:
             sentences.append(
-                f"Its residuals are not white ({white:.0f} % of the lags within the bounds): some "
-                "motion is left unexplained, or the noise has colour."
+                f"The start was more likely, by {-self.gain:.3f} a sample: what was identified "
+                "does not hold here."
             )
-        if cross >= 100 * WHITE:
-            sentences.append(f"They do not depend on the control signal ({cross:.0f} % within).")
-        else:
-            sentences.append(
-                f"They depend on the control signal ({cross:.0f} % within): force law, delay or "
-                "lag miss something."
-            )
-        sentences.append(
-            f"Of what it leaves, {100 * self.left:.1f} % could be predictions"
-            + (": little." if little_left(self.left) else ": a better model would gain.")
-        )
-        if not as_expected(self.nis):
+        sentences += [
+            f"Its residuals are white ({white:.0f} % of the lags within the bounds)."
+            if white >= 100 * WHITE
+            else f"Its residuals are not white ({white:.0f} % of the lags within the bounds): some "
+            "motion is left unexplained, or the noise has colour.",
+            f"They do not depend on the control signal ({cross:.0f} % within)."
+            if cross >= 100 * WHITE
+            else f"They depend on the control signal ({cross:.0f} % within): force law, delay or "
+            "lag miss something.",
+            f"Of what it leaves, {100 * self.left:.1f} % could be predicted"
+            + (": little." if is_explained(self.left) else ": a better model would gain."),
+        ]
+        if not is_consistent(self.nis):
             more = "larger" if self.nis > 1 else "smaller"
             sentences.append(
                 f"They are {more} than expected: mean NIS {self.nis:.2f}, should be 1."
@@ -134,30 +122,25 @@ class Validation:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, ready for JSON."""
+        by_horizon = {
+            "fit_percent": self.fit, "held_percent": self.held, "start_percent": self.of_start,
+            "rms_error": self.error, "rms_error_without_a_magnet": self.without_a_magnet,
+        }  # fmt: skip
         return {
-            "record": self.name,
-            "samples": self.samples,
-            "fit_percent": {str(k): v for k, v in self.fit.items()},
-            "held_percent": {str(k): v for k, v in self.held.items()},
-            "start_percent": {str(k): v for k, v in self.of_start.items()},
-            "rms_error": {str(k): v for k, v in self.error.items()},
-            "white_share": self.residual.share_within,
-            "cross_share": self.cross.share_within,
-            "nis": self.nis,
-            "gain_per_sample": self.gain,
-            "rms_error_without_a_magnet": {str(k): v for k, v in self.unmodelled.items()},
-            "predictable_share": self.left,
-            "good": self.good,
-            "verdict": self.verdict,
-        }
+            "record": self.name, "samples": self.samples,
+            **{name: {str(k): v for k, v in by.items()} for name, by in by_horizon.items()},
+            "white_share": self.residual.share_within, "cross_share": self.cross.share_within,
+            "nis": self.nis, "gain_per_sample": self.gain, "predictable_share": self.left,
+            "good": self.good, "verdict": self.verdict,
+        }  # fmt: skip
 
 
-def as_expected(nis: float) -> bool:
+def is_consistent(nis: float) -> bool:
     """Whether the noise is what a model expects."""
     return NIS[0] < nis < NIS[1]
 
 
-def little_left(share: float) -> bool:
+def is_explained(share: float) -> bool:
     """Whether so little of what a model leaves could be predicted that it is good all the same."""
     return share < LEFT
 
@@ -204,12 +187,14 @@ def validate(
         cross=cross_correlation(np.where(used, e / np.sqrt(S), 0.0)[first:], record["u"][first:]),
         nis=float(np.mean(r**2)),
         gain=gain,
-        unmodelled=_without_a_magnet(record, horizons, first),
+        without_a_magnet=_constant_velocity_errors(record, horizons, first),
         left=predictable((e / np.sqrt(S))[used], record["u"][used]),
     )
 
 
-def _without_a_magnet(record: Record, horizons: Sequence[int], first: int) -> dict[int, float]:
+def _constant_velocity_errors(
+    record: Record, horizons: Sequence[int], first: int
+) -> dict[int, float]:
     """Errors of the constant-velocity filter, tuned to the record itself [m]."""
     from ambkit.estimate.constant_velocity import tune
 

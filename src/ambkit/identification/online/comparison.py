@@ -53,7 +53,7 @@ Sensor noise that is correlated over a sample (a low-pass at a sixth of the samp
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SideBySide(Result):
+class OnlineComparison(Result):
     """What each learned along one record, from one start."""
 
     bearing: Bearing  #: The one that was given.
@@ -158,7 +158,7 @@ class SideBySide(Result):
             return None
         if rls.held.all() or adaline.held.all() or self.agree("adaline", "rls"):
             return None
-        load = unknown_load(rls)
+        load = unknown_disturbance(rls)
         carried = float(np.abs(rls.force[last_quarter(rls.k)]).mean())
         return load if load is not None and abs(load) > 0.02 * carried else None
 
@@ -181,7 +181,7 @@ class SideBySide(Result):
                 *one.rows(),
                 Row("change", "change from the start", k / self.start - 1, "%"),
                 Row("off_truth", against, k / truth - 1 if truth else None, "%"),
-                Row("load", "load that was not known", unknown_load(one), "N", 3),
+                Row("load", "load that was not known", unknown_disturbance(one), "N", 3),
             ], section=LEARNERS, of=name)  # fmt: skip
         return results
 
@@ -204,20 +204,20 @@ class SideBySide(Result):
         return [online_figure(self)]
 
 
-def learn_online(
+def compare_online(
     record: Record,
     bearing: Bearing,
     *,
     start: float | None = None,
     disturbance: ArrayLike | None = None,
-) -> SideBySide:
+) -> OnlineComparison:
     """Learn the magnet constant along a record: ADALINE, least squares, and the Kalman filter."""
     # All from the same two signals and the same start, each with its defaults.
     # disturbance (n,) [N]
     from ambkit.estimate.estimator import check_sampling
 
     check_sampling(bearing, record)
-    return SideBySide(
+    return OnlineComparison(
         bearing,
         bearing.magnet.magnet_constant if start is None else start,
         true_constant(record),
@@ -238,7 +238,7 @@ def true_constant(record: Record) -> float | None:
     return Bearing.from_toml(text).magnet.magnet_constant
 
 
-def unknown_load(result: OnlineResult) -> float | None:
+def unknown_disturbance(result: OnlineResult) -> float | None:
     """Mean load over the last quarter beyond what was told [N]; None where it is not asked for."""
     if not isinstance(result, LeastSquaresResult | AugmentedResult):
         return None
@@ -261,7 +261,7 @@ ENDS = (1.03, 1.05, 1.07)
 """Where the results stand, right of the curves, in parts of the record."""
 
 
-def online_figure(learned: SideBySide) -> Figure:
+def online_figure(learned: OnlineComparison) -> Figure:
     """Show k over time with its errors, and below what each had to learn from."""
     t = next(iter(learned.results.values())).t
     right = t[0] + 1.09 * np.ptp(t)
@@ -280,7 +280,7 @@ def online_figure(learned: SideBySide) -> Figure:
     )
 
 
-def _constants(learned: SideBySide) -> list[Item]:
+def _constants(learned: OnlineComparison) -> list[Item]:
     items: list[Item] = [Rule(learned.start, signal="reference", label="start")]
     if learned.truth is not None:
         items.append(Rule(learned.truth, signal="truth"))
@@ -300,7 +300,7 @@ def _constants(learned: SideBySide) -> list[Item]:
     return items
 
 
-def _limits(learned: SideBySide) -> Axis:
+def _limits(learned: OnlineComparison) -> Axis:
     """Return the axis of k that shows all but the wildest first guesses."""
     values = [learned.start] if learned.truth is None else [learned.start, learned.truth]
     for one in learned.results.values():

@@ -84,7 +84,7 @@ def identify_online(
     What can be told from one record is the ratio of k to the mass: a mass that is 10 % wrong moves
     k by as much. A constant load that is not known moves ADALINE's k by its share of the force,
     and does nothing to that of least squares and of the Kalman filter, which need motion in return.
-    :func:`~ambkit.identification.online.comparison.learn_online` runs all beside each other.
+    :func:`~ambkit.identification.online.comparison.compare_online` runs all beside each other.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ def _content(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     """Return the arrays of a file, by name."""
     check_readable(path)
     if os.fspath(path).lower().endswith(".mat"):
-        arrays = mat.content(path)
+        arrays = mat.content(os.fspath(path))
         return {name: np.asarray(array) for name, array in arrays.items() if name[:2] != "__"}
     if not zipfile.is_zipfile(path):
         raise ValueError("is neither a .npz of NumPy nor a .mat of MATLAB")
