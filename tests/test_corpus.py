@@ -268,7 +268,7 @@ def test_spikes_and_missing_samples_of_logs_spoil_nothing() -> None:
     assert found.spikes["a"].startswith("2 samples of the position, spikes")
     assert found.to_dict()["spikes"] == dict(found.spikes)
     for one, other in zip(sound.predictions, found.predictions, strict=True):
-        for kind in ("error", "alone", "held", "arx"):
+        for kind in ("error", "without_later_controls", "held", "arx"):
             for ahead, value in getattr(one, kind).items():
                 assert getattr(other, kind)[ahead] == pytest.approx(value, rel=0.1), (kind, ahead)
     off = (found.pooled.values - sound.pooled.values) / sound.pooled.values / sound.pooled.errors

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from ambkit.base.errors import AmbkitError
+
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Index = NDArray[np.intp]
@@ -18,3 +20,12 @@ def real(name: str, values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray
     if np.iscomplexobj(array):
         raise ValueError(f"{name} must hold real numbers, holds {array.dtype}; give its real part")
     return np.asarray(array, dtype)
+
+
+def check_finite(**values: ArrayLike) -> None:
+    """Refuse what is not finite, by its name."""
+    for name, value in values.items():
+        array = real(name, value)
+        wrong = array[~np.isfinite(array)]
+        if wrong.size:
+            raise AmbkitError(f"{name} must be finite, has {wrong[0]}")

@@ -19,7 +19,7 @@ from pydantic import Field, ValidationError
 
 from ambkit._core import MAX_RULES
 from ambkit.base import files
-from ambkit.base.arrays import Array, real
+from ambkit.base.arrays import Array, check_finite, real
 from ambkit.base.config import Part, Read
 from ambkit.base.config.problems import Problem, dotted
 from ambkit.base.config.text_types import Description, Line
@@ -325,7 +325,13 @@ class Expert(Shown, Part):
         return np.array(self.training.force_rms if self.training else ())
 
     def in_core(self, core: ModuleType) -> Fuzzy:
-        """Build the C implementation, for the build of the core that computes."""
+        """Build the C implementation.
+
+        Parameters
+        ----------
+        core : module
+            The build of the core that computes, see `ambkit.machine.magnets.core_module`.
+        """
         return network(
             core,
             centres=self.centres,
@@ -350,7 +356,7 @@ class Expert(Shown, Part):
         AmbkitError
             A current or displacement is not finite.
         """
-        _check_finite(iu=iu, x=x)
+        check_finite(iu=iu, x=x)
         k_i, k_s = evaluate_stiffness(self, iu, x)
         return k_i, k_s
 
@@ -367,7 +373,7 @@ class Expert(Shown, Part):
         AmbkitError
             A current or displacement is not finite.
         """
-        _check_finite(iu=iu, x=x)
+        check_finite(iu=iu, x=x)
         return evaluate_force(self, iu, x) + self.force_bias
 
     def _card(self) -> Card:
@@ -394,11 +400,3 @@ def _shaped(name: str, values: ArrayLike, shape: tuple[int, int]) -> Array:
             f"{name} must have shape {shape}, an output a row and a rule a column, or one that "
             f"broadcasts to it; has {array.shape}"
         ) from None
-
-
-def _check_finite(**values: ArrayLike) -> None:
-    for name, value in values.items():
-        array = real(name, value)
-        wrong = array[~np.isfinite(array)]
-        if wrong.size:
-            raise AmbkitError(f"{name} must be finite, has {wrong[0]}")

@@ -34,18 +34,18 @@ _NAMES = {"i": "current", "v": "velocity"}  # not v: that is the truth of a simu
 class ProposedMap:
     """Channels of one length, and what tells the rotor among them."""
 
-    found: list[Candidate]  #: The channels, with their roles.
+    channels: list[Candidate]  #: The channels, with their roles.
     moves: Rotor | None  #: What tells position and control, where something floats.
 
     def score(self) -> tuple[int, int, bool, bool, int]:
         """By physics, then by names, then by the length."""
         named = sum(
-            any(c.role in roles and not c.estimated for c in self.found) for roles in ("y", "ui")
+            any(c.role in roles and not c.estimated for c in self.channels) for roles in ("y", "ui")
         )
         physics = 0 if self.moves is None else 1 + self.moves.fit.sure
-        time = any(c.role == "t" or c.clock for c in self.found)
-        by_name = any("by its name" in c.why for c in self.found)
-        return physics, named, time, by_name, self.found[0].values.size
+        time = any(c.role == "t" or c.clock for c in self.channels)
+        by_name = any("by its name" in c.why for c in self.channels)
+        return physics, named, time, by_name, self.channels[0].values.size
 
 
 def toml_lines(
@@ -63,14 +63,14 @@ class _Map:
     """A map while it is written."""
 
     def __init__(self, log: Log, assignment: ProposedMap, others: Sequence[ProposedMap]) -> None:
-        self.log, self.found, self.moves, self.others = (
-            log, assignment.found, assignment.moves, others,
+        self.log, self.channels, self.moves, self.others = (
+            log, assignment.channels, assignment.moves, others,
         )  # fmt: skip
-        self.chosen = _chosen(self.found, self.moves) | _from_others(self.found, others)
-        self.everything = [*self.found, *(c for group in others for c in group.found)]
+        self.chosen = _chosen(self.channels, self.moves) | _from_others(self.channels, others)
+        self.everything = [*self.channels, *(c for group in others for c in group.channels)]
         self.array = _common_array(self.chosen.values())
         self.y, self.u, self.t = (self.chosen.get(role) for role in "yut")
-        self.signs = _Signs.of(self.found, self.y, self.u, self.moves)
+        self.signs = _Signs.of(self.channels, self.y, self.u, self.moves)
         self.clock = _clock_name(log, self.chosen)
         #: Signals of the map by the names of the clocks.
         self.clocks = {self.clock: "t"}
@@ -84,7 +84,7 @@ class _Map:
             yield "# No channel rises like a time: fill in how far apart the samples are."
             yield '# sampling_time = "... ms"'
         yield from _time(self.log, self.clock, self.t, self.array)
-        weight = _weight_scale(self.log, self.chosen, self.signs, self.moves, self.found)
+        weight = _weight_scale(self.log, self.chosen, self.signs, self.moves, self.channels)
         for role, candidate in self.chosen.items():
             if role != "t":
                 yield from self._signal(role, candidate, weight)
@@ -133,9 +133,9 @@ class _Map:
         for group in self.others:
             if group.moves is not None:
                 yield (
-                    f"# Other channels, of {group.found[0].values.size} samples, move as a "
-                    f"floating rotor too: {group.found[group.moves.position].label} with "
-                    f"{group.found[group.moves.control].label}. Is it another run?"
+                    f"# Other channels, of {group.channels[0].values.size} samples, move as a "
+                    f"floating rotor too: {group.channels[group.moves.position].label} with "
+                    f"{group.channels[group.moves.control].label}. Is it another run?"
                 )
         for candidate in rest:
             low, high = seen(candidate.values).min(), seen(candidate.values).max()
@@ -171,7 +171,7 @@ def _from_others(results: list[Candidate], others: Sequence[ProposedMap]) -> dic
         "y": not any(c.role == "y" and not c.estimated for c in results),
         "u": not any(c.role in ("u", "i") and not c.estimated for c in results),
     }
-    timed = [other.found for other in others if any(c.role == "t" for c in other.found)]
+    timed = [other.channels for other in others if any(c.role == "t" for c in other.channels)]
     if not any(c.role == "t" for c in results) or all(lacking.values()):
         return {}
     there = {}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array, Bools, Index
 from ambkit.base.units import engineering
-from ambkit.data.reading.clock import instant
+from ambkit.data.reading.clock import Clock, instant
 from ambkit.data.reading.spikes import spikes, without
 from ambkit.result.row import Row, put
 
@@ -167,6 +167,25 @@ def _some(values: Array) -> Array:
     size = LOOKED_AT // 4
     starts = np.linspace(0, values.size - size, 4).astype(int)
     return np.concatenate([values[start : start + size] for start in starts])
+
+
+def clock_faults(clock: Clock) -> list[Fault]:
+    """Turn what is wrong with a clock into faults; what is done about it is not known yet."""
+    t, result = clock.times, []
+    for at, count in zip(clock.gaps.tolist(), clock.missing.tolist(), strict=True):
+        text = f"{count} sample{'s' if count > 1 else ''} missing"
+        result.append(Fault("gap", clock.name, float(t[at - 1]), float(t[at]), count, text))
+    for at in clock.jumps.tolist():
+        text = f"from {instant(t[at - 1], clock.step)} to {instant(t[at], clock.step)}"
+        result.append(Fault("jump", clock.name, float(t[at - 1]), float(t[at]), 1, text))
+    if clock.uneven.size:
+        text = (
+            f"{clock.uneven.size} steps are off by more than 1 %, "
+            f"{engineering(clock.jitter, 's', digits=2)} rms"
+        )
+        ends = float(t[0]), float(t[-1])
+        result.append(Fault("jitter", clock.name, *ends, clock.uneven.size, text))
+    return result
 
 
 def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:

@@ -35,12 +35,12 @@ def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lamb
     assignments = [ProposedMap(group, find_roles(group)) for group in groups]
     best = max(assignments, key=ProposedMap.score)
     damage = next(
-        (c.damage for assignment in assignments for c in assignment.found if c.damage), None
+        (c.damage for assignment in assignments for c in assignment.channels if c.damage), None
     )
-    if damage and not any(c.role == "t" for c in best.found):
+    if damage and not any(c.role == "t" for c in best.channels):
         raise damage
-    if not any(c.role in ("y", "u", "i") and not c.estimated for c in best.found):
-        raise RecordError(_refusal(os.fspath(path), best.found))
+    if not any(c.role in ("y", "u", "i") and not c.estimated for c in best.channels):
+        raise RecordError(_refusal(os.fspath(path), best.channels))
     if (rises := _only_rises(best)) is not None:
         raise RecordError(
             f"{path}: refused: no channel is its time, and {rises.label}, by its name a position, "
@@ -54,9 +54,9 @@ def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lamb
 
 def _only_rises(best: ProposedMap) -> Candidate | None:
     """Return what is called a position and only rises, or only falls, in a log without a time."""
-    if any(c.role == "t" or c.clock for c in best.found) or best.moves is not None:
+    if any(c.role == "t" or c.clock for c in best.channels) or best.moves is not None:
         return None
-    for c in best.found:
+    for c in best.channels:
         steps = np.diff(c.values)
         if c.role == "y" and steps.size and ((steps >= 0).all() or (steps <= 0).all()):
             return c

@@ -19,8 +19,8 @@ from ambkit.data.files.formats import read_log
 from ambkit.data.files.log import DamagedLog, Log
 from ambkit.data.reading import faults as channel_faults
 from ambkit.data.reading import grid
-from ambkit.data.reading.clock import Clock, examine, instant
-from ambkit.data.reading.faults import Channel, Fault
+from ambkit.data.reading.clock import Clock, examine
+from ambkit.data.reading.faults import Channel, Fault, clock_faults
 from ambkit.data.reading.plausibility import suspects
 from ambkit.data.reading.reading_figure import reading_figure
 from ambkit.data.reading.rejections import RejectedLog, check_times, refuse_uneven, segments_of
@@ -137,14 +137,14 @@ def _placed(
     remarks = [*log.remarks, *mapped.remarks]
     clocks = _clocks(log, mapped)
     signals = dict(mapped.signals)
-    faults = [fault for clock in clocks.values() for fault in _clock_faults(clock)]
+    faults = [fault for clock in clocks.values() for fault in clock_faults(clock)]
     if segment is not None or any(clock.jumps.size for clock in clocks.values()):
         parts, remark = segments_of(log, clocks, segment)
         signals = {name: v[parts[mapped.clock_of[name]]] for name, v in signals.items()}
         clocks = {name: clock.part(parts[name]) for name, clock in clocks.items()}
         remarks.append(remark)
         faults = [replace(f, action="another part is read") for f in faults if f.kind == "jump"]
-        faults += [fault for clock in clocks.values() for fault in _clock_faults(clock)]
+        faults += [fault for clock in clocks.values() for fault in clock_faults(clock)]
     if not resample:
         refuse_uneven(log, mapped, clocks)
     channels: list[Channel] = []
@@ -232,8 +232,24 @@ def load(
     path: str | os.PathLike[str],
     channel_map: ChannelMap | str | os.PathLike[str] | None = None,
 ) -> Record:
-    """Read a record whose clock is even: a table with units, or by a channel map."""
-    # What is refused here, gaps and infinite values too, `read` makes a record of.
+    """Read a record whose clock is even; `read` also takes logs with faults.
+
+    Parameters
+    ----------
+    path : path
+        The file: without a channel map a table with units, see `Record.load`; with one, any format
+        that `read` knows.
+    channel_map : ChannelMap or path, optional
+        Which row or column of the file is which signal, with its unit, scale, sign and offset.
+
+    Raises
+    ------
+    RecordError
+        As `read`; also for gaps and infinite values, which `read` makes missing samples. The
+        message names file and line.
+    AmbkitError
+        The file, or the channel map, cannot be read.
+    """
     if channel_map is None:
         return Record.load(path)
     log, mapped = _mapped(path, channel_map, lambda _: None)
@@ -287,25 +303,6 @@ def _mapped(
     if error:
         raise RejectedLog(error, log.name, mapped, damaged)
     return log, mapped
-
-
-def _clock_faults(clock: Clock) -> list[Fault]:
-    """Turn what is wrong with a clock into faults; what is done about it is not known yet."""
-    t, result = clock.times, []
-    for at, count in zip(clock.gaps.tolist(), clock.missing.tolist(), strict=True):
-        text = f"{count} sample{'s' if count > 1 else ''} missing"
-        result.append(Fault("gap", clock.name, float(t[at - 1]), float(t[at]), count, text))
-    for at in clock.jumps.tolist():
-        text = f"from {instant(t[at - 1], clock.step)} to {instant(t[at], clock.step)}"
-        result.append(Fault("jump", clock.name, float(t[at - 1]), float(t[at]), 1, text))
-    if clock.uneven.size:
-        text = (
-            f"{clock.uneven.size} steps are off by more than 1 %, "
-            f"{engineering(clock.jitter, 's', digits=2)} rms"
-        )
-        ends = float(t[0]), float(t[-1])
-        result.append(Fault("jitter", clock.name, *ends, clock.uneven.size, text))
-    return result
 
 
 def _within(fault: Fault, times: Array) -> Fault:

@@ -228,11 +228,11 @@ def of_loop(
     filter: Estimator, controller: PID, loop_controller: ControllerStart | None = None
 ) -> tuple[Variable, ...]:
     """Return the variables of a closed loop; `flown`: the whole controller in it, if it has one."""
-    bearing, whole = filter.bearing, loop_controller
+    bearing, start = filter.bearing, loop_controller
     return (
         TIME,
         Variable("r", "input", "m", "position that is demanded"),
-        *_fly_input(whole),
+        *_fly_input(start),
         Variable("f_d", "input", "N", "disturbance force"),
         *_noises(bearing),
         *_TRUTH,
@@ -240,10 +240,10 @@ def of_loop(
         Variable("u", "output", "V", "control signal", held=True),
         *_FORCED,
         *_estimates("estimate.", filter),
-        *_mode(whole),
-        *_rig(bearing, 0.0 if whole is None else float(whole.place[0])),
+        *_mode(start),
+        *_rig(bearing, 0.0 if start is None else float(start.place[0])),
         *_variances(filter),
-        *(_gains(controller, bearing) if whole is None else [_current(float(whole.current[0]))]),
+        *(_gains(controller, bearing) if start is None else [_current(float(start.current[0]))]),
     )
 
 

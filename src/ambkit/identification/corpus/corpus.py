@@ -62,8 +62,8 @@ class Corpus(Result):
         steps = [item.position_step for item in self.found.values()]
         known = [step for step in steps if step is not None]
         step = min(known) if known and len(known) == len(steps) else None
-        noise_found = any(p.name == "measurement_noise" for p in self.pooled.parameters)
-        return with_steps(self.model.delayed_machine(), step, noise_found=noise_found)
+        has_noise = any(p.name == "measurement_noise" for p in self.pooled.parameters)
+        return with_steps(self.model.delayed_machine(), step, has_noise=has_noise)
 
     @property
     def not_used(self) -> list[tuple[str, str]]:

@@ -82,9 +82,9 @@ class MaximumLikelihood(Result):
     @property
     def bearing(self) -> Bearing:
         """The bearing found: its delay where `delay_counts`, its current's lag, its steps."""
-        noise_found = any(p.name == "measurement_noise" for p in self.parameters)
+        has_noise = any(p.name == "measurement_noise" for p in self.parameters)
         late = self.model.delayed_machine(delay=self.delay_counts)
-        return with_steps(late, self.position_step, noise_found=noise_found)
+        return with_steps(late, self.position_step, has_noise=has_noise)
 
     @property
     def lines(self) -> Sequence[Hum]:
