@@ -29,4 +29,4 @@ def test_steps_of_three_standard_deviations_and_the_noise_below_them() -> None:
 def test_what_has_no_steps_or_has_them_stated_stays() -> None:
     assert with_steps(BEARING, position_step([recorded(None)])) == BEARING
     stated = BEARING.replace(sensor__quantisation=1e-7)
-    assert with_steps(stated, 3e-7, noise_found=False) == stated
+    assert with_steps(stated, 3e-7, has_noise=False) == stated

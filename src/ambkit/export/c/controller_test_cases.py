@@ -33,7 +33,10 @@ LIFTED, UP = 300, 130  #: Samples of a flight in the self-test, and from which o
 SLOW = 20  #: Samples of a plant's time constant, for each of which a flight takes as many more.
 TRANSFER_SAMPLES = 40  #: Samples of a flight that is taken over.
 PUSH, PULL = 0.2, 3.0  #: Loads of the flights, in what an axis can pull with its greatest current.
-DRAWN, ROUNDED = 4, 256  #: Flights whose readings are off, and by how many roundings of the travel.
+PERTURBATIONS, ROUNDED = (
+    4,
+    256,
+)  #: Flights whose readings are off, and by how many roundings of the travel.
 PART = 2e-3  #: Of the greatest current: a tenth of what the self-test lets pass.
 
 
@@ -173,7 +176,7 @@ def _spread(controller: Controller, case: TestCase, run: Run) -> Bools:
     least *= float(np.finfo(controller.estimator.precision).eps)
     axes = [(signal("u", axis.name), axis.bearing.amplifier) for axis in machine.axes]
     random, result = np.random.default_rng(0), np.zeros(len(case.readings), bool)
-    for _ in range(DRAWN):
+    for _ in range(PERTURBATIONS):
         off = least * random.choice([-1.0, 1.0], case.readings.shape)
         other = _simulated(controller, case, case.readings + off)
         for key, amplifier in axes:

@@ -33,7 +33,7 @@ class ControllerStart(NamedTuple):
         return [1 + (item.magnet.type == "two-sided") for item in self.controller.plant.isolated]
 
 
-def is_whole(scenario: Scenario) -> bool:
+def has_more_than_pid(scenario: Scenario) -> bool:
     """Say whether a scenario is flown by more than a PID."""
     law = scenario.controller
     return scenario.sequence is not None or law.needs_estimate or bool(law.block)

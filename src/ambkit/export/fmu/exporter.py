@@ -136,13 +136,13 @@ def _parts(kind: Kind, machine: Any, filter: Estimator, scenario: Scenario) -> _
         case "closed-loop":
             return (
                 _whole_loop(filter, scenario)
-                if flown.is_whole(scenario)
+                if flown.has_more_than_pid(scenario)
                 else _loop(filter, scenario)
             )
         case "controller":
             return (
                 _regulator(filter, scenario)
-                if flown.is_whole(scenario)
+                if flown.has_more_than_pid(scenario)
                 else _pid(machine, scenario)
             )
         case "whole-controller":
