@@ -18,7 +18,7 @@ import numpy as np
 from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.forces.force_points import ForcePoints
-from ambkit.machine.forces.force_surface import SMOOTH_OVER, smooth
+from ambkit.machine.forces.force_surface import SCALE, smooth
 from ambkit.machine.magnets import equally_far, magnet_of
 
 if TYPE_CHECKING:
@@ -221,7 +221,7 @@ def _known_before(current: Array, displacement: Array, assumed: float) -> Array:
     """Information on the law's errors at the nodes before any sample, (n, n) [1/N^2]."""
     iu, x = np.meshgrid(current, displacement)
     at = np.stack([iu.ravel() / np.ptp(current), x.ravel() / np.ptp(displacement)])
-    alike = smooth(at, at, np.full((2, 1), SMOOTH_OVER))
+    alike = smooth(at, at, np.full((2, 1), SCALE))
     return np.asarray(np.linalg.inv(assumed**2 * alike))
 
 

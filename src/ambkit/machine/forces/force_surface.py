@@ -39,7 +39,7 @@ LAW_SHARE, LEAST_SHARE = 0.2, 0.05
 """By how much a law is wrong, before anything is measured, and at least: in parts of the spread of
 its force. Points that find it right do not say that it is so where there are none."""
 
-SMOOTH_OVER, SHORTEST, FARTHEST = 0.5, 0.3, 1.0
+SCALE, SHORTEST, FARTHEST = 0.5, 0.3, 1.0
 """How far an error of the law reaches, before anything is measured, and at least, and at most: in
 parts of the area with points. What is shorter 5x5 rules could not follow, nor would it be told from
 noise; beyond the area nothing that was learned goes on for long."""
@@ -67,7 +67,7 @@ class ForceSurface(Law):
     # as `ambkit.machine.forces.spline.ACCURACY` says.
     # How wrong the law is, how far its errors reach, and the scatter of points whose standard
     # errors are not known, are found from the points: the values of the largest posterior density,
-    # known before as `LAW_SHARE`, `SMOOTH_OVER` and `DOUBT` say. An offset of all forces may be as large
+    # known before as `LAW_SHARE`, `SCALE` and `DOUBT` say. An offset of all forces may be as large
     # as the law's error.
 
     def __init__(
@@ -223,7 +223,7 @@ def _found(
     ends = np.log(
         [
             (LEAST_SHARE / LAW_SHARE, 30),
-            *2 * [(SHORTEST / SMOOTH_OVER, FARTHEST / SMOOTH_OVER)],
+            *2 * [(SHORTEST / SCALE, FARTHEST / SCALE)],
             (1e-3, 1e3),
         ]
     )
@@ -234,7 +234,7 @@ def _found(
         law, across, along, scatter = np.exp(change).tolist()
         law *= LAW_SHARE * spread if law_error is None else law_error
         scatter = 1.0 if known else 0.1 * LAW_SHARE * spread * scatter
-        return _Found(law, SMOOTH_OVER * np.array([[across], [along]]), scatter)
+        return _Found(law, SCALE * np.array([[across], [along]]), scatter)
 
     def surprise(some: Array) -> float:
         factor, pull = _solved(at, off, error, unpacked(some))
