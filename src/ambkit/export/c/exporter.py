@@ -208,17 +208,6 @@ def filter_cost(
     return FilterCost(estimator.name, bearing.name, spent, frequency)
 
 
-def _tabulated(
-    magnet: MagnetModel | None, bearing: Machine, bound: float | None, precision: Precision
-) -> TabulatedExpert:
-    if not isinstance(magnet, Expert) or not bearing.single:
-        raise AmbkitError(
-            "only an expert can be tabulated, that of a single axis; give one, or export the exact "
-            "form"
-        )
-    return tabulate(magnet, bearing.isolated_axis(""), bound=bound, precision=precision)
-
-
 def made(
     kind: str | None,
     bearing: Machine,
