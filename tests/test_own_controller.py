@@ -80,7 +80,7 @@ class LinearMagnet:
 def test_a_controller_does_what_the_same_of_ours_does() -> None:
     assert issubclass(PD, ambkit.ControllerProtocol)
     own, ours = (
-        ambkit.simulate(AXIS, Scenario(duration=0.1, controller=control), step="0.1 mm")
+        ambkit.simulate(AXIS, Scenario(duration=0.1, controller=control), step="0.1 mm").record
         for control in (Control(custom=PD), Control(anti_windup=1e3, **PLAIN))
     )
     assert own["x"] == pytest.approx(ours["x"], rel=1e-9, abs=1e-12)

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.assessment.arguments import arguments_of_the_user, filter_arguments
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import names_in
+from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.experts import EXPERTS, experts
 from ambkit.estimate.named import AT, FromObject, factories
 from ambkit.judge.comparison.candidates import expand, suited
+from ambkit.judge.comparison.cases import Case
 from ambkit.judge.comparison.study import Study
 from ambkit.machine.forces.force_map import surface_in
 from ambkit.workflow.compare_steps import (
@@ -38,6 +39,7 @@ def in_case(
     first_seed: int, whole: bool, source: Any, done: Done,
 ) -> Study | Benches:  # fmt: skip
     """Compare filters in a case, or in all of them."""
+    of_type(str, Case, case=case)
     _check_counts(seeds, first_seed)
     names, files = _with_files(filter)
     names = suited(names, machine)
