@@ -55,7 +55,7 @@ def test_an_axis_as_a_machine_has_the_same_bound():
     [
         (("--case", "wrong-k"), "can be simulated for a machine with one axis only"),
         (("--filter", "low-pass"), "takes one axis"),
-        (("--steps", "20 um", "--force-map", "map.csv"), "this takes a machine with one"),
+        (("--plant", "map.csv"), "plant is the magnet of one axis, and tum_mlps has 4"),
     ],
 )
 def test_what_a_machine_cannot_be_compared_in_is_one_sentence(

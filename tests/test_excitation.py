@@ -217,8 +217,12 @@ def test_the_current_s_lag_is_foretold_where_the_amplifier_has_one(
         assert ("current_lag" in expected["parameters"] | expected["held"]) == looked_for
 
 
-def test_step_and_reference_exclude_each_other(capsys: pytest.CaptureFixture[str]) -> None:
+def test_step_and_reference_exclude_each_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "r.csv"
+    ambkit.simulate(BEARING, duration="10 ms").record.save(path)
     with pytest.raises(SystemExit) as left:
-        main(["simulate", "zittau_axial", "--step", "0.1 mm", "--signal", "r.csv"])
+        main(["simulate", "zittau_axial", "--step", "0.1 mm", "--signal", str(path)])
     assert left.value.code == 2
     assert "the reference is either a step or a record's" in capsys.readouterr().err

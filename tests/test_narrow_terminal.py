@@ -48,10 +48,9 @@ def narrow(monkeypatch):
 @pytest.mark.parametrize(
     ("words", "names"),
     [
-        ("presets", ["zittau_axial", "tum_mlps_flexible", "hindawi_2011"]),
         ("rotor tum_mlps", ["2044.8 rpm", "33.57 Hz"]),
         (f"assess zittau_axial --verbose {EACH}", ["steady-state", "0.01272972"]),
-        ("assess tum_mlps --verbose --filter linear", ["0.15813124", "2044.8 rpm", "416.7 g mm"]),
+        ("assess tum_mlps --verbose --filter linear", ["0.15813124", "2152.8 rpm", "416.7 g mm"]),
         ("simulate zittau_axial --duration 50ms", []),
         (f"faults zittau_axial {EACH} --faults knock --faults outage-1ms", []),
         (f"compare zittau_axial {EACH} --seeds 1", FILTERS.split(",")),
@@ -69,6 +68,16 @@ def test_no_table_cuts_a_name_or_a_number(call, narrow, words, names):
     assert not set(_wide(shown)) - set(seen)
     tables = [line for line in out.splitlines() if line.startswith(" ")]
     assert max(map(len, tables)) <= 80
+
+
+@pytest.mark.parametrize("columns", [80, 50])
+def test_presets_fit_with_whole_names_and_descriptions(call, monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    out = call("presets").out
+    assert max(map(len, out.splitlines())) <= columns
+    for preset in call("presets", "--json").json:
+        assert f"{preset['name']} " in out
+        assert " ".join(preset["description"].split()) in " ".join(out.split())
 
 
 def test_columns_that_have_no_room_come_below(narrow, capsys):

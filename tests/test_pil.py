@@ -54,7 +54,7 @@ def test_what_is_missing_is_said_with_what_to_install(
     ("words", "said"),
     [
         (["tum_mlps", "--filter", "steady-state"], "takes one axis"),
-        (["tum_mlps", "--scenario", "axis.toml"], "feed_forward is made of the estimate"),
+        (["tum_mlps", "--scenario", "axis.toml"], "feed_forward: is made of the estimate"),
         (["zittau_axial", "--board", "arduino"], "must be one of stm32f4, amdc, c2000"),
         (["zittau_axial", "--board", "c2000"], "TI's C2000 code generation tools"),
     ],
@@ -62,7 +62,8 @@ def test_what_is_missing_is_said_with_what_to_install(
 def test_what_cannot_be_flown_is_said(
     words: list[str], said: str, call: Callable[..., Result], tmp_path: Path
 ) -> None:
-    (tmp_path / "axis.toml").write_text(SCENARIO.to_toml())
+    text = f'feedback = "measurement"\n{SCENARIO.to_toml()}'
+    (tmp_path / "axis.toml").write_text(text)
     if "c2000" in words and shutil.which("cl2000"):
         pytest.skip("there is a compiler for it")
     told = call("pil", *words)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ambkit
+from ambkit.judge.comparison.score import Benches
 
 Array = NDArray[np.float64]
 IRON = """
@@ -122,7 +123,8 @@ def estimates(bearing: ambkit.Bearing, expert: ambkit.Expert, record: ambkit.Rec
         assert_type(kalman.status, ambkit.Status)
     many = ambkit.run_many(filters[2], record["y"], record["u"])
     assert_type(many.mean, NDArray[Any] | None)  # in float32 as well
-    print(ambkit.filter(record, ["linear"], machine=bearing, noise=noise)["linear"].evaluation)
+    along = ambkit.filter(record, ["linear"], machine=bearing, disturbance_noise=10.0)
+    print(along["linear"].evaluation)
     with TemporaryDirectory() as folder:
         file = Path(folder, "filter.toml")
         filters[2].save(file)
@@ -134,14 +136,17 @@ def estimates(bearing: ambkit.Bearing, expert: ambkit.Expert, record: ambkit.Rec
 
 def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Record) -> None:
     """What compares and what identifies."""
-    filters = {"linear": lambda: ambkit.KalmanFilter(bearing)}
-    runs = [ambkit.Planned(bearing, scenario, filters["linear"](), number=k) for k in range(3)]
+    filters = {"linear": ambkit.KalmanFilter(bearing)}
+    kalman = [ambkit.KalmanFilter(bearing) for _ in range(3)]
+    runs = [ambkit.Planned(bearing, scenario, kalman[k], number=k) for k in range(3)]
     assert_type(ambkit.simulate_many(runs).figures["f_d_rms"], Array)
     loops = ambkit.compare_steps(bearing, filters, scenario=scenario, seeds=2)
     assert_type(loops.scores["scenario"]["linear"].mean("f_d"), float)
     case = ambkit.compare(bearing, ["linear"], case="model", seeds=2)
+    assert not isinstance(case, Benches)
     assert_type(case.bench.efficiency("linear", "x"), float)
     whole = ambkit.compare(bearing, ["low-pass"], case="all", seeds=1)
+    assert isinstance(whole, Benches)
     assert_type(whole["paper"].default["low-pass"].mean("x"), float)
     recovery = ambkit.inject_faults(bearing, ["linear"], faults=["knock"], samples=0)
     assert_type(recovery.to_dict(), dict[str, Any])
@@ -162,10 +167,32 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
 
 
 def with_tools(bearing: ambkit.Bearing) -> None:
-    """What needs a cross compiler and qemu, or half a minute: for its types only."""
+    """What needs a cross compiler and qemu, logs, or half a minute: for its types only."""
     assert_type(ambkit.pil(bearing, "linear").passed, bool)
     ambkit.excite(bearing, free=["magnet_constant"], duration="1 s").save("excite.csv")
     ambkit.excite_sensitivity(bearing, "none", duration="1 s").save("injection.csv")
+    assert_type(ambkit.export_cost(bearing, "linear", clock="80 MHz").clock, float)
+    assert_type(ambkit.export_fmu(bearing, out="plant.fmu", kind="plant").sentence, str)
+    assert_type(ambkit.export_ssp(bearing, out="loop.ssp").sentence, str)
+    assert_type(ambkit.export_a2l("c", elf="firmware.elf", out="c.a2l").sentence, str)
+    assert_type(ambkit.identify_corpus(bearing, ["a.csv", "b.csv"]).filter, ambkit.Estimator)
+    assert_type(ambkit.identify_lift_off(bearing, "points.csv").bearing, ambkit.Bearing)
+    assert_type(ambkit.identify_coil(bearing, "log.csv").known, ambkit.Bearing | None)
+    assert_type(ambkit.train_map(bearing, "force.csv").expert, ambkit.Expert)
+    assert_type(ambkit.guess_channels("log.csv").text, str)
+    assert_type(ambkit.reproduce("out").folder, Path)
+
+
+def written(bearing: ambkit.Bearing) -> None:
+    """C, a MAT-file, and what says how files must be."""
+    with TemporaryDirectory() as folder:
+        assert_type(ambkit.export_c(bearing, "linear", out=Path(folder, "c")).folder, Path)
+        assert_type(ambkit.export_mat(bearing, out=Path(folder, "f.mat")).sentence, str)
+        file = Path(folder, "bearing.toml")
+        file.write_text(ambkit.presets(bearing.name).text, encoding="utf-8")
+        assert_type(ambkit.check(file).exit_code, int)
+    assert_type(ambkit.schema("scenario").text, str)
+    assert_type(ambkit.preset("tum_mlps"), ambkit.Machine)
 
 
 class Raw:
@@ -176,9 +203,28 @@ class Raw:
         return y, 0.0, 0.0, y
 
 
+class Gain:
+    """A controller of one's own."""
+
+    def step(self, y: float, r: float, estimate: Array | None) -> float:
+        """Return a current."""
+        return 2e4 * (r - y)
+
+
+class Still:
+    """A plant of one's own."""
+
+    def step(self, iu: float, f_d: float) -> tuple[float, ...]:
+        """Return what does not move."""
+        return 0.0, 0.0, 0.0
+
+
 def of_ones_own(bearing: ambkit.Bearing) -> None:
     """What has a step, and what a verb returns."""
     own: ambkit.EstimatorProtocol = Raw()
+    controller: ambkit.ControllerProtocol = Gain()
+    plant: ambkit.PlantProtocol = Still()
+    print(controller, plant)
     assert_type(ambkit.simulate(bearing, filter=type(own)).samples_at_the_stop, int)
     found: ambkit.Result = ambkit.assess(bearing, {"naive": ambkit.ConstantVelocity(bearing)})
     assert found is not None
@@ -208,7 +254,7 @@ def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:
         log = Path(folder, "log.csv")
         record.save(log)
         found = ambkit.design(
-            bearing, [log], Path(folder, "out"), kinds=["linear"], free=["magnet_constant"]
+            bearing, [log], out=Path(folder, "out"), filter="linear", free=["magnet_constant"]
         )
         assert_type(found.why, str)
 
@@ -216,7 +262,7 @@ def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:
 def designed_whole(machine: ambkit.Machine) -> None:
     """A whole machine's controllers and filter."""
     with TemporaryDirectory() as folder:
-        found = ambkit.design(machine, [], folder, kinds=["linear"], runs=1, budget=1)
+        found = ambkit.design(machine, out=folder, filter="linear")
         assert_type(found.loop.peak, float)
         assert_type(found.why, str)
 
@@ -231,6 +277,12 @@ def many_machines() -> None:
         found = ambkit.campaign(study, Path(folder, "out"))
         assert isinstance(found, ambkit.Campaign)
         assert_type(found.good.value, float)
+        assert_type(ambkit.campaign_report(found.folder), ambkit.Campaign)
+        assert_type(ambkit.campaign_status(found.folder).sentence, str)
+        assert_type(ambkit.campaign_replay(found.folder, 1).run.record, ambkit.Record)
+        rare = ambkit.campaign_rare(found.folder, figure="x_max", above="1 mm", budget=8)
+        assert_type(rare.sentence, str)
+    print(ambkit.campaign_problem(study))
     assert_type(ambkit.tune_robust(study, budget=1).taken, int)
 
 
@@ -244,5 +296,6 @@ if __name__ == "__main__":
     judged(plant, happening, log)
     designed(plant, log)
     of_ones_own(plant)
+    written(plant)
     whole_machine()
     many_machines()

@@ -126,10 +126,12 @@ def show(tables: Iterable[Table | str]) -> None:
     """Print tables on stdout."""
     console = stdout()
     for item in tables:
-        if isinstance(item, str):
-            console.print(escaping.lines(item), soft_wrap=not sys.stdout.isatty())
-        else:
-            console.print(item, crop=False)
+        with console.capture() as text:  # rich would leave with 1 where the reader has gone
+            if isinstance(item, str):
+                console.print(escaping.lines(item), soft_wrap=not sys.stdout.isatty())
+            else:
+                console.print(item, crop=False)
+        sys.stdout.write(text.get())
 
 
 def stdout() -> Console:

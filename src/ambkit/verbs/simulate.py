@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ambkit.verbs.words import (
-    Filter,
     Force,
     Inputs,
     Length,
+    LoopFilter,
     Machine,
     Scenario,
     Signals,
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def simulate(
     machine: Machine,
     scenario: Scenario | None = None,
-    filter: Filter = "linear",
+    filter: LoopFilter = "linear",
     *,
     plant: TrueMagnet | None = None,
     duration: Time | None = None,
@@ -48,8 +48,7 @@ def simulate(
     filter : Estimator, class, str or path, optional
         A kind, linear+unbalance to estimate that too, a filter's file, an expert (.json) or force
         map (.csv) of the adaptive filter, a class of your own as my.py:MyFilter, or none. The
-        controller is fed by it unless the scenario says otherwise; of several axes where the
-        scenario says so.
+        controller is fed by it unless the scenario says otherwise.
     plant : MagnetModel, str or path, optional
         Force map of the true magnet, points of iu, x and f_mag, which the filter does not know; of
         one axis.

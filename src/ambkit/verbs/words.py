@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 Machine = Annotated["str | PathLike[str] | ambkit.Machine", "MACHINE"]
 Source = Annotated["str | PathLike[str] | ambkit.Machine | ambkit.StiffnessMap", "MACHINE"]
 Filter = Annotated["str | PathLike[str] | ambkit.Estimator", "FILTER"]
+LoopFilter = Annotated[
+    "str | PathLike[str] | ambkit.Estimator | type[ambkit.EstimatorProtocol]", "FILTER"
+]
 Filters = Filter | Sequence[Filter] | Mapping[str, Filter]
 Controller = Annotated[
     "str | PathLike[str] | ambkit.PID | type[ambkit.ControllerProtocol]", "CONTROLLER"
