@@ -280,7 +280,7 @@ def many_machines() -> None:
         assert_type(ambkit.campaign_report(found.folder), ambkit.Campaign)
         assert_type(ambkit.campaign_status(found.folder).sentence, str)
         assert_type(ambkit.campaign_replay(found.folder, 1).run.record, ambkit.Record)
-        rare = ambkit.campaign_rare(found.folder, figure="x_max", above="1 mm", budget=8)
+        rare = ambkit.campaign_rare(found.folder, figure="x_peak", above="1 um", budget=20)
         assert_type(rare.sentence, str)
     print(ambkit.campaign_problem(study))
     assert_type(ambkit.tune_robust(study, budget=1).taken, int)
