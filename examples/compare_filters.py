@@ -14,10 +14,10 @@ narrow = ambkit.train(bearing).expert
 wide = ambkit.train(bearing, reach="0.8 mm").expert
 law = ambkit.ClosedLaw(bearing)
 filters = {
-    "linear": lambda: ambkit.KalmanFilter(bearing),
-    "adaptive": lambda: ambkit.AdaptiveKalmanFilter(bearing, narrow),
-    "adaptive, wide": lambda: ambkit.AdaptiveKalmanFilter(bearing, wide),
-    "closed-law": lambda: ambkit.AdaptiveKalmanFilter(bearing, law),
+    "linear": ambkit.KalmanFilter(bearing),
+    "adaptive": ambkit.AdaptiveKalmanFilter(bearing, narrow),
+    "adaptive, wide": ambkit.AdaptiveKalmanFilter(bearing, wide),
+    "closed-law": ambkit.AdaptiveKalmanFilter(bearing, law),
 }
 
 found = ambkit.compare_steps(bearing, filters, steps=STEPS, disturbance="3 N", seeds=20)

@@ -176,7 +176,7 @@ print(*reading.account(), sep="\n")
 # measured better.
 #
 # The rig's controller is fed by its sensor, and this filter only watches: `max_sensitivity` and
-# `anyway` say that its margin in the loop does not count. Without them a filter for the loop comes
+# `force` say that its margin in the loop does not count. Without them a filter for the loop comes
 # out, which keeps the peak of the sensitivity in zone A and follows the load less fast.
 #
 # ```sh
@@ -189,12 +189,12 @@ print(*reading.account(), sep="\n")
 design = ambkit.design(
     my,
     [place / "log.csv"],
-    place / "design",
+    out=place / "design",
     channels=place / "rig.toml",
     validate=[place / "other.csv"],
     free=["magnet_constant", "delay", "measurement_noise", "disturbance_noise"],
-    max_sensitivity=None,
-    anyway=True,
+    max_sensitivity=np.inf,
+    force=True,
     prefix="grinder",
 )
 found = ambkit.Bearing.load(place / "design" / "machine.toml")

@@ -198,6 +198,21 @@ def test_compare_in_loops_of_one_s_own_is_the_command_s(call: Any) -> None:
     assert list(own.scores) == ["s.toml"]
 
 
+def test_filters_of_a_mapping_have_each_run_to_themselves() -> None:
+    options: dict[str, Any] = {"steps": ["0.3 mm"], "disturbance": "2 N", "seeds": 6}
+    named = ambkit.compare_steps(BEARING, ["linear", "closed-law"], **options)
+    objects = {
+        "a, b": ambkit.KalmanFilter(BEARING),
+        "law": ambkit.AdaptiveKalmanFilter(BEARING, ambkit.ClosedLaw(BEARING)),
+    }
+    (wanted,) = named.scores.values()
+    (scores,) = ambkit.compare_steps(BEARING, objects, **options).scores.values()
+    assert list(scores) == ["a, b", "law"]
+    for one, other in zip(scores.values(), wanted.values(), strict=True):
+        for signal in ("x", "v", "f_d"):
+            np.testing.assert_array_equal(one.rmse[signal], other.rmse[signal])
+
+
 def test_what_is_not_there_is_not_saved(tmp_path: Path) -> None:
     with pytest.raises(AmbkitError, match="whole is of one case"):
         ambkit.compare(BEARING, ["linear"], case="all", whole=True)

@@ -112,7 +112,7 @@ def compare_steps(
     ----------
     machine : Machine, str or path
         What the filters know: a preset's name, or a TOML file.
-    filter : str, path or sequence of them, optional
+    filter : Estimator, class, str, path, sequence or mapping of them, optional
         Kinds, KIND@FILE with an expert (.json) or force map (.csv), or filters' files (.toml). May
         be repeated.
     steps : sequence of float or str, optional

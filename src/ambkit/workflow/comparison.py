@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.experts import EXPERTS, experts
-from ambkit.estimate.named import AT, FromObject, factories
+from ambkit.estimate.named import AT, factories
 from ambkit.judge.comparison.candidates import expand, suited
 from ambkit.judge.comparison.cases import Case
 from ambkit.judge.comparison.study import Study
@@ -72,12 +74,14 @@ def in_loops(
     name = os.fspath(scenario) if isinstance(scenario, str | os.PathLike) else "scenario"
     what = loop_cases(machine, scenario, steps=heights, load=load, duration=duration, name=name)
     built: dict[str, Any] = {}
-    for item in names_in(Estimator, type, filter=filter):
+    several = isinstance(filter, Mapping)
+    for item in [filter] if several else names_in(Estimator, type, filter=filter):
         if isinstance(item, str | os.PathLike):
             built |= factories([os.fspath(item)], machine)
         else:
             own = filter_arguments(item, machine)
-            built |= {name: FromObject(item) for name, item in own.items()}
+            # Each run has its own: they run in threads.
+            built |= {name: partial(deepcopy, item) for name, item in own.items()}
     return compare_in_loops(
         machine, what, built, runs=seeds, seed=first_seed, plant=_true_magnet(plant, machine),
         done=lambda: done(""),
