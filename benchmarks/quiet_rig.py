@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ambkit import Bearing, Record
 from ambkit.identification.maximum_likelihood import MaximumLikelihood, maximum_likelihood
-from ambkit.identification.maximum_likelihood.current_state import Coil, CurrentState, through
+from ambkit.identification.maximum_likelihood.current_state import Coil, CurrentState, propagate
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
@@ -159,7 +159,7 @@ def flowing_at_the_truth(record: Record) -> CurrentState:
     """Return the current that flows through the coil as it was simulated."""
     lag = LAG / record.sampling_time
     stray = (GAIN * (1 - math.exp(-1 / lag)) * DRIVE / SENSOR) ** 2
-    return through(Coil(lag, 0.0, GAIN, -record.meta["offset"], stray), [record], 1.0)
+    return propagate(Coil(lag, 0.0, GAIN, -record.meta["offset"], stray), [record], 1.0)
 
 
 SLOPES = ("current_offset", "measurement_noise", "control_noise", "disturbance_noise")

@@ -16,9 +16,9 @@ from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.data.reading import weight_scale
 from ambkit.data.reading.clock import Clock
 from ambkit.data.reading.grid import resample
-from ambkit.data.reading.levitation_test import Levitated
+from ambkit.data.reading.levitation_test import LevitationFit
 from ambkit.data.reading.position_search import Rotor
-from ambkit.export.pil.result import judged
+from ambkit.export.pil.result import compare_bits
 from ambkit.fuzzy.rule_selection import BLOCKS, numbered
 from ambkit.judge.comparison.candidates import candidate_of_kind
 from ambkit.judge.faults import fault_run
@@ -52,20 +52,20 @@ def test_between_the_samples_beyond_them_and_in_a_gap(held: bool) -> None:
 def test_gravity_tells_gap_and_unit_of_what_hangs(gap: float, scale: float, way: int) -> None:
     """``x'' = (2 g / gap) x + (2 g / i) di`` in units of the log."""
     step, usual, g = 1e-3, 0.8, 9.81
-    fit = Levitated(0, 1, step * math.sqrt(2 * g / gap), 0.0, 0.9, 1, 1.0, sure=True)
+    fit = LevitationFit(0, 1, step * math.sqrt(2 * g / gap), 0.0, 0.9, 1, 1.0, sure=True)
     gain = way * 2 * g / usual / scale * step**2
     moves = Rotor(0, 1, fit, gain, (), (), ())
     position = np.linspace(4, 6, 101) * 1e-4 / scale
-    found = weight_scale.hanging(moves, position, np.full(101, usual), step)
+    found = weight_scale.weight_scale(moves, position, np.full(101, usual), step)
     assert found is not None
     assert found.gap == pytest.approx(gap)
     assert found.scale == pytest.approx(scale)
     assert found.zero == pytest.approx(5e-4 / scale + way * gap / scale)
-    said = " ".join(found.in_words("pos", ""))
+    said = " ".join(found.describe("pos", ""))
     assert f"gap {1e3 * gap:.3g} mm" in said
     # 25 mm a unit is 25 of the nearest unit, on a logarithmic scale.
     assert ("scale = 25  #" in said) == (scale == 2.5e-2)
-    assert weight_scale.hanging(moves, position, np.full(101, -usual), step) is None
+    assert weight_scale.weight_scale(moves, position, np.full(101, -usual), step) is None
 
 
 def test_of_two_faults_in_a_flight_the_slower_recovery_counts() -> None:
@@ -181,7 +181,7 @@ def test_a_processor_s_answers_are_counted_by_their_modes() -> None:
         (1, 2, 3, 40), [(k, "u4") for k in ("unequal", "wrong_status", "wrong", "state")]
     )[()]
     record: Any = SimpleNamespace(t=1e-3 * np.arange(100))
-    found = judged(
+    found = compare_bits(
         answers, greeting, off=off, moved=moved, travel=np.array([1.0, 1.0]), record=record,
         unequal=0, frames=record, unequal_frames=0, run=record, board="none", built=record,
     )  # fmt: skip

@@ -12,6 +12,7 @@ import ambkit
 from ambkit.base.errors import ExtraMissing
 from ambkit.campaigns.store import Folder
 from ambkit.data.files import csv_text
+from ambkit.data.files.log import Request
 
 LOGS = {
     "plain": "t,y,u\n" + "".join(f"{k * 1e-4:.4f},{np.sin(k):.17g},{k % 7}\n" for k in range(50)),
@@ -34,9 +35,9 @@ def without_arrow(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_csv_is_the_same_without_arrow(name, tmp_path, request):
     path = tmp_path / "log.csv"
     path.write_text(LOGS[name])
-    fast = csv_text.read(path)
+    fast = csv_text.read(path, Request())
     request.getfixturevalue("without_arrow")
-    slow = csv_text.read(path)
+    slow = csv_text.read(path, Request())
     assert slow.arrays.keys() == fast.arrays.keys()
     for column, values in fast.arrays.items():
         np.testing.assert_array_equal(slow.arrays[column], values)

@@ -306,10 +306,15 @@ def test_train_shows_what_is_best_at_points_left_out(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["train", "map", "law.toml", "fe.csv", "--channels", "channels.toml"]
-    shown, _ = said(capsys, *words, "--rules", "4x4", "--out", "refitted.toml")
+    shown, _ = said(capsys, *words, "--rules", "4x4")
     for name in (LAW, REFITTED, SURFACE, NETWORK):
         assert f" {name} " in shown
-    assert "the surface is off by" in shown
+    assert "the surface is better at points left out, and the filter takes it" in shown
+    assert "which was asked for" not in shown
+    asked = ("--model", "law", "--out", "refitted.toml")
+    shown, _ = said(capsys, *words, "--rules", "4x4", *asked)
+    assert "at points left out the surface is off by" in shown
+    assert "the law, refitted, which was asked for, by" in shown
     assert Bearing.load("refitted.toml").magnet.air_gap > 0.9e-3
 
 

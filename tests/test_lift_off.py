@@ -77,9 +77,18 @@ def test_recordings_of_flights_give_a_bearing_on_the_command_line(tmp_path, monk
         names.append(f"{seed}.csv")
     still = lift_off_recording(9e-3, 9).between(None, 0.4)
     still.save("still.csv")
+    Path("map.toml").write_text(
+        "".join(f'[signals.{name}]\ncolumn = "{name}"\nunit = "{unit}"\n'
+                for name, unit in (("t", "s"), ("z", "m"), ("i", "A")))
+    )  # fmt: skip
+    words = ["identify", "lift-off", "inteco_ml", *names, "still.csv", "--operating-point",
+             "10 mm", "--out", "law.toml", "--plot", "law.png"]  # fmt: skip
     with pytest.raises(SystemExit) as ended:
-        main(["identify", "lift-off", "inteco_ml", *names, "still.csv", "--operating-point",
-              "10 mm", "--out", "law.toml", "--plot", "law.png"])  # fmt: skip
+        main(words)
+    assert ended.value.code == 2
+    assert "recordings need a channel map" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as ended:
+        main([*words, "--channels", "map.toml"])
     assert ended.value.code == 0
     told = capsys.readouterr().out
     assert "points left out" in told

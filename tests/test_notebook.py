@@ -284,7 +284,15 @@ def test_quantities_are_taken_with_their_units() -> None:
     ("wrong", "told"),
     [
         (
-            lambda: ambkit.filter(RECORD, machine="rig.toml"),
+            lambda: ambkit.filter(RECORD, machine="rig.toml"),  # a name of a file
+            "rig.toml: cannot be read: No such file or directory",
+        ),
+        (
+            lambda: ambkit.filter(RECORD, machine=3),
+            "machine must be of type Machine, is the int 3",
+        ),
+        (
+            lambda: KalmanFilter("rig.toml"),
             "bearing must be of type "
             "Machine, is the str 'rig.toml'; Machine.preset or Machine.load gives one",
         ),
@@ -306,7 +314,11 @@ def test_quantities_are_taken_with_their_units() -> None:
         ),
         (
             lambda: ambkit.identify(BEARING, ["log.csv"]),
-            "records must be of type Record, is the str 'log.csv'; Record.load gives one",
+            "log.csv: cannot be read: No such file or directory",
+        ),
+        (
+            lambda: ambkit.identify(BEARING, [RECORD, 3]),
+            "records must be of type Record or str or PathLike, is the int 3",
         ),
         (
             lambda: KalmanFilter(Bearing),
@@ -318,7 +330,7 @@ def test_quantities_are_taken_with_their_units() -> None:
         ),
         (
             lambda: ambkit.train(RECORD).expert,
-            "source must be of type Machine or StiffnessMap, is the Record",
+            "machine must be of type Machine or StiffnessMap, is the Record",
         ),
     ],
 )

@@ -103,7 +103,7 @@ def test_wrong_units_are_told(factors, problem, remark):
 def test_a_wrong_rate_is_a_problem_of_the_file(tmp_path):
     record = run()
     Record(10 * record.t, {"y": record["y"], "u": record["u"]}).save(tmp_path / "r.csv")
-    found = inspect(tmp_path / "r.csv", bearing=BEARING)
+    found = inspect(tmp_path / "r.csv", machine=BEARING)
     assert found.problems == (
         f"{tmp_path / 'r.csv'}: it is sampled every 1 ms, the bearing's sampling_time is 0.1 ms",
     )

@@ -148,11 +148,11 @@ def record_arguments(
     return results
 
 
-def machine_argument(source: Any) -> Machine:
-    """Return the machine that is given or named."""
+def machine_argument(source: Any, *others: type) -> Machine:
+    """Return the machine that is given or named; refuse all but it and the other types."""
     if isinstance(source, str | os.PathLike):
         return load_machine(source)
-    of_type(Machine, machine=source)
+    of_type(Machine, *others, machine=source)
     return cast(Machine, source)
 
 

@@ -63,7 +63,7 @@ def train(
     from ambkit.machine.stiffness import StiffnessMap
     from ambkit.workflow import expert
 
-    known = machine if isinstance(machine, StiffnessMap) else machine_argument(machine)
+    known = machine_argument(machine, StiffnessMap)
     with progress("training the expert") as done:
         return expert.trained(
             known, axis, rules, reach=reach, method=method, plain=plain,
