@@ -66,6 +66,8 @@ def test_a_block_is_its_transfer_function(k: int) -> None:
     wanted = np.array([continuous(1j * w) for w in mapped])
     np.testing.assert_allclose(answer(block.sections(T), f), wanted, rtol=1e-9, atol=1e-12)
     assert gain_at_rest(block.sections(T)) == pytest.approx(continuous(0j).real, rel=1e-9)
+    for *_, a1, a2 in block.sections(T):  # none at z = -1, which a zero hides and nothing damps
+        assert np.abs(np.roots([1.0, a1, a2])).max() < 0.999
 
 
 def test_a_system_of_python_control_is_a_block() -> None:

@@ -179,7 +179,9 @@ def test_a_run_up_passes_the_first_bending_mode() -> None:
     weak = _Search(one, usual, "measurement").most_damped().pids  # its peak of abs(S) is above 2
     pids = {a.name: PID(**gains.stated) for a, gains in zip(one.axes, weak, strict=True)}
     control = Control(pid=pids)
-    run = simulate(one, Scenario(duration=3.0, speed=up, noise=False, control=control))
+    run = simulate(
+        one, Scenario(duration=3.0, speed=up, noise=False, control=control, feedback="measurement")
+    )
     assert run.samples_at_the_stop == 0
     far = np.hypot(run.record["q_m1_x"], run.record["q_m1_y"])
     critical = 109 * 60 * math.pi / 30
@@ -204,8 +206,12 @@ def test_controllers_that_cannot_hold_say_so() -> None:
     assert not found.held
     assert found.growing[0].real > 0
     with pytest.raises(AmbkitError, match="no default controller was found that holds the rotor"):
-        simulate(late, Scenario(duration=1.0))
-    run = simulate(late, Scenario(duration=1.0, control=Control(type="decentralised")))
+        simulate(late, Scenario(duration=1.0, feedback="measurement"), "none")
+    run = simulate(
+        late,
+        Scenario(duration=1.0, control=Control(type="decentralised"), feedback="measurement"),
+        "none",
+    )
     assert run.samples_at_the_stop > 0
 
 
@@ -217,7 +223,9 @@ def test_poles_of_the_loop_are_what_a_flight_shows() -> None:
     near = found.poles[np.abs(found.poles.imag - one.bending.frequency[1]).argmin()]
     push = {"axis": "A1", "force": {"type": "impulse", "area": 0.01, "time": 0.0,
                                     "duration": 5e-4}}  # fmt: skip
-    run = simulate(one, Scenario(duration=0.6, noise=False, disturbance=[push]))
+    run = simulate(
+        one, Scenario(duration=0.6, noise=False, disturbance=[push], feedback="measurement")
+    )
     t, far = run.record.t, np.abs(run.record["q_m2_x"] - run.record["q_m2_x"][-1])
     early, late = (far[(t > at) & (t < at + 0.02)].max() for at in (0.1, 0.4))
     assert math.log(early / late) / 0.3 == pytest.approx(-near.real, rel=0.1)

@@ -48,7 +48,9 @@ def test_of_one_axis_a_load_makes_the_orbit():
 def test_the_orbit_is_the_simulations():
     """By harmonic balance: nearer to it than the linear answer to the same unbalance."""
     of = on_orbit(LoopOf(TUM), None, 0.2 * GAP)
-    run = simulate_run(of.machine, Scenario(duration=1.0, noise=False)).record
+    run = simulate_run(
+        of.machine, Scenario(duration=1.0, noise=False, feedback="measurement")
+    ).record
     turn = 2 * math.pi / TUM.speed / TUM.sampling_time
     late = slice(-round(20 * turn), None)
     turned = np.exp(-1j * TUM.speed * run.t[late])

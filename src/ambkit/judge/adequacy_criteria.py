@@ -358,7 +358,9 @@ def loop_peak(plant: Any, estimator: Estimator, control: Any = None) -> float:
     """Return the peak of abs(S) [1] on a coarse grid, infinite where the loop is unstable."""
     of = LoopOf(plant, control, point=operating_point(plant))
     loop = of.loop(estimator)
-    if not loop.is_stable:
+    # A pole on the circle is of what a filter cannot tell apart, as unbalance and runout at a
+    # constant speed: it does not grow.
+    if loop.closed.unstable().size:
         return math.inf
     f = grid(loop, 60, 5)
     along = loop.along_axes(np.append(f[f < of.top], of.top))

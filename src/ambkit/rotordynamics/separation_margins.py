@@ -142,6 +142,6 @@ def separations(
             loop = LoopOf(machine, chosen.control)
             fed_by = KalmanFilter(machine) if chosen.feedback == "estimate" else None
         criticals = loop_criticals(loop, fed_by, top)
-    except AmbkitError:
+    except (AmbkitError, ValueError):  # nothing holds the rotor, or no filter takes it
         criticals = whirl_modes(machine, top).criticals
     return Separations(speed, criticals, top)

@@ -27,7 +27,7 @@ from ambkit.workflow.compare_steps import (
     compare_in_loops,
     loop_cases,
 )
-from ambkit.workflow.saved_filters import save_filters
+from ambkit.workflow.saved_filters import adequacy_of, save_filters
 
 if TYPE_CHECKING:
     from ambkit.judge.comparison.score import Benches
@@ -61,7 +61,10 @@ def in_case(
             return compare_in_all(machine, names, **options)
         result = compare_in_case(machine, case, names, **options, whole=whole)
     known = source if isinstance(source, str | os.PathLike) else None
-    return replace(result, machine_file=known, magnet_files=files, save_filters=save_filters)
+    return replace(
+        result, machine_file=known, magnet_files=files, save_filters=save_filters,
+        judge=adequacy_of,
+    )  # fmt: skip
 
 
 def in_loops(

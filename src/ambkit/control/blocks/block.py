@@ -32,8 +32,12 @@ class Block(Part):
                 f"the sampling frequency, {0.5 / T:.6g} Hz"
             )
         c = 2 / T if f == 0 else 2 * math.pi * f / math.tan(math.pi * f * T)
+        polynomials = self.polynomials()
+        if not any(p for p, _, _ in polynomials):  # of first order: no pole and zero at z = -1
+            (b0, b1), (a0, a1) = ((q * c + r, r - q * c) for _, q, r in polynomials)
+            return [[b0 / a0, b1 / a0, 0.0, a1 / a0, 0.0]]
         (b0, b1, b2), (a0, a1, a2) = (
             (p * c * c + q * c + r, 2 * (r - p * c * c), p * c * c - q * c + r)
-            for p, q, r in self.polynomials()
+            for p, q, r in polynomials
         )
         return [[b0 / a0, b1 / a0, b2 / a0, a1 / a0, a2 / a0]]

@@ -94,6 +94,8 @@ class Study(Result):
     model: Bench | None = None
     #: Writes the filters that were tuned into a folder.
     save_filters: Callable[[Any, Path], object] | None = None
+    #: Returns by kind whether they may fly.
+    judge: Callable[[Any], Mapping[str, Sequence[Any]]] | None = None
     machine_file: str | os.PathLike[str] | None = None  #: Where its machine is from.
     #: Files with what kinds ask of their magnet, by kind.
     magnet_files: Mapping[str, str] = with_default(default_factory=dict)
@@ -175,9 +177,15 @@ class Study(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """All of the case, and the errors in the rows of cases around it."""
+        """All of the case, the errors around it, and whether the filters may fly."""
         around = {"steps": self.steps, "wrong_k": self.wrong_k, "limit_steps": self.limit}
-        return self.bench.series | {n: vars(item) for n, item in around.items() if item}
+        judged = {} if self.judge is None else self.judge(self)
+        adequacy = {kind: [item.to_dict() for item in of] for kind, of in judged.items()}
+        return (
+            self.bench.series
+            | {n: vars(item) for n, item in around.items() if item}
+            | ({"adequacy": adequacy} if adequacy else {})
+        )
 
     def figures(self) -> Sequence[Figure]:
         """Return all by all criteria, and what a step costs."""
