@@ -97,12 +97,17 @@ def _object(command: Sequence[str], source: str, cwd: Path) -> Path | None:
 
 
 def _texts(file: Path, folders: Sequence[Path]) -> Iterator[str]:
-    """Yield the text of a file, and of all of ours that it includes, each once."""
+    """Yield the text of a file, and of all of ours that it includes, each once.
+
+    OSError where a macro names what is included: its text could not be told.
+    """
     waiting, seen = [file], {file}
     while waiting:
         here = waiting.pop()
         text = here.read_text(errors="surrogateescape")
         yield text
+        if re.search(r"^\s*#\s*include\s+\w", text, re.MULTILINE):
+            raise OSError(f"{here}: what it includes is named by a macro")
         for name in re.findall(r'^\s*#\s*include\s+["<](.+?)[">]', text, re.MULTILINE):
             places = (folder / name for folder in (here.parent, *folders))
             found = next((place for place in places if place.exists()), None)
