@@ -82,7 +82,11 @@ class Terminal(_InFolder):
             printed = "\n".join(text.rstrip() for text in output.splitlines()).strip("\n")
             shown.append(f"$ {line}\n{printed}".strip())
         text = "\n\n".join(shown)
-        return [nodes.literal_block(text, text, language="console", classes=["terminal"])]
+        block = nodes.literal_block(text, text, language="console", classes=["terminal"])
+        block["force"] = (
+            True  # an output with a per cent sign looks like a prompt, and need not lex
+        )
+        return [block]
 
 
 class File(_InFolder):
