@@ -176,7 +176,7 @@ def test_a_pid_is_of_what_there_is(kind, known):
 
 ALLOWED = {  # what decentralised PIDs come to where they cannot be below 2
     ("compressor", "estimate"): 2.25,
-    ("tum_mlps_flexible", "measurement"): 3.3,
+    ("tum_mlps_flexible", "measurement"): 3.4,  # of six modes; of four it is 3.1
     ("ufu_flexible", "measurement"): 2.25,
 }
 

@@ -83,9 +83,7 @@ class Terminal(_InFolder):
             shown.append(f"$ {line}\n{printed}".strip())
         text = "\n\n".join(shown)
         block = nodes.literal_block(text, text, language="console", classes=["terminal"])
-        block["force"] = (
-            True  # an output with a per cent sign looks like a prompt, and need not lex
-        )
+        block["force"] = True  # an output with a per cent sign looks like a prompt
         return [block]
 
 
