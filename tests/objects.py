@@ -27,7 +27,7 @@ SOURCE = (".c", ".cpp")
 # Options of linking alone, and what makes something else of a source than an object of its text.
 LINKING = re.compile(r"-shared|-static|-s|-Wl,.*|-l.+|-L.+|-nostdlib|-r")
 OTHER = re.compile(
-    r"-E|-S|-M.*|-fsyntax-only|--coverage|-include|-x|-save-temps.*|-fstack-usage|@.*"
+    r"-E|-S|-M.*|-fsyntax-only|--coverage|-include|-x|-save-temps.*|-fstack-usage|-fcallgraph-info.*|@.*"
 )
 
 plain_run = subprocess.run
