@@ -46,6 +46,8 @@ def tuned_filters(result: Study) -> dict[str, Estimator]:
 
 def adequacy_of(result: Study) -> dict[str, list[Finding]]:
     """Return by kind whether the filters that a comparison tuned may fly."""
+    if not result.bench.tuned:
+        return {}
     return {
         name: judge_adequacy(made, nis=result.bench.tuned[name].mean("nis"))
         for name, made in tuned_filters(result).items()
