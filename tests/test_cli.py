@@ -165,8 +165,9 @@ def test_the_examples_in_the_help_work(call, made, tmp_path, name):
         assert found.code == 0, found.err
         for option in ("--out", "--plot"):
             if option in arguments:
-                asked = Path(arguments[arguments.index(option) + 1])
+                asked = Path(arguments[arguments.index(option) + 1].rpartition("=")[2])
                 files = [*asked.parent.glob(f"{asked.stem}*{asked.suffix}")]  # one for each axis
+                files += [*asked.glob("*")]  # or what a folder holds
                 written = [file for file in files if f"wrote {file}" in found.err]
                 assert written
                 assert all(file.stat().st_size > 0 for file in written)
