@@ -911,3 +911,8 @@ def test_the_command_takes_the_names_of_the_others(command: Command, tmp_path: P
     assert command("--filter", "closed-law", "--out", str(named)).code == 0
     export_fmu(BEARING, ClosedLaw(BEARING), given)
     assert named.read_bytes() == given.read_bytes()
+
+
+def test_what_an_fmu_cannot_estimate_is_refused_not_left_out(tmp_path):
+    with pytest.raises(AmbkitError, match=r"linear\+unbalance is exported as C only"):
+        ambkit.export_fmu("tum_mlps", "linear+unbalance", out=tmp_path / "f.fmu")

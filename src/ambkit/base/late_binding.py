@@ -19,11 +19,6 @@ def bind(functions: Mapping[str, Mapping[str, str]]) -> None:
             _places[name] = f"{module}:{function}"
 
 
-def is_bound(name: str) -> bool:
-    """Whether there is a function by this name."""
-    return name in _places
-
-
 def call(name: str, *args: Any, **options: Any) -> Any:
     """Call the function by its name; its module is imported now."""
     module, _, function = _places[name].partition(":")

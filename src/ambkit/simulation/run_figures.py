@@ -54,9 +54,6 @@ FIGURES: dict[str, Figure] = {
 }  # fmt: skip
 """All figures by name, in the order of the arrays; NaN where one does not apply to a run."""
 
-OF_ESTIMATES = ("x_rms", "v_rms", "f_d_rms", "x_peak", "v_peak", "f_d_peak", "nis")
-"""Those that a run without an estimator has not."""
-
 FLAGS = tuple(str(flag.name).lower() for flag in Status if flag)
 """Names of what a step had to say."""
 

@@ -199,6 +199,8 @@ def export_fmu(
             "have a controller"
         )
     model, chosen = export_arguments(machine, filter)
+    if chosen.synchronous:
+        raise AmbkitError(f"filter: {filter} is exported as C only; an FMU takes {chosen.kind}")
     return fmu.export_fmu(
         model, chosen.magnet, out, kind=kind, fmi=fmi, scenario=scenario_argument(scenario),
         filter=chosen.kind, filter_file=chosen.file, precision=precision, everywhere=everywhere,

@@ -39,9 +39,6 @@ HORIZONS = (1, 10)
 ESTIMATORS = ("estimators",)
 """Section of its rows."""
 
-ABSURD_NIS = 25.0
-"""Mean NIS from which on filter and record have nothing to do with each other."""
-
 
 @dataclass(frozen=True)
 class Stretch:
@@ -94,11 +91,6 @@ class Filtered:
     outside: Mapping[str, OutsideOperatingRange] = field(default_factory=dict)
     #: What it says of unbalance and runout at the end of the record.
     turning: Sequence[Harmonic] = ()
-
-    @property
-    def absurd(self) -> bool:
-        """Whether filter and record have nothing to do with each other."""
-        return self.evaluation.nis > ABSURD_NIS
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
     from ambkit.machine.machine import Bearing
 
-Ranges = list[tuple[float, float]]  #: Lowest and highest current [A], and displacement [m].
 
 FINE = 65
 """Nodes a side of the table that the filter asks, over all that the records visit: a few for each
