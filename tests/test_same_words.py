@@ -201,16 +201,16 @@ def test_compare_in_loops_of_one_s_own_is_the_command_s(call: Any) -> None:
 def test_filters_of_a_mapping_have_each_run_to_themselves() -> None:
     options: dict[str, Any] = {"steps": ["0.3 mm"], "disturbance": "2 N", "seeds": 6}
     named = ambkit.compare_steps(BEARING, ["linear", "closed-law"], **options)
-    objects = {
-        "a, b": ambkit.KalmanFilter(BEARING),
-        "law": ambkit.AdaptiveKalmanFilter(BEARING, ambkit.ClosedLaw(BEARING)),
-    }
+    law = ambkit.AdaptiveKalmanFilter(BEARING, ambkit.ClosedLaw(BEARING))
+    objects: dict[str, Any] = {"a, b": ambkit.KalmanFilter(BEARING), "law": law}
+    functions = {"a, b": lambda: ambkit.KalmanFilter(BEARING), "law": lambda: law}
     (wanted,) = named.scores.values()
-    (scores,) = ambkit.compare_steps(BEARING, objects, **options).scores.values()
-    assert list(scores) == ["a, b", "law"]
-    for one, other in zip(scores.values(), wanted.values(), strict=True):
-        for signal in ("x", "v", "f_d"):
-            np.testing.assert_array_equal(one.rmse[signal], other.rmse[signal])
+    for filters in (objects, functions):
+        (scores,) = ambkit.compare_steps(BEARING, filters, **options).scores.values()
+        assert list(scores) == ["a, b", "law"]
+        for one, other in zip(scores.values(), wanted.values(), strict=True):
+            for signal in ("x", "v", "f_d"):
+                np.testing.assert_array_equal(one.rmse[signal], other.rmse[signal])
 
 
 def test_what_is_not_there_is_not_saved(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from inspect import isfunction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -253,10 +254,10 @@ def filter_arguments(filters: Any, bearing: Machine) -> dict[str, Estimator]:
         return {}
     if is_own(filters):
         filters = {filters.__name__: filters}
-    results: dict[str, Estimator] = {
-        name: OwnEstimator(bearing, entry, name) if is_own(entry) else entry
-        for name, entry in (filters.items() if isinstance(filters, Mapping) else ())
-    }
+    results: dict[str, Estimator] = {}
+    for name, entry in filters.items() if isinstance(filters, Mapping) else ():
+        made = entry() if isfunction(entry) else entry
+        results[name] = OwnEstimator(bearing, made, name) if is_own(made) else made
     for item in results.values():
         of_type(Estimator, filter=item)
     for item in () if isinstance(filters, Mapping) else names_in(Estimator, filter=filters):

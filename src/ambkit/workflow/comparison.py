@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import replace
 from functools import partial
-from inspect import isfunction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -78,9 +77,6 @@ def in_loops(
     name = os.fspath(scenario) if isinstance(scenario, str | os.PathLike) else "scenario"
     what = loop_cases(machine, scenario, steps=heights, load=load, duration=duration, name=name)
     built: dict[str, Any] = {}
-    if isinstance(filter, Mapping):  # functions that make filters are taken as they are
-        built |= {name: make for name, make in filter.items() if isfunction(make)}
-        filter = {name: made for name, made in filter.items() if name not in built} or []
     several = isinstance(filter, Mapping)
     for item in [filter] if several else names_in(Estimator, type, filter=filter):
         if isinstance(item, str | os.PathLike):
