@@ -125,13 +125,14 @@ def told(result: Result, *, verbose: bool | None = None) -> Iterator[Table | str
 def show(tables: Iterable[Table | str]) -> None:
     """Print tables on stdout."""
     console = stdout()
-    for item in tables:
-        with console.capture() as text:  # rich would leave with 1 where the reader has gone
+    # rich would leave with 1 where the reader has gone; it flushes stdout with each capture, too.
+    with console.capture() as text:
+        for item in tables:
             if isinstance(item, str):
                 console.print(escaping.lines(item), soft_wrap=not sys.stdout.isatty())
             else:
                 console.print(item, crop=False)
-        sys.stdout.write(text.get())
+    sys.stdout.write(text.get())
 
 
 def stdout() -> Console:

@@ -115,7 +115,7 @@ class MeasuredForce:
     stiffness: StiffnessMap  #: What an expert is trained on, a node for each rule.
     #: What cross-validation says of the number of rules, if it was asked.
     choice: RuleChoice | None
-    law_error_given: bool  #: Whether the law's error was given, not estimated.
+    law_error_known: bool  #: Whether the law's error was given, not estimated.
 
 
 @shown_in_notebooks("finding the force", by="note")
@@ -354,7 +354,7 @@ class TrainedExpert(Result):
         data = self._at_points(surface)
         reach = " and ".join(engineering(r, u, 2) for r, u in zip(surface.reach, "Am", strict=True))
         off, errors = data["error_at_points"], data["error_at_points_in_standard_errors"]
-        source = "given" if self.measured.law_error_given else "estimated"
+        source = "given" if self.measured.law_error_known else "estimated"
         return [
             Row("points_in_box", "points in the box of the expert", data["points_in_box"]),
             Row("scatter", "their scatter, rms", surface.scatter, "N", 3),
