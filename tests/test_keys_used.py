@@ -15,7 +15,7 @@ from iron import TWO_SIDED as IRON
 import ambkit
 from ambkit import AmbkitError, Scenario
 from ambkit.base.escaping import toml_text
-from ambkit.workflow.check import _documents, kind_of_toml
+from ambkit.workflow.load import documents, kind_of_toml
 
 RICH = IRON.replace(
     name="rich", speed="6000 rpm", delay="0.03 ms", magnet__eddy_current_lag="0.2 ms",
@@ -101,7 +101,7 @@ def a_filter(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_key_that_nothing_reads_is_an_error(path: Path | None, a_filter: Path) -> None:
     path = path or a_filter
     data = tomllib.loads(path.read_text(encoding="utf-8"))
-    document = _documents()[kind_of_toml(path)]
+    document = documents()[kind_of_toml(path)]
     for at in tables(data):
         wrong: Any = copy.deepcopy(data)
         table = wrong

@@ -153,7 +153,7 @@ def test_a_pid_for_several_axes_is_refused_in_a_line() -> None:
 
 @pytest.mark.parametrize(("call", "said"), [
     (lambda _: ambkit.AdaptiveKalmanFilter(ZITTAU, 3), "magnet must be of type MagnetModel, is"),
-    (lambda _: ambkit.inject_faults(ZITTAU, {"a": 3}), "a must be a function that makes"),
+    (lambda _: ambkit.inject_faults(ZITTAU, {"a": 3}), "a must be of type Estimator, is the int 3"),
     (lambda to: export_c("zittau_axial", None, to), "bearing must be of type Machine, is the str"),
 ])  # fmt: skip
 def test_what_does_not_fit_is_named_in_a_line(call: Any, said: str, tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from ambkit.campaigns.study import Study as Study
 from ambkit.control.control import Control as Control
 from ambkit.control.pid import PID as PID
 from ambkit.control.user_controller import ControllerProtocol as ControllerProtocol
-from ambkit.data.reading.reader import load as load
 from ambkit.data.record import Record as Record
 from ambkit.data.telemetry import read_telemetry as read_telemetry
 from ambkit.estimate.adaptive_noise import AdaptiveNoise as AdaptiveNoise
@@ -105,6 +104,7 @@ from ambkit.verbs.train import train_map as train_map
 from ambkit.verbs.tune import tune as tune
 from ambkit.verbs.tune import tune_robust as tune_robust
 from ambkit.verbs.tune import tune_trade_off as tune_trade_off
+from ambkit.workflow.load import load as load
 from ambkit.workflow.simulate import scenario_for as scenario_for
 
 __version__: str

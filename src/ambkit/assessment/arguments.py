@@ -7,7 +7,6 @@ import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from inspect import isfunction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -21,11 +20,12 @@ from ambkit.control.linear.steady_state_filter import tells
 from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.data.reading import load_with_gaps
 from ambkit.data.record import Record
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.experts import experts
 from ambkit.estimate.filter_file import FilterFile
+from ambkit.estimate.filter_saving import in_memory
 from ambkit.estimate.named import AT, PLUS, factories
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
-from ambkit.estimate.user_filter import OwnEstimator, is_own
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.simulation import scenario_control
@@ -35,7 +35,6 @@ from ambkit.simulation.waveforms import Constant
 if TYPE_CHECKING:
     from ambkit.control.pid import PID
     from ambkit.data.input_scaling import Inputs
-    from ambkit.estimate.estimator import Estimator
     from ambkit.machine.magnets import MagnetModel
 
 NOTES = logging.getLogger("ambkit")
@@ -246,35 +245,11 @@ def disturbance_argument(bearing: Machine, load: Any) -> dict[str, float]:
     return {bearing.long.axes[0].name: in_si("disturbance", load, "N")}
 
 
-def filter_arguments(filters: Any, bearing: Machine) -> dict[str, Estimator]:
-    """Return the estimators that were given or named, by their names."""
-    from ambkit.estimate.estimator import Estimator
-
+def filter_arguments(filters: Any, machine: Machine) -> dict[str, Estimator]:
+    """Return the filters that were given or named, by their names."""
     if filters is None:
         return {}
-    if is_own(filters):
-        filters = {filters.__name__: filters}
-    results: dict[str, Estimator] = {}
-    for name, entry in filters.items() if isinstance(filters, Mapping) else ():
-        made = entry() if isfunction(entry) else entry
-        results[name] = OwnEstimator(bearing, made, name) if is_own(made) else made
-    for item in results.values():
-        of_type(Estimator, filter=item)
-    for item in () if isinstance(filters, Mapping) else names_in(Estimator, filter=filters):
-        if isinstance(item, Estimator):
-            if item.name in results:
-                raise AmbkitError(f"two filters are called {item.name}: give them as a mapping")
-            results[item.name] = item
-        else:
-            results |= {name: make() for name, make in factories([item], bearing).items()}
-    for name, item in results.items():
-        T = item.bearing.sampling_time
-        if abs(T - bearing.sampling_time) > 1e-9 * T:
-            raise AmbkitError(
-                f"{name}: its sampling_time is {T:g} s, that of {bearing.name} "
-                f"{bearing.sampling_time:g} s"
-            )
-    return results
+    return {name: make() for name, make in factories(filters, machine).items()}
 
 
 def of_machine(
@@ -327,11 +302,15 @@ def export_arguments(
             raise AmbkitError(f"{machine} is a filter already: leave out the other one")
         filter, machine = machine, FilterFile.load(machine).plant
     plant = machine_argument(machine)
-    return plant, _chosen("linear" if filter is None else os.fspath(filter), plant, choice)
+    return plant, _chosen("linear" if filter is None else filter, plant, choice)
 
 
-def _chosen(text: str, machine: Machine, choice: Sequence[str]) -> Chosen:
-    """Return what is exported of a kind, a filter's file, an expert or a force map."""
+def _chosen(filter: Any, machine: Machine, choice: Sequence[str]) -> Chosen:
+    """Return what is exported: of a kind, a filter's file, an expert, a force map or an object."""
+    if isinstance(filter, Estimator):
+        return Chosen(filter.name, filter.magnet, in_memory(filter))
+    of_type(str, os.PathLike, filter=filter)
+    text = os.fspath(filter)
     name, *synchronous = text.split(PLUS)
     if synchronous and machine.single:
         raise AmbkitError(f"filter: {text} is of a rotor that turns; {machine.name} is a mass")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numbers
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any, TypeVar, overload
 
 from ambkit.base import units
@@ -62,14 +62,6 @@ def all_of_type(expected_type: type[Kind], **argument: Any) -> list[Kind]:
     for one in several:
         of_type(expected_type, **{name: one})
     return several
-
-
-def all_callable(mapping: Mapping[str, Any]) -> Mapping[str, Callable[..., Any]]:
-    """Return a mapping of functions that make something, and refuse another value in a line."""
-    for name, value in mapping.items():
-        if not callable(value):
-            raise TypeError(f"{name} must be a function that makes a filter, is {_shown(value)}")
-    return mapping
 
 
 def names_in(*others: type, **argument: Any) -> list[Any]:

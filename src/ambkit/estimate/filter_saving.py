@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -56,6 +57,17 @@ def described(
         **limits,
         **of,
     )
+
+
+def in_memory(estimator: Estimator) -> FilterFile:
+    """Return what makes an estimator but for its magnet, which is at hand; no file stays."""
+    with tempfile.TemporaryDirectory() as folder:
+        machine: str | Path | None = preset_of(estimator.bearing)
+        if machine is None:
+            estimator.bearing.save(machine := Path(folder, "machine.toml"))
+        result = described(estimator, machine)
+        result.plant  # noqa: B018  read while its file is there
+    return result
 
 
 def _assumed(estimator: Estimator) -> Assumed:

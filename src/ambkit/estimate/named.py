@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
+from inspect import signature
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import MARK, load_class
-from ambkit.base.quantity_arguments import names_in
+from ambkit.base.quantity_arguments import names_in, of_type
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.experts import EXPERTS, experts
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, learned_magnet
-from ambkit.estimate.user_filter import own_factory
+from ambkit.estimate.user_filter import OwnEstimator, is_own, own_factory
 
 if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
     from ambkit.estimate.noise_model import FilterNoise
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel, Precision
@@ -42,6 +45,28 @@ class Factory(Protocol):
 
 
 @dataclass(frozen=True)
+class FromKind:
+    """What makes a filter of a kind."""
+
+    kind: str
+    machine: Machine
+    magnet: MagnetModel | None
+    synchronous: tuple[str, ...] = ()
+
+    def __call__(
+        self, noise: FilterNoise | None = None, *, precision: Precision = "float64"
+    ) -> Estimator:
+        """Make one that assumes this noise, by default that of the machine."""
+        options = {"synchronous": self.synchronous} if self.synchronous else {}
+        try:
+            return KINDS[self.kind].make(
+                self.machine, self.magnet, noise=noise, precision=precision, **options
+            )
+        except ValueError as error:
+            raise AmbkitError(str(error)) from error
+
+
+@dataclass(frozen=True)
 class FromFile:
     """What builds the filter in a file: it assumes what the file says, and nothing else."""
 
@@ -56,26 +81,78 @@ class FromFile:
 
 @dataclass(frozen=True)
 class FromObject:
-    """What returns a filter that exists: it assumes what it was made with."""
+    """What copies a filter that exists, or calls a function that makes one."""
 
-    filter: Estimator
+    name: str
+    source: Estimator | Callable[[], Any]
+    machine: Machine
 
     def __call__(
-        self, noise: FilterNoise | None = None, *, precision: Precision = "float64"
+        self, noise: FilterNoise | None = None, *, precision: Precision | None = None
     ) -> Estimator:
-        """Return it; `noise` is that of others, and left alone."""
-        return self.filter
+        """Return one of its own; `noise` is that of others, and left alone."""
+        made: Any = self.source
+        if not isinstance(made, Estimator):
+            needed = [p for p in signature(made).parameters.values() if p.default is p.empty]
+            made = made(self.machine) if needed else made()
+        if not isinstance(made, Estimator):  # a class of one's own, or an object of one
+            make: Any = made if is_own(made) else self.source
+            made = OwnEstimator(self.machine, make, self.name)
+        if precision not in (None, made.precision):
+            raise AmbkitError(f"{self.name} computes in {made.precision}, not in {precision}")
+        T, T_machine = made.bearing.sampling_time, self.machine.sampling_time
+        if abs(T - T_machine) > 1e-9 * T:
+            raise AmbkitError(
+                f"{self.name}: its sampling_time is {T:g} s, that of {self.machine.name} "
+                f"{T_machine:g} s"
+            )
+        one: Estimator = deepcopy(made)
+        return one
 
 
 def factories(
-    names: Iterable[str],
-    bearing: Machine,
+    filters: Any,
+    machine: Machine,
     magnets: Mapping[str, MagnetModel] | None = None,
     synchronous: Sequence[str] = (),
 ) -> dict[str, Factory]:
-    """Return what builds each of the chosen estimators, as often as asked."""
-    chosen, own_magnets = expanded(names), dict(magnets or {})
-    for name in own_magnets:
+    """Return what makes each filter, of whatever a verb takes as `filter`."""
+    if isinstance(filters, Mapping):
+        return {name: _factory(name, item, machine) for name, item in filters.items()}
+    several = names_in(Estimator, type, filter=filters)
+    names = [item for item in several if isinstance(item, str | os.PathLike)]
+    results: dict[str, Factory] = dict(_named(names, machine, magnets or {}, synchronous))
+    for item in several:
+        if isinstance(item, str | os.PathLike):
+            continue
+        name = item.__name__ if isinstance(item, type) else item.name
+        if name in results:
+            raise AmbkitError(f"two filters are called {name}: give them as a mapping")
+        results[name] = _factory(name, item, machine)
+    return results
+
+
+def _factory(name: str, item: Any, machine: Machine) -> Factory:
+    if isinstance(item, FromKind | FromFile | FromObject):
+        return item
+    if isinstance(item, str | os.PathLike):
+        (factory,) = _named([item], machine).values()
+        return factory
+    if is_own(item):
+        return own_factory(name, item, machine)
+    if isinstance(item, type) or not (isinstance(item, Estimator) or callable(item)):
+        of_type(Estimator, **{name: item})
+    return FromObject(name, item, machine)
+
+
+def _named(
+    names: Iterable[Any],
+    machine: Machine,
+    magnets: Mapping[str, MagnetModel] = MappingProxyType({}),
+    synchronous: Sequence[str] = (),
+) -> dict[str, Factory]:
+    chosen = expanded(names)
+    for name in magnets:
         if name not in chosen:
             raise AmbkitError(f"a magnet is given for {name}, which is not among those chosen")
 
@@ -83,28 +160,19 @@ def factories(
         if name.endswith(FILTER_SUFFIX):
             if synchronous:
                 raise AmbkitError(f"synchronous is of kinds; {name} says itself what it estimates")
-            return FromFile(FilterFile.load_for(name, bearing))
+            return FromFile(FilterFile.load_for(name, machine))
         if MARK in name:
             if synchronous:
                 raise AmbkitError(f"synchronous is of kinds; {name} is a class of your own")
-            return own_factory(*load_class(name), bearing)
+            return own_factory(*load_class(name), machine)
         kind, *own = name.partition(AT)[0].split(PLUS)
-        magnet: MagnetModel | None
         if name.endswith(EXPERTS):
             file = name.partition(AT)[2]
-            magnet = experts(Path(file or name), bearing)
             kind = kind if file else "adaptive"
+            magnet: MagnetModel | None = experts(Path(file or name), machine)
         else:
-            magnet = own_magnets[name] if name in own_magnets else learned_magnet(kind, bearing)
-        sync_options = {"synchronous": (*synchronous, *own)} if synchronous or own else {}
-
-        def make(noise: FilterNoise | None = None, **options: Any) -> Estimator:
-            try:
-                return KINDS[kind].make(bearing, magnet, noise=noise, **sync_options, **options)
-            except ValueError as error:
-                raise AmbkitError(str(error)) from error
-
-        return make
+            magnet = magnets[name] if name in magnets else learned_magnet(kind, machine)
+        return FromKind(kind, machine, magnet, (*synchronous, *own))
 
     return {name: factory(name) for name in chosen}
 
@@ -112,7 +180,7 @@ def factories(
 def expanded(names: Iterable[str]) -> list[str]:
     """Return names of estimators, each once, with all kinds for ``"all"``."""
     results: dict[str, None] = {}
-    for name in map(os.fspath, names_in(estimators=names)):
+    for name in map(os.fspath, names):
         check_named(name)
         results |= dict.fromkeys(KINDS if name == "all" else [name])
     return list(results)

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base import files
-from ambkit.base.errors import AmbkitError, ConfigError, RecordError, shortened
+from ambkit.base.errors import AmbkitError, ConfigError, RecordError
 from ambkit.data.files.formats import ENDINGS
 from ambkit.result.document import Document
+from ambkit.workflow.load import SHORT, documents, kind_of_toml
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -36,12 +37,9 @@ class Finding:
         return not self.problems
 
 
-_SHORT = {"map": "channel map", "force": "channels of a force map"}
-
-
 def schema_of(kind: str) -> dict[str, Any]:
-    """Return the JSON schema of a TOML file, by `Finding.kind` or its short form in `_SHORT`."""
-    return dict(_documents()[_SHORT.get(kind, kind)].json_schema())
+    """Return the JSON schema of a TOML file, by `Finding.kind` or its short form in `SHORT`."""
+    return dict(documents()[SHORT.get(kind, kind)].json_schema())
 
 
 def checked(
@@ -109,7 +107,7 @@ def _recognise(
         case ".csv" | ".parquet" if channel_map is None:
             return _kind_of_table(path, machine)
         case ending if ending in ENDINGS:
-            if channel_map is not None and kind_of_toml(Path(channel_map)) == _SHORT["force"]:
+            if channel_map is not None and kind_of_toml(Path(channel_map)) == SHORT["force"]:
                 return "measured force", lambda p: _describe_force(p, channel_map)
             return "record", lambda p: _describe_record(p, channel_map, machine)
         case _:
@@ -121,48 +119,6 @@ def _unknown(path: Path) -> _Described:
     raise AmbkitError(f"{path}: what is that? known are {known} files")
 
 
-def _documents() -> dict[str, Any]:
-    from ambkit.campaigns.study import Study
-    from ambkit.data.channel_map import ChannelMap
-    from ambkit.estimate.filter_file import FilterFile
-    from ambkit.machine.forces.force_file import ForceChannels
-    from ambkit.machine.machine import Bearing, PlacedMachine
-    from ambkit.simulation.scenario import Scenario
-
-    return {
-        "bearing": Bearing, "machine": PlacedMachine, "scenario": Scenario,
-        "channel map": ChannelMap, "filter": FilterFile, _SHORT["force"]: ForceChannels,
-        "study": Study,
-    }  # fmt: skip
-
-
-def kind_of_toml(path: str | os.PathLike[str]) -> str:
-    """Return the kind of description that shares most keys with a file."""
-    from ambkit.base.config import toml_text
-    from ambkit.base.config.document import TOLD
-
-    text = files.read_text(path)
-    toml = toml_text.parse(text)
-    if toml.data is None:
-        problems = [f"{path}:{line}: {what}" for line, what in toml.problems]
-        raise ConfigError(shortened(problems, TOLD), str(path))
-    documents = _documents()
-    signals = toml.data.get("signals")
-    if isinstance(signals, dict) and "f_mag" in signals and "t" not in signals:
-        return _SHORT["force"]
-    shared = {
-        kind: len(set(toml.data) & set(model.model_fields)) for kind, model in documents.items()
-    }
-    best = max(shared, key=lambda kind: shared[kind])
-    if shared[best] == 0:
-        raise AmbkitError(
-            f"{path}: is neither a bearing, nor a machine, nor a scenario, nor a study, nor a "
-            f"channel map, nor a filter: none of its keys is known in those "
-            f"({', '.join(toml.data) or 'it is empty'})"
-        )
-    return best
-
-
 def _describe_document(kind: str, path: Path, machine: Machine | None) -> _Described:
     from ambkit.base.config import toml_text
     from ambkit.base.units import engineering
@@ -171,8 +127,8 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> _Descr
     from ambkit.models.plant_parts import in_words
     from ambkit.rotordynamics import machine_report
 
-    result = _documents()[kind].load(path)
-    if kind in _SHORT.values():
+    result = documents()[kind].load(path)
+    if kind in SHORT.values():
         return _Described(f"signals {', '.join(result.signals)}")
     if kind == "filter":
         made = result.make()  # what only the whole tells: starts, options, the magnet's file

@@ -31,7 +31,6 @@ from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.simulate import scenario_for
 
 if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
     from ambkit.judge.comparison.score import Benches
     from ambkit.machine.forces.force_surface import ForceSurface
     from ambkit.machine.machine import Machine
@@ -70,6 +69,7 @@ def compare_in_case(
     spread: Given | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
     plant: ForceSurface | None = None,
+    custom: Mapping[str, Any] | None = None,
     whole: bool = False,
     done: Callable[[str], None] | None = None,
 ) -> Study:
@@ -78,10 +78,11 @@ def compare_in_case(
     if plant is not None:
         chosen = replace(chosen, magnet=plant)
     kinds = list(KINDS) if estimators is None else names_in(estimators=estimators)
-    with reporting(done, "comparing", pieces_of(len(kinds), budget, whole)) as tell:
+    count = len(kinds) + len(custom or {})
+    with reporting(done, "comparing", pieces_of(count, budget, whole)) as tell:
         return study(
-            bearing, chosen, kinds, runs=runs, budget=budget, seed=seed, magnets=magnets,
-            whole=whole, done=tell,
+            bearing, chosen, kinds, custom=custom, runs=runs, budget=budget, seed=seed,
+            magnets=magnets, whole=whole, done=tell,
         )  # fmt: skip
 
 
@@ -95,6 +96,7 @@ def compare_in_all(
     spread: Given | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
     plant: ForceSurface | None = None,
+    custom: Mapping[str, Any] | None = None,
     done: Callable[[str], None] | None = None,
 ) -> Benches:
     """Compare estimators in all cases, tuned anew in each."""
@@ -102,10 +104,12 @@ def compare_in_all(
     if plant is not None:
         cases = {name: replace(case, magnet=plant) for name, case in cases.items()}
     kinds = list(KINDS) if estimators is None else names_in(estimators=estimators)
-    with reporting(done, "comparing", len(cases) * pieces_of(len(kinds), budget, False)) as tell:
+    count = len(kinds) + len(custom or {})
+    with reporting(done, "comparing", len(cases) * pieces_of(count, budget, False)) as tell:
         return across(
-            bearing, cases, kinds, runs=runs, budget=budget, seed=seed, magnets=magnets, done=tell
-        )
+            bearing, cases, kinds, custom=custom, runs=runs, budget=budget, seed=seed,
+            magnets=magnets, done=tell,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -237,7 +241,7 @@ class LoopScores(Result):
 def compare_in_loops(
     bearing: Machine,
     what: Mapping[str, LoopCase],
-    estimators: Iterable[str] | Mapping[str, Callable[[], Estimator]] = USUAL,
+    estimators: Any = USUAL,
     *,
     runs: int = RUNS,
     seed: int = 0,
@@ -246,9 +250,7 @@ def compare_in_loops(
     done: Callable[[], None] = lambda: None,
 ) -> LoopScores:
     """Compare estimators, each in its own loop, against the same noise, with the same Q and R."""
-    built: Mapping[str, Callable[[], Estimator]] = (
-        estimators if isinstance(estimators, Mapping) else factories(estimators, bearing, magnets)
-    )
+    built = factories(estimators, bearing, magnets)
     seeds = range(seed, seed + runs)
     scores = {
         name: compare(bearing, item.scenario, built, seeds, magnet=plant, done=done)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
-from copy import deepcopy
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ambkit.assessment.arguments import arguments_of_the_user, filter_arguments
+from ambkit.assessment.arguments import arguments_of_the_user
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.estimate.estimator import Estimator
@@ -43,7 +41,13 @@ def in_case(
     """Compare filters in a case, or in all of them."""
     of_type(str, Case, case=case)
     _check_counts(seeds, first_seed)
-    names, files = _with_files(filter)
+    mapping = isinstance(filter, Mapping)
+    several = [] if mapping else names_in(Estimator, type, filter=filter)
+    texts = [item for item in several if isinstance(item, str | os.PathLike)]
+    own = factories(filter if mapping else [i for i in several if i not in texts], machine)
+    names, files = _with_files(texts)
+    if not names and not own:
+        expand("")
     names = suited(names, machine)
     options: dict[str, Any] = {
         "runs": seeds,
@@ -52,6 +56,7 @@ def in_case(
         "spread": spread,
         "magnets": {kind: experts(Path(file), machine) for kind, file in files.items()},
         "plant": _true_magnet(plant, machine),
+        "custom": own,
         "done": done,
     }
     with arguments_of_the_user():
@@ -76,17 +81,8 @@ def in_loops(
     heights = None if steps is None else names_in(float, int, steps=steps)
     name = os.fspath(scenario) if isinstance(scenario, str | os.PathLike) else "scenario"
     what = loop_cases(machine, scenario, steps=heights, load=load, duration=duration, name=name)
-    built: dict[str, Any] = {}
-    several = isinstance(filter, Mapping)
-    for item in [filter] if several else names_in(Estimator, type, filter=filter):
-        if isinstance(item, str | os.PathLike):
-            built |= factories([os.fspath(item)], machine)
-        else:
-            own = filter_arguments(item, machine)
-            # Each run has its own: they run in threads.
-            built |= {name: partial(deepcopy, item) for name, item in own.items()}
     return compare_in_loops(
-        machine, what, built, runs=seeds, seed=first_seed, plant=_true_magnet(plant, machine),
+        machine, what, filter, runs=seeds, seed=first_seed, plant=_true_magnet(plant, machine),
         done=lambda: done(""),
     )  # fmt: skip
 
@@ -96,18 +92,16 @@ def _check_counts(seeds: int, first_seed: int) -> None:
         raise AmbkitError(f"seeds must be 1 or more from 0 on, are {seeds} from {first_seed} on")
 
 
-def _with_files(filter: Any) -> tuple[list[str], dict[str, str]]:
+def _with_files(filter: Sequence[Any]) -> tuple[list[str], dict[str, str]]:
     """Return the names of kinds and classes, and the files that kinds ask of their magnet."""
     names: list[str] = []
     files: dict[str, str] = {}
-    for item in map(os.fspath, names_in(filter=filter)):
+    for item in map(os.fspath, filter):
         kind, _, file = item.partition(AT)
         if item.endswith(EXPERTS):
             kind, file = (kind, file) if file else ("adaptive", item)
             files[kind] = file
         names += expand(kind if item.endswith(EXPERTS) else item)
-    if not names:
-        expand("")
     return list(dict.fromkeys(names)), files
 
 

@@ -267,11 +267,7 @@ def filter(
     until, record = record.between(stop=end), record.between(begin, end)
     stretch = stretch_to_tune_on(record, tune) if noise.disturbance is None else None
     late = max(settling, stretch.stop if stretch else 0.0)
-    built = (
-        estimators
-        if isinstance(estimators, Mapping)
-        else factories(estimators, bearing, magnets, synchronous)
-    )
+    built = factories(estimators, bearing, magnets, synchronous)
     results = {}
     for name, build in built.items():
         # A filter from a file assumes what the file says.

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.assessment.arguments import (
     arguments_of_the_user,
-    filter_arguments,
     machine_argument,
     record_argument,
 )
@@ -21,7 +20,7 @@ from ambkit.data.channel_map import ChannelMap
 from ambkit.data.signals import each_of
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile
-from ambkit.estimate.named import Factory, FromFile, FromObject, factories
+from ambkit.estimate.named import FromFile, factories
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.judge.adequacy import judge_adequacy, sentences
@@ -29,7 +28,7 @@ from ambkit.workflow.filter import Filtered, Filtering, filter
 from ambkit.workflow.warnings import OutsideOperatingRange, missing_control
 
 if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
+    pass
 
 AUTO = "auto"
 """Tune the intensity of the disturbance force."""
@@ -40,9 +39,13 @@ def filtered(
     measurement: Any, disturbance: Any, smooth: bool, done: Callable[[str], None],
 ) -> Filtering:  # fmt: skip
     """Run the filters that a user names along a record, with remarks."""
-    chosen = {} if isinstance(filters, Mapping) else dict.fromkeys(_names(filters))
-    files = {name: FilterFile.load(name) for name in chosen
-             if isinstance(name, str) and name.endswith(FILTER_SUFFIX)}  # fmt: skip
+    several = (
+        filters.values()
+        if isinstance(filters, Mapping)
+        else names_in(Estimator, type, filter=filters)
+    )
+    texts = [os.fspath(item) for item in several if isinstance(item, str | os.PathLike)]
+    files = {name: FilterFile.load(name) for name in texts if name.endswith(FILTER_SUFFIX)}
     if machine is None and not files:
         raise AmbkitError("machine is missing: a preset's name, or a TOML file")
     plant = next(iter(files.values())).plant if machine is None else machine_argument(machine)
@@ -54,7 +57,7 @@ def filtered(
         except RecordError as error:
             raise RecordError([f"{record}: {problem}" for problem in error.problems]) from None
     tune, intensity = _disturbance(disturbance)
-    built = _built(filters, chosen, plant)
+    built = factories(filters, plant)
     noise = FilterNoise(measurement=in_si("measurement_noise", measurement, "m^2"),
                         disturbance=intensity)  # fmt: skip
     with arguments_of_the_user():
@@ -78,26 +81,6 @@ def filtered(
     remarks += _warnings(result, len(log))
     source = str(record) if isinstance(record, str | os.PathLike) else ""
     return replace(result, source=source, adequacy=adequacy, remarks=remarks)
-
-
-def _names(filters: Any) -> list[Any]:
-    """Return what a user gives as filters, as a list."""
-    if isinstance(filters, type):
-        return [filters]
-    return [item if isinstance(item, Estimator | type) else os.fspath(item)
-            for item in names_in(Estimator, type, filter=filters)]  # fmt: skip
-
-
-def _built(filters: Any, chosen: Mapping[Any, None], plant: Machine) -> dict[str, Factory]:
-    """Return what builds each filter."""
-    built: dict[str, Factory] = {}
-    for item in [filters] if isinstance(filters, Mapping) else chosen:
-        if isinstance(item, str):
-            built |= factories([item], plant)
-        else:
-            made = filter_arguments(item, plant)
-            built |= {name: FromObject(item) for name, item in made.items()}
-    return built
 
 
 def _disturbance(value: Any) -> tuple[float | None, float | None]:

@@ -12,7 +12,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.named import FromFile, factories
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import KINDS, Tunable, check_named
-from ambkit.estimate.user_filter import own_factory
+from ambkit.estimate.user_filter import OwnEstimator
 from ambkit.machine.machine import Machine
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def candidates(
     names: Sequence[str],
     bearing: Machine,
     magnets: Mapping[str, MagnetModel] | None = None,
-    custom: Mapping[str, Callable[..., Any]] | None = None,
+    custom: Mapping[str, Any] | None = None,
 ) -> dict[str, Candidate]:
     """Return who takes part, by name."""
     results = {}
@@ -67,9 +67,9 @@ def candidates(
         else:
             own_name = name.rpartition(":")[2]
             results[own_name] = Candidate(own_name, own_name, build, in_loop=False)
-    for own_name, make in (custom or {}).items():
-        build = own_factory(own_name, make, bearing)
-        results[own_name] = Candidate(own_name, own_name, build, in_loop=False)
+    for own_name, build in factories(custom or {}, bearing).items():
+        in_core = not isinstance(build(), OwnEstimator)
+        results[own_name] = Candidate(own_name, own_name, build, in_loop=in_core)
     return results
 
 

@@ -225,7 +225,7 @@ def study(
     case: Case | str,
     names: Sequence[str],
     *,
-    custom: Mapping[str, Callable[..., Any]] | None = None,
+    custom: Mapping[str, Any] | None = None,
     runs: int = 16,
     budget: int = 0,
     seed: int = 0,
@@ -290,6 +290,7 @@ def across(
     cases: Mapping[str, Case],
     names: Sequence[str],
     *,
+    custom: Mapping[str, Any] | None = None,
     runs: int = 16,
     budget: int = 0,
     seed: int = 0,
@@ -312,8 +313,8 @@ def across(
 
     return Benches(
         (name, study(
-            bearing, case, names, runs=runs, budget=budget, seed=seed, threads=threads,
-            magnets=known(case) | own_magnets, whole=False, done=done,
+            bearing, case, names, custom=custom, runs=runs, budget=budget, seed=seed,
+            threads=threads, magnets=known(case) | own_magnets, whole=False, done=done,
         ).bench)
         for name, case in cases.items()
     )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
-from ambkit.base.quantity_arguments import all_callable, of_type
+from ambkit.base.quantity_arguments import of_type
 from ambkit.control.pid import PID
 from ambkit.data.files.tables import Table, write_table
 from ambkit.estimate.named import factories
@@ -267,12 +267,7 @@ def inject_faults(
     if not bearing.single and "lift-off" in named:  # its own start has lift-off
         named.remove("lift-off")
     kinds = suited(list(KINDS), bearing)
-    built: Mapping[str, Callable[..., Estimator]] = (
-        all_callable(estimators)
-        if isinstance(estimators, Mapping)
-        else factories(kinds if estimators is None else estimators, bearing)
-    )
-
+    built = factories(kinds if estimators is None else estimators, bearing)
     works = [
         _Work(Flight(bearing, controller, in_loop, seed, precision, at, plant), name, build)
         for precision in precisions
