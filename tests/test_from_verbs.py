@@ -99,6 +99,13 @@ def test_the_help_is_the_docstring():
     assert "--seed" not in text
 
 
+def test_the_front_page_lists_every_command_once():
+    listed = [name for names in catalogue.SECTIONS.values() for name in names]
+    assert len(listed) == len(set(listed))
+    assert set(listed) == {name.partition(" ")[0] for name in catalogue.VERBS}
+    assert max(map(len, catalogue.front().splitlines())) <= 80
+
+
 LIMIT = {"tune": 13, "faults": 13}  # first seed and number of seeds are two
 """Commands with more than a dozen options."""
 

@@ -87,15 +87,24 @@ PICTURES = (".png", ".svg", ".pdf", ".html")
 ROWS = (".json", ".csv", ".tex", ".html")
 """What every result can be written as."""
 
-BEGIN = """From a magnetic bearing's description, or a recording, to a tuned adaptive Kalman filter.
+BEGIN = """Kalman filters for magnetic bearings, from a machine or a recording to C code.
 
-To begin with:
-    ambkit reproduce                         the paper, with pictures and verdicts
-    ambkit presets zittau_axial > my.toml    a machine, to be edited
+    ambkit presets zittau_axial > my.toml
     ambkit simulate my.toml --step "0.3 mm" --out run.csv
     ambkit filter run.csv --machine my.toml --plot run.png
 """
 """What ``ambkit`` prints before the list of its commands."""
+
+SECTIONS = {
+    "Describe": ("presets", "check", "schema", "rotor"),
+    "Measure": ("excite", "read", "identify"),
+    "Design": ("train", "tune", "design"),
+    "Run": ("simulate", "filter"),
+    "Judge": ("compare", "assess", "faults", "campaign"),
+    "Deploy": ("export", "pil"),
+    "Paper": ("reproduce",),
+}
+"""Purposes of the commands, by their first words."""
 
 
 class Misused(AmbkitError):
@@ -135,23 +144,23 @@ def within(name: str) -> list[str]:
     return [other for other in VERBS if other.startswith(f"{name} ")]
 
 
-def listing(names: Sequence[str]) -> str:
+def listing(names: Sequence[str], width: int = 0) -> str:
     """Return a line for each of some commands."""
-    column = max(map(len, names)) + 2
+    column = max(width, *map(len, names)) + 2
     return "\n".join(f"  {name.ljust(column)}{summary(name)}" for name in names)
 
 
 def front() -> str:
     """Return what ``ambkit --help`` prints."""
-    first = list(dict.fromkeys(name.partition(" ")[0] for name in VERBS))
+    width = max(len(name) for names in SECTIONS.values() for name in names)
+    sections = "\n".join(f"{title}:\n{listing(names, width)}" for title, names in SECTIONS.items())
     return (
-        "usage: ambkit COMMAND ...\n\n"
-        f"{BEGIN}\nCommands:\n{listing(first)}\n\n"
+        f"usage: ambkit COMMAND ...\n\n{BEGIN}\n{sections}\n\n"
         "Options:\n"
         "  -h, --help                    Show this help, or that of a command.\n"
         "  --version                     Print the version.\n"
-        "  --debug                       With an error, show where in the program it came from.\n"
-        "  --print-completion SHELL      Print a script for completion in bash, zsh or tcsh.\n"
+        "  --debug                       Print the traceback of an error.\n"
+        "  --print-completion SHELL      Print a completion script for bash, zsh or tcsh.\n"
     )
 
 

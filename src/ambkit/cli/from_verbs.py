@@ -33,6 +33,8 @@ PLAIN = ("Document", "Statement", "Outcome")
 OPERANDS = ("records", "name")
 """Parameters that stand without an option though they may be left out."""
 
+REPEATED = " Repeatable."
+
 SAME = re.compile(r"[Aa]s for `ambkit ([\w -]+)`")
 """Of a parameter that has the meaning that it has in another command."""
 
@@ -144,9 +146,8 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
         else:
             parser.add_argument(
                 f"--{parameter.name.replace('_', '-')}", dest=parameter.name,
-                help=text + _default(parameter.default), default=argparse.SUPPRESS,
-                required=required,
-                **{"action": Once} | settings,
+                help=text + _repeated(settings) + _default(parameter.default),
+                default=argparse.SUPPRESS, required=required, **{"action": Once} | settings,
             )  # fmt: skip
     if "--out" not in parser._option_string_actions:  # else the verb writes a folder by itself
         _add_outputs(parser, name, verb)
@@ -175,12 +176,16 @@ def _add_outputs(parser: Parser, name: str, verb: Callable[..., Any]) -> None:
         value = "[WHAT=]FILE" if len(makes) > 1 else "FILE"
         texts["--out"] = value, f"Write the result: {'; '.join(forms)}."
     if returns(verb) not in PLAIN:
-        texts["--plot"] = "FILE", f"Draw it: {' '.join(PICTURES)}."
+        texts["--plot"] = "FILE", f"Write a figure: {' '.join(PICTURES)}."
     for option, (value, text) in texts.items():
         parser.add_argument(
             option, type=Path, action="append", default=[], metavar=value,
-            help=f"{text} May be repeated.",
+            help=text + REPEATED,
         )  # fmt: skip
+
+
+def _repeated(settings: Mapping[str, Any]) -> str:
+    return REPEATED if settings.get("action") == "append" else ""
 
 
 def _default(value: Any) -> str:

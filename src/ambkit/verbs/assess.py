@@ -1,4 +1,4 @@
-"""Margins of stability: of a loop, over its speed, simulated, and in a log."""
+"""Stability margins: of a loop, over speed, over amplitude, and from a log."""
 
 from __future__ import annotations
 
@@ -38,45 +38,45 @@ def assess(
     orbit: Orbit | None = None,
     beside: Sequence[Literal["lqg", "hinf"]] = (),
 ) -> Assessment:
-    """Assess the stability margins of a closed loop, with the filter in it.
+    """Compute the stability margins of a loop with its filter.
 
-    The loop is broken at the measurement, as ISO 14839-3 does it, and linearised at its operating
-    point: sampled, with dead time, amplifier, sensor, controller and filter, which is fed with the
-    control signal that goes out. Beside it stands the same controller on the measurement. Limits of
-    current and voltage, quantisation and coloured noise are not in it. Each axis is assessed with
-    all others closed; the worst decides. The page is a verdict to be signed off.
+    Sensitivity and zones of ISO 14839-3, gain, phase, delay and disk margins, noise and load
+    capacity of the sampled linear loop: dead time, amplifier, sensor, controller and filter at the
+    operating point. Current and voltage limits, quantisation and coloured noise are not included.
+    Each axis is assessed with all others closed; the worst one decides the zone. The same
+    controller fed by the measurement is shown for comparison.
 
     Parameters
     ----------
     machine : Machine, str or path
-        A preset's name, or the TOML file of a machine or of a filter.
+        Preset name, or TOML file of a machine or a filter.
     filter : Estimator, str, path, sequence or mapping of them, optional
-        In the loop: a kind, a file of `ambkit tune`, or none. May be repeated. By default that of
-        the machine's file, the linear one, or none where the controller is fed by the measurement.
+        Kind, filter file, or none. By default the filter of the file, else linear; none if the
+        controller uses the measurement.
     controller : PID, Control, str or path, optional
-        A scenario's TOML file with its controller, or decentralised, 'translation and tilt', lqg.
-        Settings that are omitted are tuned automatically.
+        Scenario file, decentralised, 'translation and tilt', or lqg. Omitted settings are tuned
+        automatically.
     position : float or str, optional
-        Displacement along the axes at which the rotor is held [m].
+        Position of the operating point [m], on all axes.
     disturbance : float, str or mapping, optional
         Constant disturbance force there [N], on the first axis; in Python also by axis.
     orbit : float or str, optional
-        Linearise along the orbit that the unbalance makes at the machine's speed, own, or along one
-        of this half axis [m], with the mean stiffnesses of a turn.
+        Linearise along an orbit, with stiffnesses averaged over a revolution: own (the unbalance
+        orbit at the machine's speed) or a half axis [m].
     beside : sequence of {"lqg", "hinf"}, optional
-        Other controllers that are assessed too: the linear-quadratic-Gaussian one of least control
-        effort; that of H-infinity mixed sensitivities, which needs slycot (ambkit[hinf]).
+        Baseline controllers: LQG with minimum control effort; H-infinity mixed sensitivity (needs
+        ambkit[hinf]).
 
     Returns
     -------
     Assessment
-        Rows, series and pictures.
+        Margins and limits of each loop, series and figures; the page is a report for signature.
 
     Raises
     ------
     AmbkitError
-        There is no such filter, it has another sampling time or does not settle to a gain; nothing
-        holds the rotor at the operating point; slycot is not installed.
+        The filter is unknown, has another sampling time or no steady-state gain; the rotor has no
+        equilibrium at the operating point; slycot is not installed.
 
     References
     ----------
@@ -111,35 +111,32 @@ def assess_sweep(
     disturbance: Force = 0.0,
     orbit: Orbit | None = None,
 ) -> Sweep:
-    """Sweep the simulated loop, with its nonlinear magnets and limits, beside the linear one.
+    """Measure the sensitivity of the simulated loop over the amplitude.
 
-    A signal is added to the measurement of one axis, with all others closed, without noise. Of a
-    rotor that turns, what runout and unbalance do alone is subtracted. A multisine gives the best
-    linear approximation at its amplitude, a stepped sine the first harmonic of each sine.
+    A test signal is added to the measurement of one axis, without noise, with nonlinear magnets and
+    all limits; the linear loop is shown for comparison. The response to runout and unbalance is
+    subtracted. A multisine gives the best linear approximation, a stepped sine the first harmonic.
 
     Parameters
     ----------
-    machine : Machine, str or path
-        A preset's name, or the TOML file of a machine or of a filter.
+    machine, filter, controller, position, disturbance, orbit : optional
+        As for `ambkit assess`.
     amplitudes : sequence of float or str, optional
-        Amplitude of the added signal [m]. May be repeated. By default 0.1, 1 and 3 % of the air
-        gap.
+        Amplitude of the test signal [m]. By default 0.1, 1 and 3 % of the air gap.
     kind : {"multisine", "stepped-sine"}, optional
-        The added signal.
+        Test signal.
     axis : str, optional
-        Which axis is swept; by default that which decides the zone.
-    filter, controller, position, disturbance, orbit : optional
-        As for `ambkit assess`; one filter.
+        Axis. By default the one that decides the zone.
 
     Returns
     -------
     Sweep
-        Rows, series and a picture.
+        Rows, series and a figure.
 
     Raises
     ------
     AmbkitError
-        An amplitude is not greater than 0, there is no such axis, the loop is not stable, or as for
+        An amplitude is not positive, the axis is unknown, the loop is unstable, or as for
         `ambkit.assess`.
 
     Examples
@@ -168,35 +165,33 @@ def assess_speed(
     disturbance: Force = 0.0,
     orbit: Literal["own"] | None = None,
 ) -> OverSpeed:
-    """Assess a loop over the speed of rotation, whose gyroscopics change it.
+    """Assess a loop over the speed of rotation.
 
-    Sensitivity of each axis with all others closed, poles of the closed loop, and the displacement,
-    current and voltage that unbalance and runout demand in a slow run-up. The unbalance is that
-    which the machine has at its own speed. The filter knows the speed.
+    Sensitivity of each axis with all others closed, poles of the closed loop, and displacement,
+    current and voltage for unbalance and runout during a slow run-up. The filter is scheduled with
+    the speed.
 
     Parameters
     ----------
-    machine : Machine, str or path
-        A preset's name, or the TOML file of a machine or of a filter, with a rotor that turns.
+    machine, filter, controller, disturbance : optional
+        As for `ambkit assess`.
     fastest : float or str, optional
-        The greatest speed [rad/s]; by default twice the machine's, or 1000 rad/s.
+        Maximum speed [rad/s]. By default twice the machine's, or 1000 rad/s.
     count : int, optional
-        Number of speeds, from rest on.
-    filter, controller, disturbance : optional
-        As for `ambkit assess`; one filter.
+        Number of speeds, including 0.
     orbit : {"own"}, optional
-        Linearise along the orbit of the unbalance at each speed.
+        Linearise along the unbalance orbit at each speed.
 
     Returns
     -------
     OverSpeed
-        Rows, series and pictures.
+        Rows, series and figures.
 
     Raises
     ------
     AmbkitError
-        `fastest` is not greater than 0 or turns half a revolution within a sample, `count` is less
-        than 2, the rotor does not turn, or as for `ambkit.assess`.
+        The rotor does not rotate, `fastest` is not positive or reaches half a revolution per
+        sample, `count` is less than 2, or as for `ambkit.assess`.
 
     Examples
     --------
@@ -226,33 +221,31 @@ def assess_log(
     position: Length = 0.0,
     disturbance: Force = 0.0,
 ) -> AssessedLog:
-    """Assess a loop by a record in which a signal was added to its measurement.
+    """Compute the sensitivity of a loop from a record with an injected signal.
 
     Parameters
     ----------
     record : Record, str or path
-        With y [m] and injected [m]; of a machine with y_NAME of each reading, and injected_NAME of
-        the axis at whose summing point the signal was added.
-    machine : Machine, str or path, optional
-        Whose model is laid over: a preset's name, or the TOML file of a machine or of a filter.
-    filter, controller, position, disturbance : optional
-        Of the model, as for `ambkit assess`.
+        Record of y [m] and injected [m]; of a machine with several axes, y_SENSOR and
+        injected_AXIS.
+    machine, filter, controller, position, disturbance : optional
+        Model for comparison, as for `ambkit assess`.
     channels : ChannelMap, str or path, optional
-        Channel map of the record; `ambkit read guess` proposes one.
+        Channel map of a log (`ambkit read guess` proposes one).
     window : tuple or str, optional
-        The part of the record that is used, such as "2 s,5 s"; either may be left out.
+        Part of the record [s], such as "2 s,5 s"; either end may be omitted.
     logged : {"after", "before"}, optional
-        Whether y was logged after the signal was added to it, or before.
+        Whether y was logged after or before the signal is added.
 
     Returns
     -------
     AssessedLog
-        Rows, series and a picture.
+        Rows, series and a figure.
 
     Raises
     ------
     RecordError
-        The record does not tell a sensitivity.
+        The record does not determine the sensitivity.
     AmbkitError
         As for `ambkit.assess`.
 

@@ -1,4 +1,4 @@
-"""Thousands of machines sampled from their tolerances."""
+"""Campaigns: many machines sampled from tolerances."""
 
 from __future__ import annotations
 
@@ -20,36 +20,36 @@ def campaign(
     workers: int | None = None,
     threads: int | None = None,
 ) -> Campaign:
-    """Simulate thousands of machines within their tolerances.
+    """Simulate machines sampled from tolerances.
 
-    Which share is good, which is the worst, and what drives it. A folder in which the study was
-    begun is gone on with. The rows follow from the study alone, to the last bit: not from threads,
-    order or cluster. They are Parquet, in the folder's runs.
+    Reports yield, worst machines and sensitivity indices. A campaign that was interrupted is
+    resumed. Results are Parquet files in DIR/runs; they depend on the study only, to the last bit,
+    not on threads, order or cluster.
 
     Parameters
     ----------
     study : Study, str or path
-        TOML file that says what varies, and what is wanted.
+        TOML file of the study: variations and criteria.
     folder : str or path, optional
-        Where the rows are kept; by default named as the study's file, without its ending.
+        Output folder. By default the study's name.
     cluster : str, optional
-        Dask: local for processes of this machine, the address of a scheduler (tcp://...), or slurm;
-        by default threads of this process.
+        Dask cluster: local, slurm, or the address of a scheduler (tcp://...). By default threads of
+        this process.
     workers : int, optional
-        Processes, or jobs of slurm, of that cluster.
+        Processes or slurm jobs of the cluster.
     threads : int, optional
-        Of this process; by default as many as it may use.
+        Threads of this process. By default all available.
 
     Returns
     -------
     Campaign
-        With yield, worst machines, what drives them, tables and pictures.
+        Yield, worst machines, sensitivity indices, tables and figures.
 
     Raises
     ------
     AmbkitError
-        The study is not valid, the folder is of another one or of another version of ambkit, or it
-        cannot be written; the cluster does not answer.
+        The study is not valid; the folder belongs to another study or version of ambkit, or cannot
+        be written; the cluster does not answer.
 
     Examples
     --------
@@ -72,22 +72,22 @@ def campaign(
 
 
 def campaign_status(folder: Folder) -> Statement:
-    """Report how far a campaign is, also while it is at work.
+    """Report the progress of a campaign.
 
     Parameters
     ----------
     folder : str or path
-        Of the campaign.
+        Folder of the campaign.
 
     Returns
     -------
     Statement
-        Its runs, parts and yield so far.
+        Runs, parts and yield so far.
 
     Raises
     ------
     AmbkitError
-        There is no campaign in it, or it is of another version of ambkit.
+        The folder has no campaign, or one of another version of ambkit.
 
     Examples
     --------
@@ -99,22 +99,22 @@ def campaign_status(folder: Folder) -> Statement:
 
 
 def campaign_report(folder: Folder) -> Campaign:
-    """Report the results of a campaign, finished or not.
+    """Report the results of a campaign, complete or not.
 
     Parameters
     ----------
     folder : str or path
-        Of the campaign.
+        Folder of the campaign.
 
     Returns
     -------
     Campaign
-        As of `ambkit campaign run`.
+        As returned by `ambkit.campaign`.
 
     Raises
     ------
     AmbkitError
-        There is no campaign in it, or it is of another version of ambkit.
+        The folder has no campaign, or one of another version of ambkit.
 
     Examples
     --------
@@ -126,24 +126,24 @@ def campaign_report(folder: Folder) -> Campaign:
 
 
 def campaign_replay(folder: Folder, run: int) -> Replayed:
-    """Simulate one run of a campaign again, with every sample.
+    """Repeat one run of a campaign and record every sample.
 
     Parameters
     ----------
     folder : str or path
-        Of the campaign.
+        Folder of the campaign.
     run : int
         Number of the run.
 
     Returns
     -------
     Replayed
-        Record, estimate, and the machine that was drawn.
+        Record, estimate and sampled machine.
 
     Raises
     ------
     AmbkitError
-        There is no such run, or no such machine can be.
+        The run does not exist, or its machine is not physical.
 
     Examples
     --------
@@ -164,34 +164,35 @@ def campaign_rare(
     seed: int = 0,
     threads: int | None = None,
 ) -> Statement:
-    """Estimate the probability of a rare failure.
+    """Estimate the probability of a rare failure by subset simulation.
 
-    By subset simulation, with what varies in the campaign's study. The report has it then.
+    Machines are sampled from the tolerances of the campaign's study. The campaign's report includes
+    the result.
 
     Parameters
     ----------
     folder : str or path
-        Of the campaign.
+        Folder of the campaign.
     figure : str
-        Figure of a run, such as peak_S.
+        Figure of merit, such as peak_S.
     above : float or str
-        It fails at or above this, such as 5 or "0.8 mm".
+        Failure limit, such as 5 or "0.8 mm".
     budget : int, optional
-        Number of runs of each level.
+        Runs per level.
     seed : int, optional
         Random seed.
     threads : int, optional
-        Of this process; by default as many as it may use.
+        Threads of this process. By default all available.
 
     Returns
     -------
     Statement
-        The probability, with its interval.
+        Probability with its interval.
 
     Raises
     ------
     AmbkitError
-        There is no such figure, the limit has another unit, or the study has no probabilities.
+        The figure is unknown, the limit has another unit, or the study has no probabilities.
 
     Examples
     --------
@@ -207,17 +208,17 @@ def campaign_rare(
 
 
 def campaign_problem(study: Study) -> Document:
-    """Print what varies as SALib's problem dictionary, in JSON and SI.
+    """Print the variations of a study as SALib problem (JSON, SI units).
 
     Parameters
     ----------
     study : Study, str or path
-        TOML file that says what varies, and what is wanted.
+        TOML file of the study.
 
     Returns
     -------
     Document
-        The dictionary.
+        The problem dictionary.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Whether files are what ambkit can use."""
+"""Checks of input files."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ if TYPE_CHECKING:
 def check(
     files: Files, *, machine: Machine | None = None, channels: MapFile | None = None
 ) -> Document:
-    """Check files and report every fault.
+    """Check input files and report every fault.
 
-    Each problem is reported with its file and line; the exit code is 2 if there is one. What is odd
-    about a record and may be right is reported too.
+    Each fault is reported with file and line; the exit code is then 2. Anomalies of a record that
+    may be legitimate are reported as notes.
 
     Parameters
     ----------
     files : str, path or sequence of them
-        Machines, scenarios, studies, channel maps, filters, experts, records, measured forces.
+        Machines, scenarios, studies, channel maps, filters, experts, records, force maps.
     machine : Machine, str or path, optional
-        Compare records with it: rate, range, noise, signs; and judge filters on it.
+        Compare records with this machine (rate, range, noise, signs), and judge filters on it.
     channels : str or path, optional
-        Channel map: what is what in a log; `ambkit read guess` proposes one.
+        Channel map of the logs (`ambkit read guess` proposes one).
 
     Returns
     -------
     Document
-        A line for each file that is valid; the problems are its notes.
+        One line per valid file; the faults are its notes.
 
     Raises
     ------
@@ -52,12 +52,12 @@ def check(
 def schema(
     kind: Literal["bearing", "machine", "scenario", "study", "map", "filter", "force"],
 ) -> Document:
-    """Print the JSON schema of a kind of TOML file.
+    """Print the JSON schema of a TOML file.
 
     Parameters
     ----------
     kind : {"bearing", "machine", "scenario", "study", "map", "filter", "force"}
-        Of the file; force is the channel map of a force map.
+        Kind of file; map is a channel map, force that of a force map.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Filters compared: in a case, or each in its own loop."""
+"""Comparison of filters: in benchmark cases, and in closed loop."""
 
 from __future__ import annotations
 
@@ -37,43 +37,42 @@ def compare(
 ) -> Study | Benches:
     """Compare filters by error, consistency, delay and cost.
 
-    In a case, all run along the same records from the same start, and each in the loop, beside the
-    raw sensors. Of several axes a case happens to each, and errors are those of all axes together.
+    All filters run along the same records, and each in its own loop; the raw sensor is included.
+    With several axes the case applies to each axis, and errors are totals over all of them.
 
     Parameters
     ----------
     machine : Machine, str or path
-        What the filters know: a preset's name, or a TOML file.
+        Preset name or TOML file; the model of the filters.
     filter : str, path or sequence of them, optional
-        Kinds, KIND@FILE with an expert (.json) or force map (.csv), filters' files (.toml), or a
-        class of your own with step(y, u) as my.py:MyFilter. May be repeated.
+        Kind, KIND@FILE with an expert (.json) or force map (.csv), filter file (.toml), or a class
+        with step(y, u) as my.py:MyFilter.
     case : str, optional
-        What happens: paper, uncertain, wrong-k, saturating, coloured-noise, step, unbalance, model,
-        or all.
+        paper, uncertain, wrong-k, saturating, coloured-noise, step, unbalance, model, or all.
     plant : MagnetModel, str or path, optional
-        Force map of the true magnet, points of iu, x and f_mag: your own iron, which the filters do
-        not know; table and adaptive learn it, or ask their own file. Of one axis.
+        Force map of the true magnet (iu, x, f_mag), unknown to the filters; table and adaptive are
+        trained on it unless they have a file. One axis only.
     spread : float or str, optional
-        How far the plant is off at most, such as "20 %": magnet constant, mass, air gap, sensor and
-        disturbance force; by default what the case says.
+        Maximum deviation of the plant, such as "20 %": magnet constant, mass, air gap, sensor and
+        disturbance force. By default that of the case.
     budget : int, optional
-        Number of evaluations to tune each filter with; 0: defaults.
+        Evaluations to tune each filter; 0 keeps the default settings.
     seeds : int, optional
         Number of runs.
     first_seed : int, optional
-        Seed of the first.
+        First random seed.
     whole : bool, optional
-        Also errors by step and wrong magnet constant, and the limit of any filter, for the page.
+        Add the Cramer-Rao bound, and errors over step size and wrong magnet constant.
 
     Returns
     -------
     Study or Benches
-        Of one case, or of all cases by their names.
+        Results of one case, or of all cases by name.
 
     Raises
     ------
     AmbkitError
-        There is no such case or filter, a file cannot be read, or an argument is out of its range.
+        A case or filter is unknown, a file cannot be read, or an argument is out of range.
 
     Examples
     --------
@@ -104,38 +103,35 @@ def compare_steps(
     seeds: int = 20,
     first_seed: int = 0,
 ) -> LoopScores:
-    """Compare the errors of filters, each in its own loop.
+    """Compare filters in closed loop, over reference steps or in a scenario.
 
-    Against the same noise, with the same Q and R, over steps of the reference or in a scenario.
+    All have the same noise, Q and R.
 
     Parameters
     ----------
-    machine : Machine, str or path
-        What the filters know: a preset's name, or a TOML file.
-    filter : Estimator, class, str, path, sequence or mapping of them, optional
-        Kinds, KIND@FILE with an expert (.json) or force map (.csv), or filters' files (.toml). May
-        be repeated.
-    steps : sequence of float or str, optional
-        Step of the first axis's reference [m]. May be repeated. By default 0.1, 0.3 and 0.5 of the
-        clearance; with a scenario none.
-    disturbance : float or str, optional
-        Disturbance force on the first axis after half of the run [N].
-    duration : float or str, optional
-        Length of the run [s].
-    scenario : Scenario, str or path, optional
-        What happens; `ambkit schema scenario`.
-    plant, seeds, first_seed : optional
+    machine, plant, seeds, first_seed : optional
         As for `ambkit compare`.
+    filter : Estimator, class, str, path, sequence or mapping of them, optional
+        Kind, KIND@FILE with an expert (.json) or force map (.csv), or filter file (.toml).
+    steps : sequence of float or str, optional
+        Reference step of the first axis [m]. By default 0.1, 0.3 and 0.5 of the clearance; none
+        with a scenario.
+    disturbance : float or str, optional
+        Disturbance force step on the first axis at half of the duration [N].
+    duration : float or str, optional
+        Duration [s].
+    scenario : Scenario, str or path, optional
+        Scenario (`ambkit schema scenario`).
 
     Returns
     -------
     LoopScores
-        The errors of each filter in each case.
+        Errors of each filter in each case.
 
     Raises
     ------
     AmbkitError
-        There is no such filter, a file cannot be read, or an argument is out of its range.
+        A filter is unknown, a file cannot be read, or an argument is out of range.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Design: from what is known of a machine, and its records, to what flies."""
+"""Design: from a machine and its logs to exported C."""
 
 from __future__ import annotations
 
@@ -26,52 +26,49 @@ def design(
     force: bool = False,
     seed: int = 0,
 ) -> Design:
-    """Design controller and filter from logs: identify, tune, assess, export.
+    """Identify, tune, assess and export in one step.
 
-    A machine with one axis is identified from its logs; of several `ambkit identify` comes before.
-    Controllers are chosen on the margins of the loop, and a filter is tuned in it. The folder gets
-    machine.toml, scenario.toml with the controllers, filter.toml, verdict.html, design.html, which
-    says which filter to fly and why, the filter as C in c/, and with its controllers in
-    controller/. A second call goes on where the first was interrupted. Exit code 1 where nothing
-    was exported.
+    Writes machine.toml, scenario.toml (controllers), filter.toml, verdict.html, design.html (the
+    filter to use, with reasons), c/ (the filter in C) and controller/ (filter and controllers). A
+    design that was interrupted is resumed. Machines with several axes are not identified here: run
+    `ambkit identify` first. The exit code is 1 if nothing was exported.
 
     Parameters
     ----------
     machine : Machine, str or path
-        What is known already: a preset's name, or a TOML file.
+        Preset name or TOML file; the prior of the identification.
     records : str, path or sequence of them, optional
-        Closed-loop runs, in any format. Without any the filter is tuned on simulated runs.
+        Closed-loop logs of any format. Without logs the filter is tuned in simulation.
     out : str or path
-        The folder for all of it; an older design goes on.
+        Output folder.
     channels : str or path, optional
-        Channel map of the records; `ambkit read guess` proposes one.
+        Channel map of the logs (`ambkit read guess` proposes one).
     validate : sequence of str or path, optional
-        Judge by this record. May be repeated.
+        Validation log.
     filter : str or sequence of str, optional
-        Kinds that are tried. May be repeated. By default linear, extended and adaptive.
+        Kind to try. By default linear, extended and adaptive.
     free : sequence of str, optional
-        What is identified. May be repeated. By default what a record usually tells.
+        Parameter to identify. By default those usually identifiable.
     max_sensitivity : float, optional
-        Limit of the peak of |S| in the loop, 3 is the end of zone A; inf: no limit.
+        Limit of the sensitivity peak; 3 is the end of zone A, inf means no limit.
     precision : {"float", "double"}, optional
-        Of the exported C.
+        Precision of the C.
     prefix : str, optional
-        Of the C's names; by default the machine's name.
+        Prefix of the C names. By default the machine's name.
     force : bool, optional
-        Export also what is worse than the raw sensor, far from the bound, out of zone A, or what
-        must not fly.
+        Export even an inadequate filter or a loop outside zone A.
     seed : int, optional
         Random seed.
 
     Returns
     -------
     Design
-        Rows and what was made.
+        Results of each step, and the files.
 
     Raises
     ------
     AmbkitError
-        As the stages: identify, tune, assess, export.
+        As raised by identify, tune, assess and export.
 
     Examples
     --------

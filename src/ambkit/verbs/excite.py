@@ -1,4 +1,4 @@
-"""Experiments: what identifies a machine, and what measures the sensitivity of its loop."""
+"""Experiment design: for identification, and for the measured sensitivity."""
 
 from __future__ import annotations
 
@@ -24,44 +24,43 @@ def excite(
     limit: Sequence[Limit] = (),
     wander: Wander | None = None,
 ) -> Design:
-    """Design an experiment and predict the errors of its results.
+    """Design an identification experiment and predict its errors.
 
-    An excitation for the reference of the controller, as large as the limits on current and
-    displacement allow in the simulated loop, in the band that tells most; and the standard errors
-    that identification will have from it. The file of --out is what `ambkit simulate --reference`
-    takes.
+    The excitation is a reference signal for the controller, in the most informative band and as
+    large as the limits allow in the simulated loop; predicted are the standard errors of
+    identification. `ambkit simulate --signal` reads the file of --out.
 
     Parameters
     ----------
     machine : Machine, str or path
-        A preset's name, or a TOML file.
+        Preset name or TOML file.
     axis : str, optional
-        Of several axes, whose parameters are to be found; all others are closed.
+        Axis to identify; all others are closed.
     kind : {"stepped-sine", "multisine", "prbs"}, optional
-        The signal.
+        Excitation signal.
     free : sequence of str, optional
-        What is to be identified, such as magnet_constant. May be repeated. As for `identify`.
+        Parameter to identify, such as magnet_constant. By default as `ambkit identify`.
     scenario : Scenario, str or path, optional
-        Controller, duration, disturbance and seed; by default a controller is tuned.
+        Controller, duration, disturbance force and seed. By default the controller is tuned.
     duration : float or str, optional
-        Length of the experiment [s].
+        Duration [s].
     band : tuple or str, optional
-        Frequencies [Hz], such as "5 Hz,100 Hz"; by default the best are found.
+        Frequency band [Hz], such as "5 Hz,100 Hz". By default the most informative one.
     limit : sequence of str, optional
-        Greatest control current or displacement from the centre, such as "2 A" or "0.2 mm". May be
-        repeated. By default 80 % of the current and half of the travel.
+        Maximum control current or displacement, such as "2 A" or "0.2 mm". By default 80 % of the
+        current limit and half of the clearance.
     wander : float or str, optional
-        How far the disturbance force wanders in a second, rms [N]; by default 1 % of the weight.
+        Random walk of the disturbance force, rms after 1 s [N]. By default 1 % of the weight.
 
     Returns
     -------
     Design
-        Rows, a picture, and the reference, which is what is written as .csv and .parquet.
+        Rows, a figure, and the reference signal (.csv, .parquet).
 
     Raises
     ------
     AmbkitError
-        A limit is beyond what the machine can do, or the experiment is too short.
+        A limit exceeds that of the machine, or the experiment is too short.
 
     Examples
     --------
@@ -98,43 +97,41 @@ def excite_sensitivity(
     limit: Sequence[Limit] = (),
     seed: int | None = None,
 ) -> Injection:
-    """Design the signal that, added to the measurement, measures the sensitivity of a loop.
+    """Design an injected signal that measures the sensitivity of a loop.
 
-    A multisine at the summing point of one axis, as large as the limits on current and displacement
-    allow in the simulated loop, and the interval of the peak of |S| that it will give. The file of
-    --out is what `ambkit simulate --injection` takes.
+    A multisine at the measurement of one axis, as large as the limits allow in the simulated loop,
+    and the predicted interval of the sensitivity peak. `ambkit simulate --signal` reads the file of
+    --out.
 
     Parameters
     ----------
     machine : Machine, str or path
-        A preset's name, or a TOML file.
+        Preset name or TOML file.
     filter : Estimator, str or path, optional
-        Whose estimate feeds the controller, or none. By default linear; of several axes as the
-        scenario has it.
+        Filter of the controller, or none. By default linear; with several axes as in the scenario.
     axis : str, optional
-        At which axis the signal is added; by default that which decides the zone.
+        Axis of the injection. By default the one that decides the zone.
     scenario : Scenario, str or path, optional
-        Controller, duration and disturbance; by default a controller is tuned.
+        Controller, duration and disturbance force. By default the controller is tuned.
     duration : float or str, optional
-        Length of the experiment [s]; by default 5 s, or the scenario's.
+        Duration [s]. By default 5 s, or that of the scenario.
     band : tuple or str, optional
-        Frequencies [Hz], such as "5 Hz,100 Hz".
+        Frequency band [Hz], such as "5 Hz,100 Hz".
     limit : sequence of str, optional
-        Greatest control current or displacement from the centre, such as "2 A" or "0.2 mm". May be
-        repeated. By default 80 % of the current, and a twentieth of the air gap beyond where the
-        rotor is held.
+        Maximum control current or displacement, such as "2 A" or "0.2 mm". By default 80 % of the
+        current limit, and a displacement of 5 % of the air gap from the operating point.
     seed : int, optional
-        Seed of the noise.
+        Random seed of the noise.
 
     Returns
     -------
     Injection
-        Rows, a picture, and the signal, which is what is written as .csv and .parquet.
+        Rows, a figure, and the signal (.csv, .parquet).
 
     Raises
     ------
     AmbkitError
-        As `ambkit.design_injection`.
+        The machine has no such axis, the loop is unstable, or no signal keeps the limits.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What flies, for the controller and for other tools."""
+"""Export to controllers and other tools."""
 
 from __future__ import annotations
 
@@ -25,46 +25,45 @@ def export_c(
     telemetry: bool = False,
     force: bool = False,
 ) -> CExport:
-    """Write a filter as a folder of C99 that compiles alone.
+    """Export a filter, or a controller with its filter, as self-contained C99.
 
-    The library's own C, with the data of this machine and this filter.
+    The folder has the C core of ambkit, the data of machine and filter, and a self-test.
 
     Parameters
     ----------
     machine : Machine, str or path
-        A preset's name, or the TOML file of a machine or of a filter.
+        Preset name, or TOML file of a machine or a filter.
     filter : str or path, optional
-        A kind, linear+unbalance to estimate that too, a filter's file, or an expert (.json) or
-        force map (.csv) of the adaptive filter; by default linear.
+        Kind (linear+unbalance also estimates the unbalance), filter file, or expert (.json) or
+        force map (.csv) of the adaptive filter. By default linear.
     out : str or path
-        The folder to write: new, empty, or of an older export.
+        Output folder: new, empty, or of an older export.
     controller : Scenario, str or path, optional
-        Export the whole controller of this scenario: from readings to coil currents.
+        Scenario whose controller is exported with the filter: from measurements to coil currents.
     precision : {"float", "double"}, optional
-        Of its numbers.
+        Precision.
     prefix : str, optional
-        Of its names; by default the machine's name.
+        Prefix of the C names. By default the machine's name.
     table_error : float or str, optional
-        Export a table in place of the expert's rules, which is no further off than this [N]; auto
-        chooses it.
+        Replace the expert's rules by a table with at most this force error [N]; auto chooses it.
     editable : bool, optional
-        Each number once in the data file; what follows is computed at init.
+        Store each parameter once, editable; derived numbers are computed at init.
     calibration : bool, optional
-        Noise, gate, mass, k and gains of a controller can be changed while it runs.
+        Make noise, gate, mass, k and controller gains adjustable at run time.
     telemetry : bool, optional
-        Also a ring of frames: states, innovations and status of each sample.
+        Add a ring buffer with states, innovations and status of each sample.
     force : bool, optional
-        Export it also where it is judged that it must not fly.
+        Export even an inadequate filter.
 
     Returns
     -------
     CExport
-        The files, and what they were made from.
+        The files and their sources.
 
     Raises
     ------
     AmbkitError
-        It must not fly, the folder holds something else, or the options contradict each other.
+        The filter is inadequate, the folder has other content, or options exclude each other.
 
     Examples
     --------
@@ -92,29 +91,27 @@ def export_cost(
     table_error: TableError | None = None,
     clock: Frequency = "168 MHz",
 ) -> FilterCost:
-    """Report what a filter in C costs on a Cortex-M4F.
+    """Measure the cost of a filter on a Cortex-M4F.
 
-    Instructions, flash and memory, measured in qemu, in single precision; of a whole controller
-    `ambkit pil` measures them.
+    Instructions, flash and memory in single precision, measured in qemu. `ambkit pil` measures a
+    complete controller.
 
     Parameters
     ----------
-    machine : Machine, str or path
-        A preset's name, or the TOML file of a machine or of a filter.
-    filter, table_error : optional
+    machine, filter, table_error : optional
         As for `ambkit export c`.
     clock : float or str, optional
-        Of the processor [Hz].
+        Clock frequency [Hz].
 
     Returns
     -------
     FilterCost
-        What a step costs.
+        Cost of a step.
 
     Raises
     ------
     AmbkitError
-        It was not measured of this filter, or the clock is not greater than 0.
+        There is no measurement for this filter, or the clock is not positive.
 
     Examples
     --------
@@ -144,40 +141,36 @@ def export_fmu(
     everywhere: bool = False,
     force: bool = False,
 ) -> Statement:
-    """Write filter, plant, closed loop or controller as an FMU.
+    """Export filter, plant, closed loop or controller as an FMU.
 
-    The library's own C in a binary for this platform, with its sources. Needs a C compiler.
+    The FMU has the C core as a binary for this platform, and its sources. A C compiler is required.
 
     Parameters
     ----------
-    machine : Machine, str or path
-        A preset's name, or the TOML file of a machine or of a filter.
-    filter : str or path, optional
+    machine, filter, force : optional
         As for `ambkit export c`.
     out : str or path
-        The FMU to write, .fmu.
+        FMU to write (.fmu).
     kind : str, optional
-        What it models: estimator, plant, closed-loop, controller or whole-controller.
+        estimator, plant, closed-loop, controller, or whole-controller (with its filter).
     scenario : Scenario, str or path, optional
-        Whose controller, lift-off and start it has; the rest is the FMU's inputs.
+        Scenario with controller, lift-off and start; everything else is an input of the FMU.
     fmi : {2, 3}, optional
-        Version of the FMI standard.
+        FMI version.
     precision : {"double", "float"}, optional
-        Of estimator and whole controller: float is what flies.
+        Precision of estimator and whole-controller; float equals the exported C.
     everywhere : bool, optional
-        Also binaries of platforms that a cross compiler is here for.
-    force : bool, optional
-        Export it also where it is judged that it must not fly.
+        Also build for other platforms with an installed cross compiler.
 
     Returns
     -------
     Statement
-        What was written, with the names of its variables.
+        The file and its variables.
 
     Raises
     ------
     AmbkitError
-        There is no compiler, it must not fly, or the kind has no such filter or scenario.
+        There is no compiler, the filter is inadequate, or the kind has no filter or scenario.
 
     Examples
     --------
@@ -217,34 +210,27 @@ def export_ssp(
     fmi: Literal[2, 3] = 2,
     force: bool = False,
 ) -> Statement:
-    """Write plant, estimator and controller as three FMUs, wired: a system (SSP 1.0).
+    """Export plant, estimator and controller as connected FMUs (SSP 1.0).
 
-    With a scenario that lifts off, estimator and controller are one. Needs a C compiler.
+    With lift-off in the scenario, estimator and controller are one FMU. One axis only. A C compiler
+    is required.
 
     Parameters
     ----------
-    machine : Machine, str or path
-        A preset's name, or the TOML file of a machine or of a filter, with one axis.
-    filter : str or path, optional
-        As for `ambkit export c`.
+    machine, filter, scenario, fmi, force : optional
+        As for `ambkit export fmu`.
     out : str or path
-        The system to write, .ssp.
-    scenario : Scenario, str or path, optional
-        Whose controller and lift-off it has; what else happens is the system's inputs.
-    fmi : {2, 3}, optional
-        Version of the FMI standard.
-    force : bool, optional
-        Export it also where it is judged that it must not fly.
+        System to write (.ssp).
 
     Returns
     -------
     Statement
-        What was written, with the names of the variables.
+        The file and its variables.
 
     Raises
     ------
     AmbkitError
-        There is no compiler, it must not fly, or the machine has several axes.
+        There is no compiler, the filter is inadequate, or the machine has several axes.
 
     Examples
     --------
@@ -266,32 +252,32 @@ def export_ssp(
 def export_a2l(
     folder: Folder, *, elf: File, out: File, symbol: str = "calibration", force: bool = False
 ) -> Statement:
-    """Write an A2L file (ASAP2 1.6) for the calibration of an exported controller.
+    """Write the A2L file (ASAP2 1.6) of an exported controller.
 
-    The addresses are those of the firmware's ELF file. Needs readelf.
+    The addresses are read from the firmware's ELF file; readelf is required.
 
     Parameters
     ----------
     folder : str or path
-        An export with a controller and with calibration.
+        Export with controller and calibration.
     elf : str or path
-        The firmware that was linked with it, ELF.
+        Firmware linked with the export (ELF).
     out : str or path
-        The file to write, .a2l.
+        File to write (.a2l).
     symbol : str, optional
-        The firmware's variable of type amb_calibration.
+        Firmware variable of type amb_calibration.
     force : bool, optional
-        Export it also where it is judged that it must not fly.
+        Export even an inadequate filter.
 
     Returns
     -------
     Statement
-        What was written, with the address of the variable.
+        The file and the address of the variable.
 
     Raises
     ------
     AmbkitError
-        The folder is no such export, the firmware has no such variable, or readelf is missing.
+        The folder is not such an export, the firmware has no such variable, or readelf is missing.
 
     Examples
     --------
@@ -313,31 +299,30 @@ def export_a2l(
 def export_mat(
     machine: Machine, filter: Filter | None = None, *, out: File, force: bool = False
 ) -> Statement:
-    """Write model, noise, stiffness tables and expert as a MAT-file.
+    """Export model, noise, stiffness tables and expert as a MAT-file.
 
-    For MATLAB: A, B, C, D, E, Q, R, P0 of the discrete model, and structs, in SI units.
+    A, B, C, D, E, Q, R and P0 of the discrete model, and structs for MATLAB, in SI units. One axis
+    only.
 
     Parameters
     ----------
-    machine : Machine, str or path
-        A preset's name, or the TOML file of a machine or of a filter, with one axis.
+    machine, force : optional
+        As for `ambkit export c`.
     filter : str or path, optional
-        A linear or adaptive filter's file (.toml), an expert (.json), or adaptive, which trains
-        one: its rules, and its tables, go along.
+        File of a linear or adaptive filter (.toml), an expert (.json), or adaptive (trains one).
+        Rules and tables of the expert are included.
     out : str or path
-        The MAT-file to write, .mat.
-    force : bool, optional
-        Export it also where it is judged that it must not fly.
+        MAT-file to write (.mat).
 
     Returns
     -------
     Statement
-        What was written, with the names of its variables.
+        The file and its variables.
 
     Raises
     ------
     AmbkitError
-        The filter is of another kind, it must not fly, or the machine has several axes.
+        The filter is of another kind or inadequate, or the machine has several axes.
 
     Examples
     --------

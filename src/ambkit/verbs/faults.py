@@ -1,4 +1,4 @@
-"""Faults of sensor, control signal, amplifier and disturbance, injected into flights."""
+"""Fault injection: sensor, control signal, amplifier and disturbance force."""
 
 from __future__ import annotations
 
@@ -26,45 +26,45 @@ def inject_faults(
 ) -> FaultCampaign:
     """Inject faults and measure recovery.
 
-    Outages, stuck, late and erratic sensors, spikes, touchdown, saturation, NaN and huge values,
-    and random mixtures. The rotor follows a slow sine under a disturbance force that is another.
-    Each fault is injected beside the loop, where the controller is fed by the true measurement and
-    every filter must recover, and in the loop, where it is fed by the estimate and levitation may
-    be lost. A filter has recovered when its errors of position, velocity and disturbance force are
-    within five times the 99 % quantile of its flight without faults, and stay so.
+    Outages, stuck, late and erratic sensors, outliers, contact, saturation, NaN and huge values,
+    and random mixtures, while the rotor follows a slow sine under a varying disturbance force.
+    Open-loop: the controller uses the true measurement, so every filter must recover. Closed-loop:
+    the controller uses the estimate, so levitation may be lost. A filter has recovered when its
+    errors of position, velocity and disturbance force stay within five times their 99 % quantile
+    without faults.
 
     Parameters
     ----------
     machine : Machine, str or path
-        The plant, and what the filters know: a preset's name, or a TOML file.
+        Preset name or TOML file; plant and model of the filters.
     filter : Estimator, str, path, sequence or mapping of them, optional
-        Kinds, files of filters or classes of your own. May be repeated.
+        Kind, filter file, or a class of yours.
     faults : sequence of str, optional
-        Some of the faults, as the table names them. May be repeated. By default all.
+        Fault, as named in the table. By default all.
     reading : str, optional
-        Of several readings the one that the faults are of; by default the first.
+        Sensor with the faults. By default the first.
     seeds : int, optional
-        Number of campaigns, each with its own noise and draws.
+        Number of campaigns with different noise and faults.
     first_seed : int, optional
-        Seed of the first.
+        First random seed.
     samples : int, optional
-        Length of a flight through random mixtures of faults; 0: none.
+        Length of the run with random mixtures of faults; 0 omits it.
     precision : {"float64", "float32", "both"}, optional
-        Of the filters.
+        Precision of the filters.
     controller : PID, Control, class, str or path, optional
-        A scenario's TOML file with its controller, or a class of your own as file.py:Class.
+        Scenario file, or a class of yours as file.py:Class.
     plant : class or str, optional
-        A class of your own that flies in place of the machine, as file.py:Class.
+        Class that replaces the simulated machine, as file.py:Class.
 
     Returns
     -------
     FaultCampaign
-        Rows, all flights, and a picture; as .csv or .parquet a line for each flight.
+        Rows, all runs, and a figure; as .csv or .parquet one line per run.
 
     Raises
     ------
     AmbkitError
-        A fault, reading or kind is unknown, or a flight through mixtures has no room for one.
+        A fault, sensor or kind is unknown, or `samples` is too few for a fault.
 
     Examples
     --------

@@ -22,38 +22,36 @@ def filter(
     disturbance_noise: Noise | None = None,
     smooth: bool = False,
 ) -> Filtering:
-    """Run filters along a record.
+    """Run filters along a record and judge them.
 
-    And judge them: by their innovations, the disturbance force that they see, and against the truth
-    if it is known. Without truth the judge is how well the measured position is predicted, beside
-    holding its last value and beside what the rig logged itself (x_logged, v_logged).
+    With known truth by their errors; otherwise by their innovations and by the prediction of the
+    measured position, compared with the last value and with the rig's own estimates (x_logged,
+    v_logged). Parts of the record in which the mode is off are skipped.
 
     Parameters
     ----------
     record : Record, str or path
-        The recording: a record, or with a channel map a log. Where its mode says that the magnets
-        have no current, it is left out.
+        Record, or log with a channel map.
     filter : Estimator, class, str, path, sequence or mapping of them, optional
-        Kinds, linear+unbalance to estimate that too, experts (.json) or force maps (.csv) of the
-        adaptive filter, or filters' files (.toml), whose inputs say what y and u of the log are.
-        May be repeated.
+        Kind (linear+unbalance also estimates the unbalance), expert (.json) or force map (.csv) of
+        the adaptive filter, or filter file (.toml), which defines the units of y and u.
     machine : Machine, str or path, optional
-        A preset's name, or a TOML file; by default that of the first filter's file.
+        Preset name or TOML file. By default that of the first filter file.
     channels : ChannelMap, str or path, optional
-        Channel map: what is what in the log; `ambkit read guess` proposes one.
+        Channel map of the log (`ambkit read guess` proposes one).
     window : str or tuple, optional
         Part of the record [s], such as "2 s,5 s".
     settling : float or str, optional
-        Time at the start that does not count in the table [s].
+        Time at the start that is excluded from the table [s].
     measurement_noise : float or str, optional
-        R, such as "225 µm^2"; by default the machine's.
+        Measurement noise variance R, such as "225 µm^2". By default the machine's.
     disturbance_noise : float or str, optional
-        Intensity of the disturbance force's random walk, such as "1 N^2/s". auto tunes it by
-        likelihood on the second quarter of the record and keeps it if the second half is more
-        likely with it; "auto 2 s" tunes it on the first 2 s, which do not count in the table. By
-        default auto with a measured record; with a simulated one (2 m g)^2 a second.
+        Process noise intensity of the disturbance force, such as "1 N^2/s". auto: maximum
+        likelihood on the second quarter of the record, kept if it makes the second half more
+        likely; "auto 2 s": on the first 2 s, which are excluded from the table. By default auto for
+        measured and (2 m g)^2 per second for simulated records.
     smooth : bool, optional
-        Also estimate each sample from the whole record, not only from what came before.
+        Add a smoother, which uses the whole record for each sample.
 
     Returns
     -------
@@ -63,9 +61,9 @@ def filter(
     Raises
     ------
     AmbkitError
-        There is no such filter, the record lacks a signal, or a time is out of its range.
+        A filter is unknown, the record lacks a signal, or a time is out of range.
     RecordError
-        The record cannot be of the machine, or it is damaged.
+        The record is damaged or cannot belong to the machine.
 
     Examples
     --------

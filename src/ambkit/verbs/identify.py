@@ -1,4 +1,4 @@
-"""A machine's parameters from records."""
+"""Identification of a machine's parameters."""
 
 from __future__ import annotations
 
@@ -41,52 +41,50 @@ def identify(
     initial_disturbance: Force | None = None,
     nodes: Rules | None = None,
 ) -> Identified:
-    """Identify the parameters of a machine, with their standard errors.
+    """Identify machine parameters, with standard errors.
 
-    From records of the closed loop, jointly, by maximum likelihood. What a record cannot determine
-    is named, and stays as it was.
+    Maximum likelihood: all closed-loop records are fitted by one model. Parameters that the records
+    do not determine are listed and keep their value.
 
     Parameters
     ----------
     machine : Machine, str or path
-        What is known already: a preset's name, or a TOML file.
+        Preset name or TOML file; the prior.
     records : Record, str, path or sequence of them
-        Runs in closed loop: .csv, .parquet or .mat.
+        Closed-loop record or log (.csv, .parquet, .mat).
     axis : str, optional
-        Name of the axis, of a machine with several.
+        Axis, if the machine has several.
     channels : ChannelMap, str or path, optional
-        Channel map of the records; `ambkit read guess` proposes one.
+        Channel map of the logs (`ambkit read guess` proposes one).
     window : str or tuple, optional
         Part of the records [s], such as "2 s,5 s".
     free : sequence of str, optional
-        What is identified: magnet_constant or mass, air_gap, sensor_lag, delay, current_lag,
+        Parameter to identify: magnet_constant or mass, air_gap, sensor_lag, delay, current_lag,
         position_offset, current_offset, sensor_gain, amplifier_gain, measurement_noise,
-        position_noise, control_noise, disturbance_noise. May be repeated. By default what a record
-        usually determines.
+        position_noise, control_noise, disturbance_noise. By default those usually identifiable.
     validate : sequence of Record, str or path, optional
-        Judge the result on this record. May be repeated.
+        Validation record.
     rest : Record, str or path, optional
-        A record at rest: noise and its colour, each signal; with another channel map
-        RECORD@MAP.toml.
+        Record at standstill, for the noise of each signal and its correlation; RECORD@MAP.toml
+        names another channel map.
     initial_disturbance : float or str, optional
-        Standard deviation of the disturbance force at the start of a record [N]; by default the
-        weight.
+        Standard deviation of the initial disturbance force [N]. By default the weight.
     nodes : tuple of 2 int or str, optional
-        Map the force at so many nodes along current and displacement; by default, where a force map
-        is written, 5x5 to 9x9 as the records fill them.
+        Nodes of the force map along current and displacement. By default 5x5 to 9x9, if a force map
+        is written.
 
     Returns
     -------
     Identified
-        The machine, its filter, standard errors, validation.
+        Machine, filter, standard errors and validation.
 
     Raises
     ------
     AmbkitError
-        There is no such axis or parameter, a record is both identified from and validated on, or
-        the search cannot begin.
+        An axis or parameter is unknown, a record is used for identification and validation, or the
+        search has no valid start.
     TypeError
-        One of the arguments is of another type.
+        An argument has the wrong type.
 
     Examples
     --------
@@ -113,22 +111,22 @@ def identify_corpus(
     rest: Rest | None = None,
     initial_disturbance: Force | None = None,
 ) -> IdentifiedCorpus:
-    """Identify a machine with one axis from many logs.
+    """Identify a machine with one axis from many logs, with the scatter between them.
 
-    Each log is identified alone, they are pooled with a scatter between them, and each is predicted
-    by a model of the others.
+    Each log is fitted separately. The results are pooled with random effects, and each log is
+    predicted by a model of the others.
 
     Parameters
     ----------
     machine, channels, window, free, rest, initial_disturbance : optional
         As for `ambkit identify`.
     records : sequence of str or path
-        Three runs in closed loop or more: .csv, .parquet or .mat.
+        At least three closed-loop logs (.csv, .parquet, .mat).
 
     Returns
     -------
     IdentifiedCorpus
-        The machine, its filter, and how each log is predicted.
+        Machine, filter, and the prediction of each log.
 
     Raises
     ------
@@ -159,34 +157,32 @@ def identify_online(
     initial: Constant | None = None,
     disturbance: KnownForce | None = None,
 ) -> IdentifiedOnline:
-    """Identify the magnet constant as a controller would, sample by sample.
+    """Identify the magnet constant sample by sample, as a controller would.
 
-    By ADALINE, recursive least squares, and the extended Kalman filter with k as a state.
+    Methods: ADALINE, recursive least squares, and the extended Kalman filter with k as a state.
 
     Parameters
     ----------
-    machine : Machine, str or path
-        What is known already, with one axis: a preset's name, or a TOML file.
+    machine, channels, window : optional
+        As for `ambkit identify`; one axis.
     record : Record, str or path
-        A run in closed loop: .csv, .parquet or .mat.
-    channels, window : optional
-        As for `ambkit identify`.
+        Closed-loop record or log (.csv, .parquet, .mat).
     method : {"all", "adaline", "rls", "augmented"}, optional
-        Whose machine is the result; all shows the three beside each other and prefers none.
+        Method whose machine is returned; all compares the three and returns no machine.
     initial : float or str, optional
-        Magnet constant to begin with [N m^2/A^2]; by default the machine's.
+        Initial magnet constant [N m^2/A^2]. By default the machine's.
     disturbance : float, str or array, optional
-        Disturbance force that is known [N], or a signal of the record, f_d.
+        Known disturbance force [N], or the name of its signal, such as f_d.
 
     Returns
     -------
     IdentifiedOnline
-        What each method learned.
+        Result of each method.
 
     Raises
     ------
     AmbkitError
-        The machine has several axes, or a value is out of its range.
+        The machine has several axes, or a value is out of range.
 
     Examples
     --------
@@ -212,28 +208,26 @@ def identify_lift_off(
     gap: Gap | None = None,
     operating_point: Length | None = None,
 ) -> LiftedOff:
-    """Identify a one-sided magnet from the points at which its rotor lifts off.
+    """Identify a one-sided magnet from the currents at which the rotor lifts off.
 
     Parameters
     ----------
-    machine : Machine, str or path
-        What is known already: a preset's name, or a TOML file.
+    machine, axis : optional
+        As for `ambkit identify`.
     records : str, path or sequence of them
-        The points as a table (.csv); or, with a channel map that names distance z and coil current
-        i, recordings of a rotor that lifts off as the current rises, one each.
-    axis : str, optional
-        Name of the axis, of a machine with several.
+        Table of lift-off points (.csv); or, with a channel map for distance z and coil current i,
+        one log of a rising current for each point.
     channels : str or path, optional
-        Channel map of the recordings.
+        Channel map of the logs.
     gap : str or tuple, optional
-        Fit the points within [m], such as "4 mm,16 mm".
+        Range of distances to fit [m], such as "4 mm,16 mm".
     operating_point : float or str, optional
-        Distance at x = 0 [m]; gives air gap and bias current.
+        Distance at x = 0 [m]; determines air gap and bias current.
 
     Returns
     -------
     LiftedOff
-        The law through the points, and with an operating point the machine.
+        Fitted law, and with an operating point the machine.
 
     Raises
     ------
@@ -262,18 +256,16 @@ def identify_coil(
     window: Window | None = None,
     operating_point: Length | None = None,
 ) -> IdentifiedCoil:
-    """Identify a coil from steps of its control signal, the rotor held.
+    """Identify a coil from steps of the control signal with the rotor fixed.
 
     Parameters
     ----------
-    machine : Machine, str or path
-        What is driven through it: a preset's name, or a TOML file.
-    records : str, path or sequence of them
-        Logs with control u, coil current i and distance z.
-    axis, channels, window : optional
+    machine, axis, channels, window : optional
         As for `ambkit identify`.
+    records : str, path or sequence of them
+        Log of control signal u, coil current i and distance z.
     operating_point : float or str, optional
-        Distance [m] at which the lag is wanted, and for which the machine is written.
+        Distance [m] for which the time constant is reported and the machine written.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Processor in the loop: the exported C flies the simulated machine."""
+"""Processor in the loop."""
 
 from __future__ import annotations
 
@@ -18,30 +18,26 @@ def pil(
     board: str | None = None,
     force: bool = False,
 ) -> Pil:
-    """Run the exported controller on a simulated machine, on a Cortex-M4F in qemu.
+    """Run the exported controller on an emulated Cortex-M4F.
 
-    What the sensors of the simulated plant show goes there, sample by sample. The result states
-    whether all bits are Python's, instructions, stack, flash, memory, and how the rotor flew. Exit
-    code 1 where bits differ. Needs gcc-arm-none-eabi and qemu-system-arm.
+    The plant is simulated; the controller runs in qemu, sample by sample. The result compares every
+    bit with the simulation, and lists instructions, stack, flash and memory. The exit code is 1 if
+    bits differ. gcc-arm-none-eabi and qemu-system-arm are required.
 
     Parameters
     ----------
-    machine : Machine, str or path
-        A preset's name, or the TOML file of a machine or of a filter.
-    filter : str or path, optional
-        A kind, a filter's file, or an expert (.json) or force map (.csv) of the adaptive filter; by
-        default linear.
+    machine, filter, force : optional
+        As for `ambkit export c`.
     scenario : Scenario, str or path, optional
-        What happens, and whose controller flies; by default a second with the rotor in the middle.
+        Scenario and its controller. By default 1 s with the rotor centred.
     board : str, optional
-        Flash, memory and stack for a board: stm32f4, whose own build runs in qemu, amdc or c2000.
-    force : bool, optional
-        Export it also where it is judged that it must not fly.
+        Report flash, memory and stack for this board: stm32f4 (its build runs in qemu), amdc or
+        c2000.
 
     Returns
     -------
     Pil
-        Rows, pictures and the flight as a record, which is what is written as .csv.
+        Rows, figures, and the run as a record (.csv).
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The machines that come with ambkit."""
+"""Preset machines."""
 
 from __future__ import annotations
 
@@ -13,22 +13,20 @@ if TYPE_CHECKING:
 def presets(name: Preset | None = None) -> Document:
     """List the preset machines, or print one as TOML.
 
-    Those that come with ambkit; as TOML they are ready to be edited.
-
     Parameters
     ----------
     name : str, optional
-        Print this preset's TOML as it is.
+        Preset to print.
 
     Returns
     -------
     Document
-        The list, or the text.
+        The list, or the TOML file.
 
     Raises
     ------
     AmbkitError
-        There is no such preset.
+        The preset is unknown.
 
     Examples
     --------

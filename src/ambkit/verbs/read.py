@@ -1,4 +1,4 @@
-"""A rig's log into a record, with an account of its faults."""
+"""Logs of a rig, read into records."""
 
 from __future__ import annotations
 
@@ -22,44 +22,44 @@ def read(
     segment: int | None = None,
     missing: Sequence[Literal["saturated", "frozen", "spike"]] = (),
 ) -> Reading:
-    """Read a rig's log and report its faults.
+    """Read a log and report its defects.
 
-    Rate, jitter, gaps and jumps of its clock; missing, saturated, frozen and coarse stretches and
-    spikes of its channels; and what was done about each. Nothing is dropped or resampled unless
-    asked for: a gap of a whole number of samples gets so many missing ones, an infinite value
-    becomes a missing one, a delay of the channel map is taken out. Of a log that is refused, --plot
-    shows where the trouble is.
+    Rate, jitter, gaps and jumps of the clock; missing, saturated, stuck and coarsely quantised
+    samples and outliers of the channels; and how each was handled. Samples are neither dropped nor
+    resampled by default: a gap of whole samples is filled with missing samples, an infinite value
+    becomes missing, and a delay in the channel map is compensated. If a log is rejected, --plot
+    shows the defects.
 
     Parameters
     ----------
     log : str or path
-        The log: .csv, .txt, .parquet, .mat, .h5, .mf4 and the like.
+        Log (.csv, .txt, .parquet, .mat, .h5, .mf4 and others).
     channels : ChannelMap, str or path, optional
-        Channel map: what is what in the log; `ambkit read guess` proposes one. By default a table
-        whose columns have the names and units of a record.
+        Channel map (`ambkit read guess` proposes one). Not needed for a table with names and units
+        of a record.
     resample : bool, optional
-        Put signals of several clocks, or of an uneven one, on one grid.
+        Resample signals with several or uneven clocks to one grid.
     sampling_time : float or str, optional
-        Step of that grid [s]; by default the clock's own.
+        Step of that grid [s]. By default that of the clock.
     segment : int, optional
-        Of a clock that jumps, read the part of this number, from 1.
+        Read this segment, from 1, of a clock that jumps.
     missing : sequence of {"saturated", "frozen", "spike"}, optional
-        Take such samples as missing. May be repeated.
+        Treat these samples as missing.
 
     Returns
     -------
     Reading
-        The record and its account.
+        The record and its defects.
 
     Raises
     ------
     RejectedLog
-        The file is damaged; the map does not fit it; or there is no even grid: two clocks, jitter,
-        jumps. The message has all of it, each with its place, and what would help.
+        The file is damaged, the channel map does not fit, or there is no even time grid (two
+        clocks, jitter, jumps). The message lists every defect with its place and remedy.
     RecordError
         Nothing could be read.
     AmbkitError
-        The file or the map cannot be read, or the library for such files is not installed.
+        The file or the map cannot be read, or the library for its format is not installed.
 
     Examples
     --------
@@ -81,22 +81,22 @@ def read(
 
 
 def guess_channels(log: Log) -> Document:
-    """Propose a channel map for a rig's log.
+    """Propose a channel map for a log.
 
     Parameters
     ----------
     log : str or path
-        The log: .csv, .txt, .parquet, .mat, .h5, .mf4 and the like.
+        As for `ambkit read`.
 
     Returns
     -------
     Document
-        The map as TOML, to be looked through.
+        Channel map as TOML, to be reviewed.
 
     Raises
     ------
     AmbkitError
-        The file cannot be read, or nothing in it looks like a position and a control signal.
+        The file cannot be read, or no column looks like a position and a control signal.
 
     Examples
     --------

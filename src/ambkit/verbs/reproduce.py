@@ -1,4 +1,4 @@
-"""The paper, reproduced."""
+"""Reproduction of the paper."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ def reproduce(out: Folder = "out", *, seed: int = 0, open: bool = False) -> Outc
     Parameters
     ----------
     out : str or path, optional
-        Folder; made if it is not there.
+        Output folder.
     seed : int, optional
-        First seed of the noise.
+        First random seed of the noise.
     open : bool, optional
         Open the report in the browser.
 
     Returns
     -------
     Outcome
-        The verdicts, and the folder.
+        The verdicts and the folder.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What the rotor of a machine does over its speed."""
+"""Rotor dynamics over speed."""
 
 from __future__ import annotations
 
@@ -14,21 +14,20 @@ if TYPE_CHECKING:
 
 
 def campbell(machine: Machine, fastest: Speed | None = None, *, count: int = 121) -> Campbell:
-    """Compute modes and critical speeds of a rotor over its speed.
+    """Compute modes and critical speeds of a rotor over speed.
 
-    The rotor is held by the proportional and derivative gains that a simulation has, as if sensors
-    and amplifiers were at once and without dead time; a flexible rotor also by the filters of the
-    derivatives. Separation margins after API 617 are those of the closed loop, with its sensors,
-    amplifiers, dead time and default controllers.
+    The rotor is supported by the proportional and derivative gains of its controllers, without the
+    dynamics of sensors, amplifiers and dead time; a flexible rotor also by the derivative filters.
+    Separation margins (API 617) are those of the complete closed loop.
 
     Parameters
     ----------
     machine : Machine, str or path
-        With a rotor that turns: a preset's name, or a TOML file.
+        Preset name or TOML file, with a speed of rotation.
     fastest : float or str, optional
-        Up to where [rad/s]; by default twice the machine's speed, or 1000 rad/s.
+        Maximum speed [rad/s]. By default twice the machine's, or 1000 rad/s.
     count : int, optional
-        Number of speeds, from rest on.
+        Number of speeds, including 0.
 
     Returns
     -------
@@ -38,7 +37,7 @@ def campbell(machine: Machine, fastest: Speed | None = None, *, count: int = 121
     Raises
     ------
     AmbkitError
-        The rotor does not turn, `fastest` is not greater than 0, or `count` is less than 2.
+        The rotor does not rotate, `fastest` is not positive, or `count` is less than 2.
 
     Examples
     --------
@@ -51,17 +50,17 @@ def campbell(machine: Machine, fastest: Speed | None = None, *, count: int = 121
 
 
 def mode_shapes(machine: Machine) -> ModeShapes:
-    """Compute the bending modes of a free rotor, as far as its model keeps them.
+    """Compute the free bending modes of a rotor, as kept in its model.
 
     Parameters
     ----------
     machine : Machine, str or path
-        With a flexible rotor: a preset's name, or a TOML file.
+        Preset name or TOML file, with a flexible rotor.
 
     Returns
     -------
     ModeShapes
-        Frequencies, damping, and the shapes with magnets and sensors marked.
+        Frequencies, damping, and mode shapes with magnets and sensors marked.
 
     Raises
     ------
@@ -81,26 +80,26 @@ def mode_shapes(machine: Machine) -> ModeShapes:
 def unbalance_response(
     machine: Machine, fastest: Speed | None = None, *, count: int = 400
 ) -> UnbalanceResponse:
-    """Compute the steady synchronous motion of a rotor on its controllers.
+    """Compute the unbalance response of a rotor over speed.
 
-    By the linear model of the Campbell diagram.
+    The model is that of the Campbell diagram.
 
     Parameters
     ----------
     machine : Machine, str or path
-        With unbalance: a preset's name, or a TOML file.
+        Preset name or TOML file, with unbalance.
     fastest, count : optional
         As for `ambkit rotor`.
 
     Returns
     -------
     UnbalanceResponse
-        The amplitude along each axis over the speed.
+        Amplitude along each axis over speed.
 
     Raises
     ------
     AmbkitError
-        The machine has no unbalance, or `fastest` is not greater than 0.
+        The machine has no unbalance, or `fastest` is not positive.
 
     Examples
     --------
@@ -119,33 +118,33 @@ def waterfall(
     window: Time | None = None,
     highest: Frequency | None = None,
 ) -> Waterfall:
-    """Compute the spectrum of a rotor's motion over a run.
+    """Compute the spectrum of the rotor motion over time.
 
-    Hann windows that overlap by three quarters; a line of a steady sine is as high as the sine.
+    Hann windows with 75 % overlap; the height of a line is the amplitude of the sine.
 
     Parameters
     ----------
     record : Record, str or path
-        With the signal, and the speed of rotation, as `ambkit simulate` writes it.
+        Record of a displacement and the speed of rotation, as written by `ambkit simulate`.
     signal : str, optional
-        Such as s_A1; by default the displacement of the first axis.
+        Signal, such as s_A1. By default the displacement of the first axis.
     window : float or str, optional
-        Length of a stretch [s]: longer tells frequencies apart better, shorter times. By default
-        0.1 s, or a quarter of a short record.
+        Window length [s]: longer resolves frequency, shorter resolves time. By default 0.1 s, or a
+        quarter of a short record.
     highest : float or str, optional
-        Highest frequency [Hz]; by default four times the greatest speed, and 100 Hz at least.
+        Maximum frequency [Hz]. By default four times the maximum speed, at least 100 Hz.
 
     Returns
     -------
     Waterfall
-        Amplitude spectra of stretches of the run.
+        Amplitude spectra over time.
 
     Raises
     ------
     AmbkitError
-        The record has no such signal, or no speed of rotation.
+        The record lacks the signal or the speed of rotation.
     ValueError
-        The window is not within the record's length and eight samples.
+        The window is shorter than eight samples or longer than the record.
 
     Examples
     --------

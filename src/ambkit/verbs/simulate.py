@@ -1,4 +1,4 @@
-"""A machine in closed loop, simulated."""
+"""Simulation in closed loop."""
 
 from __future__ import annotations
 
@@ -35,49 +35,48 @@ def simulate(
 ) -> Run:
     """Simulate a machine in closed loop.
 
-    With its nonlinear magnets, noise, sensor lag, current limit and stops, gyroscopics, unbalance
-    and runout; of several axes with orbits in the picture. Controller settings that the scenario
-    omits are tuned automatically. A filter in single precision is simulated in single precision.
+    Nonlinear magnets, noise, sensor lag, current limits and contact; on rotors also gyroscopics,
+    unbalance and runout. Controller settings that the scenario omits are tuned automatically. A
+    filter in single precision runs in single precision.
 
     Parameters
     ----------
     machine : Machine, str or path
-        A preset's name, or a TOML file.
+        Preset name or TOML file.
     scenario : Scenario, str or path, optional
-        What happens; `ambkit schema scenario`.
+        Scenario (`ambkit schema scenario`).
     filter : Estimator, class, str or path, optional
-        A kind, linear+unbalance to estimate that too, a filter's file, an expert (.json) or force
-        map (.csv) of the adaptive filter, a class of your own as my.py:MyFilter, or none. The
-        controller is fed by it unless the scenario says otherwise.
+        Kind (linear+unbalance also estimates the unbalance), filter file, expert (.json) or force
+        map (.csv) of the adaptive filter, a class as my.py:MyFilter, or none. It feeds the
+        controller unless the scenario selects the measurement.
     plant : MagnetModel, str or path, optional
-        Force map of the true magnet, points of iu, x and f_mag, which the filter does not know; of
-        one axis.
+        Force map of the true magnet (iu, x, f_mag), unknown to the filter. One axis only.
     duration : float or str, optional
-        Length of the run [s]; by default the scenario's.
+        Duration [s]. By default that of the scenario.
     step : float or str, optional
-        Step of the reference of the first axis [m], after a tenth of the run.
+        Reference step of the first axis at a tenth of the duration [m].
     disturbance : float or str, optional
-        Disturbance force on the first axis [N], after half of the run.
+        Disturbance force step on the first axis at half of the duration [N].
     signal : str, path or sequence of them, optional
-        Record whose r is the reference, or whose injected is added to the measurement, such as
-        `ambkit excite` writes; the run is as long as it. May be repeated.
+        Record with the reference r or a signal injected into the measurement, as written by `ambkit
+        excite`; sets the duration.
     seed : int, optional
-        Seed of the noise; by default the scenario's.
+        Random seed of the noise. By default that of the scenario.
     external_inputs : ExternalInputs, optional
-        Series of disturbance, noise and magnet from outside; in Python only.
+        Series of disturbance force, noise and magnet (Python only).
 
     Returns
     -------
     Run
-        The record, with truth, and the estimate.
+        Record with truth, and estimate.
 
     Raises
     ------
     AmbkitError
-        A file cannot be read, there is no such filter, the controller is to be fed by an estimate
-        and there is none, or both a step and a signal give the reference.
+        A file cannot be read, the filter is unknown, the controller needs an estimate without a
+        filter, or step and signal both define the reference.
     TypeError
-        One of the arguments is of another type.
+        An argument has the wrong type.
 
     Examples
     --------

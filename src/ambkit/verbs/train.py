@@ -1,4 +1,4 @@
-"""The fuzzy expert for k_i and k_s."""
+"""Training of the stiffness network."""
 
 from __future__ import annotations
 
@@ -20,39 +20,38 @@ def train(
     plain: bool = False,
     scaling: Literal["grid", "unit"] = "grid",
 ) -> TrainedExpert:
-    """Train the fuzzy expert for k_i and k_s.
+    """Train the stiffness network (fuzzy expert for k_i and k_s).
 
-    A fuzzy basis function network that the adaptive filter evaluates at every sample, trained on
-    the force law of the machine.
+    The adaptive filter evaluates this fuzzy basis function network at every sample.
 
     Parameters
     ----------
     machine : Machine, StiffnessMap, str or path
-        Whose law is learned, over all currents: a preset's name, or a TOML file; in Python also
-        stiffnesses, a rule for each node.
+        Preset name or TOML file, whose force law is learned; in Python also a stiffness map, with
+        one rule per node.
     axis : str, optional
-        Name of the axis whose magnet is learned, of a machine with several.
+        Axis, if the machine has several.
     rules : tuple of 2 int or str, optional
         Rules along current and displacement.
     reach : float or str, optional
-        How far out the law is learned, either way [m]; by default half of the clearance.
+        Range of displacement in either direction [m]. By default half of the clearance.
     method : {"least-squares", "widths", "steepest-gradient"}, optional
-        By least squares the rules' widths and conclusions, or the widths only; or as the paper.
+        Fit widths and conclusions, or widths only, by least squares; or use the paper's steepest
+        gradient.
     plain : bool, optional
-        Eq. 33 as printed, not normalised.
+        Use eq. 33 as printed, without normalisation.
     scaling : {"grid", "unit"}, optional
-        How an ampere and a millimetre compare; grid: a step of the grid weighs alike, unit: 1 A
-        weighs as 1 mm.
+        Scale distances by the grid spacing, or take 1 A as 1 mm.
 
     Returns
     -------
     TrainedExpert
-        The network as expert, its errors, and the filter that asks it.
+        The network, its errors, and its adaptive filter.
 
     Raises
     ------
     AmbkitError
-        There is no such axis, or an argument is out of its range.
+        The axis is unknown, or an argument is out of range.
 
     Examples
     --------
@@ -84,41 +83,39 @@ def train_map(
     scaling: Literal["grid", "unit"] = "grid",
     model: Literal["network", "surface", "law"] | None = None,
 ) -> TrainedExpert:
-    """Train the expert on a measured force.
+    """Train the stiffness network on measured forces.
 
-    The points correct the force law of the machine; where nothing was measured the law stays. Law,
-    surface through the points and network are compared at points that are left out.
+    The points correct the machine's force law, which remains in effect where there are none. Law,
+    surface through the points, and network are compared by cross-validation.
 
     Parameters
     ----------
     machine, axis, method, plain, scaling : optional
         As for `ambkit train`.
     force : str or path
-        Points iu [A], x [m] and f_mag [N], a row for each, on a grid or not; f_std [N], its
-        standard error, weighs them.
+        Table of iu [A], x [m] and f_mag [N], on a grid or scattered; f_std [N], the standard error,
+        weights the points.
     rules : tuple of 2 int or str, optional
-        Rules along current and displacement; auto: as many as the points carry, by
-        cross-validation.
+        Rules along current and displacement; auto selects them by cross-validation.
     channels : str or path, optional
-        What its columns mean, where they have other names: [signals.iu], [signals.x] and
-        [signals.f_mag], each with column and unit.
+        Channel map for other column names: [signals.iu], [signals.x] and [signals.f_mag], each with
+        column and unit.
     law_error : float or str, optional
-        By how much the law may be wrong where nothing was measured [N]; by default as the points
-        show.
+        Standard deviation of the law's error away from the points [N]. By default estimated from
+        the points.
     model : {"network", "surface", "law"}, optional
-        What the filter knows: the network, the surface through the points, or the law, refitted
-        where that is better; by default what points left out prefer.
+        Model of the filter: network, surface through the points, or law (refitted if better). By
+        default the best in cross-validation.
 
     Returns
     -------
     TrainedExpert
-        As of `ambkit train`, with the surface and the comparison of the models.
+        As returned by `ambkit.train`, with the surface and the comparison of the models.
 
     Raises
     ------
     AmbkitError
-        The points do not tell enough, one is beyond the air gap, or an argument is out of its
-        range.
+        There are too few points, one is beyond the air gap, or an argument is out of range.
 
     Examples
     --------

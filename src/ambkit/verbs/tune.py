@@ -1,4 +1,4 @@
-"""Tuning: a filter on records or simulated runs, over tolerances, and against the margin."""
+"""Tuning of filters: on records, in simulation, over tolerances, and against the margin."""
 
 from __future__ import annotations
 
@@ -36,53 +36,51 @@ def tune(
     runs: int = 8,
     seed: int = 0,
 ) -> Tuned:
-    """Tune a filter, and judge it on data that it was not tuned on.
+    """Tune a filter and validate it.
 
-    By the likelihood of records (Schweppe 1965): their first halves tune, their second halves
-    judge, or the records of validate; the tuned filter is taken only where these are more likely
-    with it. Without records by the errors against simulated truth; other seeds judge. The filter's
-    file goes into filter, simulate, compare, faults and export.
+    With records by maximum likelihood (Schweppe 1965): the first halves tune, the second halves or
+    the validation records judge, and the tuned filter is used only if they are more likely with it.
+    Without records by the errors in simulation, validated with other seeds. The filter file of
+    --out is read by filter, simulate, compare, faults and export.
 
     Parameters
     ----------
     machine : Machine, str or path
-        What is filtered: a preset's name, or a TOML file. All axes are tuned together.
+        Preset name or TOML file. All axes are tuned jointly.
     records : Record, str, path or sequence of them, optional
-        Closed-loop runs with y [m] and u [V], of all readings and axes.
+        Closed-loop record with y [m] and u [V] of all sensors and axes.
     filter : str, optional
-        Kind of the filter; KIND@FILE with an expert (.json) or a force map (.csv) of its magnet.
+        Kind, or KIND@FILE with an expert (.json) or force map (.csv).
     controller : PID, Control, str or path, optional
-        Of the loop, as for `ambkit assess`.
+        As for `ambkit assess`.
     channels : ChannelMap, str or path, optional
-        Channel map of the records; `ambkit read guess` proposes one.
+        Channel map of the logs (`ambkit read guess` proposes one).
     free : sequence of str, optional
-        What may change: noise.measurement, noise.control, noise.disturbance, and what only this
-        kind has. May be repeated. By default what the records determine, or with simulated runs
-        all.
+        Setting to tune: noise.measurement, noise.control, noise.disturbance, and those of the kind.
+        By default those that the records determine, in simulation all.
     validate : sequence of Record, str or path, optional
-        Judge by this record. May be repeated.
+        Validation record.
     max_sensitivity : float, optional
-        Limit of the peak of |S| in the loop with this filter; 3 is the end of zone A of ISO
-        14839-3.
+        Limit of the sensitivity peak of the loop with this filter; 3 is the end of zone A.
     budget : int, optional
         Number of evaluations.
     runs : int, optional
-        Number of simulated runs to tune on, and of others to judge by.
+        Simulated runs for tuning, and as many others for validation.
     seed : int, optional
         Random seed.
 
     Returns
     -------
     Tuned
-        The filter, rows, series and a picture.
+        The filter, rows, series and a figure.
 
     Raises
     ------
     AmbkitError
-        There is no such kind or tunable; the kind has no likelihood, as a low-pass; or no filter
-        that was tried keeps the peak of abs(S) below max_sensitivity.
+        The kind or a setting is unknown, the kind has no likelihood (low-pass), or no filter keeps
+        the sensitivity peak below `max_sensitivity`.
     TypeError
-        One of the arguments is of another type.
+        An argument has the wrong type.
 
     Examples
     --------
@@ -117,29 +115,29 @@ def tune_trade_off(
     runs: int = 8,
     seed: int = 0,
 ) -> TradeOff:
-    """Tune a filter below one peak of the sensitivity after another, and show what margin costs.
+    """Tune a filter for several sensitivity limits: error against margin.
 
-    Filters that are tuned by the likelihood of records are still judged by their errors in
-    simulated runs: a record does not determine the disturbance force.
+    All filters are judged by their errors in simulation, also those tuned on records, because a
+    record does not determine the disturbance force.
 
     Parameters
     ----------
     machine, records, filter, controller, channels, runs, seed : optional
         As for `ambkit tune`.
     peaks : sequence of float, optional
-        Limit of the peak of |S|. May be repeated.
+        Limit of the sensitivity peak.
     budget : int, optional
-        Number of evaluations below each peak.
+        Number of evaluations for each limit.
 
     Returns
     -------
     TradeOff
-        Rows, series and a picture, from which to pick.
+        Rows, series and a figure, to choose from.
 
     Raises
     ------
     AmbkitError
-        There is no limit, or none of them can be kept.
+        There is no limit, or none can be kept.
 
     Examples
     --------
@@ -169,24 +167,24 @@ def tune_robust(
 ) -> Robust:
     """Tune controller and filter over the machines of a study.
 
-    A quantile over the machines of the disturbance force's error is made small, and that of the
-    peak of |S| kept below a limit; by Optuna's tree-structured Parzen estimator (Bergstra et al.
-    2011). All are simulated with the same machines and the same noise.
+    Minimises a quantile, over the machines, of the disturbance force error, with a limit on the
+    same quantile of the sensitivity peak. The search uses Optuna's tree-structured Parzen estimator
+    (Bergstra et al. 2011); each evaluation simulates the same machines with the same noise.
 
     Parameters
     ----------
     study : Study, str or path
-        TOML file that says what varies; all its runs are made at each evaluation: some hundred are
+        TOML file of the study; all its runs are simulated in each evaluation, so a few hundred are
         enough.
     quantile : float, optional
         Quantile over the machines.
     max_sensitivity : float, optional
-        Limit of that quantile of the peak of |S|.
+        Limit of that quantile of the sensitivity peak.
     free : sequence of str, optional
-        What may change: gains of the controller, tunables such as noise.disturbance, and of the
-        adaptive filter expert.rules. May be repeated. By default all.
+        Setting to tune: controller gains, filter settings such as noise.disturbance, and
+        expert.rules of the adaptive filter. By default all.
     storage : str or path, optional
-        File that keeps what was tried: the same command goes on with an interrupted search.
+        File that stores the evaluations, so that the same command resumes the search.
     budget : int, optional
         Number of evaluations.
     seed : int, optional
@@ -195,13 +193,13 @@ def tune_robust(
     Returns
     -------
     Robust
-        Rows, series and a picture; its file is the filter, beside it the controller.
+        Rows, series and a figure; its file is the filter, with the controller in a second one.
 
     Raises
     ------
     AmbkitError
-        Optuna is not installed; the study is not valid, or has no margins or no filter of one kind;
-        the storage is of another search; nothing that was tried is allowed.
+        Optuna is not installed; the study is not valid, has no margins or no filter of one kind;
+        the storage is of another search; no evaluation satisfies the limit.
 
     Examples
     --------
