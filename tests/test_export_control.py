@@ -18,10 +18,13 @@ from ambkit.control.control import Control
 from ambkit.control.controller_states import Controller
 from ambkit.control.controllers import controllers_of
 from ambkit.control.lift_off_sequence import LiftOff
+from ambkit.data.signals import signal
 from ambkit.export.c import export_c
 from ambkit.export.c.controller_test_cases import vectors
 from ambkit.models.plant import Plant
 from ambkit.simulation.external_inputs import ExternalInputs
+from ambkit.simulation.run import simulate_run
+from ambkit.simulation.waveforms import Constant, Ramp, Sum
 
 CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
 UNBALANCE = {"synchronous": ("unbalance",)}
@@ -181,6 +184,77 @@ def test_currents_stay_within_limits_whatever_is_given(name: str, tmp_path: Path
     subprocess.run(link, cwd=folder, check=True, timeout=120)
     told = subprocess.run([folder / "user.out"], capture_output=True, text=True)
     assert told.stdout == "0\n"
+
+
+DRIVEN = """#include "f_control.h"
+#include <stdio.h>
+int main(void)
+{
+  static f_control_state control;
+  f_command now;
+  amb_real y[AMB_SENSORS + 1], r[AMB_CONTROLS] = {0, 0, 0, 0};
+  f_control_init(&control);
+  while (fread(y, sizeof y, 1, stdin) == 1) {
+    f_control_step(&control, y, r, y[AMB_SENSORS], true, &now);
+    fwrite(now.u, sizeof now.u, 1, stdout);
+  }
+  return 0;
+}
+"""
+
+
+@compiled
+def test_the_exported_step_hands_back_to_plain_control_where_the_unbalance_is_large(
+    tmp_path: Path,
+) -> None:
+    """Force-free with the unbalance that is described; with five times as much it is limited."""
+    largest = 0.04 * 4.0 * 0.3e-3  # [kg m] a plane, by mass and clearance
+    described = machine(speed=600.0).replace(
+        unbalance=[{"place": place, "amount": largest} for place in (0.2, -0.3)]
+    )
+    slope = Ramp(slope=1500.0, start=0.25, end=0.6)
+    run_up = Sum(parts=(Constant(value=75.0), slope))  # to 600 rad/s
+    swings = {}  # of the synchronous control signal, over the unbalance
+    for kind in ("fought", "force-free"):
+        flight = Scenario(
+            duration=1.0, start="landed", sequence=LiftOff(), feedback="estimate", speed=run_up,
+            controller=Control(unbalance=kind),
+        )  # fmt: skip
+        folder = tmp_path / kind
+        export_c(described, None, folder, prefix="f", scenario=flight, **UNBALANCE)
+        (folder / "main.c").write_text(DRIVEN)
+        sources = [p for p in map(str, folder.rglob("*.c")) if "selftest" not in p]
+        subprocess.run(
+            [*command("gcc"), *sources, "-o", "driven.out"], cwd=folder, check=True, timeout=120
+        )
+        kalman = KalmanFilter(described, precision="float32", **UNBALANCE)
+        law = controllers_of(Plant(described), flight.controller, kalman, fastest=described.speed)
+        for factor in (1, 5):
+            real = described.replace(
+                unbalance=[{"place": z, "amount": factor * u} for z, u, _ in described.unbalances()]
+            )
+            flown = simulate_run(
+                real, flight, estimator=kalman, controllers=law,
+                external_inputs=ExternalInputs(exported={}),
+            )  # fmt: skip
+            assert flown.modes[-1]["mode"] == "flying"
+            y, same = (
+                np.column_stack([flown.record[key] for key in keys])
+                for keys in (
+                    [*(signal("y", each.name) for each in real.readings), "speed"],
+                    [signal("u", each.name) for each in real.axes],
+                )
+            )
+            told = subprocess.run(
+                [folder / "driven.out"], input=y.astype(np.float32).tobytes(),
+                capture_output=True, check=True,
+            )  # fmt: skip
+            u = np.frombuffer(told.stdout, np.float32).reshape(same.shape)
+            np.testing.assert_array_equal(u, same)
+            turn = np.exp(600j * described.sampling_time * np.arange(1047))  # in ten turns
+            swings[kind, factor] = np.abs(turn @ u[-1047:]).max() / factor
+    assert swings["force-free", 1] < 0.4 * swings["fought", 1]
+    assert swings["force-free", 5] == pytest.approx(swings["fought", 5], rel=0.02)
 
 
 def test_what_has_no_controllers_says_so(tmp_path: Path) -> None:

@@ -6,16 +6,18 @@ import math
 import re
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
 
-from ambkit import KalmanFilter, Machine, campbell
+from ambkit import KalmanFilter, Machine, Scenario, campbell, simulate
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assessment import Assessment
 from ambkit.assessment.speed_sweep import assess_over_speed
 from ambkit.control.control import Control
 from ambkit.control.default_control import default_control
+from ambkit.control.linear.linear_plant import unbalance_columns
 from ambkit.judge.adequacy import judge_adequacy
 from ambkit.judge.loop.capacity import of_unbalance
 from ambkit.judge.loop.loop_of import LoopOf
@@ -31,6 +33,7 @@ from ambkit.machine.rotors.whirl import (
     whirl,
     whirl_error,
 )
+from ambkit.rotordynamics import loop_criticals as loop_criticals_module
 from ambkit.rotordynamics.loop_criticals import loop_criticals
 from ambkit.rotordynamics.separation_margins import Separation, separations
 from ambkit.workflow.check import inspect
@@ -206,11 +209,11 @@ def test_check_and_rotor_print_the_comparison(call: Any, one_mode: Machine, tmp_
     remarks = " ".join(inspect(path).remarks)
     assert "1 of 128 bending modes kept, against all" in remarks
     assert "raise it to 11.5 kHz" in remarks
-    assert re.search("too near to .*52816 rpm", remarks)
+    assert re.search("too near to .*51327 rpm", remarks)
     found = call("rotor", str(path))
     assert found.code == 0, found.err
     assert "not within 1 %" in found.out
-    assert re.search("too near to .*52816 rpm", found.out)
+    assert re.search("too near to .*51327 rpm", found.out)
     data = call("rotor", str(path), "--json").json
     assert data["modes_left_out"]["within"] is False
     assert list(data["critical_speeds"].values())[-1]["margin_kept"] is False
@@ -272,6 +275,55 @@ def test_a_filter_that_estimates_the_unbalance_has_critical_speeds_too(one_mode:
         there, inner = shaken.at_speed(share * sharp.critical.speed, fed_by)
         size.append(np.abs(of_unbalance(there.loop(inner), there.machine, of.point).x).max())
     assert size[1] > 1.5 * max(size[0], size[2])
+
+
+def test_two_coupled_poles_make_one_critical_speed(one_mode: Machine) -> None:
+    """A pole of the rotor and one of the filter, 8 % apart, make one peak of the response."""
+    machine = one_mode.replace(speed=49_000 * RPM)
+    fed_by, of = KalmanFilter(machine), LoopOf(machine, Control(type="decentralised"))
+    (found,) = (each for each in separations(machine, loop=of, fed_by=fed_by) if each.needed)
+    shaken = of.with_controllers(fed_by, 2 * machine.speed)
+    speed = machine.speed * np.linspace(0.85, 1.25, 41)
+    places = [bearing.place for bearing in machine.bearings]
+    size = []
+    for at in speed:
+        moved, inner = shaken.at_speed(float(at), fed_by)
+        columns = unbalance_columns(moved.machine, of.point, places)
+        loop, f = moved.loop(inner), float(at) / (2 * math.pi)
+        size.append(np.linalg.norm([loop.driven(each, f)[0] for each in columns.T]))
+    peak = int(np.argmax(size))
+    wide = speed[np.array(size) > size[peak] / math.sqrt(2)]
+    assert found.critical.speed == pytest.approx(speed[peak], rel=0.01)
+    half_power = speed[peak] / (wide[-1] - wide[0])
+    assert found.critical.amplification == pytest.approx(half_power, rel=0.1)
+
+
+def test_two_peaks_stay_two() -> None:
+    """Poles at 100 and 112 rad/s make one peak at 106; that at 150 is one of its own."""
+    criticals = [CriticalSpeed(100.0, 0.05), CriticalSpeed(112.0, 0.05), CriticalSpeed(150.0, 0.05)]
+
+    def resonance(w: float, of: float) -> float:
+        return float(abs(w**2 / (of**2 - w**2 + 0.1j * of * w)))
+
+    def one(w: float) -> float:
+        return resonance(w, 106.0) + resonance(w, 150.0)
+
+    with mock.patch.object(loop_criticals_module, "_response", lambda at, w: at(w)):
+        first, second = loop_criticals_module._distinct(one, criticals, 300.0)
+    assert first.speed == pytest.approx(106.0, rel=0.02)
+    assert first.damping_ratio == pytest.approx(0.05, rel=0.15)
+    assert second == criticals[2]
+
+
+def test_a_run_is_judged_by_the_controllers_that_fly_in_it(one_mode: Machine) -> None:
+    """Its critical speeds were those of the default controllers, of another feedback here."""
+    controller = Control(type="lqg")
+    run = simulate(one_mode, Scenario(duration=0.01, controller=controller))
+    told = [row.value for row in run.rows if row.key == "critical_speed"]
+    of = LoopOf(one_mode, controller)
+    own = separations(one_mode, loop=of, fed_by=KalmanFilter(one_mode))
+    assert told == [each.critical.speed for each in own]
+    assert told != [each.critical.speed for each in separations(one_mode)]
 
 
 def test_a_diagram_to_a_greater_speed_tells_the_distance_of_all_its_criticals() -> None:

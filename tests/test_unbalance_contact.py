@@ -139,12 +139,17 @@ def worse(run: int, machines: tuple[str | int, ...]) -> bool:
     return stable(described, plain) and not touched(described, real, plain)
 
 
-@pytest.mark.study
-@pytest.mark.parametrize("first", range(0, 1000, 100))
-def test_no_contact_where_plain_control_has_none(first):
+MACHINES = (*PRESETS, "overhung", *range(20))
+
+
+@pytest.mark.parametrize("runs", [
+    pytest.param(range(len(MACHINES)), marks=pytest.mark.long, id="one of each machine"),
+    *(pytest.param(range(first, first + 100), marks=pytest.mark.study, id=f"from {first}")
+      for first in range(0, 1000, 100)),
+])  # fmt: skip
+def test_no_contact_where_plain_control_has_none(runs):
     """Ramps and stays near critical speeds, with 0.2 to 5 times the unbalance that is described."""
-    machines = (*PRESETS, "overhung", *range(20))
-    assert not [run for run in range(first, first + 100) if worse(run, machines)]
+    assert not [run for run in runs if worse(run, MACHINES)]
 
 
 @pytest.mark.parametrize("larger", [1.0, 3.0])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
     from ambkit.control.linear.closed_loop import Loop
     from ambkit.estimate.estimator import Estimator
 
+    At = Callable[[float], tuple[LoopOf, Loop]]
+
 COUNT, LEAST = 21, 0.01
 """Speeds at which the poles are computed, and the lowest of them over the highest: at rest a filter
 that estimates the unbalance does not settle."""
@@ -25,6 +29,12 @@ that estimates the unbalance does not settle."""
 PEAK, NARROWEST, MOST = 1.3, 0.002, 1.2
 """How much larger than three widths beside it the response is, the least width, and up to which
 multiple of the greatest speed that is asked."""
+
+HALF_POWER, BETWEEN = math.sqrt(0.5), 6
+"""Of a peak, how far the response falls between it and the next, and speeds looked at there."""
+
+ACROSS = np.linspace(-3, 3, 13)
+"""Speeds about each pole of a peak of several, in widths."""
 
 OVERDAMPED = 1e-3
 """Of a pole, the imaginary part below which it does not oscillate but for rounding."""
@@ -39,6 +49,7 @@ def loop_criticals(of: LoopOf, fed_by: Estimator | None, max_speed: float) -> li
     """Return the critical speeds of a loop up to a speed [rad/s], with the damping there."""
     of = of.with_controllers(fed_by, max_speed)
 
+    @lru_cache(maxsize=8)
     def at(speed: float) -> tuple[LoopOf, Loop]:
         there, inner = of.at_speed(speed, fed_by)
         return there, there.loop(inner)
@@ -59,27 +70,61 @@ def loop_criticals(of: LoopOf, fed_by: Estimator | None, max_speed: float) -> li
             share = ahead[n] / (ahead[n] - ahead[n + 1])
             critical = float(speed[n] + share * (speed[n + 1] - speed[n]))
             moved, loop = at(critical)
-            near = rates(loop) - (path[n] + share * (path[n + 1] - path[n]))
-            pole = complex(rates(loop)[np.argmin(np.abs(near))])
+            poles, expected = rates(loop), path[n] + share * (path[n + 1] - path[n])
+            pole = complex(poles[np.argmin(np.abs(poles - expected))])
             result = CriticalSpeed(critical, -pole.real / abs(pole))
             if pole.imag <= OVERDAMPED * abs(pole) or _share(moved, loop, pole) < SHARE:
                 continue
             if result.amplification < DAMPED or _is_peak(at, result, max_speed):
                 results.append(result)
-    return sorted(results)
+    return _distinct(at, sorted(results), MOST * max_speed)
 
 
-def _is_peak(
-    at: Callable[[float], tuple[LoopOf, Loop]], critical: CriticalSpeed, max_speed: float
-) -> bool:
+def _response(at: At, speed: float) -> float:
+    """Return the size of the response to unbalance at the bearings."""
+    return float(np.linalg.norm(sum(_parts(*at(speed))[1])))
+
+
+def _distinct(at: At, criticals: list[CriticalSpeed], end: float) -> list[CriticalSpeed]:
+    """Return critical speeds, each peak of the response once."""
+    # Where poles of rotor and filter are coupled, two of them make one peak. Two peaks are distinct
+    # where the response between them falls to half the power, by which API 684 defines the
+    # amplification factor.
+    groups: list[list[CriticalSpeed]] = []
+    for critical in criticals:
+        last = groups[-1][-1] if groups else critical
+        sharp = min(critical.amplification, last.amplification) >= DAMPED
+        if sharp and last is not critical and not _valley(at, last.speed, critical.speed):
+            groups[-1].append(critical)
+        else:
+            groups.append([critical])
+    return [group[0] if len(group) == 1 else _peak_of(at, group, end) for group in groups]
+
+
+def _valley(at: At, low: float, high: float) -> bool:
+    """Return whether the response falls to half the power between two speeds."""
+    size = [_response(at, float(speed)) for speed in np.linspace(low, high, BETWEEN)]
+    return min(size) < HALF_POWER * min(size[0], size[-1])
+
+
+def _peak_of(at: At, group: list[CriticalSpeed], end: float) -> CriticalSpeed:
+    """Return the one peak of several poles, with the damping ratio of its half-power points."""
+    across = [(1 + one.damping_ratio * ACROSS) * one.speed for one in group]
+    speed = np.unique(np.minimum(across, end))
+    size = np.array([_response(at, float(one)) for one in speed])
+    peak = int(np.argmax(size))
+    wide = speed[size > HALF_POWER * size[peak]]
+    return CriticalSpeed(float(speed[peak]), float((wide[-1] - wide[0]) / (2 * speed[peak])))
+
+
+def _is_peak(at: At, critical: CriticalSpeed, max_speed: float) -> bool:
     """Return whether the response to unbalance peaks there, as by no pole of a filter alone."""
     width = max(critical.damping_ratio, NARROWEST)
     size = {}
     for off in (-3, -1, 0, 1, 3):
         speed = (1 + off * width) * critical.speed
         if speed < MOST * max_speed:
-            moved, loop = at(speed)
-            size[off] = np.linalg.norm(sum(_parts(moved, loop)[1]))
+            size[off] = _response(at, speed)
     inside = max(value for off, value in size.items() if abs(off) < 3)
     return bool(inside > PEAK * max(value for off, value in size.items() if abs(off) == 3))
 

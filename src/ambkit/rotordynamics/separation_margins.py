@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import rpm
 from ambkit.control.default_control import default_control
+from ambkit.control.linear.steady_state_filter import tells
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.whirl_modes import DAMPED, CriticalSpeed, whirl_modes
@@ -141,6 +142,8 @@ def separations(
             chosen = default_control(machine).chosen
             loop = LoopOf(machine, chosen.control)
             fed_by = KalmanFilter(machine) if chosen.feedback == "estimate" else None
+        elif fed_by is not None and not tells(fed_by):  # it stands for one that settles to no gain
+            fed_by = KalmanFilter(machine, synchronous=fed_by.options.get("synchronous", ()))
         criticals = loop_criticals(loop, fed_by, top)
     except (AmbkitError, ValueError):  # nothing holds the rotor, or no filter takes it
         criticals = whirl_modes(machine, top).criticals

@@ -21,16 +21,18 @@ from ambkit.control.stabilising_controller import holding
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.named import factories
 from ambkit.estimate.user_filter import EstimatorProtocol, OwnEstimator, is_own
 from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.forces.force_map import surface_in
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.plant import Plant
 from ambkit.rotordynamics.harmonics import harmonics
-from ambkit.rotordynamics.separation_margins import separations
+from ambkit.rotordynamics.separation_margins import Separations, separations
 from ambkit.simulation.run import simulate_run as looped
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.scenario_control import default_for, settled_scenario
@@ -203,8 +205,19 @@ def simulate_run(
     return replace(
         run,
         turning=() if made is None else harmonics(made, run.record),
-        near_critical=partial(separations, machine.long, run.final_speed),
+        near_critical=partial(_separations, machine.long, full_scenario, made, run.final_speed),
     )
+
+
+def _separations(
+    machine: Machine, scenario: Scenario, filter: Estimator | None, speed: float
+) -> Separations:
+    """Return how far a speed is from the critical speeds of the loop that was simulated."""
+    scenario = settled_scenario(machine, scenario)
+    if scenario.controller.custom or scenario.plant:  # of code, from which no poles follow
+        return Separations(0.0)
+    fed_by = filter or KalmanFilter(machine) if scenario.feedback == "estimate" else None
+    return separations(machine, speed, LoopOf(machine, scenario.controller), fed_by)
 
 
 def flown(
