@@ -44,6 +44,13 @@ class Measured(PD):
         return super().step(y, r, (y, self.v))
 
 
+class Nothing(PD):
+    """No action but half a levitation current."""
+
+    def step(self, y: float, r: float, estimate: Any) -> float:
+        return 0.5 * float(self.current)
+
+
 class OfAxes:
     """The same of each axis, which sees the readings and their differences."""
 
@@ -197,10 +204,29 @@ def test_it_takes_part_in_other_verbs(tmp_path: Path) -> None:
         AXIS, "linear", faults=["outage-1ms"], samples=0, controller=Measured, plant=LinearMagnet
     )
     assert found.outcomes
-    with pytest.raises(AmbkitError, match="PD is Python, from which no margins follow"):
+    with pytest.raises(AmbkitError, match='no margins follow; "ambkit assess sweep" measures'):
         ambkit.assess(AXIS, controller=PD)
     with pytest.raises(AmbkitError, match="PD is Python, and has no C"):
         export_c(AXIS, None, tmp_path / "c", kind="linear", scenario=scenario)
+
+
+@pytest.mark.parametrize("machine", [AXIS, MACHINE])
+def test_a_sweep_measures_what_the_margins_of_the_same_controller_are(machine: Machine) -> None:
+    gains = PLAIN | ({} if machine is AXIS else {"kp": 20e3, "kd": 30.0})
+    gains |= {"derivative_filter": 0.3e-3} if machine is AXIS else {}
+    own = Measured if machine is AXIS else OfAxes
+    swept = ambkit.assess_sweep(machine, "none", own, amplitudes=["1 um"])
+    assert swept.model is None
+    assert len(swept.figure().panels) == 1
+    loop = ambkit.assess(machine, "none", Control(**gains, feedback="measurement")).loops
+    (at,) = swept.swept
+    model = loop["measurement"].loop.of_axis(0, at.frequency)
+    assert np.max(np.abs(at.sensitivity - model) / np.abs(model)) < 0.02
+
+
+def test_a_controller_that_holds_nothing_is_not_swept() -> None:
+    with pytest.raises(AmbkitError, match="without any signal the rotor comes to a stop"):
+        ambkit.assess_sweep(AXIS, "none", Nothing)
 
 
 def test_many_runs_of_an_axis_refuse_what_their_lanes_cannot_call() -> None:

@@ -11,19 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.assessment.arguments import disturbance_argument, filter_arguments
-from ambkit.assessment.assess import assess
-from ambkit.assessment.assessment import Assessment
+from ambkit.assessment.assess import MEASUREMENT, assess
 from ambkit.assessment.loop import AssessedAxis, AssessedLoop
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.threads import one_thread
 from ambkit.base.units import engineering, percent
+from ambkit.control.control import as_control
+from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.pid import PID
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation.signals import sparse_multisine
-from ambkit.judge.loop.loop_of import ZONES, zone_of
+from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import Complex
 from ambkit.result.result import Result
@@ -31,7 +32,7 @@ from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Disturbance as Load
-from ambkit.simulation.scenario import Injection, Scenario
+from ambkit.simulation.scenario import Injection, Reference, Scenario
 from ambkit.simulation.waveforms import Constant, Recorded, Sine
 
 if TYPE_CHECKING:
@@ -69,14 +70,16 @@ class Swept:
     amplitude: float  #: Greatest value of what was added to the measurement [m].
     frequency: Array  #: (k,) Frequencies [Hz].
     sensitivity: Complex  #: (k,) S of the simulated, nonlinear loop [1].
-    model: Complex  #: (k,) S of the linear one [1].
+    model: Complex | None  #: (k,) S of the linear one [1]; None: there is none.
     #: Whether the current came to a limit, the rotor to a stop, or the filter refused what it took
     #: for outliers.
     limited: bool
 
     @property
     def deviation(self) -> float:
-        """Greatest distance from the linear model, of the model's magnitude [1]."""
+        """Greatest distance from the linear model, of the model's magnitude [1]; NaN without."""
+        if self.model is None:
+            return math.nan
         return float(np.max(np.abs(self.sensitivity - self.model) / np.abs(self.model)))
 
     @property
@@ -96,7 +99,8 @@ class Sweep(Result):
     bearing: Machine  #: The plant.
     axis: int  #: Which was swept.
     kind: Kind  #: What was added to the measurement.
-    loop: AssessedLoop  #: The linear model.
+    fed_by: str  #: What feeds the controller.
+    loop: AssessedLoop | None  #: The linear model; None of a controller in Python.
     swept: tuple[Swept, ...]  #: One for each amplitude.
     top: float  #: End of the range that the zones are taken from [Hz].
 
@@ -108,15 +112,18 @@ class Sweep(Result):
         return self.bearing.name
 
     @property
-    def model(self) -> AssessedAxis:
-        """What the linear model says of the axis."""
-        return list(self.loop.axes.values())[self.axis]
+    def model(self) -> AssessedAxis | None:
+        """What the linear model says of the axis; None: there is none."""
+        return None if self.loop is None else list(self.loop.axes.values())[self.axis]
 
-    TITLE = "{0.name}, controller fed by {0.loop.name}: {0.kind} of the simulated loop"
+    TITLE = "{0.name}, controller fed by {0.fed_by}: {0.kind} of the simulated loop"
 
     @property
     def finding(self) -> str:
-        """How far the loop is from its linear model."""
+        """How far the loop is from its linear model; without one, its peak."""
+        if self.loop is None:
+            peak = max(item.peak for item in self.swept)
+            return f"{self.title}: a peak of |S| of {peak:.3g}, zone {zone_of(peak)}."
         farthest = max(item.deviation for item in self.swept)
         return f"{self.title}: at most {percent(farthest)} from the linear model."
 
@@ -129,9 +136,12 @@ class Sweep(Result):
                 Row("amplitude", "amplitude", item.amplitude, "m", detail=True),
                 Row("peak", "peak of |S|", item.peak, "|S|"),
                 Row("zone", "zone", zone_of(item.peak)),
-                Row("deviation", "from the model, at most", item.deviation, "%"),
+                *([] if item.model is None else [
+                    Row("deviation", "from the model, at most", item.deviation, "%")]),
                 Row("limited", "at a limit", item.limited),
             ], section=SWEPT, of=engineering(item.amplitude, "m", 4))  # fmt: skip
+        if self.model is None:
+            return results
         return [*results, *put([
             Row("peak", "peak of |S|", self.model.peak, "|S|"),
             Row("zone", "zone", self.model.zone),
@@ -145,13 +155,13 @@ class Sweep(Result):
         return {
             "bearing": self.name,
             "kind": self.kind,
-            "fed_by": self.loop.name,
+            "fed_by": self.fed_by,
             "amplitudes": {
                 engineering(item.amplitude, "m", 4): {
                     "frequency": item.frequency.tolist(),
                     "sensitivity": np.abs(item.sensitivity).tolist(),
-                    "model": np.abs(item.model).tolist(),
                 }
+                | ({} if item.model is None else {"model": np.abs(item.model).tolist()})
                 for item in self.swept
             },
         }
@@ -166,7 +176,7 @@ class Sweep(Result):
 
         return sweep_figure(
             self.title,
-            self.loop.loop,
+            None if self.loop is None else self.loop.loop,
             self.axis,
             [(item.amplitude, item.frequency, item.sensitivity, item.model) for item in self.swept],
             zones=ZONES,
@@ -191,54 +201,112 @@ def sweep(
     of_type(Machine, bearing=bearing)
     if kind not in get_args(Kind):
         raise AmbkitError(f"kind must be one of {', '.join(get_args(Kind))}, is {kind!r}")
-    result = assess(bearing, filter, controller, x=x, load=load, orbit=orbit)
-    name, loop = list(result.loops.items())[-1]
-    if loop.worst is None:
-        raise AmbkitError(f"{bearing.name}, controller fed by {name}: the loop is not stable")
-    axes = list(loop.axes)
-    chosen = loop.worst.name if axis is None else axis
-    if chosen not in axes:
-        raise AmbkitError(f"{bearing.name} has no axis {chosen}; there are {', '.join(axes)}")
-    at = axes.index(chosen)
-    levels = [part * result.of.isolated[at].magnet.air_gap for part in AMPLITUDES]
+    of, name, loop = _linear(bearing, filter, controller, x, load, orbit)
+    chosen = axis or (of.axes[0] if loop is None or loop.worst is None else loop.worst.name)
+    if chosen not in of.axes:
+        raise AmbkitError(f"{bearing.name} has no axis {chosen}; there are {', '.join(of.axes)}")
+    at = of.axes.index(chosen)
+    levels = [part * of.isolated[at].magnet.air_gap for part in AMPLITUDES]
     if amplitudes is not None:
         levels = [in_si("amplitude", amplitude, "m") for amplitude in amplitudes]
     for level in levels:
         if not (math.isfinite(level) and level > 0):
             raise AmbkitError(f"an amplitude must be greater than 0 m, is {level:g} m")
-    held = disturbance_argument(bearing, load)
-    if not result.machine.single:
-        rig: _Rig = _MachineRig(result, filter, loop, at, held)
-    else:
-        rig = _BearingRig(result, filter, loop, in_si("x", x, "m"), sum(held.values()))
+    rig = _Rig(of, filter, None if loop is None else loop.loop, at)
+    rig.disturb(in_si("x", x, "m"), disturbance_argument(bearing, load))
+    if loop is None:
+        rig.check()
     run = {"multisine": rig.multisine, "stepped-sine": rig.stepped}[kind]
-    return Sweep(result.bearing, at, kind, loop, tuple(run(item) for item in levels), result.top)
+    return Sweep(of.machine.short, at, kind, name, loop, tuple(map(run, levels)), of.top)
+
+
+def _linear(
+    bearing: Machine, filter: Any, controller: PID | None, x: Any, load: Any, orbit: Any
+) -> tuple[LoopOf, str, AssessedLoop | None]:
+    """Return what is swept, what feeds its controllers, and its linear model, if it has one."""
+    if controller is not None and as_control(controller).custom:
+        if orbit is not False:
+            raise AmbkitError("orbit: is linearised, which a controller in Python cannot be")
+        of = LoopOf(bearing, controller, in_si("x", x, "m"), disturbance_argument(bearing, load))
+        return of, next(iter(filter_arguments(filter, bearing)), MEASUREMENT), None
+    result = assess(bearing, filter, controller, x=x, load=load, orbit=orbit)
+    name, loop = list(result.loops.items())[-1]
+    if loop.worst is None:
+        raise AmbkitError(f"{bearing.name}, controller fed by {name}: the loop is not stable")
+    return loop.of, name, loop
 
 
 class _Rig:
     """The simulated loop, without noise."""
 
-    def __init__(self, result: Assessment, filter: Any, loop: AssessedLoop, axis: int) -> None:
-        self.found, self.filter, self.loop, self.axis = result, filter, loop, axis
-        self.T = result.bearing.sampling_time
-        poles = loop.loop.closed.poles()
-        rate = -math.log(float(np.abs(poles).max())) / self.T
-        self.settling = math.ceil(min(LONGEST, -math.log(SETTLED) / rate) / self.T)
-        self.slow = poles[np.abs(poles) ** self.settling > SETTLED]
+    def __init__(self, of: LoopOf, filter: Any, model: Loop | None, axis: int) -> None:
+        self.of, self.filter, self.model, self.axis = of, filter, model, axis
+        self.machine, self.T = of.machine.short, of.machine.sampling_time
+        self.turns = bool(self.machine.speed)
+        self.settling, self.slow = math.ceil(LONGEST / self.T), np.zeros(0, complex)
+        if model is not None:
+            poles = model.closed.poles()
+            rate = -math.log(float(np.abs(poles).max())) / self.T
+            self.settling = math.ceil(min(LONGEST, -math.log(SETTLED) / rate) / self.T)
+            self.slow = poles[np.abs(poles) ** self.settling > SETTLED]
+        fed_by: Literal["estimate", "measurement"] = "estimate" if filter else "measurement"
+        self.scenario = Scenario(noise=False, controller=of.control_for(filter).fed_by(fed_by))
+
+    def disturb(self, x: float, load: Mapping[str, float]) -> None:
+        """Hold the rotor at x along its axes [m] against constant loads [N]."""
+        names = [axis.name for axis in self.of.machine.axes]
+        forces: dict[str, Constant | Sine] = {
+            name: Constant(value=load.get(name, 0.0)) for name in names
+        }
+        orbit = self.of.point.orbit
+        if orbit is not None and self.machine.single:  # a body's comes of its unbalance
+            assert self.model is not None
+            f = self.machine.speed / (2 * math.pi)
+            # Held over each sample as it is simulated; its phase does not matter.
+            size = float(abs(orbit.x[0] / self.model.compliance([f])[0, 0, 0]))
+            forces = {"": Sine(amplitude=size, frequency=f, offset=load.get("", 0.0))}
+        self.scenario = self.scenario.model_copy(update={
+            "reference": tuple(
+                Reference(axis=name, position=Constant(value=x)) for name in names if x
+            ),
+            "disturbance": tuple(Load(axis=name, force=force) for name, force in forces.items()),
+        })  # fmt: skip
+
+    def check(self) -> None:
+        """Refuse a loop without a linear model that does not hold the rotor by itself."""
+        if self.answer(np.zeros(self.settling), slice(-STEP, None))[1]:
+            raise AmbkitError(
+                f"{self.machine.name}: without any signal the rotor comes to a stop, or a current "
+                "to its limit: the loop is not stable"
+            )
 
     @property
     def inner(self) -> Any:
         """The estimator in the loop, made anew; None: there is none."""
-        return next(iter(filter_arguments(self.filter, self.found.bearing).values()), None)
+        return next(iter(filter_arguments(self.filter, self.machine).values()), None)
 
     def answer(self, added: Array, last: slice) -> tuple[Array, bool]:
         """Return the measurement with what was added to it (n,) [m], and whether a limit is met."""
-        raise NotImplementedError
-
-    @property
-    def turns(self) -> bool:
-        """Whether the measurement moves by itself."""
-        raise NotImplementedError
+        of, single = self.of, self.machine.single
+        t = self.T * np.arange(len(added))
+        waveform = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
+        names = [axis.name for axis in of.machine.axes]
+        there = Injection.model_construct(axis=names[self.axis], position=waveform)
+        scenario = self.scenario.model_copy(
+            update={"duration": float(t[-1]), "injection": (there,)}
+        )
+        run = simulate_run(
+            self.machine, scenario, estimator=self.inner,
+            controllers=None if single else of.fed_by(self.filter),
+        )  # fmt: skip
+        limited = run.samples_at_the_stop > 0 or _refused(run.estimate, last)
+        for name, b in zip(names, of.isolated, strict=True):
+            iu = run.record["iu"] if single else b.amplifier.gain * run.record[signal("u", name)]
+            limited = limited or bool(((iu >= b.current_max) | (iu <= b.current_min))[last].any())
+        if single:
+            return run.record["y"], limited
+        y = np.column_stack([run.record[signal("y", r.name)] for r in of.machine.readings])
+        return y @ of.shown[self.axis], limited
 
     def look(self, period: Array, line: NDArray[np.int_]) -> tuple[Complex, bool]:
         """Add whole periods to the measurement, and return S at lines of their spectrum."""
@@ -265,12 +333,12 @@ class _Rig:
     def swept(self, amplitude: float, frequency: Array, parts: list[tuple[Complex, bool]]) -> Swept:
         """Return what simulated pieces say."""
         S = np.concatenate([item for item, _ in parts])
-        model = self.loop.loop.of_axis(self.axis, frequency)
+        model = None if self.model is None else self.model.of_axis(self.axis, frequency)
         return Swept(amplitude, frequency, S, model, any(limited for _, limited in parts))
 
     def multisine(self, amplitude: float) -> Swept:
         """All frequencies at once."""
-        speed = (self.found.bearing.speed or 0.0) / (2 * math.pi) if self.turns else 0.0
+        speed = (self.machine.speed or 0.0) / (2 * math.pi) if self.turns else 0.0
         turn = abs(speed) * self.T
         size = round(max(1, round(SIZE * turn)) / turn) if turn else SIZE  # whole turns
         band = SLOWEST / (size * self.T), 0.45 / self.T
@@ -291,101 +359,12 @@ class _Rig:
         """Return what one sine of about a frequency [Hz] says, and of which exactly."""
         # A whole number of samples in whole periods, some 2000 of them; beside the rotation enough
         # to tell both apart.
-        turn = abs(self.found.bearing.speed or 0.0) / (2 * math.pi) if self.turns else 0.0
+        turn = abs(self.machine.speed or 0.0) / (2 * math.pi) if self.turns else 0.0
         beat = 1 / max(abs(f - turn) * self.T, 1 / SIZE) if turn else 0.0
         periods = max(1, round(max(STEP, APART * beat) * f * self.T))
         sample_count = round(periods / (f * self.T))
         sine = amplitude * np.sin(2 * np.pi * periods * np.arange(sample_count) / sample_count)
         return periods / (sample_count * self.T), self.look(sine, np.array([periods]))
-
-
-class _BearingRig(_Rig):
-    """Of one axis."""
-
-    def __init__(
-        self, result: Assessment, filter: Any, loop: AssessedLoop, x: float, load: float
-    ) -> None:
-        super().__init__(result, filter, loop, 0)
-        self.scenario = Scenario(
-            controller=result.of.control_for(filter).fed_by(
-                "estimate" if filter else "measurement"
-            ),
-            noise=False,
-            reference=Constant(value=x),
-            disturbance=Constant(value=load) if loop.of.point.orbit is None
-            else self._turning(loop, load),
-        )  # fmt: skip
-
-    def _turning(self, loop: AssessedLoop, load: float) -> Sine:
-        """Return the load that makes the orbit, about a constant one."""
-        bearing, orbit = self.found.bearing, loop.of.point.orbit
-        assert orbit is not None
-        f = bearing.speed / (2 * math.pi)
-        # Held over each sample as it is simulated; its phase does not matter.
-        force = abs(orbit.x[0] / loop.loop.compliance([f])[0, 0, 0])
-        return Sine(amplitude=float(force), frequency=f, offset=load)
-
-    @property
-    def turns(self) -> bool:
-        """Whether it has runout, or an orbit."""
-        b = self.found.bearing
-        return self.loop.of.point.orbit is not None or bool(b.speed and b.sensor.runout)
-
-    def answer(self, added: Array, last: slice) -> tuple[Array, bool]:
-        """Simulate the bearing."""
-        t = self.T * np.arange(len(added))
-        waveform = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
-        scenario = self.scenario.model_copy(
-            update={"duration": float(t[-1]), "injection": waveform}
-        )
-        run = simulate_run(self.found.bearing, scenario, estimator=self.inner)
-        iu, b = run.record["iu"][last], self.found.bearing
-        limited = run.record.meta["stop_touched"] or (iu >= b.current_max).any()
-        limited = limited or (iu <= b.current_min).any() or _refused(run.estimate, last)
-        return run.record["y"], bool(limited)
-
-
-class _MachineRig(_Rig):
-    """Of one axis of a machine, all others closed."""
-
-    def __init__(
-        self, result: Assessment, filter: Any, loop: AssessedLoop, axis: int,
-        load: Mapping[str, float],
-    ) -> None:  # fmt: skip
-        super().__init__(result, filter, loop, axis)
-        self.scenario = Scenario(
-            noise=False,
-            controller=result.of.control_for(filter).fed_by(
-                "estimate" if filter else "measurement"
-            ),
-            disturbance=tuple(
-                Load(axis=name, force=Constant(value=force)) for name, force in load.items()
-            ),
-        )
-
-    @property
-    def turns(self) -> bool:
-        """Whether it turns."""
-        return bool(self.found.bearing.speed)
-
-    def answer(self, added: Array, last: slice) -> tuple[Array, bool]:
-        """Simulate the machine."""
-        of, transform = self.loop.of, self.loop.of.shown
-        t = self.T * np.arange(len(added))
-        waveform = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
-        there = Injection.model_construct(axis=of.axes[self.axis], position=waveform)
-        scenario = self.scenario.model_copy(
-            update={"duration": float(t[-1]), "injection": (there,)}
-        )
-        run = simulate_run(
-            of.machine, scenario, estimator=self.inner, controllers=of.fed_by(self.filter)
-        )
-        y = np.column_stack([run.record[signal("y", r.name)] for r in of.machine.readings])
-        limited = run.samples_at_the_stop > 0 or _refused(run.estimate, last)
-        for name, b in zip(of.axes, of.isolated, strict=True):
-            u = b.amplifier.gain * run.record[signal("u", name)][last]
-            limited = limited or bool(((u >= b.current_max) | (u <= b.current_min)).any())
-        return y @ transform[self.axis], limited
 
 
 def _alone(line: NDArray[np.int_], turns: int) -> NDArray[np.bool_]:

@@ -90,37 +90,40 @@ def measured_figure(
 
 def sweep_figure(
     title: str,
-    loop: Loop,
+    loop: Loop | None,
     axis: int,
-    swept: Sequence[tuple[float, Array, Complex, Complex]],
+    swept: Sequence[tuple[float, Array, Complex, Complex | None]],
     *,
     zones: Zones,
     top: float,
 ) -> Figure:
-    """Show sweeps of the simulated loop over the linear model."""
+    """Show sweeps of the simulated loop over the linear model, if there is one."""
     f = np.concatenate([item[1] for item in swept])
     frequency = Axis("frequency", "Hz", scale="log", limits=(0.8 * f.min(), 1.25 * f.max()))
-    at = _between(loop, f)
     bode, off = zone_lines(zones, top), list[Item]()
-    model = np.abs(loop.of_axis(axis, at))
-    bode.append(Line(at, _decibels(model), signal="truth", label="linear model"))
-    off.append(Rule(0.02, signal="reference", label="2 %"))
+    sizes = [np.abs(item[2]) for item in swept]
+    if loop is not None:
+        at = _between(loop, f)
+        sizes.append(np.abs(loop.of_axis(axis, at)))
+        bode.append(Line(at, _decibels(sizes[-1]), signal="truth", label="linear model"))
+        off.append(Rule(0.02, signal="reference", label="2 %"))
     for k, (amplitude, where, S, linear) in enumerate(swept):
         look, name = AMPLITUDES[k % len(AMPLITUDES)], engineering(amplitude, "m", 3)
         bode.append(Points(where, _decibels(np.abs(S)), signal=look, label=name))
-        distance = np.abs(S - linear) / np.abs(linear)
-        off.append(Line(where, distance, signal=look, label=name))
-    sizes = np.concatenate([np.abs(item[2]) for item in swept])
+        if linear is not None:
+            off.append(Line(where, np.abs(S - linear) / np.abs(linear), signal=look, label=name))
+    panels = [Panel(frequency, _heights(*sizes), bode, title="Sensitivity")]
+    note = "its greatest value is named."
+    if off:
+        distance = Axis("distance from the model", "%", 100.0, "log", (1e-5, 3.0))
+        panels.append(Panel(frequency, distance, off))
+        note += " Below, the distance from the linear model, of the model's magnitude."
     return Figure(
         "sweep",
         title,
         "The signal is added to the measurement of the simulated loop, with the magnet's "
-        "nonlinearity and all limits; its greatest value is named. Below, the distance from the "
-        "linear model, of the model's magnitude.",
-        [
-            Panel(frequency, _heights(sizes, model), bode, title="Sensitivity"),
-            Panel(frequency, Axis("distance from the model", "%", 100.0, "log", (1e-5, 3.0)), off),
-        ],
+        f"nonlinearity and all limits; {note}",
+        panels,
         panel_height=2.8,
     )
 

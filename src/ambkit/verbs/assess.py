@@ -116,6 +116,7 @@ def assess_sweep(
     A test signal is added to the measurement of one axis, without noise, with nonlinear magnets and
     all limits; the linear loop is shown for comparison. The response to runout and unbalance is
     subtracted. A multisine gives the best linear approximation, a stepped sine the first harmonic.
+    A controller in Python, file.py:Class, has no linear loop.
 
     Parameters
     ----------
@@ -126,7 +127,7 @@ def assess_sweep(
     kind : {"multisine", "stepped-sine"}, optional
         Test signal.
     axis : str, optional
-        Axis. By default the one that decides the zone.
+        Axis. By default the one that decides the zone; without a linear loop, the first.
 
     Returns
     -------

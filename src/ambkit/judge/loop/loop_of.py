@@ -102,10 +102,6 @@ class LoopOf:
         self.isolated = isolated_axes(self.machine)
         self.control = Control() if controller is None else as_control(controller)
         self._flown = flown
-        if custom := self.control.custom:
-            raise AmbkitError(
-                f"controller.custom: {name_of(custom)} is Python, from which no margins follow"
-            )
         self.axes = tuple(axis.name or "x" for axis in self.machine.axes)
         self.point = point or OperatingPoint.of_machine(self.machine, load, x)
         view = View(self.machine)
@@ -157,6 +153,11 @@ class LoopOf:
         """Return the controllers as they fly, fed by an estimator or the measurement."""
         if self._flown is not None:
             return self._flown
+        if custom := self.control.custom:
+            raise AmbkitError(
+                f"controller.custom: {name_of(custom)} is Python, from which no margins follow; "
+                '"ambkit assess sweep" measures them on the simulated loop'
+            )
         control = self.control_for(estimator)
         return controllers_of(Plant(self.machine), control, estimator, fastest=max_speed)
 
