@@ -110,3 +110,15 @@ def test_load_takes_any_file(log: ambkit.Record, tmp_path: Path) -> None:
     (tmp_path / "notes.docx").write_text("?")
     with pytest.raises(ambkit.AmbkitError, match=r"cannot read \.docx"):
         ambkit.load(tmp_path / "notes.docx")
+
+
+def test_what_was_identified_is_validated_later(log: ambkit.Record) -> None:
+    scenario = ambkit.scenario_for(AXIS, step=2e-4, duration=0.05, seed=3)
+    other = ambkit.simulate(AXIS, scenario).record
+    free = ["magnet_constant", "measurement_noise"]
+    at_once = ambkit.identify(AXIS, [log], validate=[other], free=free)
+    later = ambkit.identify(AXIS, [log], free=free).validate(other)
+    assert later.to_dict()["validation"] == at_once.to_dict()["validation"]
+    assert later.on_others
+    with pytest.raises(ambkit.AmbkitError, match="identified from and validated on"):
+        later.validate(log)

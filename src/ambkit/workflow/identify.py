@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -98,6 +98,16 @@ class Identified(Result):
     forces: ForceMap | None = None  #: Force at the nodes of a grid, if asked for.
     inputs: Inputs | None = None  #: What the controller reads of the log.
     source: str = ""  #: Names of the records' files.
+
+    def validate(self, *records: Record) -> Identified:
+        """Return the identified machine, validated on other records.
+
+        Raises
+        ------
+        AmbkitError
+            It was identified from one of them, or a record lacks a signal.
+        """
+        return validated(self, all_of_type(Record, records=list(records)))
 
     @cached_property
     def filter(self) -> Estimator:
@@ -429,11 +439,7 @@ def identify(
     records, others = (all_of_type(Record, records=item) for item in (records, others))
     start = starting_model(machine, axis, rest=rest, load_std=load_std)
     looked_for = parameters_to_find(start, free)
-    if any(record is seen for record in others for seen in records):
-        raise AmbkitError(
-            "a record is to be identified from and validated on: a model is judged on a record "
-            "that it has not seen"
-        )
+    _check_unseen(others, records)
     if map_forces and not machine.single:
         raise AmbkitError(f"forces are mapped of one axis, {machine.name} has several")
     records, others = (records_of(start, item) for item in (records, others))
@@ -444,18 +450,38 @@ def identify(
             f"what is likely under these records is no bearing that could be ({error}): does the "
             "rotor lie on a stop, or are they of another rig?"
         ) from None
-    judged_on = others or records
-    names = names or [f"record {number}" for number in range(1, len(judged_on) + 1)]
-    checks = [
-        validate(result.model, record, start=result.start, settling=result.settling, name=name)
-        for name, record in zip(names, judged_on, strict=True)
-    ]
+    checks = _checks(result, others or records, names)
     forces = None
     if map_forces:
         forces = force_map(result.model, records, nodes=nodes, settling=result.settling, note=note)
     return Identified(
         isolated(machine, axis), records, result, checks, bool(others), rest or {}, forces
     )
+
+
+def validated(identified: Identified, others: Sequence[Record]) -> Identified:
+    """Return an identified machine with other records as its validation."""
+    _check_unseen(others, identified.records)
+    others = records_of(identified.likelihood.model, others)
+    return replace(identified, validation=_checks(identified.likelihood, others), on_others=True)
+
+
+def _check_unseen(others: Sequence[Record], records: Sequence[Record]) -> None:
+    if any(record is seen for record in others for seen in records):
+        raise AmbkitError(
+            "a record is to be identified from and validated on: a model is judged on a record "
+            "that it has not seen"
+        )
+
+
+def _checks(
+    result: MaximumLikelihood, records: Sequence[Record], names: Sequence[str] | None = None
+) -> list[Validation]:
+    names = names or [f"record {number}" for number in range(1, len(records) + 1)]
+    return [
+        validate(result.model, record, start=result.start, settling=result.settling, name=name)
+        for name, record in zip(names, records, strict=True)
+    ]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
