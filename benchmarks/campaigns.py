@@ -22,9 +22,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
-from ambkit.campaigns import cluster
 from ambkit.campaigns.plan import Plan
-from ambkit.campaigns.run import campaign
+from ambkit.campaigns.run import campaign, of, scheduler
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.worker import compute
 
@@ -68,15 +67,15 @@ def dask_share(plan: Plan) -> tuple[list[float], list[float]]:
     compute(plan, 0, min(plan.runs, 100), threads=1)
     rounds = [range(first, plan.parts, ROUNDS) for first in range(min(ROUNDS, plan.parts))]
     by_processor, by_wall = [], []
-    with cluster.scheduler("local", 1) as there:
+    with scheduler("local", 1) as there:
         warm = Plan(study(4, 1, 1.0, False))
-        list(cluster.of(there, warm, range(4)))  # the worker imports ambkit
+        list(of(there, warm, range(4)))  # the worker imports ambkit
         for parts in rounds:
             before = _times()
             for part in parts:
                 compute(plan, *plan.span(part), threads=1)
             between = _times()
-            count = sum(1 for _ in cluster.of(there, plan, parts))
+            count = sum(1 for _ in of(there, plan, parts))
             after = _times()
             assert count == len(parts)
             for place, result in enumerate((by_processor, by_wall)):

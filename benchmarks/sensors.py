@@ -23,9 +23,9 @@ from ambkit import Bearing, FilterNoise, Record
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.constant_velocity import tune as constant_velocity
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.comparison.candidates import candidates
 from ambkit.judge.comparison.cases import CASES, trials
 from ambkit.judge.comparison.comparison import bench
+from ambkit.judge.comparison.tuning import candidates
 from ambkit.machine.magnets import own_time
 
 Array = NDArray[np.float64]

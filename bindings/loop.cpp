@@ -22,7 +22,7 @@ struct Turning {
 #endif
 
 // A controller or a plant in Python, around numbers of C. What is called raises nothing, and
-// returns as many numbers as there are (control/user_controller.py, simulation/user_plant.py).
+// returns as many numbers as there are (control/user_controller.py, simulation/external_inputs.py).
 struct OwnOf {
   nb::callable answer;
   size_t given[3], answers;

@@ -30,9 +30,9 @@ from ambkit.estimate.registry import KINDS
 from ambkit.identification.excitation import design
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.judge.comparison import criteria
-from ambkit.judge.comparison.candidates import candidates
 from ambkit.judge.comparison.cases import CASES, Trial, trials, walk_case
 from ambkit.judge.comparison.comparison import bench
+from ambkit.judge.comparison.tuning import candidates
 from ambkit.machine.magnets import own_time
 from ambkit.result.report.summary import ours, runs
 

@@ -4,8 +4,8 @@ A rig gives the force at points, on a grid or not, as a CSV,
 
     iu [A],x [mm],f_mag [N]
 
-read with `ambkit.machine.forces.force_file.load_force_points`; a column f_std [N] would hold their
-standard errors. Here a magnet whose iron saturates stands for the rig, with a load cell that
+read with `ambkit.machine.forces.force_points.load_force_points`; a column f_std [N] would hold
+their standard errors. Here a magnet whose iron saturates stands for the rig, with a load cell that
 scatters by 0.1 N. Writes force.csv into the folder in which it is started.
 """
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import ambkit
 from ambkit.judge.comparison import rmse
-from ambkit.machine.forces.force_file import load_force_points
+from ambkit.machine.forces.force_points import load_force_points
 from ambkit.machine.forces.force_surface import ForceSurface
 
 REACH = 0.8e-3  # m: how far the step overshoots

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 from ambkit.models import compose, emit
-from ambkit.models.axis_parts import PAPER_CONSTANTS
 from ambkit.models.declaration import Part
+from ambkit.models.machine_parts import PAPER_CONSTANTS
 from ambkit.models.parts import Amplifier, Disturbance, MagnetPlace, Rotor, Sensor
 from models.axial import axial
 from models.closed import initialisation

@@ -13,7 +13,7 @@ import ambkit
 from ambkit import Bearing, ClosedLaw
 from ambkit.machine.magnets import core_module
 from ambkit.models import Model
-from ambkit.models.axis_parts import PAPER_CONSTANTS
+from ambkit.models.machine_parts import PAPER_CONSTANTS
 
 Array = NDArray[np.float64]
 

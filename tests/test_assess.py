@@ -16,8 +16,8 @@ from ambkit.control.linear.linear_controller import compensator, controller
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.registry import KINDS, learned_magnet
-from ambkit.judge.loop.bounds import least_peaks
 from ambkit.judge.loop.margins import bode_integral, margins
+from ambkit.judge.loop.synthesis import least_peaks
 from ambkit.machine import presets
 from ambkit.models import machine_parts
 from ambkit.models.linear import LinearSystem, Signal, linearised

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from ambkit.models.axis_parts import PAPER_CONSTANTS
+from ambkit.models.machine_parts import PAPER_CONSTANTS
 from models import axial as ax
 from models.exponential import coefficients
 

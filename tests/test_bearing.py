@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambkit.base.errors import AmbkitError, ConfigError
-from ambkit.identification.forces.lift_off import load_points
-from ambkit.identification.forces.lift_off_fit import fit_lift_off
+from ambkit.identification.forces.lift_off import fit_lift_off, load_points
 from ambkit.machine import bearing as bearing_module
 from ambkit.machine import presets
 from ambkit.machine.bearing import GRAVITY, MU_0, Amplifier, Magnet, Rotor, Sensor, magnet_constant

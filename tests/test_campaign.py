@@ -25,7 +25,7 @@ from ambkit.campaigns.distributions import Choice, Normal, Truncated, Uniform
 from ambkit.campaigns.keys import changed, nested
 from ambkit.campaigns.margins import peaks
 from ambkit.campaigns.plan import Plan
-from ambkit.campaigns.salib import problem_of, vary_from
+from ambkit.campaigns.sobol_indices import problem_of, vary_from
 from ambkit.campaigns.statistics import clopper_pearson, looks
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.study_tables import UNITS
@@ -33,7 +33,7 @@ from ambkit.campaigns.worker import compute
 from ambkit.control.linear.linear_plant import OperatingPoint, plant, plants
 from ambkit.control.linear.steady_state_filter import estimator_at, estimators_at
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.machine import levitation
+from ambkit.machine import loading
 from ambkit.simulation import many
 
 ROOT = Path(__file__).parent.parent
@@ -351,10 +351,8 @@ def test_margins_of_a_campaign_solve_no_equation_for_each_machine(
 
 def test_flight_and_margins_share_the_levitation_current(monkeypatch: pytest.MonkeyPatch) -> None:
     solved: list[int] = []
-    old = levitation.levitation_current
-    monkeypatch.setattr(
-        levitation, "levitation_current", lambda *of: (solved.append(1), old(*of))[1]
-    )
+    old = loading.levitation_current
+    monkeypatch.setattr(loading, "levitation_current", lambda *of: (solved.append(1), old(*of))[1])
     mass = Uniform(what="rotor.mass", tolerance="3 %")
     a = varied("sobol", mass, runs=16, scenario={"duration": 0.002})
     compute(a, 0, 16)

@@ -235,8 +235,8 @@ def test_a_scheduler_that_is_started_again_is_given_the_rest(undisturbed: Any) -
 def test_a_scheduler_that_is_not_there_is_said(undisturbed: Any) -> None:
     folder, _ = undisturbed
     from ambkit.base.errors import AmbkitError
-    from ambkit.campaigns.cluster import of
     from ambkit.campaigns.plan import Plan
+    from ambkit.campaigns.run import of
     from ambkit.campaigns.study import Study
 
     plan = Plan(Study.load(folder / "s.toml"))
@@ -251,7 +251,7 @@ def test_jobs_of_slurm_are_asked_for_as_the_configuration_says() -> None:
     import dask
 
     from ambkit.base.errors import AmbkitError
-    from ambkit.campaigns.cluster import _slurm
+    from ambkit.campaigns.run import _slurm
 
     with pytest.raises(AmbkitError, match=r"say what a job is in .*jobqueue.yaml"):
         _slurm()

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambkit.data.reading import grid
-from ambkit.data.reading.clock import examine
+from ambkit.data.reading.clock import even_grid, examine, resample
 
 
 def even(n, step):
@@ -21,7 +20,7 @@ def test_jitter_does_not_move_the_rate():
     assert clock.rate == pytest.approx(10e3, rel=3e-6)
     assert clock.jitter == pytest.approx(np.sqrt(2) * 3e-6, rel=0.05)
     assert clock.gaps.size == clock.jumps.size == 0
-    assert grid.even_grid(clock, clock.step).size == 20001
+    assert even_grid(clock, clock.step).size == 20001
 
 
 @given(
@@ -60,7 +59,7 @@ def test_stamps_rounded_to_milliseconds(step, gap):
     clock = examine("t", times)
     assert clock.step == pytest.approx(step * 1e-3, rel=2e-4)
     assert clock.missing.tolist() == ([gap] if gap else [])
-    resampled = grid.resample(times, clock, grid.even_grid(clock, clock.step), held=False)
+    resampled = resample(times, clock, even_grid(clock, clock.step), held=False)
     assert abs(np.isnan(resampled).sum() - gap) <= 2
 
 

@@ -138,7 +138,7 @@ def test_the_whole_comparison_of_a_machine_is_a_page(tmp_path, monkeypatch):
 
 def test_all_kinds_are_those_that_take_several_axes():
     from ambkit.estimate.registry import KINDS
-    from ambkit.judge.comparison.candidates import suited
+    from ambkit.judge.comparison.tuning import suited
 
     kinds = suited(list(KINDS), MACHINE)
     assert "linear" in kinds

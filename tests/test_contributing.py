@@ -297,7 +297,7 @@ def test_the_format_is_read_and_its_faults_have_a_line(copy: Path, tmp_path: Pat
     said = python(
         copy,
         f"""
-from ambkit.data.files.formats import read_log
+from ambkit.data.files.tables import read_log
 from ambkit.base.errors import RecordError
 print(read_log({str(tmp_path / "run.jsonl")!r}).contents)
 try:

@@ -18,10 +18,16 @@ from ambkit import Bearing, Record, Scenario, Sine, simulate
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.data import recordings
-from ambkit.identification.corpus.baselines import ORDER, Baselines, fit_arx, normal_of
 from ambkit.identification.corpus.corpus import Corpus, identify_corpus
 from ambkit.identification.corpus.pooling import pool
-from ambkit.identification.corpus.prediction import Prediction, predict
+from ambkit.identification.corpus.prediction import (
+    ORDER,
+    Baselines,
+    Prediction,
+    fit_arx,
+    normal_of,
+    predict,
+)
 from ambkit.identification.corpus.segmentation import cut, flights
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named

@@ -19,10 +19,9 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import grid
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import Scenario
-from ambkit.simulation.scenario_control import settled_scenario
+from ambkit.simulation.scenario import Scenario, settled_scenario
 from ambkit.simulation.waveforms import Ramp
-from ambkit.workflow.design_control import control_for
+from ambkit.workflow.design import control_for
 
 BEARING = """
 [[bearing]]

@@ -16,8 +16,7 @@ from ambkit import Bearing, Estimator, Record
 from ambkit.cli.main import main
 from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.workflow import design_candidates
-from ambkit.workflow.design import design
-from ambkit.workflow.design_control import objections_to_loop
+from ambkit.workflow.design import design, objections_to_loop
 from ambkit.workflow.designed import Design
 from ambkit.workflow.identified_toml import annotated_toml
 from ambkit.workflow.identify import identified_filter

@@ -13,19 +13,17 @@ from machine_cases import bearing, machine, sensor
 from ambkit import AmbkitError, Bearing, Machine
 from ambkit.control.lift_off_sequence import Mode
 from ambkit.control.linear.linear_plant import OperatingPoint
-from ambkit.data.reading import weight_scale
-from ambkit.data.reading.clock import Clock
-from ambkit.data.reading.grid import resample
+from ambkit.data.reading.clock import Clock, resample
 from ambkit.data.reading.levitation_test import LevitationFit
-from ambkit.data.reading.position_search import Rotor
+from ambkit.data.reading.position_search import Rotor, weight_scale
 from ambkit.export.pil.result import compare_bits
 from ambkit.fuzzy.rule_selection import BLOCKS, numbered
-from ambkit.judge.comparison.candidates import candidate_of_kind
+from ambkit.judge.comparison.tuning import candidate_of_kind
 from ambkit.judge.faults import fault_run
 from ambkit.judge.loop.capacity import of_runout
 from ambkit.machine import presets
 from ambkit.machine.components import Unbalance
-from ambkit.machine.forces.spline import _nodes
+from ambkit.machine.forces.force_surface import _nodes
 from ambkit.models.parts.typical_sizes import Typical
 from ambkit.rotordynamics.balance_grades import permitted
 
@@ -56,7 +54,7 @@ def test_gravity_tells_gap_and_unit_of_what_hangs(gap: float, scale: float, way:
     gain = way * 2 * g / usual / scale * step**2
     moves = Rotor(0, 1, fit, gain, (), (), ())
     position = np.linspace(4, 6, 101) * 1e-4 / scale
-    found = weight_scale.weight_scale(moves, position, np.full(101, usual), step)
+    found = weight_scale(moves, position, np.full(101, usual), step)
     assert found is not None
     assert found.gap == pytest.approx(gap)
     assert found.scale == pytest.approx(scale)
@@ -65,7 +63,7 @@ def test_gravity_tells_gap_and_unit_of_what_hangs(gap: float, scale: float, way:
     assert f"gap {1e3 * gap:.3g} mm" in said
     # 25 mm a unit is 25 of the nearest unit, on a logarithmic scale.
     assert ("scale = 25  #" in said) == (scale == 2.5e-2)
-    assert weight_scale.weight_scale(moves, position, np.full(101, -usual), step) is None
+    assert weight_scale(moves, position, np.full(101, -usual), step) is None
 
 
 def test_of_two_faults_in_a_flight_the_slower_recovery_counts() -> None:

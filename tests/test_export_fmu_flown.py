@@ -180,7 +180,7 @@ def test_it_starts_where_the_parameters_say(kind: Any, tmp_path: Path) -> None:
     """Off the middle, with the current that holds it there, it stays as long as nothing happens."""
     case = CASES["lqg"]
     x = 1e-4
-    current = float(ambkit.machine.levitation.levitation_current(
+    current = float(ambkit.machine.loading.levitation_current(
         BEARING, ambkit.magnet_of(BEARING), x, BEARING.weight
     ))  # fmt: skip
     path = export_fmu(BEARING, None, tmp_path / "a.fmu", kind=kind, scenario=scenario_of(case)).path

@@ -28,12 +28,11 @@ from ambkit.fuzzy.rule_selection import measured_map
 from ambkit.identification.maximum_likelihood.information import expect
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import usual
-from ambkit.judge.comparison.candidates import candidates
 from ambkit.judge.comparison.cases import CASES, saturating
 from ambkit.judge.comparison.comparison import bench
+from ambkit.judge.comparison.tuning import candidates
 from ambkit.machine.forces.force_points import ForcePoints
-from ambkit.machine.forces.force_surface import ForceSurface
-from ambkit.machine.forces.spline import ACCURACY, patches
+from ambkit.machine.forces.force_surface import ACCURACY, ForceSurface, patches
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.run import simulate_run
 

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import ambkit
 from ambkit.base.errors import AmbkitError
-from ambkit.judge.loop.coil_temperature import heating
+from ambkit.judge.loop.capacity import heating
 
 COIL = {"thermal_resistance": "2 K/W", "time_constant": "20 min", "ambient": "313.15 K",
         "temperature_limit": "403.15 K"}  # fmt: skip

@@ -9,8 +9,8 @@ import ambkit
 from ambkit import Bearing, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
-from ambkit.judge.loop.hinf import AT_REST, PEAK, SLOW, STRONG, hinf
 from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.synthesis import AT_REST, PEAK, SLOW, STRONG, hinf
 
 ZITTAU = Bearing.preset("zittau_axial")
 LATE = ZITTAU.replace(delay=3.75e-4, amplifier__bandwidth=1000.0)

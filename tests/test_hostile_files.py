@@ -16,7 +16,7 @@ from ambkit import Bearing
 from ambkit.base import memory_limit
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.cli.main import main
-from ambkit.data.files.formats import read_log
+from ambkit.data.files.tables import read_log
 from tests import logs
 
 SECRET = "root:x:0:0:root:/root:/bin/bash\n" * 8

@@ -14,7 +14,7 @@ from ambkit.identification.maximum_likelihood.figures import estimates_figure
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
 from ambkit.identification.maximum_likelihood.validation import cross_correlation, validate
-from ambkit.machine.forces.force_file import load_force_points
+from ambkit.machine.forces.force_points import load_force_points
 from ambkit.result.report.items import Rule
 from ambkit.workflow.identified_toml import carried_over
 from benchmarks.identification import TRUTH, closed_loops

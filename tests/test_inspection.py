@@ -5,7 +5,7 @@ import pytest
 
 import ambkit
 from ambkit.data import recordings
-from ambkit.machine.forces.force_file import load_force_points
+from ambkit.machine.forces.force_points import load_force_points
 from ambkit.workflow.check import inspect, schema_of
 
 FORCE = """iu [mA],x [mm],f_mag [N]

@@ -18,8 +18,13 @@ from ambkit.cli.main import main
 from ambkit.data import recordings
 from ambkit.data.channel_map import ChannelMap
 from ambkit.data.record import Record
-from ambkit.identification.forces.lift_off import LiftOff, find_lift_off, load_points, save_points
-from ambkit.identification.forces.lift_off_fit import fit_lift_off
+from ambkit.identification.forces.lift_off import (
+    LiftOff,
+    find_lift_off,
+    fit_lift_off,
+    load_points,
+    save_points,
+)
 from ambkit.identification.noise import measurement_noise
 from ambkit.machine.bearing import GRAVITY
 

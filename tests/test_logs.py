@@ -12,8 +12,8 @@ import ambkit
 from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError
 from ambkit.data.channel_map import ChannelMap
 from ambkit.data.files import csv_dialect, mat
-from ambkit.data.files.formats import read_log
 from ambkit.data.files.log import Request
+from ambkit.data.files.tables import read_log
 from ambkit.data.record import Record
 from tests import logs
 

@@ -15,9 +15,9 @@ from ambkit import PID, Machine
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.control.stabilising_controller import holding
-from ambkit.judge.loop.bounds import least_peak_of_delay, least_peaks
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import bode_integral, grid, highest
+from ambkit.judge.loop.synthesis import least_peak_of_delay, least_peaks
 from ambkit.models.linear import LinearSystem, Signal
 
 RPM = math.pi / 30

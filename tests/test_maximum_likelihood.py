@@ -20,6 +20,7 @@ from ambkit.data import recordings
 from ambkit.identification.dead_time import delayed, lagged
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
+from ambkit.identification.maximum_likelihood.information import restricted
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, limited
 from ambkit.identification.maximum_likelihood.parameters import (
@@ -28,7 +29,6 @@ from ambkit.identification.maximum_likelihood.parameters import (
     Coordinates,
     named,
 )
-from ambkit.identification.maximum_likelihood.restricted_likelihood import restricted
 from ambkit.identification.maximum_likelihood.search import (
     fix,
     maximise,

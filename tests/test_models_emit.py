@@ -24,7 +24,7 @@ from model_oracles import (
 )
 
 from ambkit.models import Model, compose, emit, machine_model
-from ambkit.models.axis_parts import PAPER_CONSTANTS
+from ambkit.models.machine_parts import PAPER_CONSTANTS
 from ambkit.models.parts import (
     Amplifier,
     ColouredNoise,

@@ -15,7 +15,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from ambkit.machine.magnets import core_module
-from ambkit.models import ZERO, axis_parts, compose, machine_model
+from ambkit.models import ZERO, compose, machine_model
+from ambkit.models.machine_parts import PAPER_CONSTANTS, printed
 from ambkit.models.parts import (
     Amplifier,
     Disturbance,
@@ -127,14 +128,14 @@ def test_the_paper_s_axis_has_the_core_s_numbers(
         Sensor(s["K_sen"], s["T_sen"], 1e-3), Amplifier(1.0),
     ]  # fmt: skip
     model = compose(parts, s["T"])
-    for (matrix, i, j), name in axis_parts.PAPER_CONSTANTS.items():
+    for (matrix, i, j), name in PAPER_CONSTANTS.items():
         N = matrix == "N0"
         value = model.N[0, i, j] if N else getattr(model, matrix)[i, j]
         # The core's exponential ends at 1e-307, and its noise of the sensor is by four points.
         room = 1e-3 if N and j == 3 else 1e-12
         assert value == pytest.approx(known[name], rel=room, abs=1e-300), name
     assert known["K_sen"] == s["K_sen"]  # of a machine at rest
-    assert set(known) == {*axis_parts.PAPER_CONSTANTS.values(), "K_sen"}
+    assert set(known) == {*PAPER_CONSTANTS.values(), "K_sen"}
 
 
 @pytest.mark.parametrize("as_printed", [False, True])
@@ -143,7 +144,7 @@ def test_its_matrices_are_those_of_the_estimators(as_printed: bool) -> None:
     s = SETTINGS | {"as_printed": as_printed, "f_0": 0.0}
     A, B, Q_stepped = step_matrices(made(core, "Kalman", core.Constant(10.05, 7537.5), s), s)
     model = machine_model(BEARING)
-    model = axis_parts.printed(model) if as_printed else model
+    model = printed(model) if as_printed else model
     np.testing.assert_allclose(model.jacobian(10.05, 7537.5), A, rtol=1e-12)
     np.testing.assert_allclose(model.input_matrix(10.05)[:, 0] * SETTINGS["k_ui"], B, rtol=1e-12)
     var_u = SETTINGS["var_u"] * SETTINGS["k_ui"] ** 2
@@ -155,7 +156,7 @@ def test_its_matrices_are_those_of_the_estimators(as_printed: bool) -> None:
 
 def test_as_printed_is_the_paper_s_axis_only() -> None:
     with pytest.raises(ValueError, match="as printed there are the states x, v, f_d and x_m"):
-        axis_parts.printed(Axis(bandwidth=2000.0).model())
+        printed(Axis(bandwidth=2000.0).model())
 
 
 # ---- noise ----

@@ -25,7 +25,7 @@ from ambkit.judge.modal_reduction import Reduction, reduction
 from ambkit.judge.whirl_modes import CriticalSpeed
 from ambkit.machine.components import Unbalance
 from ambkit.machine.rotors.descriptions import ShaftRotor
-from ambkit.machine.rotors.whirl import (
+from ambkit.machine.rotors.modes import (
     SHARP,
     above,
     end_of_range,

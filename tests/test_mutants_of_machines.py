@@ -18,7 +18,7 @@ from ambkit import KalmanFilter, Scenario
 from ambkit.control.control import Control
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.export.c import export_c
-from ambkit.simulation.scenario_control import settled_scenario
+from ambkit.simulation.scenario import settled_scenario
 
 pytestmark = [
     pytest.mark.long,

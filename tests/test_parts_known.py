@@ -10,9 +10,9 @@ from ambkit import Bearing, Record, Scenario, Sine, Step
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison import criteria
 from ambkit.judge.comparison.bound import bearing_bound
-from ambkit.judge.comparison.candidates import candidates
 from ambkit.judge.comparison.cases import CASES
 from ambkit.judge.comparison.comparison import bench
+from ambkit.judge.comparison.tuning import candidates
 from ambkit.judge.faults.fault_test import inject_faults
 from ambkit.models import machine_model
 from ambkit.workflow.tuning import default_disturbance, tune_disturbance

@@ -11,14 +11,13 @@ import ambkit
 from ambkit.data import recordings
 from ambkit.fuzzy.expert_card import training_figure
 from ambkit.fuzzy.rules_figure import with_surface
-from ambkit.identification.forces.lift_off import load_points
-from ambkit.identification.forces.lift_off_fit import fit_lift_off, lift_off_figure
+from ambkit.identification.forces.lift_off import fit_lift_off, lift_off_figure, load_points
 from ambkit.identification.online.magnet_constant import identification_figure
 from ambkit.judge.comparison import compare
 from ambkit.judge.comparison.seeds import comparison_figure
 from ambkit.judge.evaluation import evaluate
 from ambkit.judge.filter_figure import filter_figure
-from ambkit.machine.forces.force_file import load_force_points
+from ambkit.machine.forces.force_points import load_force_points
 from ambkit.result.report import style
 from ambkit.result.report.items import Band, Bars, Heatmap, Line, Note, Points
 from ambkit.result.report.style import SIGNALS

@@ -17,8 +17,8 @@ import ambkit
 from ambkit.base.errors import ConfigError, RecordError
 from ambkit.data import recordings
 from ambkit.data.channel_map import ChannelMap
-from ambkit.data.reading import RejectedLog, faults, grid, read
-from ambkit.data.reading.clock import examine
+from ambkit.data.reading import RejectedLog, faults, read
+from ambkit.data.reading.clock import describe_shift, examine, insert_missing, shifted
 from ambkit.data.reading.plausibility import suspects
 from ambkit.data.reading.propose import guess
 from ambkit.data.reading.reading_figure import reading_figure
@@ -88,7 +88,7 @@ def test_lost_samples_get_their_places_and_no_other_moves(n, lost, step, start):
     kept = np.array([k for k in range(n) if k not in lost])
     clock = examine("t", times[kept])
     assert clock.jumps.size == 0
-    full, place = grid.insert_missing(clock)
+    full, place = insert_missing(clock)
     np.testing.assert_array_equal(place, kept)
     np.testing.assert_array_equal(full[place], times[kept])
     np.testing.assert_allclose(np.diff(full), step, rtol=1e-2)
@@ -323,7 +323,7 @@ def test_a_channel_without_one_sample(read_columns):
 @given(whole=st.integers(-5, 5))
 def test_a_delay_of_whole_samples_moves_them_untouched(whole):
     values = np.arange(30.0) ** 2
-    found = grid.shifted(values, whole, held=False)
+    found = shifted(values, whole, held=False)
     for k in range(30):
         if 0 <= k + whole < 30:
             assert found[k] == values[k + whole]
@@ -335,7 +335,7 @@ def test_a_delay_of_whole_samples_moves_them_untouched(whole):
 def test_between_samples_a_cubic_is_met_exactly(delay, c):
     assume(abs(delay - round(delay)) > 1e-5)  # nearer ones count as whole
     k = np.arange(40.0)
-    found = grid.shifted(np.polyval(c, k), delay, held=False)
+    found = shifted(np.polyval(c, k), delay, held=False)
     there = np.isfinite(found)
     assert there.sum() >= 33
     np.testing.assert_allclose(found[there], np.polyval(c, k + delay)[there], atol=2e-9, rtol=1e-9)
@@ -345,15 +345,15 @@ def test_between_samples_a_cubic_is_met_exactly(delay, c):
 def test_a_held_signal_is_averaged_over_the_sample(delay):
     values = np.random.default_rng(0).normal(size=20)
     whole, part = int(delay), delay - int(delay)
-    found = grid.shifted(values, delay, held=True)
+    found = shifted(values, delay, held=True)
     for k in range(15):
         expected = (1 - part) * values[k + whole] + part * values[k + whole + 1]
         assert found[k] == pytest.approx(expected, abs=1e-5)
 
 
 def test_one_sample_is_one_sample():
-    assert "shifted by 1 sample;" in grid.describe_shift("y", 1e-3, 1e-3)
-    assert "shifted by 2 samples;" in grid.describe_shift("y", 2e-3, 1e-3)
+    assert "shifted by 1 sample;" in describe_shift("y", 1e-3, 1e-3)
+    assert "shifted by 2 samples;" in describe_shift("y", 2e-3, 1e-3)
 
 
 def test_the_map_takes_a_delay_out_and_says_so(read_columns):

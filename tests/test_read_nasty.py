@@ -9,7 +9,7 @@ import pytest
 
 from ambkit.base.errors import RecordError
 from ambkit.data.channel_map import ChannelMap
-from ambkit.data.files.formats import read_log
+from ambkit.data.files.tables import read_log
 from ambkit.data.reading import read
 from ambkit.data.reading.propose import guess
 from tests import logs

@@ -12,7 +12,7 @@ import ambkit
 from ambkit import Bearing, Estimator, Expert, Record
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison.study import Study
-from ambkit.workflow.saved_filters import tuned_filters
+from ambkit.workflow.comparison import tuned_filters
 
 BEARING = Bearing.preset("zittau_axial")
 

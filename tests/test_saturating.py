@@ -22,7 +22,7 @@ from ambkit.base.errors import ConfigError
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
 from ambkit.identification.maximum_likelihood import maximum_likelihood
-from ambkit.identification.online.equivalent_current import as_ideal, is_ideal
+from ambkit.identification.online.adaline import as_ideal, is_ideal
 from ambkit.identification.online.magnet_constant import identify_online
 from ambkit.machine.bearing import IRON, MU_0
 from ambkit.machine.magnets import core_module

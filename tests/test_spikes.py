@@ -8,7 +8,7 @@ import ambkit
 from ambkit import Record
 from ambkit.data.channel_map import ChannelMap
 from ambkit.data.reading import faults, read
-from ambkit.data.reading.despike import spike_free, without_spikes
+from ambkit.data.reading.faults import spike_free, without_spikes
 from ambkit.data.reading.reading_figure import reading_figure
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from tests import logs

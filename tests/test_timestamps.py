@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ambkit.base.errors import ConfigError, RecordError
 from ambkit.data.channel_map import ChannelMap
 from ambkit.data.files import timestamps
-from ambkit.data.files.time_formats import layouts, pattern
+from ambkit.data.files.timestamps import layouts, pattern
 from ambkit.data.reading import read
 from ambkit.data.reading.propose import guess
 from ambkit.data.record import Record

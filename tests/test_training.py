@@ -7,8 +7,7 @@ import pytest
 
 from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert
-from ambkit.fuzzy.training import LeastSquares, train
-from ambkit.fuzzy.training_set import TrainingSet
+from ambkit.fuzzy.training import LeastSquares, TrainingSet, train
 from ambkit.machine import paper
 from ambkit.machine.forces.table import ForceTable
 from ambkit.machine.machine import Bearing

@@ -10,7 +10,7 @@ import ambkit
 from ambkit import FilterNoise, KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
-from ambkit.judge.comparison.candidates import candidate_of_kind
+from ambkit.judge.comparison.tuning import candidate_of_kind
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tuning import log_likelihood

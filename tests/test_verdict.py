@@ -12,7 +12,7 @@ from ambkit import Bearing, KalmanFilter, Scenario, Sine
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
-from ambkit.judge.loop.lqg import LQG, Noise
+from ambkit.judge.loop.synthesis import LQG, Noise
 from ambkit.machine import presets
 from ambkit.simulation.run import simulate
 

@@ -122,7 +122,7 @@ def test_words_that_go_only_become_less():
 
 
 CONCEPTS = {
-    "levitation current": "src/ambkit/machine/levitation.py",
+    "levitation current": "src/ambkit/machine/loading.py",
     "operating point": "src/ambkit/control/linear/linear_plant.py",
     "observer poles": "src/ambkit/estimate/observer.py",
     "collocation": "src/ambkit/rotordynamics/flexible_rotor_checks.py",

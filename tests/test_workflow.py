@@ -12,7 +12,7 @@ from ambkit.estimate.named import USUAL, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.fuzzy.training import train
 from ambkit.judge.comparison.study import study
-from ambkit.machine.forces.force_file import load_force_points
+from ambkit.machine.forces.force_points import load_force_points
 from ambkit.workflow import compare_steps, training
 from ambkit.workflow.filter import filter as filter_record
 from ambkit.workflow.filter import stretch_to_tune_on

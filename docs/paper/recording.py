@@ -16,8 +16,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import train
-from ambkit.identification.forces.lift_off import LiftOff, load_points
-from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off
+from ambkit.identification.forces.lift_off import LiftOff, LiftOffFit, fit_lift_off, load_points
 from ambkit.judge.comparison import ConstantVelocityFilter
 from ambkit.judge.evaluation import LAGS, Evaluation, evaluate
 from ambkit.machine.bearing import GRAVITY

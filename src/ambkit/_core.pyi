@@ -6,7 +6,6 @@ from typing import Annotated, Any, overload
 import numpy
 from numpy.typing import NDArray
 
-
 class Magnet:
     """Force and stiffnesses at (iu [A], x [m]); arrays (n,)."""
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ambkit.assessment.arguments import disturbance_argument, filter_arguments
 from ambkit.assessment.assess import MEASUREMENT, assess
 from ambkit.assessment.loop import AssessedAxis, AssessedLoop
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.threads import one_thread
@@ -26,7 +26,6 @@ from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
 from ambkit.machine.machine import Machine
-from ambkit.models.linear import Complex
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section

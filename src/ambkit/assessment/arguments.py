@@ -28,8 +28,7 @@ from ambkit.estimate.named import AT, PLUS, factories
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Bearing, Machine
-from ambkit.simulation import scenario_control
-from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario import Scenario, control_of, fastest_of, feedback_of
 from ambkit.simulation.waveforms import Constant
 
 if TYPE_CHECKING:
@@ -209,9 +208,9 @@ def controller_argument(machine: Machine, value: Any) -> tuple[PID | None, dict[
         for axis, signal in scenario.by_axis("disturbance", axes[0]) if isinstance(signal, Constant)
     }  # fmt: skip
     control = scenario.controller
-    if scenario_control.fastest_of(machine, scenario) > abs(machine.speed):
-        control = scenario_control.control_of(machine, scenario)
-    return control, forces, scenario_control.feedback_of(scenario) == "measurement"
+    if fastest_of(machine, scenario) > abs(machine.speed):
+        control = control_of(machine, scenario)
+    return control, forces, feedback_of(scenario) == "measurement"
 
 
 def given_orbit(orbit: Any) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assessment import Assessment
 from ambkit.assessment.rows import of_loop
+from ambkit.base.arrays import Complex
 from ambkit.base.errors import RecordError
 from ambkit.base.quantity_arguments import Given, of_type
 from ambkit.base.units import engineering
@@ -20,8 +21,7 @@ from ambkit.estimate.machine_model import View
 from ambkit.judge.loop.loop_of import ZONES, zone_of
 from ambkit.judge.loop.measured_sensitivity import Logged, MeasuredSensitivity, measured_sensitivity
 from ambkit.machine.machine import Machine
-from ambkit.machine.rotors.whirl import end_of_range
-from ambkit.models.linear import Complex
+from ambkit.machine.rotors.modes import end_of_range
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row, put
 from ambkit.result.sections import Section

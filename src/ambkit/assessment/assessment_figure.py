@@ -13,9 +13,9 @@ from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
+    from ambkit.base.arrays import Complex
     from ambkit.control.linear.closed_loop import Loop
     from ambkit.judge.loop.margins import UnstablePole
-    from ambkit.models.linear import Complex
     from ambkit.result.report.items import Vector
 
 LOOKS = ("measurement", "estimate", "series 2", "series 3", "series 4")

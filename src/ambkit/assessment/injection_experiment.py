@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.assessment.arguments import filter_arguments
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assess_log import of_one_axis
 from ambkit.assessment.injection import PERIODS, Injection
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.units import engineering
@@ -23,17 +23,15 @@ from ambkit.identification.excitation import Limits
 from ambkit.identification.excitation.signals import Excitation, sparse_multisine
 from ambkit.judge.loop.measured_sensitivity import measured_sensitivity
 from ambkit.machine.machine import Bearing, Machine
-from ambkit.machine.rotors.whirl import end_of_range
+from ambkit.machine.rotors.modes import end_of_range
 from ambkit.simulation.run import samples, simulate_run
 from ambkit.simulation.scenario import Injection as Added
-from ambkit.simulation.scenario import Scenario
-from ambkit.simulation.scenario_control import settled_scenario
+from ambkit.simulation.scenario import Scenario, settled_scenario
 from ambkit.simulation.waveforms import Recorded
 
 if TYPE_CHECKING:
     from ambkit.assessment.assessment import Assessment
 
-Array = NDArray[np.float64]
 
 REST = 0.05
 """Of the experiment, before the signal begins."""

@@ -14,10 +14,10 @@ from ambkit.judge.loop.capacity import of_unbalance, orbit, pairs_of
 from ambkit.machine.magnets import magnet_of
 
 if TYPE_CHECKING:
+    from ambkit.base.arrays import Complex
     from ambkit.control.linear.closed_loop import Loop
     from ambkit.estimate.estimator import Estimator
     from ambkit.judge.loop.loop_of import LoopOf
-    from ambkit.models.linear import Complex
 
 TURNS, SAME = 60, 1e-6
 """Iterations at most, and the relative change of an orbit at which they end."""

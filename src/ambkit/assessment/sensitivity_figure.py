@@ -23,9 +23,9 @@ from ambkit.result.report.items import Axis, Band, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.assessment.assessment_figure import Curves
+    from ambkit.base.arrays import Complex
     from ambkit.control.linear.closed_loop import Loop
     from ambkit.judge.loop.measured_sensitivity import MeasuredSensitivity
-    from ambkit.models.linear import Complex
 
 Zones = Sequence[tuple[str, float]]
 

@@ -24,12 +24,12 @@ from ambkit.judge.loop.capacity import (
     ROOM,
     SIGMAS,
     Turned,
+    heating,
     orbit,
     pairs_of,
     squares_of_coils,
     voltage,
 )
-from ambkit.judge.loop.coil_temperature import heating
 from ambkit.judge.loop.loop_of import ZONE_A, ZONES, LoopOf, zone_of
 from ambkit.judge.loop.margins import BodeIntegral, bode_integral, grid, highest
 from ambkit.judge.modal_reduction import reduction

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ambkit.assessment.assessment_figure import LOOKS
 from ambkit.base.escaping import markdown
-from ambkit.judge.loop.capacity import ROOM
-from ambkit.judge.loop.coil_temperature import ZERO
+from ambkit.judge.loop.capacity import ROOM, ZERO
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Points, Rule
 from ambkit.rotordynamics.campbell import SPEED

@@ -12,6 +12,7 @@ from ambkit.base.errors import AmbkitError
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Index = NDArray[np.intp]
+Complex = NDArray[np.complex128]
 
 
 def real(name: str, values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import (
     BeforeValidator,
     Field,
@@ -22,12 +21,11 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from ambkit.base import units
+from ambkit.base.arrays import Array
 from ambkit.base.config import Part
 from ambkit.base.config.paths import from_folder, to_folder
 from ambkit.base.config.text_types import Line
 from ambkit.campaigns.keys import Key
-
-Array = NDArray[np.float64]
 
 LEAST, MOST = 2.0**-54, 1 - 2.0**-53
 """Between these lies what is made a quantile of."""

@@ -15,8 +15,7 @@ from ambkit.control.default_control import is_default
 from ambkit.machine.machine import Machine
 from ambkit.models.plant import Plant
 from ambkit.simulation.many import Planned
-from ambkit.simulation.scenario import Scenario
-from ambkit.simulation.scenario_control import settled_scenario
+from ambkit.simulation.scenario import Scenario, settled_scenario
 
 if TYPE_CHECKING:
     from ambkit.campaigns.study import Study

@@ -14,8 +14,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.linear_controller import compensator, controller
 from ambkit.control.linear.linear_plant import OperatingPoint, alike, plants
@@ -23,15 +23,13 @@ from ambkit.control.linear.steady_state_filter import estimator_at, estimators_a
 from ambkit.estimate.batch import processors
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
-from ambkit.machine.rotors.whirl import end_of_range
+from ambkit.machine.rotors.modes import end_of_range
 from ambkit.simulation.many import Planned
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.models.linear import LinearSystem
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 GRID = 160
 """Frequencies that each loop is looked at, besides those of its own poles."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import files, units
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
 from ambkit.campaigns import sampling
@@ -30,8 +31,6 @@ from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.machine.bearing import FILES
 from ambkit.machine.loading import load_machine
 from ambkit.simulation.many import Planned
-
-Array = NDArray[np.float64]
 
 
 class Drawn(NamedTuple):

@@ -18,8 +18,6 @@ from ambkit.campaigns.statistics import Share, clopper_pearson
 from ambkit.campaigns.store import RUNS, Folder, array_of
 from ambkit.campaigns.study_tables import UNITS, ZONES
 
-Array = NDArray[np.float64]
-
 SHOWN = ("peak_S", "f_d_rms", "x_rms", "tracking_peak", "displacement_peak", "recovery")
 """Figures that summaries tell of, where they apply."""
 

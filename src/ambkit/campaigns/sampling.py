@@ -12,10 +12,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.campaigns.distributions import LEAST, MOST, Marginal
 from ambkit.campaigns.study import Study
-
-Array = NDArray[np.float64]
 
 _WORDS = 4  # that Philox gives for one value of its counter (Salmon et al. 2011)
 _RANDOM, _STRATA = 1, 2  # streams of a seed

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import files
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
 from ambkit.base.quantity_arguments import Given, in_si
@@ -24,7 +25,6 @@ from ambkit.result.document import Statement
 if TYPE_CHECKING:
     from ambkit.campaigns.plan import Plan
 
-Array = NDArray[np.float64]
 Limit = Callable[[Array], Array]
 
 SHARE = 0.1

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread, rare_collections
 from ambkit.campaigns.distributions import OneOf
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from ambkit.simulation.run import Run
-
-Array = NDArray[np.float64]
 
 
 class Rows(NamedTuple):

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.control.linear.steady_state_filter import estimator_at
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.models.linear import LinearSystem
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 TOP = 2000.0
 """Up to there a loop is looked at [Hz], or up to half the sampling rate."""

@@ -10,7 +10,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.control.axis_sensitivity import shown_along_axes
@@ -23,14 +22,13 @@ from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.control.pid import GAINS, PID
 from ambkit.control.stabilising_controller import ENOUGH, two_digits, weight_of
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.rotors.whirl import end_of_range
+from ambkit.machine.rotors.modes import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.plant import Plant
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing, Machine
 
-Array = NDArray[np.float64]
 Feedback = Literal["measurement", "estimate"]
 
 SPEEDS = 9

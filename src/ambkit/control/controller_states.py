@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.control.control import Control, as_control
 from ambkit.control.controllers import Controllers, arrays, controllers_of
 from ambkit.control.lift_off_sequence import MOST_COUNTED, LiftOff
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Bearing
 
-Array = NDArray[np.float64]
 
 FLAT = 0.05
 """Where a rotor lies so near to the middle of an axis, as a share of what its stop leaves it, that

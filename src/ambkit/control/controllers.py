@@ -9,8 +9,8 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.control.axis_sensitivity import shown_along_axes
 from ambkit.control.blocks import gain_at_rest
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Machine
     from ambkit.models.plant import Plant
-
-Array = NDArray[np.float64]
 
 
 TYPES = ("decentralised", "translation and tilt", "lqg")

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.magnets import ConstantStiffness
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
     from ambkit.models.plant import Plant
 
-Array = NDArray[np.float64]
 
 REGULATED = (
     "position", "velocity", "bending", "bending velocity", "current", "past control",

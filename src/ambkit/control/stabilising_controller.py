@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
 from ambkit.control.axis_sensitivity import Sensitivities, sensitivities, shown_along_axes
@@ -22,7 +23,7 @@ from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.force_laws import isolated_axes, weights_of
-from ambkit.machine.levitation import levitation_current
+from ambkit.machine.loading import levitation_current
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time, typical_stiffness
 from ambkit.models.linear import linearised
 from ambkit.models.machine_parts import machine_parts
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing, Machine
     from ambkit.models.linear import LinearSystem
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 PEAK = 1.8
 """Of abs(S), at most, where the bearing allows it: a tenth below 2."""

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import rpm
 from ambkit.machine import geometry
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.models.plant import Plant
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 NODES, RIGID = 129, 33
 """Numbers of speeds at which the motion is computed, of a flexible rotor and of a rigid one."""

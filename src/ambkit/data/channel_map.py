@@ -26,7 +26,7 @@ from ambkit.base.config.text_types import Description, Line, Name
 from ambkit.base.errors import RecordError
 from ambkit.data.files import timestamps
 from ambkit.data.files.log import Log
-from ambkit.data.files.time_formats import pattern
+from ambkit.data.files.timestamps import pattern
 from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.data.signals import CONTROL, UNITS, held_in
 

@@ -197,8 +197,7 @@ class Record(Shown):
         AmbkitError
             The file cannot be read.
         """
-        from ambkit.data.files.formats import read_log
-        from ambkit.data.files.tables import to_table
+        from ambkit.data.files.tables import read_log, to_table
 
         log = read_log(path)
         table = to_table(log)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.bearing import GRAVITY
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
     from ambkit.models.declaration import Part
-
-Array = NDArray[np.float64]
 
 
 def usual_acceleration(bearing: Machine) -> float:

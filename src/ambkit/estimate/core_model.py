@@ -11,17 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, core_module
-from ambkit.models.axis_parts import paper_pattern, printed
-from ambkit.models.compose import compose
 from ambkit.models.declaration import Part, Plan
-from ambkit.models.machine_parts import machine_parts
+from ambkit.models.machine_parts import compose, machine_parts, paper_pattern, printed
 from ambkit.models.model import Model, compressed_rows
 from ambkit.models.parts import SYNCHRONOUS
 from ambkit.models.roles import ENUMERATORS, ROLES
-
-Array = NDArray[np.float64]
 
 NODE = 0.02
 """Radians a sample between the speeds at which a model that turns is computed."""

@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.estimate.noise_model import with_rounding
 from ambkit.models.model import Model
-
-Array = NDArray[np.float64]
 
 
 class LinearModel(NamedTuple):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.config.quantities import InOther
 from ambkit.base.errors import AmbkitError
 from ambkit.data.signals import signal
@@ -16,7 +17,7 @@ from ambkit.estimate.noise_model import FilterNoise, Variances, check_variances,
 from ambkit.machine import geometry
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import bias_forces_of, isolated_axes, models_of, weights_of
-from ambkit.machine.levitation import levitation_current
+from ambkit.machine.loading import levitation_current
 from ambkit.machine.magnets import own_time
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from ambkit.machine.magnets import MagnetModel
     from ambkit.models.model import Descriptor
 
-Array = NDArray[np.float64]
 
 VAGUE = 3.0
 """At the start unbalance and runout are anywhere within so many times what is expected: in a run-up

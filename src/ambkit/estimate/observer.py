@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Estimator
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.machine.machine import Bearing, Machine
 
-Array = NDArray[np.float64]
 
 FAST_SENSOR = 0.05
 """Of a sensor's last value, what is left after a sample, below which it is one without lag."""

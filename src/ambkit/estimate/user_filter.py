@@ -16,9 +16,8 @@ from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.machine_model import several
 from ambkit.machine.force_laws import slowest_time
-from ambkit.models.linear import LinearSystem, Signal
+from ambkit.models.linear import LinearSystem, Signal, realised
 from ambkit.models.parts.free import plain_parts
-from ambkit.models.realisation import realised
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet

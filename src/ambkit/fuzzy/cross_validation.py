@@ -27,7 +27,7 @@ from ambkit.fuzzy.rule_selection import (
 )
 from ambkit.fuzzy.training import train
 from ambkit.machine.forces.force_surface import ForceSurface
-from ambkit.machine.magnets import law_of
+from ambkit.machine.law_choice import law_of
 from ambkit.machine.stiffness import ForceFunction
 
 if TYPE_CHECKING:

@@ -15,8 +15,7 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.judge import adequacy_criteria as criteria
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
-from ambkit.simulation.scenario import Scenario
-from ambkit.simulation.scenario_control import control_of, feedback_of
+from ambkit.simulation.scenario import Scenario, control_of, feedback_of
 
 if TYPE_CHECKING:
     from ambkit.judge.adequacy_criteria import Finding

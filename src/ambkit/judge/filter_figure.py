@@ -11,7 +11,7 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
-from ambkit.data.signal_panels import missing_spans
+from ambkit.data.record_card import missing_spans
 from ambkit.data.signals import signal
 from ambkit.estimate.errors import true_signal
 from ambkit.estimate.estimate_panels import (

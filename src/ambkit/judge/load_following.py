@@ -17,9 +17,9 @@ from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.magnets import magnet_of, own_time
 
 if TYPE_CHECKING:
+    from ambkit.base.arrays import Array
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Machine
-    from ambkit.models.model import Array
 
 STEP = 0.5
 """The step of the disturbance force that is to be followed, over the load capacity."""

@@ -17,7 +17,7 @@ from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import grid, highest
 from ambkit.judge.whirl_modes import DAMPED, whirl_modes
 from ambkit.machine.rotors.descriptions import OfMatrices
-from ambkit.machine.rotors.whirl import (
+from ambkit.machine.rotors.modes import (
     BEYOND,
     WhirlError,
     above,

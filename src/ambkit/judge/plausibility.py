@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.units import engineering, percent
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.faults import noise
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.machine import Bearing
 
-Array = NDArray[np.float64]
 
 SURE = 0.6
 """Correlation of slow position and slow control signal from which their signs can be told."""

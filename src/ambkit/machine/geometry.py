@@ -15,15 +15,14 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.machine.bearing import along_x
 
 if TYPE_CHECKING:
     from ambkit.machine.components import Body, PlacedBearing, PlacedSensor
     from ambkit.machine.rotors.modes import Bending
 
-Array = NDArray[np.float64]
 
 POSITIONS = ("x", "y", "th_x", "th_y")
 """The coordinates across the shaft [m, m, rad, rad]."""

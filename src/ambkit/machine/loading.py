@@ -5,10 +5,50 @@ from __future__ import annotations
 import difflib
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import presets
+from ambkit.machine.force_law import MagnetModel, core_module
 from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import Law, magnet_of
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Bearing
+
+
+def levitation_current(bearing: Bearing, plant: MagnetModel, x: float, balance: float) -> float:
+    """Control current [A] that holds the rotor at x [m] against ``balance`` [N], within limits."""
+    from scipy.optimize import brentq
+
+    # Asked a dozen times, for each of a million machines: the C magnet itself, in place.
+    magnet, i, s = plant.in_core(core_module()), np.empty(1), np.array([x], float)
+
+    def force(iu: float) -> float:
+        i[0] = iu
+        return float(magnet.force(i, s)[0]) + balance
+
+    low, high = bearing.current_min, bearing.current_max
+    at_low, at_high = force(low), force(high)
+    if at_low * at_high > 0:
+        # No current can hold it there: start from the end that comes closest.
+        return low if abs(at_low) < abs(at_high) else high
+    return float(brentq(force, low, high, xtol=1e-15 * (high - low)))
+
+
+def levitation_current_at(
+    bearing: Bearing, x: float = 0.0, load: float = 0.0, magnet: MagnetModel | None = None
+) -> float:
+    """Control current [A] with which a magnet, by default its own, carries weight and load at x."""
+    # Both the flight of each machine of a campaign and its margins need it.
+    known = bearing.levitation_currents if magnet is None else {}
+    if (x, load) not in known:
+        law = magnet if isinstance(magnet, Law) else magnet_of(bearing)
+        balance = bearing.weight + law.bias_force + load
+        known[x, load] = levitation_current(bearing, magnet or law, x, balance)
+    return known[x, load]
 
 
 def load_machine(name: str | os.PathLike[str]) -> Machine:

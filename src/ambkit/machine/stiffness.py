@@ -15,9 +15,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ambkit.base.arrays import real
+from ambkit.base.arrays import Array, real
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.machine.forces.table import check_nodes
@@ -27,7 +27,6 @@ from ambkit.machine.magnets import equally_far, magnet_of
 if TYPE_CHECKING:
     from ambkit._core import Table
 
-Array = NDArray[np.float64]
 ForceFunction = Callable[[Array, Array], ArrayLike]
 
 # The nine points of eq. 27, in steps.

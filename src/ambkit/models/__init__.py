@@ -1,7 +1,6 @@
 """Models as data: parts composed into one exact sampled model, from which all else follows."""
 
-from ambkit.models.compose import compose
-from ambkit.models.machine_parts import machine_model, machine_parts
+from ambkit.models.machine_parts import compose, machine_model, machine_parts
 from ambkit.models.model import MATRICES, NUMBER, ONE, ZERO, Descriptor, Model
 
 __all__ = [

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.models.declaration import Plan
 from ambkit.models.machine_parts import machine_parts
-from ambkit.models.model import Array, Descriptor
+from ambkit.models.model import Descriptor
 from ambkit.models.parts import Disturbance
 from ambkit.models.sampling import Sampling
 

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ambkit.models.model import Array
+from ambkit.base.arrays import Array
 
 TERMS = 20
 """1 / 20! is below the rounding of a double: enough where a term is at most the one before."""

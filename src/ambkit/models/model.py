@@ -10,7 +10,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from ambkit.base.arrays import Array
+
 Pattern = NDArray[np.int8]
 
 ZERO, ONE, NUMBER = 0, 1, 2

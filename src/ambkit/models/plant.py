@@ -7,14 +7,14 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.data.signals import signal
 from ambkit.machine import geometry
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import weights_of
 from ambkit.machine.geometry import Axis
-from ambkit.machine.levitation import levitation_current
+from ambkit.machine.loading import levitation_current
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
 from ambkit.models import plant_parts
 from ambkit.models.continuous import Continuous, behind_magnets, continuous
@@ -23,7 +23,6 @@ from ambkit.models.model import compressed_rows
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
 
-Array = NDArray[np.float64]
 
 SOFT = 0.05
 """How deep the rotor comes into a touch-down bearing that nothing is said of [clearances]."""

@@ -8,11 +8,40 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Bools
 from ambkit.models import exponential
 from ambkit.models.declaration import UNIT, Plan, Row
-from ambkit.models.model import NUMBER, ONE, ZERO, Array, Model
-from ambkit.models.structure import Flags, Kinds, pattern_of, set_one, structured
+from ambkit.models.model import NUMBER, ONE, ZERO, Model, Pattern
+
+Kinds = tuple[Array, Pattern]
+"""Numbers, and their pattern."""
+
+
+def pattern_of(driven: Bools) -> Pattern:
+    """Return the pattern of the exponential of a matrix of this structure."""
+    # What something drives, at once or by way of others, has a number; what nothing drives back to
+    # itself has a one on the diagonal.
+    n = len(driven)
+    reachability = driven.copy()
+    for k in range(n):  # Warshall 1962
+        reachability |= np.outer(reachability[:, k], reachability[k])
+    kinds = np.where(reachability, NUMBER, ZERO)
+    diagonal = np.diag(reachability)
+    kinds[np.diag_indices(n)] = np.where(diagonal, NUMBER, ONE)
+    return kinds.astype(np.int8)
+
+
+def structured(values: Array, kinds: NDArray[np.generic]) -> Kinds:
+    """Return numbers with exact zeros and ones where the pattern has them."""
+    pattern = np.asarray(kinds).astype(np.int8)
+    return np.where(pattern == NUMBER, values, pattern == ONE).astype(float), pattern
+
+
+def set_one(part: Kinds, i: int, j: int) -> None:
+    """Make an entry one by structure."""
+    part[0][i, j], part[1][i, j] = 1.0, ONE
 
 
 @dataclass
@@ -82,7 +111,7 @@ class Sampling:
             A[..., i, self.at(self.acting(name, after) if name in controls else name)] += value
         return A
 
-    def driven(self, *, riders: bool = False) -> Flags:
+    def driven(self, *, riders: bool = False) -> Bools:
         """Return what drives what in some part of the sample, by structure."""
         A = np.zeros((self.sizes[3],) * 2, bool)
         for i, name, _ in self.terms(riders=riders):
@@ -133,7 +162,7 @@ class Sampling:
             **{key: values for key, (values, _) in parts.items()},
         )  # fmt: skip
 
-    def _rotor_columns(self) -> Flags:
+    def _rotor_columns(self) -> Bools:
         """Return, for each force, the states (p, n) of the rotor at which it pulls."""
         plan = self.plan
         owner = np.array(plan.owner, int)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import of_type
 from ambkit.estimate.estimator import Estimator
 from ambkit.result.row import Row, put
@@ -17,7 +17,6 @@ from ambkit.result.row import Row, put
 if TYPE_CHECKING:
     from ambkit.data.record import Record
 
-Array = NDArray[np.float64]
 
 TOLD = 0.5
 """Of the standard deviation at the start, above which a record has told next to nothing."""

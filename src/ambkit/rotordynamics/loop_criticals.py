@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ambkit.base.arrays import Complex
 from ambkit.base.threads import one_thread
 from ambkit.control.linear.linear_plant import unbalance_columns
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.whirl_modes import DAMPED, CriticalSpeed, followed
-from ambkit.models.linear import Complex
 
 if TYPE_CHECKING:
     from collections.abc import Callable

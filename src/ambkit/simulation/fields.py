@@ -7,11 +7,11 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.control.controller_states import Controller, lies_at
 from ambkit.control.controllers import Controllers, arrays, controllers_of, gains_of
-from ambkit.machine.levitation import levitation_current_at
+from ambkit.machine.loading import levitation_current_at
 from ambkit.machine.magnets import Law, MagnetModel, magnet_of
 from ambkit.models import plant_parts
 from ambkit.models.plant import Plant
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Bearing, Machine
     from ambkit.simulation.scenario import Scenario
-
-Array = NDArray[np.float64]
 
 
 class StraightLine:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import name_of
 from ambkit.control.controllers import Controllers
@@ -26,7 +27,6 @@ from ambkit.simulation.run import Loop, Run, Sampled, simulate_run
 from ambkit.simulation.run_figures import FIGURES, FLAGS, OF_SEVERAL, figures_of, first_of, flags_of
 from ambkit.simulation.scenario import Scenario
 
-Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
 LEAST = 50

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing, Machine
     from ambkit.simulation.scenario import Scenario
 
-Array = NDArray[np.float64]
 
 CONTROL, SENSOR = 0, 1
 """Streams of an axis and its reading: of the control signal, and of the sensor from here on."""

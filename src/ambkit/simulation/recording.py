@@ -6,8 +6,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.pickling import own_version
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.simulation.fields import InLoops, StraightLine
 
-Array = NDArray[np.float64]
 
 UNITS = {
     "r": "m", "y": "m", "u": "V",

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.arrays import real
+from ambkit.base.arrays import Array, real
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
 from ambkit.base.units import engineering
@@ -26,16 +26,12 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, core_module
-from ambkit.simulation.external_inputs import ExternalInputs, Faults, columns, series_of
+from ambkit.simulation.external_inputs import ExternalInputs, Faults, OwnPlant, columns, series_of
 from ambkit.simulation.fields import InLoops, StraightLine
 from ambkit.simulation.noise import drawn, white
 from ambkit.simulation.recording import recorded
-from ambkit.simulation.scenario import AXES, Scenario
-from ambkit.simulation.scenario_control import feedback_of, settled_scenario
+from ambkit.simulation.scenario import AXES, Scenario, feedback_of, settled_scenario
 from ambkit.simulation.simulated import Run as Run
-from ambkit.simulation.user_plant import OwnPlant
-
-Array = NDArray[np.float64]
 
 
 def _adds_noise(sensor: Any) -> bool:

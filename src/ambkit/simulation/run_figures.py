@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Status
 from ambkit.machine import geometry
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Machine
     from ambkit.simulation.run import Run
-
-Array = NDArray[np.float64]
 
 
 class Figure(NamedTuple):

@@ -14,13 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BeforeValidator, Field
 
-from ambkit.base.arrays import real
+from ambkit.base.arrays import Array, real
 from ambkit.base.config import Part, Read
 from ambkit.base.config.paths import FilePath
 from ambkit.base.config.quantities import Quantity, place_of_signal
 from ambkit.base.errors import AmbkitError
-
-Array = NDArray[np.float64]
 
 Value = Annotated[float, Quantity("@")]
 Time = Annotated[float, Quantity("s", "20 ms", at_least=0)]

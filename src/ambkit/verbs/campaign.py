@@ -230,7 +230,7 @@ def campaign_problem(study: Study) -> Document:
     $ ambkit campaign problem tolerances.toml > problem.json
     """
     from ambkit.campaigns.plan import Plan
-    from ambkit.campaigns.salib import problem_of
+    from ambkit.campaigns.sobol_indices import problem_of
     from ambkit.campaigns.study import load
     from ambkit.result.document import json_document
 

@@ -71,7 +71,7 @@ def excite(
     from ambkit.base.progress import progress
     from ambkit.base.quantity_arguments import in_si
     from ambkit.identification.excitation import Limits, design
-    from ambkit.machine.axes import isolated
+    from ambkit.machine.force_laws import isolated
     from ambkit.workflow.simulate import experiment_duration, scenario_for
 
     plant = isolated(machine_argument(machine), axis)

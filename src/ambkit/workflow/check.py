@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError, ConfigError, RecordError
-from ambkit.data.files.formats import ENDINGS
+from ambkit.data.files.tables import ENDINGS
 from ambkit.result.document import Document
 from ambkit.workflow.load import SHORT, documents, kind_of_toml
 
@@ -185,7 +185,7 @@ def _describe_expert(path: Path) -> _Described:
 def _kind_of_table(path: Path, machine: Machine | None) -> tuple[str, Callable[[Path], _Described]]:
     from ambkit.data.files.tables import read_table
     from ambkit.identification.forces import lift_off
-    from ambkit.machine.forces import force_file as force_file
+    from ambkit.machine.forces.force_points import COLUMNS
 
     try:
         columns = set(read_table(path).columns)
@@ -193,7 +193,7 @@ def _kind_of_table(path: Path, machine: Machine | None) -> tuple[str, Callable[[
         raise RecordError([*error.problems, *_perhaps_a_force(path)]) from None
     if "t" not in columns and columns >= set(lift_off.COLUMNS):
         return "lift-off points", _describe_points
-    if "t" not in columns and columns >= set(force_file.COLUMNS):
+    if "t" not in columns and columns >= set(COLUMNS):
         return "measured force", _describe_force
     if "t" not in columns and (hint := _perhaps_a_force(path)):
         raise RecordError([f"{path}: has no column t [s]; it has {', '.join(columns)}", *hint])
@@ -204,8 +204,8 @@ def _perhaps_a_force(path: Path) -> list[str]:
     """Say how a measured force is read, of a table of three or four columns without a time."""
     import numpy as np
 
-    from ambkit.data.files.formats import read_log
-    from ambkit.machine.forces.force_file import NAMES
+    from ambkit.data.files.tables import read_log
+    from ambkit.machine.forces.force_points import NAMES
 
     try:
         columns = read_log(path).arrays
@@ -227,7 +227,7 @@ def _describe_points(path: Path) -> _Described:
 
 def _describe_force(path: Path, channels: str | os.PathLike[str] | None = None) -> _Described:
     from ambkit.base.units import engineering
-    from ambkit.machine.forces.force_file import load_force_points
+    from ambkit.machine.forces.force_points import load_force_points
 
     points = load_force_points(path, channels)
     (low, high), (left, right) = (

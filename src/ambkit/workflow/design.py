@@ -15,19 +15,23 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.base.threads import one_thread
 from ambkit.control.control import Control
+from ambkit.control.default_control import default_control
+from ambkit.control.pid import GAINS, PID
 from ambkit.control.stabilising_controller import overshoot
 from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.data.input_scaling import Inputs
 from ambkit.data.reading import load_with_gaps
 from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.registry import kind_called
 from ambkit.judge.adequacy import sentences
-from ambkit.judge.loop.loop_of import ZONE_A
+from ambkit.judge.loop.loop_of import ZONE_A, LoopOf, zone_of
 from ambkit.machine.force_laws import slowest_time
 from ambkit.machine.machine import Machine
 from ambkit.result.page import write_result
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.design_candidates import (
+    Stages,
     adequacy_of,
     best_of,
     candidate_in,
@@ -35,20 +39,52 @@ from ambkit.workflow.design_candidates import (
     judged,
     objections_to,
     of_tuning,
+    read_json,
     tuned_within,
-)
-from ambkit.workflow.design_control import (
-    control_for,
-    objections_to_loop,
+    write_json,
 )
 from ambkit.workflow.designed import Design
 from ambkit.workflow.identified_toml import annotated_toml
 from ambkit.workflow.identify import identified_filter, identify
-from ambkit.workflow.resumable import Stages, read_json, write_json
 from ambkit.workflow.tune import BUDGET, RUNS
 
 if TYPE_CHECKING:
+    from ambkit.assessment.loop import AssessedLoop
     from ambkit.data.record import Record
+
+
+DIGITS = 3
+"""Of the gains that are written down."""
+
+
+def control_for(bearing: Machine) -> Control:
+    """The default controllers of a machine that an estimate feeds, as they are written down."""
+    machine = bearing.long
+    result = default_control(machine, "estimate")
+    if not result.held:
+        raise AmbkitError(result.summary)
+    control = result.chosen.control
+    plain = control.type == "decentralised" and not control.pid
+    estimator = KalmanFilter(machine)
+    parts = LoopOf(machine, None if plain else control).pids(estimator)
+    pids = {
+        name: PID(**{key: float(f"{getattr(pid, key):.{DIGITS}g}") for key in GAINS})  # type: ignore[arg-type]
+        for name, pid in parts.items()
+    }
+    written = control.model_copy(update={"pid": pids, "feedback": "estimate"})
+    return written.completed(machine.isolated_axis("")) if bearing.single else written
+
+
+def objections_to_loop(loop: AssessedLoop, peak_limit: float | None) -> Sequence[str]:
+    """Return what speaks against flying a loop."""
+    if not loop.stable:
+        return ["the loop is not stable"]
+    if zone_of(loop.peak) != "A":
+        return [f"the peak of |S| is {loop.peak:.3g}, zone {zone_of(loop.peak)} of ISO 14839-3"]
+    if peak_limit is not None and loop.peak >= peak_limit:
+        return [f"the peak of |S| is {loop.peak:.3g}, and is to be below {peak_limit:g}"]
+    return []
+
 
 KINDS_TRIED = ("linear", "extended", "adaptive")
 """Who is tried where nobody says it: without, with the exact, and with a learned stiffness."""

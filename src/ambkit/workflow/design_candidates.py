@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base import escaping, files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.filter_file import FilterFile
@@ -17,16 +21,14 @@ from ambkit.estimate.machine_model import several
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.adequacy import judge_adequacy
 from ambkit.judge.adequacy_criteria import Finding
-from ambkit.judge.comparison.candidates import Candidate
 from ambkit.judge.comparison.cases import CASES, load_case, trials
 from ambkit.judge.comparison.comparison import bench
 from ambkit.judge.comparison.criteria import SETTLING
-from ambkit.judge.comparison.tuning import SIGNALS, errors
+from ambkit.judge.comparison.tuning import SIGNALS, Candidate, errors
 from ambkit.judge.load_following import STEP, load_capacity
 from ambkit.judge.loop.loop_of import OutOfReachError
 from ambkit.machine.force_laws import slowest_time
 from ambkit.simulation.scenario import Scenario
-from ambkit.workflow.resumable import read_json
 from ambkit.workflow.tune import Tuned, tune
 from ambkit.workflow.tuning import default_disturbance
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED, RAW, By
@@ -35,7 +37,50 @@ if TYPE_CHECKING:
     from ambkit.estimate.noise_model import Variances
     from ambkit.export.c import CExport
     from ambkit.machine.machine import Machine
-    from ambkit.simulation.scenario import Scenario
+
+
+STATE = "design.json"
+"""What was made from what, in the folder of a design."""
+
+
+class Stages:
+    """What was made from what in a folder, so that nothing is made twice."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        path = folder / STATE
+        self.known: dict[str, Any] = read_json(path) if path.exists() else {}
+
+    def make(
+        self, name: str, made_from: Sequence[Any], written: Sequence[str], make: Callable[[], None]
+    ) -> None:
+        """Run a stage, unless its files are there and are what they were made into."""
+        text = escaping.json_text([version("ambkit"), *made_from])
+        key = hashlib.sha256(text.encode()).hexdigest()
+        before = self.known.get(name, {})
+        if before.get("from") == key and all(
+            (self.folder / file).exists() and files.sha256(self.folder / file) == hashed
+            for file, hashed in before.get("files", {}).items()
+        ):
+            return
+        make()
+        made = {file: files.sha256(self.folder / file) for file in written}
+        self.known[name] = {"from": key, "files": made}
+        write_json(self.folder / STATE, self.known)
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write plain data as JSON, through a temporary file."""
+    files.write_text(path, escaping.json_text(data, indent=1) + "\n")
+
+
+def read_json(path: Path) -> Any:
+    """Read what `write_json` wrote."""
+    try:
+        return json.loads(files.read_text(path))
+    except json.JSONDecodeError as error:
+        raise AmbkitError(f"{path}:{error.lineno}: is not what ambkit wrote; remove it") from None
+
 
 RUNS = 20
 """Simulated runs that a filter is judged in."""

@@ -12,9 +12,8 @@ from ambkit.assessment.arguments import arguments_of_the_user
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si
 from ambkit.fuzzy.training import train as train_network
-from ambkit.machine.axes import isolated
-from ambkit.machine.forces.force_file import load_force_points
-from ambkit.machine.forces.force_points import ForcePoints
+from ambkit.machine.force_laws import isolated
+from ambkit.machine.forces.force_points import ForcePoints, load_force_points
 from ambkit.machine.stiffness import StiffnessMap
 from ambkit.workflow.training import (
     RULES,

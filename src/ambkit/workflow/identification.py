@@ -30,7 +30,7 @@ from ambkit.identification.forces.lift_off import find_lift_off, load_points
 from ambkit.identification.online import comparison
 from ambkit.identification.online.magnet_constant import ONLINE, identified
 from ambkit.judge.adequacy import judge_adequacy, sentences
-from ambkit.machine.axes import isolated
+from ambkit.machine.force_laws import isolated
 from ambkit.workflow.identify import (
     Identified,
     LiftedOff,

@@ -21,7 +21,7 @@ from ambkit.estimate.filter_saving import made_by
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.identification.forces.force_map import ForceMap, force_map
-from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off
+from ambkit.identification.forces.lift_off import LiftOffFit, fit_lift_off
 from ambkit.identification.maximum_likelihood.axis_model import AxisModel, axis_record
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -31,7 +31,7 @@ from ambkit.identification.maximum_likelihood.validation import Validation, vali
 from ambkit.identification.noise import Noise, measurement_noise
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.load_following import REQUIRED, STEP, least_process_noise
-from ambkit.machine.axes import axis_named, isolated, with_axis
+from ambkit.machine.force_laws import axis_named, isolated, with_axis
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.stiffness import operating_points
 from ambkit.result.result import Result
@@ -549,7 +549,7 @@ class LiftedOff(Result):
 
     def figures(self) -> list[Figure]:
         """Return the points and the law through them."""
-        from ambkit.identification.forces.lift_off_fit import lift_off_figure
+        from ambkit.identification.forces.lift_off import lift_off_figure
 
         return [lift_off_figure(self.fit)]
 

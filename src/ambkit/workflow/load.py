@@ -62,7 +62,7 @@ def documents() -> dict[str, Any]:
     from ambkit.campaigns.study import Study
     from ambkit.data.channel_map import ChannelMap
     from ambkit.estimate.filter_file import FilterFile
-    from ambkit.machine.forces.force_file import ForceChannels
+    from ambkit.machine.forces.force_points import ForceChannels
     from ambkit.machine.machine import Bearing, PlacedMachine
     from ambkit.simulation.scenario import Scenario
 

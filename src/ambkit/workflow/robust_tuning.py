@@ -23,7 +23,7 @@ from ambkit.control.control import Control
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
-from ambkit.judge.comparison.candidates import Range, candidate_of_kind
+from ambkit.judge.comparison.tuning import Range, candidate_of_kind
 from ambkit.judge.loop.loop_of import ZONE_A
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put

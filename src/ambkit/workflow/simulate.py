@@ -34,8 +34,7 @@ from ambkit.models.plant import Plant
 from ambkit.rotordynamics.harmonics import harmonics
 from ambkit.rotordynamics.separation_margins import Separations, separations
 from ambkit.simulation.run import simulate_run as looped
-from ambkit.simulation.scenario import Scenario
-from ambkit.simulation.scenario_control import default_for, settled_scenario
+from ambkit.simulation.scenario import Scenario, default_for, settled_scenario
 from ambkit.simulation.waveforms import Recorded, Step
 
 if TYPE_CHECKING:

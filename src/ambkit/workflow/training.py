@@ -29,8 +29,7 @@ from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.expert_card import training_figure
 from ambkit.fuzzy.rule_selection import RuleChoice, Shape, choose_rules, measured_map
 from ambkit.fuzzy.rules_figure import with_choice, with_surface
-from ambkit.fuzzy.training import train
-from ambkit.fuzzy.training_set import rms
+from ambkit.fuzzy.training import rms, train
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.magnets import ConstantStiffness, evaluate_stiffness, magnet_of

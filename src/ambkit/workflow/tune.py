@@ -23,9 +23,8 @@ from ambkit.estimate.filter_saving import made_by, origin_of
 from ambkit.estimate.registry import FILTER_SUFFIX, kind_called, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
-from ambkit.judge.comparison.candidates import Candidate, Range, candidate_of_kind
 from ambkit.judge.comparison.criteria import EVALUATED
-from ambkit.judge.comparison.tuning import Tried, search
+from ambkit.judge.comparison.tuning import Candidate, Range, Tried, candidate_of_kind, search
 from ambkit.judge.loop.loop_of import LoopOf, OutOfReachError, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.result.result import Result

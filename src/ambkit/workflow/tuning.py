@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.data.reading.despike import spike_free
+from ambkit.data.reading.faults import spike_free
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.bearing import GRAVITY

@@ -12,8 +12,7 @@ from ambkit.result.report.items import Axis, Item, Line, Points, Rule
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from ambkit.judge.comparison.candidates import Range
-    from ambkit.judge.comparison.tuning import Tried
+    from ambkit.judge.comparison.tuning import Range, Tried
 
 HIGHEST_PEAK = 10.0
 """Of the sensitivity, up to which filters are shown."""

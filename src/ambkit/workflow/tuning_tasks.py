@@ -11,7 +11,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
-from ambkit.data.reading.despike import without_spikes
+from ambkit.data.reading.faults import without_spikes
 from ambkit.data.signals import each_of, signal
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.cases import CASES, Trial, loaded, trials
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.estimate import Estimate
     from ambkit.estimate.estimator import Estimator
-    from ambkit.judge.comparison.candidates import Candidate, Range
+    from ambkit.judge.comparison.tuning import Candidate, Range
     from ambkit.machine.machine import Machine
 
 By = Literal["likelihood", "truth"]

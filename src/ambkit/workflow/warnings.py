@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.data.signals import signal
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.force_laws import isolated_axes, models_of
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimate import Estimate
     from ambkit.estimate.estimator import Estimator
 
-Array = NDArray[np.float64]
 
 OUTSIDE = 0.01
 """An expert that is asked outside of its box in more than this part of the samples is noted."""

@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ambkit.models.linear import Complex, LinearSystem, Signal
-
-Array = NDArray[np.float64]
+from ambkit.base.arrays import Array, Complex
+from ambkit.models.linear import LinearSystem, Signal
 
 
 @dataclass(frozen=True, eq=False)

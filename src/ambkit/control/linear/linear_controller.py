@@ -18,9 +18,9 @@ from ambkit.machine.machine import Machine
 from ambkit.models.linear import LinearSystem, Signal
 
 if TYPE_CHECKING:
+    from ambkit.base.arrays import Array
     from ambkit.control.synchronous_compensation import LetTurn
     from ambkit.machine.machine import Bearing
-    from ambkit.models.model import Array
 
 
 class _Gains(Protocol):

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ambkit.base.arrays import Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.data.signals import signal as named
 from ambkit.estimate.machine_model import View
 from ambkit.machine.force_laws import isolated_axes
-from ambkit.machine.levitation import levitation_current_at
+from ambkit.machine.loading import levitation_current_at
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module, magnet_of
-from ambkit.models.linear import Complex, LinearSystem, Signal, linearised
+from ambkit.models.linear import LinearSystem, Signal, linearised
 from ambkit.models.machine_parts import machine_parts
 from ambkit.models.parts.synchronous import SynchronousForce, across
 from ambkit.models.plant import Plant

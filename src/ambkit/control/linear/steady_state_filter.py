@@ -13,9 +13,9 @@ from ambkit.machine.magnets import core_module
 from ambkit.models.linear import LinearSystem, Signal
 
 if TYPE_CHECKING:
+    from ambkit.base.arrays import Array
     from ambkit.estimate.estimator import Estimator
     from ambkit.estimate.linear_model import LinearModel
-    from ambkit.models.model import Array
 
 
 def tells(estimator: Estimator) -> bool:

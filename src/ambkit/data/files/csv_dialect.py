@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from ambkit.base.escaping import one_line
-from ambkit.data.files.time_formats import layouts
+from ambkit.data.files.timestamps import layouts
 
 _NO_NUMBER = (
     *("nan", "-nan", "+nan", "nan()", "nan(ind)", "-nan(ind)", "nan(snan)"),

@@ -67,7 +67,7 @@ def _cell(value: float) -> str:
 
 
 def read(path: str, request: Request) -> Log:
-    """Read a text file with columns; see `ambkit.data.files.formats.read_log`."""
+    """Read a text file with columns; see `ambkit.data.files.tables.read_log`."""
     try:
         content = memory_limit.read_bytes(path, memory_limit.TEXT_SHARE)
     except OSError as error:

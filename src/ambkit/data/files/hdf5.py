@@ -22,7 +22,7 @@ _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
 
 
 def read(path: str, request: Request) -> Log:
-    """Read data sets; see `ambkit.data.files.formats.read_log`."""
+    """Read data sets; see `ambkit.data.files.tables.read_log`."""
     # A data set of a compound type gives each of its fields, ``rig/log.current``.
     check_readable(path)
     try:

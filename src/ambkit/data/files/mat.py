@@ -38,7 +38,7 @@ _PART = 1 << 20
 
 
 def read(path: str, request: Request) -> Log:
-    """Read all arrays of numbers, and times as text; see `ambkit.data.files.formats.read_log`."""
+    """Read all arrays of numbers, and times as text; see `ambkit.data.files.tables.read_log`."""
     inside = {k: v for k, v in content(path).items() if not k.startswith("__")}
     arrays = {
         one_line(name): values

@@ -20,7 +20,7 @@ from ambkit.data.files.log import Log, Request, check_readable, library_errors
 
 
 def read(path: str, request: Request) -> Log:
-    """Read channels, and the clock of each; see `ambkit.data.files.formats.read_log`."""
+    """Read channels, and the clock of each; see `ambkit.data.files.tables.read_log`."""
     check_readable(path)
     try:
         from asammdf import MDF

@@ -56,7 +56,7 @@ def write(
 
 
 def read(path: str, request: Request) -> Log:
-    """Read the columns; see `ambkit.data.files.formats.read_log`."""
+    """Read the columns; see `ambkit.data.files.tables.read_log`."""
     check_readable(path)
     pa, parquet = _arrow(path)
     columns: dict[str, Array] = {}

@@ -1,9 +1,12 @@
 """Tables: columns of equal length with units, as ambkit itself writes and reads them."""
 
+from __future__ import annotations
+
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,9 +14,41 @@ from ambkit.base import files
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.data.files import csv_text, parquet, timestamps
-from ambkit.data.files.formats import read_log
-from ambkit.data.files.log import Log
+from ambkit.data.files.log import Log, Request
 from ambkit.data.signals import UNITS, to_si
+
+_READERS = {
+    ".csv": "csv_text",
+    ".txt": "csv_text",
+    ".tsv": "csv_text",
+    ".asc": "csv_text",
+    ".parquet": "parquet",
+    ".mat": "mat",
+    ".h5": "hdf5",
+    ".hdf5": "hdf5",
+    ".mf4": "mdf",
+    ".mdf": "mdf",
+}
+ENDINGS = tuple(_READERS)  #: Endings of the files that `read_log` reads.
+
+
+def read_log(
+    path: str | os.PathLike[str],
+    selection: Collection[str | int] | None = None,
+    progress: Callable[[str], object] = lambda _: None,
+    *,
+    lenient: bool = False,
+    texts: Collection[str | int] = (),
+) -> Log:
+    """Read the numbers of a log."""
+    ending = Path(path).suffix.lower()
+    if ending not in _READERS:
+        known = f"{', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}"
+        raise RecordError(f"{path}: cannot read {ending or 'a file without ending'}, use {known}")
+    reader = import_module(f"ambkit.data.files.{_READERS[ending]}")
+    progress(f"reading {Path(path).name}")
+    log: Log = reader.read(os.fspath(path), Request(selection, progress, lenient, texts))
+    return log
 
 
 class Table(NamedTuple):

@@ -11,12 +11,10 @@ from ambkit.base.arrays import Array
 from ambkit.base.escaping import toml_string
 from ambkit.base.units import factor
 from ambkit.data.files.log import FIRST, Log
-from ambkit.data.reading.candidates import Candidate
 from ambkit.data.reading.clock import examine
 from ambkit.data.reading.faults import noise
-from ambkit.data.reading.position_search import Rotor
-from ambkit.data.reading.signal_roles import correlation, seen, slow
-from ambkit.data.reading.weight_scale import WeightScale, weight_scale
+from ambkit.data.reading.position_search import Rotor, WeightScale, weight_scale
+from ambkit.data.reading.signal_roles import Candidate, correlation, seen, slow
 from ambkit.data.signals import si_unit
 
 _OF_Y = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array, Bools, Index
 from ambkit.base.units import engineering
 from ambkit.data.reading.clock import Clock, instant
-from ambkit.data.reading.spikes import spikes, without
+from ambkit.data.reading.spikes import is_valid, spikes, without
+from ambkit.data.record import Record
 from ambkit.result.row import Row, put
 
 KINDS = (
@@ -349,3 +350,31 @@ def _usual_repeats(values: Array) -> float:
     equal = values[1:] == values[:-1]
     parts = np.array_split(equal, min(101, max(1, equal.size // 20)))
     return float(np.median([part.mean() for part in parts]))
+
+
+def spike_free(record: Record) -> tuple[Record, int]:
+    """Return a record with the spikes of its positions missing, and how many samples these were."""
+    cleaned, count = {name: record[name] for name in record}, 0
+    for name in record:
+        if name != "y" and not name.startswith("y_"):
+            continue
+        at = np.flatnonzero(np.isfinite(record[name]))
+        there = record[name][at]
+        fine = is_valid(there.size, *spikes(there, noise(there), resolution(there)))
+        cleaned[name] = record[name].copy()
+        cleaned[name][at[~fine]] = np.nan
+        count += int(np.count_nonzero(~fine))
+    if count == 0:
+        return record, 0
+    return Record(record.t, cleaned, record.units, record.meta), count
+
+
+def without_spikes(records: Sequence[Record]) -> tuple[list[Record], str]:
+    """Return records without the spikes of their positions, and what to say of it, if anything."""
+    pairs = [spike_free(record) for record in records]
+    total, remark = sum(count for _, count in pairs), ""
+    if total == 1:
+        remark = "1 sample of the position, a spike amid others that agree, is left out"
+    elif total > 1:
+        remark = f"{total} samples of the position, spikes amid others that agree, are left out"
+    return [cleaned for cleaned, _ in pairs], remark

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,11 +14,48 @@ from ambkit.data.reading.derived_channels import OFTEN, is_formula
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import NO_NOISE, in_steps
 from ambkit.data.reading.signal_roles import slow
-from ambkit.data.reading.standstill import NEAR, standstill
 from ambkit.data.signals import TRUTH
 
-LIES = 50  #: Samples in a row in which nothing moves, that a rotor in flight does not have.
+NEAR = 0.02  #: Part of a position's range within which of its ends a rotor lies on a stop.
 MOVES = 20.0  #: Range of a position over its noise, from which on it moves at all.
+AT_AN_END = 0.3  #: Share of the samples at an end, from which on that is reported.
+
+
+@dataclass(frozen=True)
+class Standstill:
+    """A position that is at one end of its range for long."""
+
+    end: float  #: That end, in the channel's unit.
+    share: float  #: Share of the samples that are there.
+    greatest: bool  #: Whether it is the greater end.
+
+    def describe(self, unit: str = "") -> str:
+        """Say it in a sentence's part."""
+        end = "greatest" if self.greatest else "least"
+        value = engineering(self.end, unit, digits=3) if unit else f"{self.end:.4g}"
+        return f"at its {end} value, {value}, in {100 * self.share:.0f} % of the samples"
+
+
+def standstill(values: Array) -> Standstill | None:
+    """Find out whether a position (n,) lies at one of its ends for a good part of the time."""
+    # values (n,)
+    if values.size < 50:
+        return None
+    least, max_value = np.quantile(values, [0.002, 0.998])
+    rough = noise(values)
+    value_range = max_value - least
+    if not value_range > MOVES * rough or not value_range > 0:
+        return None
+    near = max(NEAR * value_range, 4 * rough)
+    results = [
+        Standstill(float(end), float(np.mean(abs(values - end) < near)), end == max_value)
+        for end in (least, max_value)
+    ]
+    most = max(results, key=lambda item: item.share)
+    return most if most.share > AT_AN_END else None
+
+
+LIES = 50  #: Samples in a row in which nothing moves, that a rotor in flight does not have.
 RESTS = 6.0  #: Standard deviations of its noise within which a position rests.
 
 MOVED = 0.25

@@ -15,11 +15,20 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError, shortened
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.units import engineering, figure
-from ambkit.data.files.formats import read_log
 from ambkit.data.files.log import DamagedLog, Log
+from ambkit.data.files.tables import read_log
 from ambkit.data.reading import faults as channel_faults
-from ambkit.data.reading import grid
-from ambkit.data.reading.clock import Clock, examine
+from ambkit.data.reading.clock import (
+    HELD,
+    Clock,
+    describe_shift,
+    even_grid,
+    examine,
+    insert_missing,
+    resample,
+    shifted,
+    spread,
+)
 from ambkit.data.reading.faults import Channel, Fault, clock_faults
 from ambkit.data.reading.plausibility import suspects
 from ambkit.data.reading.reading_figure import reading_figure
@@ -163,12 +172,12 @@ def _placed(
         raise RecordError("sampling_time (--sampling-time) is the step to resample to: ask for it")
     else:
         done = "filled with missing samples"
-        times, place = grid.insert_missing(clock)
-        on_grid = {name: grid.spread(v, place, times.size) for name, v in signals.items()}
+        times, place = insert_missing(clock)
+        on_grid = {name: spread(v, place, times.size) for name, v in signals.items()}
     step = float(times[-1] - times[0]) / (times.size - 1)
     for name, delay in mapped.delays.items():
-        on_grid[name] = grid.shifted(on_grid[name], delay / step, held=name in grid.HELD)
-        remarks.append(grid.describe_shift(name, delay, step))
+        on_grid[name] = shifted(on_grid[name], delay / step, held=name in HELD)
+        remarks.append(describe_shift(name, delay, step))
     remarks += suspects(times, on_grid, mapped.units)
     faults = [replace(f, action=done) if f.kind in ("gap", "jitter") else f for f in faults]
     reading = Reading(
@@ -264,7 +273,7 @@ def load(
     step = float(t[-1] - t[0]) / (t.size - 1)
     signals = dict(mapped.signals)
     for name, delay in mapped.delays.items():
-        signals[name] = grid.shifted(signals[name], delay / step, held=name in grid.HELD)
+        signals[name] = shifted(signals[name], delay / step, held=name in HELD)
     return _record(log, t, signals, mapped.units, mapped.meta | {"source": Path(path).name})
 
 
@@ -335,19 +344,19 @@ def _resampled(
         raise RecordError(f"{log.name}: the clock {jumping[0]} jumps: it cannot be resampled")
     main = clocks.get("t") or next(iter(clocks.values()))
     step = sampling_time or main.step
-    times = grid.even_grid(main, step)
+    times = even_grid(main, step)
     if times.size < 2:
         raise RecordError(
             f"{log.name}: a sampling time of {engineering(step, 's')} leaves no two samples"
         )
     results = {
-        name: grid.resample(v, clocks[clock_of[name]], times, held=name in grid.HELD)
+        name: resample(v, clocks[clock_of[name]], times, held=name in HELD)
         for name, v in signals.items()
     }
-    how = Counter("held" if name in grid.HELD else "straight" for name in signals)
+    how = Counter("held" if name in HELD else "straight" for name in signals)
     notes = [f"resampled to {engineering(1 / step, 'Hz', digits=5)}, without a low-pass before"]
     if how["straight"]:
-        names = ", ".join(name for name in signals if name not in grid.HELD)
+        names = ", ".join(name for name in signals if name not in HELD)
         notes.append(f"{names}: on straight lines between the samples")
     if how["held"]:
         notes.append("u: as it was at the last sample, since a controller holds it")

@@ -12,7 +12,7 @@ from ambkit.base.escaping import markdown
 from ambkit.data.reading.clock import Clock
 from ambkit.data.reading.faults import Fault
 from ambkit.data.record import Record
-from ambkit.data.signal_panels import MAX_PANELS, axis_of, missing_spans, steps_panel
+from ambkit.data.record_card import MAX_PANELS, axis_of, missing_spans, steps_panel
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line, Points, Rule
 

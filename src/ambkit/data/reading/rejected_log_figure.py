@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown, one_line
 from ambkit.data.reading.clock import examine
 from ambkit.data.reading.rejections import RejectedLog
-from ambkit.data.signal_panels import axis_of, missing_spans, steps_panel
+from ambkit.data.record_card import axis_of, missing_spans, steps_panel
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Item, Line
-
-Index = NDArray[np.intp]
 
 SHOWN = 6
 """Channels in the picture; its clocks come first."""

@@ -17,7 +17,7 @@ from ambkit.export.c.c_literals import CPrecision, Name
 from ambkit.export.c.crc import Constants
 from ambkit.machine.magnets import own_time
 from ambkit.models.plant import Plant
-from ambkit.simulation.scenario_control import settled_scenario
+from ambkit.simulation.scenario import settled_scenario
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

@@ -28,8 +28,7 @@ from ambkit.machine.magnets import Precision
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-from ambkit.simulation.scenario import Scenario
-from ambkit.simulation.scenario_control import settled_scenario
+from ambkit.simulation.scenario import Scenario, settled_scenario
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

@@ -11,7 +11,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.control.controller_states import Controller, lies_at
 from ambkit.export.c import c_literals, control
 from ambkit.export.c.c_literals import CPrecision, Name
-from ambkit.machine.levitation import levitation_current_at
+from ambkit.machine.loading import levitation_current_at
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

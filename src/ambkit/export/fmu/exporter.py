@@ -24,7 +24,7 @@ from ambkit.export.fmu import controller as flown
 from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.judge.adequacy import require_adequate
-from ambkit.machine.levitation import levitation_current_at
+from ambkit.machine.loading import levitation_current_at
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.result.document import Statement
 from ambkit.simulation.scenario import Scenario

@@ -375,7 +375,7 @@ def _rig(bearing: Bearing, place: float = 0.0) -> list[Variable]:
 
 
 def _gains(controller: PID, bearing: Bearing) -> list[Variable]:
-    from ambkit.machine.levitation import levitation_current_at
+    from ambkit.machine.loading import levitation_current_at
 
     current = levitation_current_at(bearing)
     weight = "share of the reference that kp sees"

@@ -12,12 +12,11 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import engineering, figure
-from ambkit.data.reading.despike import without_spikes
-from ambkit.identification.corpus.baselines import Baselines
+from ambkit.data.reading.faults import without_spikes
 from ambkit.identification.corpus.corpus_figure import corpus_figure
 from ambkit.identification.corpus.magnet_strength import StrengthLoss, strength_loss
 from ambkit.identification.corpus.pooling import Pooled, pool
-from ambkit.identification.corpus.prediction import Prediction, predict, rms
+from ambkit.identification.corpus.prediction import Baselines, Prediction, predict, rms
 from ambkit.identification.corpus.segmentation import SMOOTHED, Stretch, cut, flights, noise_of
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, is_interpolated

@@ -20,7 +20,7 @@ from ambkit.data.signals import signal
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-from ambkit.machine.axes import reading_along, with_axis
+from ambkit.machine.force_laws import reading_along, with_axis
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

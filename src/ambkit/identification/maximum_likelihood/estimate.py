@@ -15,7 +15,7 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, RecordError
-from ambkit.data.reading.despike import without_spikes
+from ambkit.data.reading.faults import without_spikes
 from ambkit.estimate.estimator import check_sampling
 from ambkit.identification.maximum_likelihood.current_state import (
     INSUFFICIENT_EXCITATION,
@@ -23,8 +23,11 @@ from ambkit.identification.maximum_likelihood.current_state import (
     insufficient_excitation,
     smooth_current,
 )
-from ambkit.identification.maximum_likelihood.information import weakly_identified
-from ambkit.identification.maximum_likelihood.initial_guess import initial_guess
+from ambkit.identification.maximum_likelihood.information import (
+    intervals,
+    restricted,
+    weakly_identified,
+)
 from ambkit.identification.maximum_likelihood.joint import Joint
 from ambkit.identification.maximum_likelihood.likelihood import (
     Likelihood,
@@ -43,14 +46,13 @@ from ambkit.identification.maximum_likelihood.parameters import (
     named,
     priors_of,
 )
-from ambkit.identification.maximum_likelihood.profile_likelihood import intervals
-from ambkit.identification.maximum_likelihood.restricted_likelihood import restricted
 from ambkit.identification.maximum_likelihood.result import CONFIDENCE, MaximumLikelihood
 from ambkit.identification.maximum_likelihood.search import (
     WALL,
     Optimum,
     diverged,
     fix,
+    initial_guess,
     maximise,
     restore_clearance,
     tighten_clearance,

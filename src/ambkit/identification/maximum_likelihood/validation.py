@@ -12,7 +12,7 @@ import numpy as np
 from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import RecordError
 from ambkit.base.units import engineering
-from ambkit.data.reading.despike import spike_free
+from ambkit.data.reading.faults import spike_free
 from ambkit.estimate.innovations import Whiteness, prediction_error, whiteness
 
 if TYPE_CHECKING:

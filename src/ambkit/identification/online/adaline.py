@@ -13,10 +13,15 @@ from numpy.typing import ArrayLike
 from ambkit.base.arrays import Array, real
 from ambkit.base.pickling import Copyable
 from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.data.record import Record
 from ambkit.identification.dead_time import acting
-from ambkit.identification.online.equivalent_current import as_ideal, is_ideal
-from ambkit.identification.online.result import OnlineResult, last_quarter, mean_error
-from ambkit.machine.magnets import core_module
+from ambkit.identification.online.result import (
+    OnlineResult,
+    last_quarter,
+    mean_error,
+)
+from ambkit.machine.machine import Bearing
+from ambkit.machine.magnets import core_module, magnet_of
 from ambkit.result.row import Row
 
 if TYPE_CHECKING:
@@ -212,3 +217,26 @@ def first_element(
         "least_excitation": least_excitation,
         "k": start,
     }
+
+
+def is_ideal(bearing: Bearing) -> bool:
+    """Whether a bearing's magnet is the ideal law itself."""
+    return magnet_of(bearing).ideal
+
+
+def as_ideal(bearing: Bearing, y: ArrayLike, u: ArrayLike) -> Array:
+    """Return the control signal with which ideal iron of the same constant pulls as the magnet."""
+    # y (n,) [m]; u (n,) [V]
+    m, amplifier, travel = bearing.magnet, bearing.amplifier, bearing.rotor.clearance
+    iu = np.clip(amplifier.gain * np.asarray(u), bearing.current_min, bearing.current_max)
+    x = np.clip(np.asarray(y) / bearing.sensor.gain, -travel, travel)
+    i0, s0 = m.bias_current, m.air_gap
+    pull = np.asarray(magnet_of(bearing).force(iu, x)) / m.magnet_constant
+    if m.type == "one-sided":
+        ideal = (s0 - x) * np.sqrt(np.maximum(pull, 0.0)) - i0
+    else:
+        # 4 (i0 s0 + i x)(i0 x + i s0) = pull (s0^2 - x^2)^2, of its two roots the one near zero.
+        right = pull * (s0**2 - x**2) ** 2 / 4
+        root = np.sqrt(np.maximum((i0 * (s0**2 - x**2)) ** 2 + 4 * x * s0 * right, 0.0))
+        ideal = 2 * (right - i0**2 * s0 * x) / (i0 * (s0**2 + x**2) + root)
+    return np.asarray(ideal / amplifier.gain)

@@ -15,8 +15,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
 from ambkit.base.units import figure
 from ambkit.identification.online.adaline import AdalineResult
-from ambkit.identification.online.augmented import AugmentedResult
-from ambkit.identification.online.magnet_constant import ONLINE
+from ambkit.identification.online.magnet_constant import ONLINE, AugmentedResult
 from ambkit.identification.online.result import CONFIDENCE, CONSTANT, OnlineResult, last_quarter
 from ambkit.identification.online.rls import LeastSquaresResult
 from ambkit.result.report.figure import Figure, Panel

@@ -22,15 +22,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ambkit.base.arrays import Array
 from ambkit.base.threads import one_thread
 from ambkit.data.signals import signal
 from ambkit.estimate.machine_model import View, several
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.magnets import magnet_of
 from ambkit.models import machine_model
-from ambkit.models.axis_parts import PAPER_STATES
+from ambkit.models.machine_parts import PAPER_STATES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing, Machine
     from ambkit.models.model import Model
 
-Array = NDArray[np.float64]
 
 NODES = 4
 """Points of the quadrature over a sample."""

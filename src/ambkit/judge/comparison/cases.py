@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control
 from ambkit.control.pid import PID
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.waveforms import Signal
 
-Array = NDArray[np.float64]
 Force = Callable[[Array, Array], Array]
 
 STEPS = (0.1, 0.3, 0.5)

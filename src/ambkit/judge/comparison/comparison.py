@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.data.signals import signal
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
 from ambkit.judge.comparison.bound import bearing_bound
-from ambkit.judge.comparison.candidates import Candidate
 from ambkit.judge.comparison.cases import Case, Trial, in_the_loop, trials
 from ambkit.judge.comparison.criteria import (
     OF_THE_LOOP,
@@ -26,14 +25,13 @@ from ambkit.judge.comparison.criteria import (
     rows_along,
 )
 from ambkit.judge.comparison.score import Bench, Standing
-from ambkit.judge.comparison.tuning import SIGNALS, Tuning, errors, tune
+from ambkit.judge.comparison.tuning import SIGNALS, Candidate, Tuning, errors, tune
 from ambkit.machine.force_laws import slowest_time
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.machine import Machine
 
-Array = NDArray[np.float64]
 
 TRAINING = 4
 """Runs that are tuned on; they are judged on others."""

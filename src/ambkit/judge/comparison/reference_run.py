@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.kalman import ExtendedKalmanFilter, KalmanFilter
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimate import Estimate
     from ambkit.estimate.estimator import Estimator
 
-Array = NDArray[np.float64]
 
 FINER = 10
 """Steps in a sample of the filter that is compared with."""

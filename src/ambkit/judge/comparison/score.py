@@ -12,9 +12,8 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.base.units import figure, percent
 from ambkit.judge.comparison.cases import Case
-from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED
+from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, PerRun
 from ambkit.judge.comparison.figures import cases_figure, cost_figure, matrix_figure
-from ambkit.judge.comparison.per_run import PerRun
 from ambkit.judge.comparison.tuning import Tuning
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.estimate.registry import KINDS, learned_magnet
-from ambkit.judge.comparison.candidates import Candidate, candidates, suited
 from ambkit.judge.comparison.cases import (
     CASES,
     REACH,
@@ -25,11 +24,11 @@ from ambkit.judge.comparison.cases import (
     walk_case,
 )
 from ambkit.judge.comparison.comparison import TRAINING, Sweep, bench, pieces, sweep
-from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED
+from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, PerRun
 from ambkit.judge.comparison.figures import efficiency_figure, run_figure, sweep_figure
-from ambkit.judge.comparison.per_run import PerRun
 from ambkit.judge.comparison.score import Bench, Benches
 from ambkit.judge.comparison.tolerance import CERTAIN
+from ambkit.judge.comparison.tuning import Candidate, candidates, suited
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.result.result import Result
 from ambkit.result.row import Row
@@ -40,6 +39,7 @@ if TYPE_CHECKING:
     from ambkit.machine.magnets import MagnetModel
     from ambkit.machine.stiffness import StiffnessMap
     from ambkit.result.report.figure import Figure
+
 
 HEIGHTS = (0.02, 0.1, 0.2, 0.3, 0.4, 0.5)
 """Steps whose errors are shown, in travels."""

@@ -19,7 +19,7 @@ from ambkit.control.pid import PID
 from ambkit.data.files.tables import Table, write_table
 from ambkit.estimate.named import factories
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.comparison.candidates import suited
+from ambkit.judge.comparison.tuning import suited
 from ambkit.judge.faults.fault_run import BASELINE, SETTINGS, Flight, Outcome, recovery_text
 from ambkit.judge.faults.faults import CLEAN, FAULTS
 from ambkit.judge.faults.faults_figure import faults_figure

@@ -12,15 +12,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.machine.magnets import ConstantStiffness, Precision, own_time
 from ambkit.simulation.external_inputs import Faults
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
-
-Array = NDArray[np.float64]
 
 
 @dataclass(eq=False)

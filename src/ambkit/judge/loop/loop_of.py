@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import name_of
 from ambkit.control.control import Control, as_control
@@ -27,17 +28,14 @@ from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
-from ambkit.judge.loop.bounds import least_peaks
 from ambkit.judge.loop.capacity import Turned, of_runout, of_unbalance
-from ambkit.judge.loop.hinf import beside_each_other, hinf
-from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.judge.loop.margins import grid, highest
+from ambkit.judge.loop.synthesis import LQG, Noise, beside_each_other, hinf, least_peaks
 from ambkit.machine.components import Unbalance
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
-from ambkit.machine.rotors.whirl import end_of_range
+from ambkit.machine.rotors.modes import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
-from ambkit.models.model import Array
 from ambkit.models.plant import Plant
 
 ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))

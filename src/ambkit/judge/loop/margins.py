@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.models.linear import Complex
+from ambkit.base.arrays import Array, Complex
 
 if TYPE_CHECKING:
     from ambkit.control.linear.closed_loop import Loop
 
-Array = NDArray[np.float64]
 
 LOWEST = 1e-6
 """Of half the sampling rate, where a grid begins."""

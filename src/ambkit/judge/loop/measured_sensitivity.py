@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import RecordError
 from ambkit.base.units import engineering
-from ambkit.models.linear import Complex
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
 
-Array = NDArray[np.float64]
 Logged = Literal["after", "before"]
 
 LEVEL = 0.95

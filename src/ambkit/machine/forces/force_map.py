@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import progress
-from ambkit.machine.forces.force_file import load_force_points
+from ambkit.machine.forces.force_points import load_force_points
 from ambkit.machine.forces.force_surface import ForceSurface
 
 if TYPE_CHECKING:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ambkit.base.arrays import real
+from ambkit.base.arrays import Array, real
 from ambkit.base.errors import AmbkitError
-
-Array = NDArray[np.float64]
 
 
 class ForceTable:

@@ -10,9 +10,8 @@ from importlib.resources import files
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ambkit.base.arrays import Array
 
 MAGNET_CONSTANT: Final = 6.7e-6
 """Identified magnet constant [N m^2/A^2] (below eq. 31)."""

@@ -16,9 +16,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ambkit.base.arrays import Array
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 """Exact for polynomials of degree 7; the masses have degree 6."""

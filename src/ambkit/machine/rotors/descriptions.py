@@ -20,9 +20,8 @@ from ambkit.base.units import engineering
 from ambkit.machine.rotors import beam
 from ambkit.machine.rotors.matrix_file import read_matrices
 from ambkit.machine.rotors.measured_modes import ThroughPoints
-from ambkit.machine.rotors.modes import Bending, Body, body_of, reduced
+from ambkit.machine.rotors.modes import RANGE, Bending, Body, body_of, enough, reduced
 from ambkit.machine.rotors.shaft_elements import NAMED, Disc, Material, Section
-from ambkit.machine.rotors.whirl import RANGE, enough
 
 Ratio = Annotated[float, Quantity("1", "0.002", above=0)]
 Frequency = Annotated[float, Quantity("Hz", "1 kHz", above=0)]

@@ -20,13 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import memory_limit
+from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.base.units import parse
 from ambkit.data.files import mat
 from ambkit.data.files.log import check_readable
 from ambkit.machine.rotors.beam import Matrices
-
-Array = NDArray[np.float64]
 
 NEEDED = ("M", "K", "G", "node", "direction", "place")
 OPTIONAL = ("D", "D_internal")

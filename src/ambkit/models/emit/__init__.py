@@ -9,8 +9,7 @@ sums is that of the loops, so that the bits agree.
 from ambkit.models.emit.covariance import predict_covariance
 from ambkit.models.emit.header import constants, fields, header, initialiser, struct
 from ambkit.models.emit.names import KEYWORDS, Names, Naming
-from ambkit.models.emit.sensors import update
-from ambkit.models.emit.steps import current, displacement, predict_mean
+from ambkit.models.emit.steps import current, displacement, predict_mean, update
 
 __all__ = [
     "KEYWORDS",

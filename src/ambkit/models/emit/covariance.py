@@ -10,8 +10,18 @@ last is added last.
 
 from __future__ import annotations
 
-from ambkit.models.emit.names import COV, GROWTH, Names
-from ambkit.models.emit.terms import Factor, Stages, Sum, Term, product, products, total
+from ambkit.models.emit.names import (
+    COV,
+    GROWTH,
+    Factor,
+    Names,
+    Stages,
+    Sum,
+    Term,
+    product,
+    products,
+    total,
+)
 from ambkit.models.model import ZERO
 
 Symbols = list[list[str | None]]

@@ -7,21 +7,26 @@ import textwrap
 from collections.abc import Sequence
 
 from ambkit.models.emit.covariance import predict_covariance
-from ambkit.models.emit.initialisation import (
+from ambkit.models.emit.names import Names
+from ambkit.models.emit.steps import (
+    current,
+    displacement,
     drives,
     equilibrium,
     firsts,
     growth,
     known,
+    predict_mean,
     pushed,
     role,
+    shown,
+    shown_variance,
+    shown_with,
     sound,
     uncorrelated,
+    update,
     variances,
 )
-from ambkit.models.emit.names import Names
-from ambkit.models.emit.sensors import shown, shown_variance, shown_with, update
-from ambkit.models.emit.steps import current, displacement, predict_mean
 from ambkit.models.model import MATRICES, Model
 
 WIDTH = 100

@@ -2,8 +2,255 @@
 
 from __future__ import annotations
 
-from ambkit.models.emit.names import CURRENTS, MEAN, Names
-from ambkit.models.emit.terms import Stages, in_place, product, total
+import numpy as np
+
+from ambkit.models.emit.names import (
+    COV,
+    CURRENTS,
+    GROWTH,
+    MEAN,
+    Names,
+    Stages,
+    in_place,
+    product,
+    switched,
+    total,
+)
+from ambkit.models.model import ONE, ZERO
+from ambkit.models.roles import LOAD, POSITION, ROLES, SHOWN, VELOCITY
+
+SENSOR = "int r"
+
+
+def shown(names: Names) -> str:
+    """Return the function of what a sensor shows of a mean."""
+    return names.form(
+        "What the sensor shows (eq. 21).",
+        "shown",
+        [SENSOR, f"const {MEAN}"],
+        [[_of_mean(names, r)] for r in range(names.m)],
+    )
+
+
+def shown_variance(names: Names) -> str:
+    """Return the function of the variance of that."""
+    cases = []
+    for r in range(names.m):
+        seen = [j for j, _ in names.entries("c", r)]
+        loads, lines, PH = _with_sensor(names, r, seen)
+        cases.append([*loads, *lines, _variance(names, r, PH)])
+    arguments = [SENSOR, f"const {COV}"]
+    return names.form("The variance of that.", "shown_variance", arguments, cases)
+
+
+def shown_with(names: Names) -> str:
+    """Return the function of its covariance with the states."""
+
+    def column(r: int, i: int) -> str:
+        terms = [product(in_place(c), _cov(names, i, j)) for j, c in names.entries("c", r)]
+        return f"with_y[{i}] = {total(terms)};"
+
+    cases = [[column(r, i) for i in range(names.n)] for r in range(names.m)]
+    arguments = [SENSOR, f"const {COV}", "amb_real with_y[AMB_STATES]"]
+    doc = "And its covariance with the states."
+    return names.function(doc, "shown_with", arguments, switched(SENSOR, cases))
+
+
+def update(names: Names) -> str:
+    """Return the function that takes in a measurement: K = P c'/S, X += K e, P -= K (P c')'."""
+    arguments = [
+        "amb_real y", "amb_real S", MEAN, COV, "amb_real *innovation",
+    ]  # fmt: skip
+    doc = "Eq. 11-13 for the scalar measurement of {}; S must be positive."
+    if names.m == 1:
+        body = _update(names, 0)
+        return names.function(doc.format("eq. 21"), "update", [SENSOR, *arguments], body)
+    functions, cases = [], []
+    for r, measurement in enumerate(names.model.measurements):
+        what = doc.format(measurement.name)
+        functions.append(names.function(what, f"update_{r}", arguments, _update(names, r)))
+        call_arguments = "model, y, S, mean, cov, innovation"
+        cases.append([f"amb_model_update_{r}({call_arguments});"])
+    last = names.function(
+        doc.format("one sensor"), "update", [SENSOR, *arguments], switched(SENSOR, cases)
+    )
+    return "\n".join([*functions, last])
+
+
+def _update(names: Names, r: int) -> list[str]:
+    """Return the body of the update with measurement r."""
+    states = range(names.n)
+    loads, lines, PH = _with_sensor(names, r, list(states), all_of_P=True)
+    seen = _of_mean(names, r)
+    head = [
+        f"*innovation = y - {seen if len(names.entries('c', r)) == 1 else f'({seen})'};",
+        "const amb_real inverse = AMB_C(1.0) / S;",  # one division for all of K
+        "const amb_real e = *innovation;",
+    ]
+    # Where PH is a column of P the long way to K begins at once.
+    body = [*loads, *lines, *head] if lines else [*head, *loads]
+    body += [f"const amb_real K{i} = {product(PH[i], 'inverse').text};" for i in states]
+    body += [f"mean[{i}] += {product(f'K{i}', 'e').text};" for i in states]
+    # As differences, not as sums with -K: that would be one more operation to wait for.
+    return body + [
+        f"cov[{at}] = {names.P(i, j)} - {product(f'K{i}', PH[j]).text};"
+        for (i, j), at in names.where.items()
+    ]
+
+
+def _of_mean(names: Names, r: int) -> str:
+    return total(product(in_place(c), f"mean[{j}]") for j, c in names.entries("c", r))
+
+
+def _cov(names: Names, i: int, j: int) -> str:
+    return f"cov[{names.where[min(i, j), max(i, j)]}]"
+
+
+def _with_sensor(
+    names: Names, r: int, states: list[int], *, all_of_P: bool = False
+) -> tuple[list[str], list[str], dict[int, str | None]]:
+    """Return loads, and lines that compute PH = P c' of some states, and what these are called."""
+    stages, entries = Stages(), names.entries("c", r)
+    PH = {i: stages.add(f"PH{i}", [product(c, names.P(i, j)) for j, c in entries]) for i in states}
+    lines, symbols = stages.needed([[product(x)] for x in PH.values()])
+    if all_of_P:
+        symbols |= {names.P(*ij) for ij in names.pairs}
+    elif not lines:
+        symbols = set()  # a variance is returned from where it is stored
+    if lines:
+        symbols |= {c for _, c in entries if c}
+    return names.loads(symbols), lines, PH
+
+
+def _variance(names: Names, r: int, PH: dict[int, str | None]) -> str:
+    """Return c P c', from where it is stored if it is one entry."""
+    known = {names.P(*ij): f"cov[{at}]" for ij, at in names.where.items()}
+    return total(product(c, known.get(PH[j] or "", PH[j])) for j, c in names.entries("c", r))
+
+
+def growth(names: Names) -> str:
+    """Return the function of the covariance that the sources of noise leave in a sample."""
+    pattern, body = names.model.pattern["N"], []
+    for at, (i, j) in enumerate(names.pairs):
+        terms = []
+        for k in range(names.k):
+            if (kind := pattern[k, i, j]) != ZERO:
+                N = None if kind == ONE else f"model->{names.constants[f'N{k}', i, j]}"
+                terms.append(product(N, f"var[{k}]"))
+        body.append(f"growth[{at}] = {total(terms)};")
+    of = ", ".join(noise.name for noise in names.model.noises)
+    return names.function(
+        f"Covariance that growths of these variances leave in a sample: {of}.",
+        "growth",
+        ["const amb_real var[AMB_NOISES]", GROWTH],
+        body,
+    )
+
+
+def drives(names: Names) -> str:
+    """Return the function of which noise drives which state."""
+    flags = np.diagonal(names.model.pattern["N"], axis1=1, axis2=2) != ZERO
+    rows = ", ".join(
+        "{" + ", ".join("true" if on else "false" for on in row) + "}" for row in flags
+    )
+    body = [
+        f"static const bool drives[AMB_NOISES][AMB_STATES] = {{{rows}}};",
+        "return drives[k][i];",
+    ]
+    doc = "Whether noise k drives state i within a sample."
+    return names.function(doc, "drives", ["int k", "int i"], body, "bool")
+
+
+def pushed(names: Names) -> str:
+    """Return the function of what a force leaves in the states."""
+    rows = [dict(names.entries("b", i)) for i in range(names.n)]
+    cases = [
+        [
+            f"moved[{i}] = {product(in_place(row[f])).text if f in row else total([])};"
+            for i, row in enumerate(rows)
+        ]
+        for f in range(names.p)
+    ]
+    arguments = ["int f", "amb_real moved[AMB_STATES]"]
+    doc = "How a force of 1 N moves the states within a sample."
+    return names.function(doc, "pushed", arguments, switched("int f", cases))
+
+
+def role(names: Names) -> str:
+    """Return the function of what each state is."""
+    unknown = [state.name for state in names.model.states if state.role not in ROLES]
+    if unknown:
+        raise ValueError(f"states of unknown roles: {', '.join(unknown)}")
+    roles = ", ".join(ROLES[state.role] for state in names.model.states)
+    body = [f"static const amb_role role[AMB_STATES] = {{{roles}}};", "return role[i];"]
+    return names.function("What each state is.", "role", ["int i"], body, "amb_role")
+
+
+def equilibrium(names: Names) -> str:
+    """Return the function that sets what sensors show to what it is at rest."""
+    body = [
+        f"mean[{i}] = "
+        f"{total(product(f'mean[{j}]', in_place(a)) for j, a in names.entries('rest', i))};"
+        for i in range(names.n)
+        if names.shown(i)
+    ]
+    doc = "What follows from the positions when all is at rest."
+    return names.function(doc, "equilibrium", [MEAN], body)
+
+
+def firsts(names: Names) -> list[str]:
+    """Return the macros of the first state of some roles, of those that there are."""
+    roles = [ROLES[state.role] for state in names.model.states]
+    return [
+        f"#define {role.replace('AMB_', 'AMB_FIRST_')} {roles.index(role)}"
+        for role in (POSITION, VELOCITY, LOAD)
+        if role in roles
+    ]
+
+
+def sound(names: Names) -> str:
+    """Return the function that says whether variances are such."""
+    body = " && ".join(
+        f"({at} >= AMB_C(0.0))"
+        for i, at in enumerate(_diagonal(names))
+        if ROLES[names.model.states[i].role] != SHOWN
+    )
+    doc = "Whether they are such; what a sensor shows is looked after by who takes it in."
+    return names.function(doc, "sound", [f"const {COV}"], [f"return {body};"], "bool")
+
+
+def known(names: Names) -> str:
+    """Return the function that says whether the positions are known."""
+    body = " && ".join(
+        f"({at} <= widest[{i}])"
+        for i, at in enumerate(_diagonal(names))
+        if ROLES[names.model.states[i].role] == POSITION
+    )
+    arguments = [f"const {COV}", "const amb_real widest[AMB_STATES]"]
+    doc = "Whether all positions are known better than this."
+    return names.function(doc, "known", arguments, [f"return {body or 'true'};"], "bool")
+
+
+def uncorrelated(names: Names) -> str:
+    """Return the function of a covariance of variances alone."""
+    body = [
+        f"cov[{at}] = " + (f"amb_magnitude(variances[{i}]);" if i == j else f"{total([])};")
+        for (i, j), at in names.where.items()
+    ]
+    arguments = ["const amb_real variances[AMB_STATES]", COV]
+    doc = "A covariance of these variances, and nothing else."
+    return names.function(doc, "uncorrelated", arguments, body)
+
+
+def variances(names: Names) -> str:
+    """Return the function of the variances of all states."""
+    body = [f"variances[{i}] = {at};" for i, at in enumerate(_diagonal(names))]
+    arguments = [f"const {COV}", "amb_real variances[AMB_STATES]"]
+    return names.function("The variances of all states.", "variances", arguments, body)
+
+
+def _diagonal(names: Names) -> list[str]:
+    return [f"cov[{names.where[i, i]}]" for i in range(names.n)]
 
 
 def displacement(names: Names) -> str:
