@@ -300,7 +300,8 @@ def test_two_coupled_poles_make_one_critical_speed(one_mode: Machine) -> None:
 
 def test_two_peaks_stay_two() -> None:
     """Poles at 100 and 112 rad/s make one peak at 106; that at 150 is one of its own."""
-    criticals = [CriticalSpeed(100.0, 0.05), CriticalSpeed(112.0, 0.05), CriticalSpeed(150.0, 0.05)]
+    speeds = (30.0, 30.0 + 1e-9, 100.0, 112.0, 150.0)
+    criticals = [CriticalSpeed(speed, 0.3 if speed < 50 else 0.05) for speed in speeds]
 
     def resonance(w: float, of: float) -> float:
         return float(abs(w**2 / (of**2 - w**2 + 0.1j * of * w)))
@@ -309,10 +310,11 @@ def test_two_peaks_stay_two() -> None:
         return resonance(w, 106.0) + resonance(w, 150.0)
 
     with mock.patch.object(loop_criticals_module, "_response", lambda at, w: at(w)):
-        first, second = loop_criticals_module._distinct(one, criticals, 300.0)
+        damped, first, second = loop_criticals_module._distinct(one, criticals, 300.0)
     assert first.speed == pytest.approx(106.0, rel=0.02)
     assert first.damping_ratio == pytest.approx(0.05, rel=0.15)
-    assert second == criticals[2]
+    assert second == criticals[-1]
+    assert damped == criticals[0]
 
 
 def test_a_run_is_judged_by_the_controllers_that_fly_in_it(one_mode: Machine) -> None:

@@ -36,6 +36,9 @@ HALF_POWER, BETWEEN = math.sqrt(0.5), 6
 ACROSS = np.linspace(-3, 3, 13)
 """Speeds about each pole of a peak of several, in widths."""
 
+SAME = 1e-6
+"""Distance of two critical speeds, over the lower one, up to which they are one."""
+
 OVERDAMPED = 1e-3
 """Of a pole, the imaginary part below which it does not oscillate but for rounding."""
 
@@ -90,9 +93,12 @@ def _distinct(at: At, criticals: list[CriticalSpeed], end: float) -> list[Critic
     # Where poles of rotor and filter are coupled, two of them make one peak. Two peaks are distinct
     # where the response between them falls to half the power, by which API 684 defines the
     # amplification factor.
+    # Of a rotor that is the same in x and y, a whirl and its mirror image are one.
     groups: list[list[CriticalSpeed]] = []
     for critical in criticals:
         last = groups[-1][-1] if groups else critical
+        if groups and critical.speed <= (1 + SAME) * last.speed:
+            continue
         sharp = min(critical.amplification, last.amplification) >= DAMPED
         if sharp and last is not critical and not _valley(at, last.speed, critical.speed):
             groups[-1].append(critical)

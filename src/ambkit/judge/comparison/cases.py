@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -202,6 +203,7 @@ def _with_constant(machine: Machine, factor: float) -> Machine:
     return machine.replace(bearing=bearings)
 
 
+@lru_cache(maxsize=2)
 def loaded(machine: Machine, runs: int, seed: int) -> list[Trial]:
     """Make records with a step of load along each axis, of random size at a random time."""
     rng, made = np.random.default_rng(seed), []

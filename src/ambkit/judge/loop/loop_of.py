@@ -307,7 +307,8 @@ class LoopOf:
             return math.inf
         f = grid(loop, COARSE)
         within = np.append(f[f < self.top], self.top)
-        return max(highest(partial(loop.of_axis, k), within)[0] for k in range(loop.axes))
+        S = np.abs(np.einsum("kii->ki", loop.along_axes(within)))
+        return max(highest(partial(loop.of_axis, k), within, S[:, k])[0] for k in range(loop.axes))
 
     def check(self, estimator: Estimator, peak_limit: float) -> None:
         """Refuse a ceiling on the peak of abs(S) that this filter cannot be held to."""
