@@ -22,7 +22,7 @@ from ambkit.estimate.kalman import AdaptiveKalmanFilter
 from ambkit.estimate.registry import KINDS as REGISTRY
 from ambkit.export.fmu import export_fmu, export_ssp
 from ambkit.machine.stiffness import stiffness_map
-from ambkit.simulation.noise import drawn
+from ambkit.simulation.recording import drawn
 from ambkit.simulation.run import simulate_run
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")

@@ -17,7 +17,7 @@ from ambkit.control.controller_states import Controller
 from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.estimate.registry import KINDS
 from ambkit.export.fmu import export_fmu, export_ssp
-from ambkit.simulation.noise import drawn
+from ambkit.simulation.recording import drawn
 from ambkit.simulation.run import Run, simulate_run
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")

@@ -20,8 +20,7 @@ from ambkit import (
 from ambkit.fuzzy.rule_selection import measured_map
 from ambkit.identification.forces.force_map import force_map, nodes_for
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-from ambkit.machine.forces.force_points import ForcePoints, load_force_points
-from ambkit.machine.forces.table import ForceTable
+from ambkit.machine.forces.force_points import ForcePoints, ForceTable, load_force_points
 
 BEARING = Bearing.preset("zittau_axial")
 

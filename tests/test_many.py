@@ -26,7 +26,7 @@ from ambkit.estimate.batch import instruction_sets
 from ambkit.estimate.registry import KINDS
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.many import windows
-from ambkit.simulation.noise import Stream
+from ambkit.simulation.recording import Stream
 from ambkit.simulation.run import Run
 from ambkit.simulation.run_figures import FIGURES, FLAGS
 

@@ -18,9 +18,9 @@ from scipy.signal import lfilter
 import ambkit
 from ambkit import Bearing, Constant, Record, Scenario, Sine, Step
 from ambkit.base.errors import AmbkitError
+from ambkit.identification.online.adaline import OnlineResult, mean_error
 from ambkit.identification.online.comparison import OnlineComparison, compare_online, online_figure
 from ambkit.identification.online.magnet_constant import AugmentedIdentifier, AugmentedResult
-from ambkit.identification.online.result import OnlineResult, mean_error
 from ambkit.result.report.items import Band, Line, Rule, Span
 from ambkit.simulation.external_inputs import ExternalInputs
 

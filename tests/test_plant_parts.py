@@ -20,8 +20,8 @@ from ambkit.machine import presets
 from ambkit.machine.accessories import ColouredNoise, Hum
 from ambkit.machine.magnets import core_module
 from ambkit.models import plant_parts as plant_parts
-from ambkit.simulation import noise as plant_noise
-from ambkit.simulation.noise import Stream
+from ambkit.simulation import recording as plant_noise
+from ambkit.simulation.recording import Stream
 from ambkit.simulation.run import Loop
 
 M, K, S0, I0 = 0.518, 6.7e-6, 2e-3, 1.5

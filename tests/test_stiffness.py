@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from ambkit import _core, _core_f32
 from ambkit.base.errors import AmbkitError
-from ambkit.machine.forces.table import ForceTable
+from ambkit.machine.forces.force_points import ForceTable
 from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import ClosedLaw, ConstantStiffness
 from ambkit.machine.stiffness import StiffnessMap, local_stiffness, stiffness_map

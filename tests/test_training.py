@@ -9,7 +9,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import LeastSquares, TrainingSet, train
 from ambkit.machine import paper
-from ambkit.machine.forces.table import ForceTable
+from ambkit.machine.forces.force_points import ForceTable
 from ambkit.machine.machine import Bearing
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ambkit.identification.online.magnet_constant import identify_online
 from ambkit.machine import paper
-from ambkit.machine.forces.table import ForceTable
+from ambkit.machine.forces.force_points import ForceTable
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, TableBlock, Text
 from ambkit.result.report.figure import Figure, Panel

@@ -21,10 +21,9 @@ from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.data.reading import load_with_gaps
 from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.experts import experts
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.filter_saving import in_memory
-from ambkit.estimate.named import AT, PLUS, factories
+from ambkit.estimate.named import AT, PLUS, experts, factories
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Bearing, Machine

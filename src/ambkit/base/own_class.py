@@ -1,4 +1,4 @@
-"""A class in a user's Python file, named as ``file.py:Class``."""
+"""A class in a user's Python file, named as ``file.py:Class``, and its step."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import (
     PlainSerializer,
     PlainValidator,
@@ -90,3 +91,38 @@ def made(name: str, make: Callable[..., Any], machine: Any) -> Any:
     if not callable(getattr(result, "step", None)):
         raise AmbkitError(f"{name}: it needs a method step")
     return result
+
+
+class OwnStep:
+    """An object with ``step``, made anew for a run."""
+
+    def __init__(self, make: Any, machine: Any, call: str, returns: str) -> None:
+        self.name = name_of(make)
+        self.wrapped = made(self.name, class_of(make), machine)
+        self._call, self._returns, self._sample = call, returns, 0
+        self._failed: BaseException | None = None
+
+    def numbers(self, count: int, *arguments: Any) -> list[float]:
+        """Return what ``step`` does, NaN once it failed: no exception may reach C."""
+        if self._failed is None:
+            try:
+                result = np.ravel(np.asarray(self.wrapped.step(*arguments), float))
+                if result.shape != (count,):
+                    raise ValueError(f"it returned {result.size} numbers")
+                self._sample += 1
+                return result.tolist()
+            except BaseException as error:  # Ctrl-C too
+                self._failed = error
+        return [np.nan] * count
+
+    def check(self) -> None:
+        """Raise what ``step`` raised."""
+        error, self._failed = self._failed, None
+        if error is None:
+            return
+        if not isinstance(error, Exception):
+            raise error
+        raise AmbkitError(
+            f"{self.name}: {self._call} at sample {self._sample}: {type(error).__name__}: "
+            f"{error}; it must return {self._returns}"
+        ) from error

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.campaigns.distributions import OneOf
 from ambkit.campaigns.plan import Plan
-from ambkit.campaigns.statistics import Share, clopper_pearson
+from ambkit.campaigns.stopping_rule import Share, clopper_pearson
 from ambkit.campaigns.store import RUNS, Folder, array_of
 from ambkit.campaigns.study_tables import UNITS, ZONES
 

@@ -1,4 +1,4 @@
-"""A campaign: its parts computed here or on a cluster, written as they come, until it is enough."""
+"""A campaign: its parts computed here or on a cluster, and written as they come."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ from ambkit.base.progress import reporting
 from ambkit.base.quantity_arguments import of_type
 from ambkit.campaigns.campaign import Campaign
 from ambkit.campaigns.plan import Plan
-from ambkit.campaigns.statistics import Share
-from ambkit.campaigns.stopping_rule import Counted, looks_of
+from ambkit.campaigns.stopping_rule import Counted, Share, looks_of
 from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study import Study, load
 from ambkit.campaigns.worker import Rows, compute, part_of, versions

@@ -1,4 +1,4 @@
-"""What drives a figure: Sobol indices, by SALib."""
+"""Sobol indices by SALib: what drives a figure."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ambkit.base.own_step import OwnStep
+from ambkit.base.own_class import OwnStep
 from ambkit.machine.machine import Machine
 
 

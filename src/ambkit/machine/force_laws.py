@@ -1,4 +1,4 @@
-"""The magnets of a machine, axis by axis: of a single axis its law, of several a `Bank`."""
+"""Force laws and isolated axes of a machine."""
 
 from __future__ import annotations
 

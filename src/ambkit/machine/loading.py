@@ -1,4 +1,4 @@
-"""A machine by its name: a preset, or a TOML file."""
+"""A machine by its name, a preset or a TOML file, and its levitation current."""
 
 from __future__ import annotations
 

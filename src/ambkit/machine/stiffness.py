@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from ambkit.base.arrays import Array, real
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
-from ambkit.machine.forces.table import check_nodes
+from ambkit.machine.forces.force_points import check_nodes
 from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import equally_far, magnet_of
 

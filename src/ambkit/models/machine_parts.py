@@ -1,4 +1,4 @@
-"""A machine's parts, and its sampled model."""
+"""A machine's parts, composed into its sampled model."""
 
 from __future__ import annotations
 

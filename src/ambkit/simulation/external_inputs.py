@@ -1,4 +1,4 @@
-"""What a run is given from outside: loads, noise, a magnet that drifts, and faults."""
+"""External inputs of a run: disturbance forces, noise, faults, and a plant of the user."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array
-from ambkit.base.own_step import OwnStep
+from ambkit.base.own_class import OwnStep
 from ambkit.machine.machine import Machine
 
 

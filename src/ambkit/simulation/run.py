@@ -28,8 +28,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, core_module
 from ambkit.simulation.external_inputs import ExternalInputs, Faults, OwnPlant, columns, series_of
 from ambkit.simulation.fields import InLoops, StraightLine
-from ambkit.simulation.noise import drawn, white
-from ambkit.simulation.recording import recorded
+from ambkit.simulation.recording import drawn, recorded, white
 from ambkit.simulation.scenario import AXES, Scenario, feedback_of, settled_scenario
 from ambkit.simulation.simulated import Run as Run
 

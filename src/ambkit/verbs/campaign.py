@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 from ambkit.verbs.words import Above, Cluster, Folder, Study
 
 if TYPE_CHECKING:
-    from ambkit.campaigns.campaign import Campaign
-    from ambkit.campaigns.replay import Replayed
+    from ambkit.campaigns.campaign import Campaign, Replayed
     from ambkit.result.document import Document, Statement
 
 

@@ -14,9 +14,8 @@ from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.experts import EXPERTS, experts
 from ambkit.estimate.filter_saving import NoFile, made_by, origin_of, preset_of
-from ambkit.estimate.named import AT, factories
+from ambkit.estimate.named import AT, EXPERTS, experts, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.comparison.cases import Case

@@ -1,4 +1,4 @@
-"""Tables: columns of equal length with units, as ambkit itself writes and reads them."""
+"""Tables: columns of equal length with units, and the formats in which they are read."""
 
 from __future__ import annotations
 

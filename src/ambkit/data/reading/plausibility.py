@@ -1,4 +1,4 @@
-"""What a log may be and should not: an estimate or a reference as y, a rotor that lies."""
+"""Plausibility of a log: an estimate or a reference as y, a rotor that lies still."""
 
 from __future__ import annotations
 

@@ -23,12 +23,12 @@ from ambkit.data.reading.derived_channels import (
     velocities,
 )
 from ambkit.data.reading.faults import noise
-from ambkit.data.reading.instrumental_variables import instrumented
 from ambkit.data.reading.levitation_test import (
     TINY,
     Band,
     LevitationFit,
     bands,
+    instrumented,
     levitation_fits,
     turning,
 )

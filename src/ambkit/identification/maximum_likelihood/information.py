@@ -1,4 +1,4 @@
-"""How surely a record would tell parameters, known before any search: their Fisher information.
+"""Fisher information, profile and restricted likelihood: how surely parameters are known.
 
 Where a Kalman filter's model is right, its innovations e are white, with the variance S that it
 expects, and no unbiased estimate scatters less than the inverse of the information says (Cramer and

@@ -1,4 +1,4 @@
-"""The way up the likelihood, and what is done with a parameter that the records do not tell."""
+"""The search: where it starts, how it climbs, and which parameters it holds."""
 
 from __future__ import annotations
 

@@ -14,9 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
 from ambkit.base.units import figure
-from ambkit.identification.online.adaline import AdalineResult
+from ambkit.identification.online.adaline import (
+    CONFIDENCE,
+    CONSTANT,
+    AdalineResult,
+    OnlineResult,
+    last_quarter,
+)
 from ambkit.identification.online.magnet_constant import ONLINE, AugmentedResult
-from ambkit.identification.online.result import CONFIDENCE, CONSTANT, OnlineResult, last_quarter
 from ambkit.identification.online.rls import LeastSquaresResult
 from ambkit.result.report.figure import Figure, Panel
 from ambkit.result.report.items import Axis, Band, Item, Line, Points, Rule, Span

@@ -1,4 +1,4 @@
-"""From a record to a bearing whose magnet constant was identified."""
+"""The magnet constant from a record, sample by sample, with k as a state too."""
 
 from __future__ import annotations
 
@@ -18,8 +18,13 @@ from ambkit.base.units import figure
 from ambkit.data.record import Record
 from ambkit.estimate.augmented import AugmentedKalmanFilter
 from ambkit.estimate.estimate import Estimate, Status
-from ambkit.identification.online.adaline import Adaline, AdalineResult
-from ambkit.identification.online.result import CONFIDENCE, CONSTANT, OnlineResult
+from ambkit.identification.online.adaline import (
+    CONFIDENCE,
+    CONSTANT,
+    Adaline,
+    AdalineResult,
+    OnlineResult,
+)
 from ambkit.identification.online.rls import RecursiveLeastSquares
 from ambkit.machine.machine import Bearing
 from ambkit.result.report.figure import Figure, Panel

@@ -1,4 +1,4 @@
-"""Tuning each estimator with the same effort: so many evaluations, no more and no fewer tricks."""
+"""Candidates of a comparison, each tuned with the same number of evaluations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the entries of a model are called in C."""
+"""Names and terms of a model's entries in C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Displacement, current, and the mean one sample on."""
+"""C of displacement, current, mean, sensors and initialisation."""
 
 from __future__ import annotations
 
