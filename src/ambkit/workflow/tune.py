@@ -58,7 +58,7 @@ AT_THE_END = 0.02
 UNITS = EVALUATED | {RAW.removeprefix("error of "): "m"}
 """Of the errors of a tuning, by what errs."""
 
-VALUES, UNSEEN = ("values",), ("unseen",)
+VALUES, VALIDATION = ("values",), ("unseen",)
 """Sections of a tuning."""
 
 
@@ -182,7 +182,7 @@ class Tuned(Result):
             what, _, unit = name.removesuffix("]").partition(" [")
             unit = unit or UNITS.get(name.removeprefix("error of "), "1")
             for of, figure in zip(("untuned", "tuned"), pair, strict=True):
-                results.append(Row(name, what, figure, unit, of=of, section=UNSEEN))
+                results.append(Row(name, what, figure, unit, of=of, section=VALIDATION))
         peaks = (("untuned", self.untuned_peak), ("taken", self.peak))
         return results + [
             Row("peak", "peak of |S|", None if math.isnan(peak) else peak, "|S|", of=of,
@@ -197,7 +197,7 @@ class Tuned(Result):
         how = f"{len(self.trace)} evaluations, by {self.by}"
         return {
             VALUES: Section(f"{self.estimator.name} for {self.estimator.machine.name}: {how}"),
-            UNSEEN: Section("On data that it was not tuned on"),
+            VALIDATION: Section("On data that it was not tuned on"),
             ("loop",): Section("In the loop"),
         }
 

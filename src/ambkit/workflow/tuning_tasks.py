@@ -37,7 +37,7 @@ NOISE = ("noise.measurement", "noise.disturbance")
 SETTLING = 5.0
 """Time at the start of a record that does not count, in the plant's own."""
 
-UNSEEN = 0.5
+VALIDATION_SHARE = 0.5
 """Share of each record, its end, that is kept to judge by where there are no other records."""
 
 HALVINGS = 8
@@ -82,7 +82,8 @@ class ByLikelihood:
         self.seen, self.unseen = list(records), list(validate)
         if not validate:
             ends = [
-                record.t[0] + UNSEEN * span for record, span in zip(records, spans, strict=True)
+                record.t[0] + VALIDATION_SHARE * span
+                for record, span in zip(records, spans, strict=True)
             ]
             self.seen = [r.between(None, end) for r, end in zip(records, ends, strict=True)]
             self.unseen = [r.between(end, None) for r, end in zip(records, ends, strict=True)]

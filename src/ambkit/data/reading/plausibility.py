@@ -27,11 +27,11 @@ class Standstill:
 
     end: float  #: That end, in the channel's unit.
     share: float  #: Share of the samples that are there.
-    greatest: bool  #: Whether it is the greater end.
+    at_max: bool  #: Whether it is the greater end.
 
     def describe(self, unit: str = "") -> str:
         """Say it in a sentence's part."""
-        end = "greatest" if self.greatest else "least"
+        end = "greatest" if self.at_max else "least"
         value = engineering(self.end, unit, digits=3) if unit else f"{self.end:.4g}"
         return f"at its {end} value, {value}, in {100 * self.share:.0f} % of the samples"
 
