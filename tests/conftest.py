@@ -63,6 +63,12 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     Drawing.real = any(item.get_closest_marker(mark) for mark in marks)
 
 
+@pytest.fixture(autouse=True)
+def room_for_long_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let sentences be one line; layout is tested where a test sets the width."""
+    monkeypatch.setenv("COLUMNS", "1000")
+
+
 @pytest.fixture(scope="session", autouse=True)
 def pictures_that_nobody_looks_at() -> None:
     """Build them, see that each of their axes shows something, and write no pixels."""

@@ -526,7 +526,7 @@ def test_filter_smooths(call, made):
 
 def test_compare_over_seeds(call):
     found = call("compare", "steps", "zittau_axial", "--steps", "0.1 mm", "--steps", "0.5 mm",
-                 "--disturbance", "3 N", "--seeds", "3", "--first-seed", "4", "--filter", "linear",
+                 "--disturbance", "3 N", "--seeds", "4:3", "--filter", "linear",
                  "--filter", "closed-law", "--out", "s.csv", "--plot", "s.svg",
                  "--json")  # fmt: skip
     far = found.json["cases"]["0.5 mm"]
@@ -540,8 +540,8 @@ def test_compare_over_seeds(call):
 def test_compare_in_a_case(call):
     Path("my.py").write_text("class Mine:\n    def step(self, y, u):\n        return y, 0, 0, y\n")
     found = call("compare", "zittau_axial", "--filter", "linear", "--filter", "closed-law",
-                 "--filter", "my.py:Mine", "--case", "step", "--seeds", "3", "--budget", "4",
-                 "--first-seed", "2", "--out", "c.csv", "--plot", "m.svg", "--whole", "--out",
+                 "--filter", "my.py:Mine", "--case", "step", "--seeds", "2:3", "--budget", "4",
+                 "--out", "c.csv", "--plot", "m.svg", "--whole", "--out",
                  "r.html", "--json")  # fmt: skip
     assert found.json["files"] == ["c.csv", "r.html", "m.svg"]
     tuned, default = found.json["tuned"], found.json["default"]
@@ -638,7 +638,7 @@ def test_a_signal_is_designed_played_and_assessed(call, tmp_path):
 
 
 def test_tune_keeps_a_margin_and_shows_what_it_costs(call, tmp_path):
-    often = ("--filter", "linear", "--budget", "8", "--runs", "1")
+    often = ("--filter", "linear", "--budget", "8", "--seeds", "1")
     found = call("tune", "zittau_axial", *often, "--max-sensitivity", "2.2", "--out", "f.toml")
     assert found.code == 0, found.err
     assert re.search(r"zone A, to stay below 2\.2; untuned 1\.\d+\.", found.out)

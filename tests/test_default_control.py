@@ -196,7 +196,7 @@ def test_where_none_is_found_a_sentence_says_so_and_what_was_tried(tmp_path, cap
 
 def test_a_filter_is_not_tuned_in_a_loop_that_is_unstable_with_each():
     with pytest.raises(AmbkitError, match="flywheel: the loop is unstable with each of the"):
-        ambkit.tune(FAST, [], "linear", runs=1, budget=1, controller=Control(type="decentralised"))
+        ambkit.tune(FAST, [], "linear", seeds=1, budget=1, controller=Control(type="decentralised"))
 
 
 def test_every_way_to_fly_takes_the_same_choice():

@@ -106,10 +106,6 @@ def test_the_front_page_lists_every_command_once():
     assert max(map(len, catalogue.front().splitlines())) <= 80
 
 
-LIMIT = {"tune": 13, "faults": 13}  # first seed and number of seeds are two
-"""Commands with more than a dozen options."""
-
-
 @pytest.mark.parametrize("name", [name for name in catalogue.VERBS if name != "campaign"])
 def test_each_verb_is_described(name, monkeypatch):
     verb = catalogue.verb_called(name)
@@ -120,7 +116,7 @@ def test_each_verb_is_described(name, monkeypatch):
     assert about.examples
     assert all(f"ambkit {name} " in f"{example} " for example in about.examples)
     options = from_verbs.parser_of(name, verb)._option_string_actions
-    assert len([option for option in options if option.startswith("--")]) - 1 <= LIMIT.get(name, 12)
+    assert len([option for option in options if option.startswith("--")]) - 1 <= 12
     monkeypatch.setenv("COLUMNS", "80")
     lines = from_verbs.parser_of(name, verb).format_help().splitlines()
     assert max(len(line) for line in lines if "    ambkit" not in line) <= 80

@@ -1,5 +1,8 @@
 """Tables in a terminal of 80 columns, and in a narrower one: no name and no number is cut."""
 
+import subprocess
+import sys
+
 import pytest
 from rich.console import Console
 
@@ -68,6 +71,24 @@ def test_no_table_cuts_a_name_or_a_number(call, narrow, words, names):
     assert not set(_wide(shown)) - set(seen)
     tables = [line for line in out.splitlines() if line.startswith(" ")]
     assert max(map(len, tables)) <= 80
+
+
+def test_a_pipe_has_eighty_columns(tmp_path, monkeypatch):
+    monkeypatch.delenv("COLUMNS")
+    done = subprocess.run(
+        [sys.executable, "-m", "ambkit", "assess", "zittau_axial", *EACH.split()],
+        cwd=tmp_path, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+    lines = done.stdout.splitlines()
+    assert 60 < max(map(len, lines)) <= 80
+    assert set(FILTERS.split(",")) <= set(done.stdout.split())
+
+
+def test_a_word_wider_than_the_screen_is_not_cut(narrow, capsys):
+    narrow(40)
+    path = "a/" * 40 + "machine.toml"
+    printing.show([f"The machine in {path} is stable with all of its filters."])
+    assert f"The machine in\n{path}\nis stable" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("columns", [80, 50])

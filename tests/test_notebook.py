@@ -59,12 +59,12 @@ def shown() -> dict[str, Any]:
         ambkit.identify_online(RECORD, BEARING), compare_online(RECORD, BEARING),
         ambkit.simulate(BEARING, duration="10 ms"),
         ambkit.filter(RECORD, ["linear"], machine=BEARING, settling="5 ms"),
-        ambkit.tune(BEARING, filter="linear", budget=2, runs=1),
+        ambkit.tune(BEARING, filter="linear", budget=2, seeds=1),
         Design(Path("d"), BEARING.long, Control(), (candidate,), candidate, assessed, 0.1,
                ("It is slow.",), None, {}),
         identify_by_lift_off(one_sided, points),
         assessed, ambkit.assess_sweep(BEARING, "linear", amplitudes=["1 um"]),
-        ambkit.tune_trade_off(BEARING, peaks=[2.2], filter="linear", budget=2, runs=1),
+        ambkit.tune_trade_off(BEARING, peaks=[2.2], filter="linear", budget=2, seeds=1),
         injection, ambkit.assess_log(injection.record, BEARING, "linear"),
     ]  # fmt: skip
     return {type(each).__name__: each for each in made}

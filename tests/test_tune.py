@@ -49,12 +49,12 @@ def test_what_is_wrong_is_mended_on_records_that_it_did_not_see() -> None:
 
 
 def test_simulated_truth_is_tuned_by_without_records() -> None:
-    found = ambkit.tune(BEARING, filter="extended", budget=24, runs=3)
+    found = ambkit.tune(BEARING, filter="extended", budget=24, seeds=3)
     assert found.by == "truth"
     before, after = found.unseen["error over the untuned linear filter's"]
     assert found.kept == (after < before)
     assert after < before  # a load that stays is followed with less noise
-    again = ambkit.tune(BEARING, filter="extended", budget=24, runs=3)
+    again = ambkit.tune(BEARING, filter="extended", budget=24, seeds=3)
     assert [each.cost for each in again.trace] == [each.cost for each in found.trace]
 
 
@@ -162,7 +162,7 @@ def test_likelihood_takes_the_loop_s_margin_and_a_ceiling_keeps_it(calm: Record)
 
 def test_a_ceiling_is_kept_even_where_the_untuned_filter_is_the_better_one() -> None:
     untuned = ambkit.assess(NOISY, "linear", STIFF).loops["linear"].peak
-    held = ambkit.tune(NOISY, filter="linear", budget=24, runs=2, controller=STIFF,
+    held = ambkit.tune(NOISY, filter="linear", budget=24, seeds=2, controller=STIFF,
                        max_sensitivity=0.95 * untuned)  # fmt: skip
     assert held.kept
     assert held.peak < 0.95 * untuned
@@ -172,19 +172,19 @@ def test_a_ceiling_is_kept_even_where_the_untuned_filter_is_the_better_one() -> 
 
 def test_the_controller_of_the_loop_is_the_one_that_is_given() -> None:
     soft = ambkit.PID(kp=2000.0, ki=5000.0, kd=8.0)
-    found = ambkit.tune(LATE, filter="linear", budget=1, runs=1, controller=soft)
+    found = ambkit.tune(LATE, filter="linear", budget=1, seeds=1, controller=soft)
     expected = ambkit.assess(LATE, "linear", soft).loops["linear"].peak
     assert found.peaks[0] == pytest.approx(expected, rel=1e-4)
 
 
 def test_a_ceiling_that_cannot_be_kept_is_refused() -> None:
     with pytest.raises(AmbkitError, match=r"none keeps the peak of \|S\| below 1.1, the least is"):
-        ambkit.tune(LATE, filter="linear", budget=4, runs=1, max_sensitivity=1.1)
+        ambkit.tune(LATE, filter="linear", budget=4, seeds=1, max_sensitivity=1.1)
     with pytest.raises(AmbkitError, match=r"max_sensitivity must be above 1\.0"):
-        ambkit.tune(LATE, filter="linear", budget=4, runs=1, max_sensitivity=1.0)
+        ambkit.tune(LATE, filter="linear", budget=4, seeds=1, max_sensitivity=1.0)
     with pytest.raises(AmbkitError, match="does not settle to a gain"):
-        ambkit.tune(LATE, filter="multiple-model", budget=1, runs=1, max_sensitivity=2.0)
-    assert np.isnan(ambkit.tune(LATE, filter="multiple-model", budget=1, runs=1).peak)
+        ambkit.tune(LATE, filter="multiple-model", budget=1, seeds=1, max_sensitivity=2.0)
+    assert np.isnan(ambkit.tune(LATE, filter="multiple-model", budget=1, seeds=1).peak)
 
 
 def test_trade_off_is_a_curve_from_which_to_pick() -> None:
@@ -203,7 +203,7 @@ def test_trade_off_is_a_curve_from_which_to_pick() -> None:
     assert [each["reached"] for each in points] == [False, True, True]
     assert f"below {ceilings[1]:g}" in repr(found)
     with pytest.raises(AmbkitError, match="none keeps the peak"):
-        ambkit.tune_trade_off(NOISY, peaks=[1.1], filter="linear", budget=2, runs=1)
+        ambkit.tune_trade_off(NOISY, peaks=[1.1], filter="linear", budget=2, seeds=1)
     with pytest.raises(AmbkitError, match="one value or more"):
         ambkit.tune_trade_off(NOISY, peaks=[], filter="linear")
 
@@ -217,7 +217,7 @@ def test_no_peak_is_computed_that_nobody_asked_for(monkeypatch: pytest.MonkeyPat
         return old(self, *given)
 
     monkeypatch.setattr(LoopOf, "peak", spy)
-    found = ambkit.tune(BEARING, filter="linear", runs=1, budget=6)
+    found = ambkit.tune(BEARING, filter="linear", seeds=1, budget=6)
     assert len(computed) <= 2  # of the untuned and of the tuned filter, for the warning
     told = found.to_dict()
     assert found.peaks[0] == told["loop"]["untuned"]["peak"] > 1

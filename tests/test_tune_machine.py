@@ -69,7 +69,7 @@ def test_a_records_likelihood_tunes_below_a_ceiling(record):
 
 
 def test_what_margin_costs_a_machine():
-    traded = ambkit.tune_trade_off(TUM, peaks=[1.72, 2.2], filter="linear", runs=2, budget=8)
+    traded = ambkit.tune_trade_off(TUM, peaks=[1.72, 2.2], filter="linear", seeds=2, budget=8)
     low, high = traded.points
     assert low.peak < 1.72
     assert high.peak < 2.2
@@ -92,7 +92,7 @@ def test_one_expert_is_kept_for_all_bearings(tmp_path, capsys, monkeypatch):
     ambkit.train(TUM.isolated_axis("A1")).expert.save("expert.json")
     with pytest.raises(SystemExit) as left:
         main(["tune", "tum_mlps", "--filter", "adaptive@expert.json",
-              "--budget", "1", "--runs", "1", "--max-sensitivity", "2",
+              "--budget", "1", "--seeds", "1", "--max-sensitivity", "2",
               "--out", "filter.toml"])  # fmt: skip
     assert not left.value.code, capsys.readouterr().err
     read = ambkit.FilterFile.load("filter.toml")
@@ -102,7 +102,7 @@ def test_one_expert_is_kept_for_all_bearings(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize(("arguments", "code", "said"), [
-    (["tune", "tum_mlps", "--filter", "linear", "--budget", "3", "--runs", "1"], 0,
+    (["tune", "tum_mlps", "--filter", "linear", "--budget", "3", "--seeds", "1"], 0,
      "Peak of |S| in the loop"),
     (["tune", "tum_mlps", "--filter", "low-pass"], 2, "takes one axis"),
 ])  # fmt: skip

@@ -9,6 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambkit.base import units
+from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import seeds_in
 from ambkit.base.units import engineering, factor, parse
 
 SURFACE_UNITS = [
@@ -176,3 +178,12 @@ def test_typeset_as_in_a_book():
         units.typeset("0.9 A s/m, 3 µs ± 2 µs")
         == "0.9\u00a0A\u00a0s/m, 3\u00a0µs\u00a0±\u00a02\u00a0µs"
     )
+
+
+def test_seeds_are_a_number_a_range_or_first_and_number() -> None:
+    assert seeds_in(3) == seeds_in("3") == seeds_in("0:3") == range(3)
+    assert seeds_in("4:3") == seeds_in(range(4, 7)) == range(4, 7)
+    for wrong in ("0", "4:0", "-1:3", "4:", ":4", "3.5", "1:2:3", "", range(0), range(0, 9, 2),
+                  range(-1, 3), True):  # fmt: skip
+        with pytest.raises(AmbkitError, match=r"FIRST:N with the first from 0 on, are the "):
+            seeds_in(wrong)  # type: ignore[arg-type]

@@ -249,10 +249,12 @@ def test_compare_in_a_case(command):
 def test_compare_in_own_loops(command):
     told = command(
         "compare", "steps", "zittau_axial", "--filter", "linear", "--filter", "closed-law",
-        "--seeds", 2, "--duration", "0.1 s", "--disturbance", "3 N", "--first-seed", 5,
+        "--seeds", "5:2", "--duration", "0.1 s", "--disturbance", "3 N",
     )  # fmt: skip
     what = compare_steps.loop_cases(BEARING, duration=0.1, load=3.0)
-    found = compare_steps.compare_in_loops(BEARING, what, ["linear", "closed-law"], runs=2, seed=5)
+    found = compare_steps.compare_in_loops(
+        BEARING, what, ["linear", "closed-law"], seeds=range(5, 7)
+    )
     assert without(told, "files", "adequacy") == same(found.to_dict())
     travel = BEARING.rotor.clearance
     assert found.steps == [share * travel for share in compare_steps.HEIGHTS]

@@ -130,7 +130,7 @@ def estimates(bearing: ambkit.Bearing, expert: ambkit.Expert, record: ambkit.Rec
         filters[2].save(file)
         assert_type(ambkit.Estimator.load(file), ambkit.Estimator)
         assert_type(ambkit.FilterFile.load(file).kind, str)
-    tuned = ambkit.tune(bearing, filter="linear", budget=1, runs=1)
+    tuned = ambkit.tune(bearing, filter="linear", budget=1, seeds=1)
     assert_type(tuned.estimator, ambkit.Estimator)
 
 
@@ -159,7 +159,7 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
         print(method)
     print(ambkit.to_control(bearing))
     assert_type(ambkit.assess(bearing, "linear").loops["linear"].peak, float)
-    traded = ambkit.tune_trade_off(bearing, peaks=[2.5], filter="linear", budget=2, runs=1)
+    traded = ambkit.tune_trade_off(bearing, peaks=[2.5], filter="linear", budget=2, seeds=1)
     assert_type(traded.points[0].peak, float)
     assert_type(ambkit.assess_sweep(bearing, "none", amplitudes=["1 um"]).swept[0].deviation, float)
     injection = ambkit.design_injection(bearing, ambkit.Scenario(duration=1.0))

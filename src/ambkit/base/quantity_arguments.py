@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numbers
 import os
+import re
 from collections.abc import Iterable
 from typing import Any, TypeVar, overload
 
@@ -36,6 +37,18 @@ def in_si(name: str, value: Any, unit: str) -> float | None:
         either = f"a number in {unit} or a text with its unit"
         raise AmbkitError(f"{name} must be {either}, is {_shown(value)}")
     return float(value)
+
+
+def seeds_in(seeds: int | range | str) -> range:
+    """Return seeds, stated by their number from 0 on, as ``"FIRST:N"``, or as a range."""
+    if isinstance(seeds, range) and seeds and seeds.start >= 0 and seeds.step == 1:
+        return seeds
+    match = re.fullmatch(r"(?:(\d{1,9}):)?(\d{1,9})", str(seeds).strip(), re.ASCII)
+    if match is None or not int(match[2]):
+        text = "a number N of them from 1 on, or FIRST:N with the first from 0 on"
+        raise AmbkitError(f"seeds must be {text}, are {_shown(seeds)}")
+    first = int(match[1] or 0)
+    return range(first, first + int(match[2]))
 
 
 def of_type(*expected_types: type, **arguments: Any) -> None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import logging
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +16,7 @@ from ambkit.base import escaping
 from ambkit.base.progress import progress as progress
 from ambkit.result.plain import plain as plain
 from ambkit.result.table import Table as Table
+from ambkit.result.table import screen_width
 from ambkit.result.table import table as table
 
 if TYPE_CHECKING:
@@ -129,18 +132,24 @@ def show(tables: Iterable[Table | str]) -> None:
     with console.capture() as text:
         for item in tables:
             if isinstance(item, str):
-                console.print(escaping.lines(item), soft_wrap=not sys.stdout.isatty())
+                console.print(filled(item), soft_wrap=True)
             else:
                 console.print(item, crop=False)
     sys.stdout.write(text.get())
 
 
+def filled(text: str) -> str:
+    """Return a text in lines as wide as the screen, and no word cut."""
+    lines = escaping.lines(text).split("\n")
+    fill = partial(textwrap.fill, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(fill(line, stdout().width) for line in lines)
+
+
 def stdout() -> Console:
-    """Return rich's view of stdout, such that a pipe gets whole lines."""
+    """Return rich's view of stdout: as wide as the terminal, in a pipe 80 columns."""
     from rich.console import Console
 
-    # A pipe has no width; rich would fold tables at 80 columns.
-    return Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False)
+    return Console(width=screen_width(), highlight=False, markup=False)
 
 
 def say_adequacy(result: Result) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,6 +16,11 @@ GAP = 3
 
 LINE = 24
 """Columns of the screen that names and sentences have in a table, if they need as many."""
+
+
+def screen_width() -> int:
+    """Return the columns of the terminal, or of COLUMNS; 80 in a pipe."""
+    return shutil.get_terminal_size().columns
 
 
 class Table(NamedTuple):

@@ -12,6 +12,7 @@ from ambkit.verbs.words import (
     Length,
     Machine,
     Scenario,
+    Seeds,
     Share,
     Time,
     TrueMagnet,
@@ -31,8 +32,7 @@ def compare(
     plant: TrueMagnet | None = None,
     spread: Share | None = None,
     budget: int = 0,
-    seeds: int = 20,
-    first_seed: int = 0,
+    seeds: Seeds = 20,
     whole: bool = False,
 ) -> Study | Benches:
     """Compare filters by error, consistency, delay and cost.
@@ -57,10 +57,8 @@ def compare(
         disturbance force. By default that of the case.
     budget : int, optional
         Evaluations to tune each filter; 0 keeps the default settings.
-    seeds : int, optional
-        Number of runs.
-    first_seed : int, optional
-        First random seed.
+    seeds : int, range or str, optional
+        Number of runs, each with its own noise; FIRST is the first random seed, else 0.
     whole : bool, optional
         Add the Cramer-Rao bound, and errors over step size and wrong magnet constant.
 
@@ -82,12 +80,13 @@ def compare(
     """
     from ambkit.assessment.arguments import machine_argument
     from ambkit.base.progress import progress
+    from ambkit.base.quantity_arguments import seeds_in
     from ambkit.workflow import comparison
 
     with progress("learning") as done:
         return comparison.in_case(
             machine_argument(machine), filter, case, plant=plant, spread=spread, budget=budget,
-            seeds=seeds, first_seed=first_seed, whole=whole, source=machine, done=done,
+            seeds=seeds_in(seeds), whole=whole, source=machine, done=done,
         )  # fmt: skip
 
 
@@ -100,8 +99,7 @@ def compare_steps(
     duration: Time | None = None,
     scenario: Scenario | None = None,
     plant: TrueMagnet | None = None,
-    seeds: int = 20,
-    first_seed: int = 0,
+    seeds: Seeds = 20,
 ) -> LoopScores:
     """Compare filters in closed loop, over reference steps or in a scenario.
 
@@ -109,7 +107,7 @@ def compare_steps(
 
     Parameters
     ----------
-    machine, plant, seeds, first_seed : optional
+    machine, plant, seeds : optional
         As for `ambkit compare`.
     filter : Estimator, class, str, path, sequence or mapping of them, optional
         Kind, KIND@FILE with an expert (.json) or force map (.csv), or filter file (.toml).
@@ -140,10 +138,11 @@ def compare_steps(
     """
     from ambkit.assessment.arguments import machine_argument
     from ambkit.base.progress import progress
+    from ambkit.base.quantity_arguments import seeds_in
     from ambkit.workflow import comparison
 
     with progress("comparing") as done:
         return comparison.in_loops(
             machine_argument(machine), filter, scenario, steps=steps, load=disturbance,
-            duration=duration, plant=plant, seeds=seeds, first_seed=first_seed, done=done,
+            duration=duration, plant=plant, seeds=seeds_in(seeds), done=done,
         )  # fmt: skip

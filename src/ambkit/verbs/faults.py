@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
-from ambkit.verbs.words import Controller, Filters, Machine, Plant
+from ambkit.verbs.words import Controller, Filters, Machine, Plant, Seeds
 
 if TYPE_CHECKING:
     from ambkit.judge.faults.fault_test import FaultCampaign
@@ -17,8 +17,7 @@ def inject_faults(
     *,
     faults: Sequence[str] | None = None,
     reading: str | None = None,
-    seeds: int = 1,
-    first_seed: int = 0,
+    seeds: Seeds = 1,
     samples: int = 50_000,
     precision: Literal["float64", "float32", "both"] = "float64",
     controller: Controller | None = None,
@@ -43,10 +42,8 @@ def inject_faults(
         Fault, as named in the table. By default all.
     reading : str, optional
         Sensor with the faults. By default the first.
-    seeds : int, optional
-        Number of campaigns with different noise and faults.
-    first_seed : int, optional
-        First random seed.
+    seeds : int, range or str, optional
+        Number of campaigns, each with its own noise and draws; FIRST is the first seed, else 0.
     samples : int, optional
         Length of the run with random mixtures of faults; 0 omits it.
     precision : {"float64", "float32", "both"}, optional
@@ -72,12 +69,13 @@ def inject_faults(
     $ ambkit faults tum_mlps --filter linear --reading Lb1
     """
     from ambkit.assessment.arguments import controller_argument, machine_argument
+    from ambkit.base.quantity_arguments import seeds_in
     from ambkit.judge.faults import fault_test
 
     described = machine_argument(machine)
     return fault_test.inject_faults(
         described, None if filter in ("all", ["all"]) else filter, reading=reading,
-        faults=faults or None, seeds=range(first_seed, first_seed + seeds), steps=samples,
+        faults=faults or None, seeds=seeds_in(seeds), steps=samples,
         precisions=("float64", "float32") if precision == "both" else (precision,),
         controller=controller_argument(described, controller)[0], plant=plant,
     )  # fmt: skip

@@ -12,6 +12,7 @@ from ambkit.verbs.words import (
     Machine,
     Record,
     Records,
+    Seeds,
     Storage,
     Study,
 )
@@ -33,8 +34,7 @@ def tune(
     validate: Sequence[Record] = (),
     max_sensitivity: float | None = None,
     budget: int = 60,
-    runs: int = 8,
-    seed: int = 0,
+    seeds: Seeds = 8,
 ) -> Tuned:
     """Tune a filter and validate it.
 
@@ -64,10 +64,8 @@ def tune(
         Limit of the sensitivity peak of the loop with this filter; 3 is the end of zone A.
     budget : int, optional
         Number of evaluations.
-    runs : int, optional
-        Simulated runs for tuning, and as many others for validation.
-    seed : int, optional
-        Random seed.
+    seeds : int, range or str, optional
+        Number of simulated runs to tune on, and of others to judge by; FIRST draws others.
 
     Returns
     -------
@@ -90,6 +88,7 @@ def tune(
     """
     from ambkit.assessment.arguments import tuning_given
     from ambkit.base.progress import progress
+    from ambkit.base.quantity_arguments import seeds_in
     from ambkit.workflow import tune
 
     task = tuning_given(machine, records, filter, controller, channels)
@@ -97,8 +96,8 @@ def tune(
         result = tune.tune(
             task.machine, task.records, task.kind, validate=task.others(validate),
             max_sensitivity=max_sensitivity, controller=task.controller, free=free,
-            magnet=task.magnet, inputs=task.inputs, source=task.source, runs=runs,
-            budget=budget, seed=seed, done=done,
+            magnet=task.magnet, inputs=task.inputs, source=task.source, seeds=seeds_in(seeds),
+            budget=budget, done=done,
         )  # fmt: skip
     return result.named(bearing=task.machine_file, magnet=task.magnet_file)
 
@@ -112,8 +111,7 @@ def tune_trade_off(
     controller: Controller | None = None,
     channels: Channels | None = None,
     budget: int = 60,
-    runs: int = 8,
-    seed: int = 0,
+    seeds: Seeds = 8,
 ) -> TradeOff:
     """Tune a filter for several sensitivity limits: error against margin.
 
@@ -122,7 +120,7 @@ def tune_trade_off(
 
     Parameters
     ----------
-    machine, records, filter, controller, channels, runs, seed : optional
+    machine, records, filter, controller, channels, seeds : optional
         As for `ambkit tune`.
     peaks : sequence of float, optional
         Limit of the sensitivity peak.
@@ -145,13 +143,14 @@ def tune_trade_off(
     """
     from ambkit.assessment.arguments import tuning_given
     from ambkit.base.progress import progress
+    from ambkit.base.quantity_arguments import seeds_in
     from ambkit.workflow import trade_off
 
     task = tuning_given(machine, records, filter, controller, channels)
     with progress("tuning", budget * len(peaks)) as done:
         return trade_off.trade_off(
             task.machine, peaks, task.records, task.kind, controller=task.controller,
-            magnet=task.magnet, runs=runs, budget=budget, seed=seed, done=done,
+            magnet=task.magnet, seeds=seeds_in(seeds), budget=budget, done=done,
         )  # fmt: skip
 
 

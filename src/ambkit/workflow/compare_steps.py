@@ -243,15 +243,13 @@ def compare_in_loops(
     what: Mapping[str, LoopCase],
     estimators: Any = USUAL,
     *,
-    runs: int = RUNS,
-    seed: int = 0,
+    seeds: range = range(RUNS),
     magnets: Mapping[str, MagnetModel] | None = None,
     plant: ForceSurface | None = None,
     done: Callable[[], None] = lambda: None,
 ) -> LoopScores:
     """Compare estimators, each in its own loop, against the same noise, with the same Q and R."""
     built = factories(estimators, bearing, magnets)
-    seeds = range(seed, seed + runs)
     scores = {
         name: compare(bearing, item.scenario, built, seeds, magnet=plant, done=done)
         for name, item in what.items()

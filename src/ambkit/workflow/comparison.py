@@ -97,12 +97,11 @@ Done = Callable[[str], None]
 
 
 def in_case(
-    machine: Machine, filter: Any, case: Any, *, plant: Any, spread: Any, budget: int, seeds: int,
-    first_seed: int, whole: bool, source: Any, done: Done,
+    machine: Machine, filter: Any, case: Any, *, plant: Any, spread: Any, budget: int, seeds: range,
+    whole: bool, source: Any, done: Done,
 ) -> Study | Benches:  # fmt: skip
     """Compare filters in a case, or in all of them."""
     of_type(str, Case, case=case)
-    _check_counts(seeds, first_seed)
     mapping = isinstance(filter, Mapping)
     several = [] if mapping else names_in(Estimator, type, filter=filter)
     texts = [item for item in several if isinstance(item, str | os.PathLike)]
@@ -112,9 +111,9 @@ def in_case(
         expand("")
     names = suited(names, machine)
     options: dict[str, Any] = {
-        "runs": seeds,
+        "runs": len(seeds),
         "budget": budget,
-        "seed": first_seed,
+        "seed": seeds.start,
         "spread": spread,
         "magnets": {kind: experts(Path(file), machine) for kind, file in files.items()},
         "plant": _true_magnet(plant, machine),
@@ -136,22 +135,16 @@ def in_case(
 
 def in_loops(
     machine: Machine, filter: Any, scenario: Any, *, steps: Any, load: Any, duration: Any,
-    plant: Any, seeds: int, first_seed: int, done: Done,
+    plant: Any, seeds: range, done: Done,
 ) -> LoopScores:  # fmt: skip
     """Compare filters, each in its own loop."""
-    _check_counts(seeds, first_seed)
     heights = None if steps is None else names_in(float, int, steps=steps)
     name = os.fspath(scenario) if isinstance(scenario, str | os.PathLike) else "scenario"
     what = loop_cases(machine, scenario, steps=heights, load=load, duration=duration, name=name)
     return compare_in_loops(
-        machine, what, filter, runs=seeds, seed=first_seed, plant=_true_magnet(plant, machine),
+        machine, what, filter, seeds=seeds, plant=_true_magnet(plant, machine),
         done=lambda: done(""),
     )  # fmt: skip
-
-
-def _check_counts(seeds: int, first_seed: int) -> None:
-    if seeds < 1 or first_seed < 0:
-        raise AmbkitError(f"seeds must be 1 or more from 0 on, are {seeds} from {first_seed} on")
 
 
 def _with_files(filter: Sequence[Any]) -> tuple[list[str], dict[str, str]]:

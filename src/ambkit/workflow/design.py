@@ -247,7 +247,8 @@ class _Work:
             tuned = tuned_within(
                 options["max_sensitivity"], self.found.short, logs, kind, validate=others,
                 controller=control, inputs=self.inputs,
-                seed=options["seed"], runs=options["runs"], budget=options["budget"],
+                seeds=range(options["seed"], options["seed"] + options["runs"]),
+                budget=options["budget"],
                 source=", ".join(Path(path).name for path in self.logs),
             )  # fmt: skip
             files.make_folder(place / "candidates")

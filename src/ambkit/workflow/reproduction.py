@@ -45,9 +45,10 @@ class Outcome:
         from rich.console import Console
 
         from ambkit.result.report.terminal import print_summary
+        from ambkit.result.table import screen_width
 
         text = StringIO()
-        print_summary(self.rows, Console(file=text, width=None if sys.stdout.isatty() else 160))
+        print_summary(self.rows, Console(file=text, width=screen_width()))
         return text.getvalue()
 
     def to_dict(self) -> list[SummaryRow]:

@@ -123,22 +123,21 @@ def trade_off(
     *,
     controller: PID | None = None,
     magnet: MagnetModel | None = None,
-    runs: int = RUNS,
+    seeds: range = range(RUNS),
     budget: int = BUDGET,
-    seed: int = 0,
     done: Callable[[], None] = lambda: None,
 ) -> TradeOff:
     """Tune a filter under one ceiling on the peak of abs(S) after another."""
     of_type(Machine, bearing=bearing)
     if not peak_limits:
         raise AmbkitError("ceilings must be one value or more")
-    judge = ByTruth(bearing, runs, seed)
+    judge = ByTruth(bearing, seeds)
     points, refused = list[Traded](), None
     for peak_limit in sorted(peak_limits):
         try:
             result = tune(
                 bearing, records, kind, max_sensitivity=peak_limit, controller=controller,
-                magnet=magnet, runs=runs, budget=budget, seed=seed, done=done,
+                magnet=magnet, seeds=seeds, budget=budget, done=done,
             )  # fmt: skip
         except OutOfReachError as error:
             refused = error

@@ -242,9 +242,8 @@ def tune(
     magnet: MagnetModel | None = None,
     inputs: Inputs | None = None,
     source: str = "",
-    runs: int = RUNS,
+    seeds: range = range(RUNS),
     budget: int = BUDGET,
-    seed: int = 0,
     done: Callable[[], None] = lambda: None,
 ) -> Tuned:
     """Tune a filter: by the likelihood of records, or without any by simulated truth."""
@@ -254,7 +253,7 @@ def tune(
     validate = all_of_type(Record, validate=validate)
     magnet = learned_magnet(kind, bearing) if magnet is None else magnet
     candidate = candidate_of_kind(kind, bearing, magnet, whole=True)
-    task = ByLikelihood(bearing, logs, validate) if logs else ByTruth(bearing, runs, seed)
+    task = ByLikelihood(bearing, logs, validate) if logs else ByTruth(bearing, seeds)
 
     def build(values: Mapping[str, float]) -> Estimator:
         made: Estimator = candidate.build(**values)
@@ -278,7 +277,7 @@ def tune(
         over = min(peaks[-1] / max_sensitivity, FARTHEST)
         return costs[-1] + (BEYOND * math.log(over) if over > 1 else 0.0)
 
-    result = search(chosen, cost, budget, seed, done)
+    result = search(chosen, cost, budget, seeds.start, done)
     trials = [Tried(item.values, real) for item, real in zip(result.tried, costs, strict=True)]
     of_tried = tuple(peaks)
     if max_sensitivity is not None and not min(of_tried) < max_sensitivity:

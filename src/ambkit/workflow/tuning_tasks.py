@@ -193,11 +193,11 @@ class ByTruth:
     by: By = "truth"
     judge = JUDGED["truth"]
 
-    def __init__(self, bearing: Machine, runs: int, seed: int) -> None:
-        self.bearing, self.runs = bearing, runs
+    def __init__(self, bearing: Machine, seeds: range) -> None:
+        self.bearing, self.runs = bearing, len(seeds)
         self.first = round(SETTLING * slowest_time(bearing) / bearing.sampling_time)
-        self.seen = self._trials(2 * seed + 1)
-        self.unseen = self._trials(2 * seed + 2)
+        self.seen = self._trials(2 * seeds.start + 1)
+        self.unseen = self._trials(2 * seeds.start + 2)
         if not (self.seen and self.unseen):
             raise AmbkitError(f"{bearing.name}: the rotor met a stop in all simulated runs")
         self.reference = self.errors(lambda: KalmanFilter(bearing), self.seen).mean(axis=0)
