@@ -94,14 +94,15 @@ void Law::set(const nb::dict &given, amb_real T, size_t p, size_t seen)
   law.iu_max = kept.numbers(given, "iu_max", p);
   if (!given["let_turn_motion"].is_none())
     set_let_turn(given, p, seen);
+  set_schedule(given, q);
 }
 
-void Law::set_let_turn(const nb::dict &given, size_t p, size_t seen)
+void Law::set_let_turn(const nb::dict &fields, size_t p, size_t seen)
 {
-  const auto at = [&](const char *name) { return nb::cast<size_t>(given[name]); };
+  const auto at = [&](const char *name) { return nb::cast<size_t>(fields[name]); };
   const size_t nodes = at("let_turn_nodes"), from = at("let_turn_from");
   const size_t width = at("let_turn_width"), moved = at("let_turn_moved");
-  const auto step = nb::cast<amb_real>(given["let_turn_step"]);
+  const auto step = nb::cast<amb_real>(fields["let_turn_step"]);
   if (nodes < 2 || seen > AMB_LET_TURN_STATES || from + width > seen || moved > seen ||
       width > AMB_LET_TURN_WIDTH || p > AMB_LET_TURN_AXES || width % 2 != 0 || moved % 2 != 0 ||
       (!(step > 0) && !(step < 0)))
@@ -110,13 +111,26 @@ void Law::set_let_turn(const nb::dict &given, size_t p, size_t seen)
               static_cast<int>(from),
               static_cast<int>(width),
               static_cast<int>(moved),
-              nb::cast<amb_real>(given["let_turn_first"]),
+              nb::cast<amb_real>(fields["let_turn_first"]),
               step,
-              kept.numbers(given, "let_turn_motion", nodes * moved * width),
-              kept.numbers(given, "let_turn_current", nodes * p * width),
-              kept.numbers(given, "let_turn_reach", p * moved / 2),
-              kept.numbers(given, "let_turn_ampere", p)};
+              kept.numbers(fields, "let_turn_motion", nodes * moved * width),
+              kept.numbers(fields, "let_turn_current", nodes * p * width),
+              kept.numbers(fields, "let_turn_reach", p * moved / 2),
+              kept.numbers(fields, "let_turn_ampere", p)};
   law.let_turn = &let_turn;
+}
+
+void Law::set_schedule(const nb::dict &fields, size_t q)
+{
+  const nb::handle speeds = fields["schedule_speed"];
+  if (speeds.is_none())
+    return;
+  const size_t nodes = nb::len(speeds);
+  if (nodes < 1)
+    throw std::invalid_argument("schedule_speed: there must be a speed");
+  schedule = {static_cast<int>(nodes), kept.numbers(fields, "schedule_speed", nodes),
+              kept.numbers(fields, "schedule_gain", nodes * q * AMB_SCHEDULED)};
+  law.schedule = &schedule;
 }
 
 Control::Control(Estimator &of, const nb::dict &given) : estimator(of)

@@ -21,9 +21,11 @@ public:
   amb_controllers law{};
 
 private:
-  void set_let_turn(const nb::dict &given, size_t p, size_t seen);
+  void set_let_turn(const nb::dict &fields, size_t p, size_t seen);
+  void set_schedule(const nb::dict &fields, size_t q);
   std::vector<amb_pid> pid;
   amb_let_turn let_turn{};
+  amb_gain_schedule schedule{};
   Kept kept;
 };
 

@@ -28,6 +28,7 @@ class Has(NamedTuple):
     fed: bool = False  # controllers see the estimate
     gains: bool = False  # states are fed back besides the PIDs
     let_turn: bool = False
+    schedule: bool = False  # gains of the PIDs follow the speed
     isolated: bool = False  # each axis has a PID of its own, and nothing else acts on it
     tracking: bool = False  # integrals follow what is left of a demand
     rounded: bool = False  # the readings of a sensor come in steps
@@ -151,6 +152,9 @@ NOT_RUN = (
     *(
         NotRun("controller.c", function, "", "no blocks behind a PID", lambda _: True)
         for function in ("settled", "filtered")
+    ),
+    NotRun(
+        "controllers.c", "scheduled", "", "no gains follow the speed", lambda h: not h.schedule
     ),
     *(
         NotRun("controllers.c", function, "", _TURN, lambda has: not has.let_turn)

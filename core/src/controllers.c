@@ -113,6 +113,31 @@ static amb_real fed_back(const amb_controllers *c, int axis, const amb_real x[],
   return amb_is_finite(sum) ? sum : AMB_C(0.0);
 }
 
+/* A PID with its gains at a speed. */
+static amb_pid scheduled(const amb_controllers *c, int pid, amb_real speed)
+{
+  const amb_gain_schedule *schedule = c->schedule;
+  const amb_real at = (speed < AMB_C(0.0)) ? -speed : speed;
+  amb_pid result = c->pid[pid];
+  int node = 0;
+  while ((node < (schedule->nodes - 1)) && (at >= schedule->speed[node + 1])) {
+    node++;
+  }
+  const amb_real *one = &schedule->gain[((node * c->pids) + pid) * AMB_SCHEDULED];
+  const amb_real *next = one;
+  amb_real share = AMB_C(0.0);
+  if ((node < (schedule->nodes - 1)) && (at > schedule->speed[node])) {
+    const amb_real from = schedule->speed[node];
+    next = &one[c->pids * AMB_SCHEDULED];
+    share = (at - from) / (schedule->speed[node + 1] - from);
+  }
+  result.kp = one[0] + (share * (next[0] - one[0]));
+  result.ki = one[1] + (share * (next[1] - one[1]));
+  result.kd = one[2] + (share * (next[2] - one[2]));
+  result.T_f = one[3] + (share * (next[3] - one[3]));
+  return result;
+}
+
 amb_status amb_controllers_step(const amb_controllers *c, amb_pid_state pid[], const amb_real r[],
                                 const amb_real state[], amb_real speed, amb_real iu[])
 {
@@ -149,7 +174,13 @@ amb_status amb_controllers_step(const amb_controllers *c, amb_pid_state pid[], c
       v = dot(n, &c->velocity[j * n], x);
     }
     const amb_real *known = (c->velocity != NULL) ? &v : NULL;
-    status |= amb_pid_step(&c->pid[j], &pid[j], wanted, at, known, &e);
+    amb_pid now;
+    const amb_pid *law = &c->pid[j];
+    if (c->schedule != NULL) {
+      now = scheduled(c, j, speed);
+      law = &now;
+    }
+    status |= amb_pid_step(law, &pid[j], wanted, at, known, &e);
     for (int f = 0; f < c->axes; f++) {
       iu[f] += c->spread[(f * c->pids) + j] * e;
     }

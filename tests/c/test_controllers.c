@@ -155,8 +155,40 @@ static void test_less_is_left_of_a_large_unbalance(void)
   CHECK_NEAR(first_current(&turn, nothing / 2, 0), 0);
 }
 
+/* Nodes at 10 and 30 rad/s: kp 2 and 4, ki and T_f as they are, kd 0 and 1. */
+static void test_gains_over_the_speed(void)
+{
+  static const amb_real nodes[] = {10, 30}, gains[] = {2, 0, 0, 0, 4, 100, 1, 0};
+  const amb_gain_schedule schedule = {2, nodes, gains};
+  const amb_real x[] = {4, 2, AMB_C(0.5)}, r[] = {5};
+  const struct {
+    amb_real speed, share;
+  } at[] = {{0, 0},  {10, 0},          {-10, 0},          {15, AMB_C(0.25)}, {-25, AMB_C(0.75)},
+            {30, 1}, {AMB_C(1e30), 1}, {NOT_A_NUMBER, 0}, {-90, 1}};
+  for (size_t k = 0; k < sizeof at / sizeof at[0]; k++) {
+    amb_real iu[2];
+    amb_pid_state s;
+    amb_controllers c = made();
+    c.velocity = velocity;
+    c.schedule = &schedule;
+    amb_pid_reset(&s, 0);
+    CHECK(amb_controllers_step(&c, &s, r, x, at[k].speed, iu) == AMB_OK);
+    CHECK_NEAR(iu[0], 2 * (2 + (2 * at[k].share)) - (AMB_C(0.5) * at[k].share));
+    CHECK_NEAR(s.integral, AMB_C(1e-4) * 100 * at[k].share * 2);
+  }
+  const amb_gain_schedule always = {1, nodes, &gains[4]};
+  amb_controllers c = made();
+  amb_real iu[2];
+  amb_pid_state s;
+  c.schedule = &always;
+  amb_pid_reset(&s, 0);
+  CHECK(amb_controllers_step(&c, &s, r, x, 90, iu) == AMB_OK);
+  CHECK_NEAR(iu[0], 8);
+}
+
 int main(void)
 {
+  test_gains_over_the_speed();
   test_what_is_left_to_turn();
   test_less_is_left_of_a_large_unbalance();
   test_terms();

@@ -48,6 +48,16 @@ typedef struct amb_let_turn {
 #define AMB_LET_TURN_WIDTH 16
 #define AMB_LET_TURN_AXES 16
 
+/* Gains over the speed of rotation, whichever way it turns: linear between the nodes, constant
+ * before the first and past the last. */
+typedef struct amb_gain_schedule {
+  int nodes;             /* >= 1 */
+  const amb_real *speed; /* [nodes] [rad/s], at least 0 and rising */
+  const amb_real *gain;  /* nodes x q x AMB_SCHEDULED: kp, ki, kd, T_f */
+} amb_gain_schedule;
+
+#define AMB_SCHEDULED 4
+
 typedef struct amb_controllers {
   int axes;                  /* p */
   int states;                /* n of x */
@@ -60,7 +70,8 @@ typedef struct amb_controllers {
   const amb_real *gain[3];   /* p x n each, or NULL: [A], [A s], [A s^2] for each unit of a state */
   const amb_real *iu_min;    /* [p]: limits of the currents [A] */
   const amb_real *iu_max;
-  const amb_let_turn *let_turn; /* or NULL */
+  const amb_let_turn *let_turn;      /* or NULL */
+  const amb_gain_schedule *schedule; /* in place of the gains of the PIDs; or NULL */
 } amb_controllers;
 
 /* One sample: references r of the axes (p) [m], or of the PIDs (q), states or readings x (n), speed

@@ -51,6 +51,7 @@ class Control(PID):
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        yield from super()._contradictions(read)
         if read("feedback") == "measurement":
             if read("type") == "lqg":
                 yield "type", '"lqg" regulates the estimate: feedback must be "estimate"'
@@ -63,8 +64,9 @@ class Control(PID):
             yield "unbalance_from", text
         if read("gain_scheduling") and read("type") != "lqg":
             yield "gain_scheduling", 'is of the gains of type = "lqg"'
-        if read("block") and read("type") == "lqg":
-            yield "block", 'is behind a PID; type = "lqg" has none'
+        for key, what in (("block", "behind"), ("schedule", "of")):
+            if read(key) and read("type") == "lqg":
+                yield key, f'is {what} a PID; type = "lqg" has none'
         pids = read("pid")
         if not isinstance(pids, dict) or not pids:
             return

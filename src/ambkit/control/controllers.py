@@ -15,6 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.control.axis_sensitivity import shown_along_axes
 from ambkit.control.blocks import gain_at_rest
 from ambkit.control.control import Control
+from ambkit.control.gain_schedule import GainSchedule, schedule_fields
 from ambkit.control.pid import GAINS, PID
 from ambkit.control.regulator import regulator, scheduled
 from ambkit.control.stabilising_controller import holding
@@ -55,6 +56,14 @@ class Controllers:
     feedback: dict[str, Array] = field(default_factory=dict)
     #: The synchronous motion that they leave to the rotor.
     let_turn: LetTurn | None = None
+    schedule: GainSchedule | None = None  #: Of the PIDs' gains, over the speed of rotation.
+
+    def pids_at(self, speed: float) -> list[list[float]]:
+        """Return the PIDs with their gains at a speed [rad/s]."""
+        if self.schedule is None:
+            return self.pids
+        rows = self.schedule.at(speed).tolist()
+        return [row + pid[len(row) :] for row, pid in zip(rows, self.pids, strict=True)]
 
     def integrals(self, currents: Array, place: Array, states: Array | None) -> Array:
         """Return the integrals (q,) of a rotor that is held."""
@@ -130,6 +139,7 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
         {"position": controllers.shown.ravel().tolist()}
         | feedback_fields
         | let_turn_fields(controllers.let_turn)
+        | schedule_fields(controllers.schedule)
         | {
             "feedback_estimate": estimator is not None,
             "pid": controllers.pids,
@@ -171,6 +181,7 @@ def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | Non
     return Controllers(
         [gains_of(pid, T, *ends) for pid, ends in zip(pids, limits, strict=True)],
         _names(plant), one, one, np.array([pid.unseen(1.0) for pid in pids]), transform, feedback,
+        schedule=GainSchedule.of(pids),
     )  # fmt: skip
 
 
@@ -221,7 +232,8 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
     k_i, k_s = np.array([item.k_i for item in k]), np.array([item.k_s for item in k])
     H, first = _rigid(plant), plant.isolated[0]
     to_axes, explained = _currents(plant), np.linalg.pinv(H)
-    pids, of_axes, spread, integral_leads = [], [], [], []
+    pids: list[PID] = []
+    gains, of_axes, spread = [], [], []
     for at, (name, mass) in enumerate(masses.items()):
         stiffness = float(H[:, at] ** 2 @ k_s)
         lever = 1.0
@@ -236,19 +248,15 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
             for share, isolated in zip(amperes, plant.isolated, strict=True) if share
             for end in (isolated.current_min, isolated.current_max)
         )  # fmt: skip
-        pids.append(gains_of(pid, plant.machine.sampling_time, -room, room))
+        pids.append(pid)
+        gains.append(gains_of(pid, plant.machine.sampling_time, -room, room))
         of_axes.append(lever * explained[at])
         spread.append(amperes)
-        integral_leads.append(pid.unseen(1.0))
     transform = np.array(of_axes) @ shown_along_axes(plant.machine)
     return Controllers(
-        pids,
-        tuple(masses),
-        np.array(of_axes),
-        np.array(spread).T,
-        np.array(integral_leads),
-        transform,
-    )
+        gains, tuple(masses), np.array(of_axes), np.array(spread).T,
+        np.array([pid.unseen(1.0) for pid in pids]), transform, schedule=GainSchedule.of(pids),
+    )  # fmt: skip
 
 
 def _names(plant: Plant) -> tuple[str, ...]:

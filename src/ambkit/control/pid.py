@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from typing import Annotated, Any, Self
 
 from pydantic import SerializerFunctionWrapHandler, model_serializer
 
-from ambkit.base.config import Part
+from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Name
 from ambkit.base.quantity_arguments import of_type
 from ambkit.control.blocks import AnyBlock, gain_at_rest, sections_of
+from ambkit.control.gain_schedule import ScheduledGains
 from ambkit.control.stabilising_controller import Gains, chosen, textbook, two_digits, weight_of
 from ambkit.machine.machine import Bearing
 
@@ -43,6 +46,10 @@ class PID(Part):
     block: tuple[AnyBlock, ...] = ()
     """What its current passes in turn before it is held to the limits, such as a notch."""
 
+    schedule: tuple[ScheduledGains, ...] = ()
+    """Gains at speeds of rotation, of a rotor that is a body: linear between them, the last beyond.
+    The gains above are those at rest."""
+
     @model_serializer(mode="wrap")
     def _only_what_was_said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out what was not given: it is tuned to the bearing, whatever that will be."""
@@ -53,6 +60,14 @@ class PID(Part):
             for key, value in data.items()
             if key in stated_fields and value not in (None, {}, (), [])
         }
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        rows = read("schedule")
+        rows = rows if isinstance(rows, tuple) else ()
+        for k, (row, later) in enumerate(itertools.pairwise(rows), 1):
+            if later.speed <= row.speed:
+                yield f"schedule.{k}.speed", "must be above the one before"
 
     @classmethod
     def for_bearing(cls, bearing: Bearing) -> Self:

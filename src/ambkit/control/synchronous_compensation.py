@@ -45,8 +45,7 @@ ISO 14839-2 end there. The core holds them too (``AMB_LET_TURN_FULL``)."""
 class _Control(Protocol):
     """What is known of plain control, `ambkit.control.controllers.Controllers`."""
 
-    @property
-    def pids(self) -> list[list[float]]: ...
+    def pids_at(self, speed: float, /) -> list[list[float]]: ...
     @property
     def spread(self) -> Array: ...
     @property
@@ -276,7 +275,7 @@ class _Rotor:
         # The estimator has the unbalance among its states, so that its mean turns as the rotor
         # does.
         T, q = self.T, len(self.still)
-        kp, ki, kd = np.array([pid[:3] for pid in control.pids]).T[:, :, None]
+        kp, ki, kd = np.array([pid[:3] for pid in control.pids_at(speed)]).T[:, :, None]
         of, z = control.feedback, np.exp(1j * speed * T)
         rows = (kp + ki * T / (z - 1)) * of["position"] + kd * of["velocity"]
         rows = -control.spread @ rows

@@ -42,8 +42,7 @@ class _Gains(Protocol):
 class _Flown(Protocol):
     """What is known of controllers as they fly, `ambkit.control.controllers.Controllers`."""
 
-    @property
-    def pids(self) -> list[list[float]]: ...
+    def pids_at(self, speed: float, /) -> list[list[float]]: ...
     @property
     def names(self) -> tuple[str, ...]: ...
     @property
@@ -120,13 +119,14 @@ def controllers(result: _Flown, of: Machine, *, measured: bool) -> LinearSystem:
     """Return controllers as ``core/src/controllers.c`` computes them, within their limits."""
     from scipy.linalg import block_diag
 
-    T, q = of.sampling_time, len(result.pids)
+    T, pids = of.sampling_time, result.pids_at(of.speed)
+    q = len(pids)
     parts = [
         _passed(
             _pid(Gains(pid[0], pid[1], pid[2], pid[3], pid[5]), T, measured),
             [pid[k : k + 5] for k in range(8, len(pid), 5)],
         )
-        for pid in result.pids
+        for pid in pids
     ]
     kinds = parts[0].inputs
     order = [k + len(kinds) * at for k in range(len(kinds)) for at in range(q)]

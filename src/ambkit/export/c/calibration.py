@@ -57,6 +57,8 @@ def check(controller: Controller) -> None:
             "noise, gate, mass and k; calibration is for linear, adaptive and extended filters of "
             "an axis without parts"
         )
+    if controller.law.schedule is not None:
+        raise AmbkitError("calibration has one set of gains; this controller has them by speed")
     if controller.pid.type == "lqg":
         raise AmbkitError("calibration has the gains of a PID; this controller has a regulator")
 

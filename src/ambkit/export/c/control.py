@@ -36,6 +36,7 @@ _LAW = ("reference", "position", "velocity", "spread", "iu_min", "iu_max")
 _GAINS = ("fed_back", "fed_back_by_speed", "fed_back_by_square")
 _CONTROL = ("start", "start_by", "place", "down", "hold", "hold_by")
 _COUNTS = ("waiting", "lost", "overloaded", "rise", "descent")
+_SCHEDULE = ("speed", "gain")
 _TURN = ("motion", "current", "reach", "ampere")
 
 
@@ -45,6 +46,7 @@ class Structs(NamedTuple):
     arrays: dict[str, Array]
     pids: list[dict[str, Any]]
     let_turn: dict[str, Any]
+    schedule: dict[str, Any]
     law: dict[str, Any]
     sequence: dict[str, Any]
     control: dict[str, Any]
@@ -81,6 +83,10 @@ def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Str
         numbers = ("nodes", "from", "width", "moved", "first", "step")
         let_turn = {key: fields[f"let_turn_{key}"] for key in numbers}
         let_turn |= {key: Name(f"of_{key}") for key in _TURN}
+    schedule: dict[str, Any] = {}
+    if (speeds := fields["schedule_speed"]) is not None:
+        array_fields |= {f"schedule_{key}": fields[f"schedule_{key}"] for key in _SCHEDULE}
+        schedule = {"nodes": len(speeds)} | {k: Name(f"of_schedule_{k}") for k in _SCHEDULE}
     arrays = {f"of_{key}": np.array(values, float) for key, values in array_fields.items()}
 
     def at(key: str) -> Name:
@@ -96,6 +102,7 @@ def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Str
     law |= {key: at(key) for key in _LAW if key in array_fields or key != "reference"}
     law["gain"] = Name("{" + ", ".join(at(key) for key in _GAINS) + "}")
     law |= {"let_turn": Name("&let_turn")} if let_turn else {}
+    law |= {"schedule": Name("&schedule")} if schedule else {}
     control = {
         "estimator": Name(f"&{name}_estimator"), "law": Name("&law"),
         "sequence": Name("&sequence" if controller.sequence is not None else "NULL"),
@@ -104,7 +111,7 @@ def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Str
     }  # fmt: skip
     control |= {key: at(key) for key in _CONTROL}
     counts = {key: fields[key] for key in _COUNTS if key in fields}
-    return Structs(arrays, pids, let_turn, law, counts, control)
+    return Structs(arrays, pids, let_turn, schedule, law, counts, control)
 
 
 def _behind(pids: list[dict[str, Any]], gains: Sequence[list[float]]) -> dict[str, Any]:
@@ -122,6 +129,8 @@ def _in_c(of: Structs, precision: CPrecision) -> dict[str, Any]:
     return {
         "arrays": c_literals.declared(of.arrays, precision),
         "pids": [c_literals.struct(pid, precision, {}) for pid in of.pids],
+        "let_turn": c_literals.struct(of.let_turn, precision, {}) if of.let_turn else "",
+        "schedule": c_literals.struct(of.schedule, precision, {}) if of.schedule else "",
         "law": c_literals.struct(of.law, precision, {}),
         "sequence": c_literals.struct(of.sequence, precision, {}),
         "control": c_literals.struct(of.control, precision, {}),
@@ -145,7 +154,6 @@ def context(
             if several
             else c_literals.number(bias[0], precision),
             "two_sided": ", ".join(str(item).lower() for item in two_sided),
-            "let_turn": c_literals.struct(of.let_turn, precision, {}) if of.let_turn else "",
         },
         "coils": controller.coils,
         "own_time": f"{1e3 * own_time(controller.bearing):.3g} ms",
@@ -207,6 +215,7 @@ def constants(controller: Controller, name: str, crc: Constants) -> None:
     for k, pid in enumerate(of.pids):
         crc.fields(f"of_pid[{k}]", pid, arrays=False)
     crc.fields("let_turn", of.let_turn, arrays=False)
+    crc.fields("schedule", of.schedule, arrays=False)
     crc.fields("law", of.law, arrays=False)
     crc.fields("sequence", of.sequence, arrays=False)
     crc.fields(f"{name}_control", of.control, arrays=False)

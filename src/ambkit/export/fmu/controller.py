@@ -111,11 +111,13 @@ def law_data(controller: Controller) -> dict[str, Any]:
 def _law(structs: control.Structs, precision: CPrecision, *, alone: bool = False) -> dict[str, Any]:
     text = c_literals.struct(structs.law, precision, {})
     pids = [c_literals.struct(pid, precision, {}) for pid in structs.pids]
-    named = "".join([text, *pids])
+    schedule = c_literals.struct(structs.schedule, precision, {}) if structs.schedule else ""
+    named = "".join([text, schedule, *pids])
     arrays = {name: array for name, array in structs.arrays.items() if not alone or name in named}
     return {
         "arrays": c_literals.declared(arrays, precision),
         "pids": pids,
         "let_turn": c_literals.struct(structs.let_turn, precision, {}) if structs.let_turn else "",
+        "schedule": schedule,
         "text": text,
     }

@@ -257,9 +257,9 @@ class LoopOf:
         if self.needs_estimate or self.control_for(estimator).type == "lqg":
             return None
         control_law = self.flown_by(estimator)
-        control_law = replace(
-            control_law, pids=[[kp, 0.0, *rest] for kp, _ki, *rest in control_law.pids]
-        )
+        pids = control_law.pids_at(self.machine.speed)
+        without = [[kp, 0.0, *rest] for kp, _ki, *rest in pids]
+        control_law = replace(control_law, pids=without, schedule=None)
         loop = LoopOf(self.machine, self.control, point=self.point, flown=control_law).loop(
             estimator
         )
