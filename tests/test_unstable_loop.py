@@ -53,6 +53,8 @@ def test_it_is_drawn(found: Assessment) -> None:
     ]  # fmt: skip
     assert static.render(figure).png[:4] == b"\x89PNG"
     pole = found.loops[MEASUREMENT].unstable_poles[0]
+    (named,) = (item.text for item in figure.panels[2].items if getattr(item, "text", ""))
+    assert named == f"{pole.frequency:.4g} Hz, {pole.growth:+.3g}/s"
     assert f"{pole.frequency:.4g} Hz grows by {pole.growth:.3g}/s" in figure.caption
 
 

@@ -123,7 +123,7 @@ def unstable_figure(
         phases.append(Line(f, phase, signal=look, label=label))
     for item in poles:
         if item.frequency > SHOWN * nyquist:  # the fastest growing is named
-            text = f"{item.frequency:.4g} Hz" if item is poles[0] else ""
+            text = f"{item.frequency:.4g} Hz, {item.growth:+.3g}/s" if item is poles[0] else ""
             gains.append(Rule(item.frequency, axis="x", signal="spike", label="", text=text))
     frequency = Axis("frequency", "Hz", scale="log", limits=(SHOWN * nyquist, nyquist))
     real = Axis("real part of L", limits=NYQUIST_REAL)

@@ -64,7 +64,7 @@ class Campbell(WhirlModes, Result):
     def notes(self) -> list[str]:
         """How far the machine's speed is from critical ones, and what the modes left out change."""
         compared = self._modes_left_out
-        notes = [self._separations.sentence()] if self.machine.speed else []
+        notes = [self._separations.sentence(), IDEAL] if self.machine.speed else []
         return notes + ([] if compared is None else [compared.text()])
 
     @property
@@ -91,6 +91,12 @@ def campbell(machine: Machine, fastest: Given | None = None, *, count: int = 121
     """Return how the poles of a rotor go with its speed, held by the gains of a simulation."""
     return Campbell(**vars(whirl_modes(machine, fastest, count=count)))
 
+
+IDEAL = (
+    "Modes are those with ideal sensors and amplifiers; the separation is that of the closed loop, "
+    "with all of its lags."
+)
+"""Why the critical speeds of the diagram are not those of the separation."""
 
 SPEED = Axis("speed of rotation", "rpm", 30 / math.pi)
 FREQUENCY = Axis("frequency", "Hz", 1 / (2 * math.pi))
