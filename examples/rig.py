@@ -16,7 +16,7 @@ from scipy.signal import lfilter, savgol_filter
 
 import ambkit
 from ambkit.estimate.constant_velocity import tune
-from ambkit.estimate.innovations import prediction_error
+from ambkit.estimate.errors import prediction_error
 from ambkit.identification.forces.lift_off import find_lift_off, fit_lift_off
 from ambkit.identification.maximum_likelihood import figures as figures
 from ambkit.identification.maximum_likelihood import maximum_likelihood

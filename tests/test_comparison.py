@@ -10,7 +10,7 @@ import pytest
 
 import ambkit
 from ambkit import AdaptiveKalmanFilter, Bearing, ClosedLaw, KalmanFilter, Record, Scenario
-from ambkit.estimate.innovations import prediction_error, whiteness
+from ambkit.estimate.errors import prediction_error, whiteness
 from ambkit.judge.comparison import compare, rmse
 from ambkit.simulation.run import simulate_run
 

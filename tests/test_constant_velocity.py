@@ -7,7 +7,7 @@ from effort import lines_run
 import ambkit
 from ambkit.data.recordings import folder
 from ambkit.estimate.constant_velocity import tune
-from ambkit.estimate.innovations import prediction_error
+from ambkit.estimate.errors import prediction_error
 from ambkit.judge.comparison import ConstantVelocityFilter
 
 T = 1e-4

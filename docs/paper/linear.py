@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ambkit.estimate.innovations import whiteness
+from ambkit.estimate.errors import whiteness
 from ambkit.judge.comparison import rmse
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
 from ambkit.result.report.figure import Figure, Panel

@@ -11,7 +11,7 @@ import numpy as np
 from ambkit.data.record import Record
 from ambkit.data.recordings import folder
 from ambkit.estimate.constant_velocity import tune
-from ambkit.estimate.innovations import Whiteness, prediction_error, whiteness
+from ambkit.estimate.errors import Whiteness, prediction_error, whiteness
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.fuzzy.expert import Expert

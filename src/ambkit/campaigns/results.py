@@ -47,15 +47,6 @@ class Machines:
     """The runs of a study, as they lie in their folder.
 
     Columns are read when they are asked for: a million runs need not be held at once.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the campaign.
-    plan : Plan
-        The study.
-    parts : tuple of int
-        Those that count.
     """
 
     def __init__(self, folder: Path, plan: Plan, parts: tuple[int, ...]) -> None:

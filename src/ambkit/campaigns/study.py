@@ -39,8 +39,7 @@ from pydantic import (
 )
 
 from ambkit.base.config import Document, Read
-from ambkit.base.config.paths import from_folder, to_folder
-from ambkit.base.config.text_types import Description, Name
+from ambkit.base.config.text_types import Description, Name, from_folder, to_folder
 from ambkit.base.errors import AmbkitError
 from ambkit.campaigns.distributions import Vary
 from ambkit.campaigns.study_tables import Correlated, Passes, Recorded, Stop

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.data.signals import by_name, each_of, signal
-from ambkit.estimate.errors import errors_along, rms
+from ambkit.estimate.errors import Whiteness, errors_along, rms, whiteness
 from ambkit.estimate.estimate import Estimate, Status
-from ambkit.estimate.innovations import Whiteness, whiteness
 from ambkit.result.row import Row
 
 if TYPE_CHECKING:

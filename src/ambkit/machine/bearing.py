@@ -15,8 +15,8 @@ from pydantic import (
 )
 
 from ambkit.base.config import Part, Read, read_unchecked
-from ambkit.base.config.paths import FilePath
 from ambkit.base.config.quantities import InOther, Quantity, WordOrQuantity
+from ambkit.base.config.text_types import FilePath
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine.accessories import ColouredNoise, Hum, Runout

@@ -51,12 +51,10 @@ def machine_model(
     machine: Any,
     *,
     T: float | None = None,
-    noise: bool = True,
     synchronous: Sequence[str] = (),
-    speeding: float = 0.0,
 ) -> Model:
     """Return the sampled model of a machine."""
-    parts = machine_parts(machine, noise=noise, synchronous=synchronous, speeding=speeding)
+    parts = machine_parts(machine, synchronous=synchronous)
     return compose(parts, machine.sampling_time if T is None else T, name="machine")
 
 

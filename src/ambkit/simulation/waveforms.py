@@ -16,8 +16,8 @@ from pydantic import BeforeValidator, Field
 
 from ambkit.base.arrays import Array, real
 from ambkit.base.config import Part, Read
-from ambkit.base.config.paths import FilePath
 from ambkit.base.config.quantities import Quantity, place_of_signal
+from ambkit.base.config.text_types import FilePath
 from ambkit.base.errors import AmbkitError
 
 Value = Annotated[float, Quantity("@")]

@@ -244,12 +244,11 @@ def compare_in_loops(
     estimators: Any = USUAL,
     *,
     seeds: range = range(RUNS),
-    magnets: Mapping[str, MagnetModel] | None = None,
     plant: ForceSurface | None = None,
     done: Callable[[], None] = lambda: None,
 ) -> LoopScores:
     """Compare estimators, each in its own loop, against the same noise, with the same Q and R."""
-    built = factories(estimators, bearing, magnets)
+    built = factories(estimators, bearing)
     scores = {
         name: compare(bearing, item.scenario, built, seeds, magnet=plant, done=done)
         for name, item in what.items()

@@ -100,13 +100,7 @@ class Identified(Result):
     source: str = ""  #: Names of the records' files.
 
     def validate(self, *records: Record) -> Identified:
-        """Return the identified machine, validated on other records.
-
-        Raises
-        ------
-        AmbkitError
-            It was identified from one of them, or a record lacks a signal.
-        """
+        """Return the identified machine, validated on other records."""
         return validated(self, all_of_type(Record, records=list(records)))
 
     @cached_property

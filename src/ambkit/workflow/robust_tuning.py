@@ -200,7 +200,6 @@ def tune_robust(
     budget: int = EVALUATIONS,
     storage: str | os.PathLike[str] | None = None,
     seed: int = 0,
-    threads: int | None = None,
     done: Callable[..., None] = lambda text="", steps=1: None,
 ) -> Robust:
     """Tune controller and filter over the machines of a study."""
@@ -210,7 +209,7 @@ def tune_robust(
         raise ExtraMissing("tune robust", "optuna", "campaign") from None
     plan = Plan(load(study))
     plan.check()
-    task = _Task(plan, quantile, max_sensitivity, threads)
+    task = _Task(plan, quantile, max_sensitivity)
     ranges = task.chosen(free)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     search = _opened(optuna, storage, task, ranges, seed)
@@ -309,7 +308,7 @@ def _opened(optuna: Any, storage: Any, task: _Task, free: Sequence[Range], seed:
 class _Task:
     """Machines, and what is made of them by a controller and a filter."""
 
-    def __init__(self, plan: Plan, quantile: float, peak_limit: float, threads: int | None) -> None:
+    def __init__(self, plan: Plan, quantile: float, peak_limit: float) -> None:
         study = plan.study
         if not 0 < quantile < 1:
             raise AmbkitError(f"quantile must be between 0 and 1, is {quantile:g}")
@@ -331,7 +330,7 @@ class _Task:
             quantile,
             peak_limit,
         )
-        self.threads, self.several = threads, plan.several
+        self.several = plan.several
         if study.synchronous:
             raise AmbkitError(f"{study.name}: synchronous does not go with the search for a filter")
         self.points, self.noise = plan.points(0, plan.runs), plan.noise(0, plan.runs)
@@ -382,7 +381,7 @@ class _Task:
         """Fly all machines with a controller and a filter."""
         estimator, controller = self.design(values)
         designed = self.plan.with_design(estimator, controller)
-        result = fly(designed, self.points, self.noise, threads=self.threads).columns
+        result = fly(designed, self.points, self.noise).columns
         error = min(_quantile(result["f_d_rms"], self.quantile), WORST)
         peak = min(_quantile(result["peak_S"], self.quantile), WORST)
         touched = float(np.mean(~(np.asarray(result["touched"]) == 0)))

@@ -1,12 +1,47 @@
 """Pydantic types for names and descriptions: what may stand in them, and how long they may be."""
 
-import re
-from typing import Annotated
+from __future__ import annotations
 
-from pydantic import AfterValidator, Field
+import os
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    SerializationInfo,
+    ValidationInfo,
+)
 from pydantic_core import PydanticCustomError
 
 from ambkit.base.escaping import one_line
+
+
+def from_folder(value: Any, info: ValidationInfo) -> Any:
+    """Take a relative name from where the description lies."""
+    folder = (info.context or {}).get("folder")
+    if folder is not None and isinstance(value, str):
+        return str(Path(folder, value).absolute())
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
+
+
+def to_folder(value: str, info: SerializationInfo) -> str:
+    """Write the name as seen from where the description will lie, so that both can move."""
+    folder = (info.context or {}).get("folder")
+    if folder is None:
+        return value
+    try:
+        return Path(os.path.relpath(value, folder)).as_posix()
+    except ValueError:  # on Windows, another drive
+        return str(Path(value).absolute())
+
+
+FilePath = Annotated[str, BeforeValidator(from_folder), PlainSerializer(to_folder)]
+"""The name of a file."""
+
 
 LONGEST_NAME = 80
 """Characters of a name: it stands in headings, legends and comments of one line."""

@@ -241,24 +241,7 @@ def load(
     path: str | os.PathLike[str],
     channel_map: ChannelMap | str | os.PathLike[str] | None = None,
 ) -> Record:
-    """Read a record whose clock is even; `read` also takes logs with faults.
-
-    Parameters
-    ----------
-    path : path
-        The file: without a channel map a table with units, see `Record.load`; with one, any format
-        that `read` knows.
-    channel_map : ChannelMap or path, optional
-        Which row or column of the file is which signal, with its unit, scale, sign and offset.
-
-    Raises
-    ------
-    RecordError
-        As `read`; also for gaps and infinite values, which `read` makes missing samples. The
-        message names file and line.
-    AmbkitError
-        The file, or the channel map, cannot be read.
-    """
+    """Read a record whose clock is even, with or without a channel map; `read` takes faults."""
     if channel_map is None:
         return Record.load(path)
     log, mapped = _mapped(path, channel_map, lambda _: None)

@@ -11,7 +11,7 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.data.record import Record
 from ambkit.estimate.constant_velocity import ConstantVelocityFilter, tune
-from ambkit.estimate.innovations import whiteness
+from ambkit.estimate.errors import whiteness
 from ambkit.identification.maximum_likelihood.likelihood import settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.validation import (

@@ -226,16 +226,12 @@ class Expectation:
         }
 
 
-def expect(
-    record: Record, model: LoopModel, free: Sequence[str], *, settling: float | None = None
-) -> Expectation:
+def expect(record: Record, model: LoopModel, free: Sequence[str]) -> Expectation:
     """Say how surely a record would tell parameters of the model that it comes from."""
     # Parameters that cannot be told are held one by one, as `maximum_likelihood` does.
     parameters, held = identifiable(named(free), model)
-    if settling is None:
-        settling = settling_time(model.bearing)
     coordinates = Coordinates(model, parameters)
-    likelihood = Likelihood([record], coordinates, settling)
+    likelihood = Likelihood([record], coordinates, settling_time(model.bearing))
     _, _, by_e, by_S, used = likelihood.slopes(np.zeros(len(parameters)))
     information = by_e @ by_e.T + 0.5 * by_S @ by_S.T
     _, certainty = np.linalg.slogdet(np.eye(len(parameters)) + information)

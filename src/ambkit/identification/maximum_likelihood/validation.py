@@ -13,7 +13,7 @@ from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import RecordError
 from ambkit.base.units import engineering
 from ambkit.data.reading.faults import spike_free
-from ambkit.estimate.innovations import Whiteness, prediction_error, whiteness
+from ambkit.estimate.errors import Whiteness, prediction_error, whiteness
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record

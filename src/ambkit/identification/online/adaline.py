@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -118,7 +120,10 @@ class AdalineResult(OnlineResult):
         return mean_error(self.k[late][~self.held[late]], self.memory)
 
 
-class OnlineIdentifier(Copyable):
+Learned = TypeVar("Learned", bound=OnlineResult)
+
+
+class OnlineIdentifier(Copyable, Generic[Learned]):
     """Learns the magnet constant sample by sample, in the C core.
 
     The C knows no delay and no lag of the current: along a record they are taken into account
@@ -156,16 +161,28 @@ class OnlineIdentifier(Copyable):
     def _of_ideal_iron(self) -> bool:
         return is_ideal(self.bearing)  # asked at every sample
 
-    def _learned(self, record: Record, disturbance: ArrayLike | None) -> dict[str, Any]:
-        """Run the core along a record; return its arrays by name, n samples each."""
+    def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> Learned:
+        """Learn along a record.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V], n samples.
+        disturbance : array_like (n,), optional
+            Disturbance force as far as it is known [N].
+        """
         y = record["y"]
         known = real("disturbance", 0.0 if disturbance is None else disturbance)
         f_d = np.ascontiguousarray(np.broadcast_to(known, y.shape))
         out = self.core.run(y, self._ideal(y, acting(self.bearing, record["u"])), f_d)
-        return dict(out)
+        common = {"t": record.t, "k": out["k"], "held": out["status"] != 0, "force": out["force"]}
+        return self._result(common | {"excitation": np.sqrt(out["excitation"])}, out)
+
+    @abstractmethod
+    def _result(self, common: dict[str, Any], out: Mapping[str, Any]) -> Learned: ...
 
 
-class Adaline(OnlineIdentifier):
+class Adaline(OnlineIdentifier[AdalineResult]):
     """Two adaptive linear elements, learning by the normalised Widrow-Hoff rule.
 
     The first finds the magnet's force from the motion (eq. 24), the second the magnet constant
@@ -212,25 +229,8 @@ class Adaline(OnlineIdentifier):
         self.rate_k = rate_k
         self.core = core_module().Adaline(**settings, rate_k=rate_k)
 
-    def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> AdalineResult:
-        """Learn along a record.
-
-        Parameters
-        ----------
-        record : Record
-            With ``y`` [m] and ``u`` [V], n samples.
-        disturbance : array_like (n,), optional
-            Disturbance force as far as it is known [N].
-        """
-        out = self._learned(record, disturbance)
-        return AdalineResult(
-            t=record.t,
-            k=out["k"],
-            held=out["status"] != 0,
-            force=out["force"],
-            excitation=np.sqrt(out["excitation"]),
-            memory=1 / self.rate_k,
-        )
+    def _result(self, common: dict[str, Any], out: Mapping[str, Any]) -> AdalineResult:
+        return AdalineResult(**common, memory=1 / self.rate_k)
 
 
 def first_element(

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-import numpy as np
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING, Any
 
 from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import Given
@@ -15,7 +13,6 @@ from ambkit.identification.online.adaline import AdalineResult, OnlineIdentifier
 from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:
-    from ambkit.data.record import Record
     from ambkit.machine.machine import Bearing
 
 
@@ -30,7 +27,7 @@ class LeastSquaresResult(AdalineResult):
     load: Array
 
 
-class RecursiveLeastSquares(OnlineIdentifier):
+class RecursiveLeastSquares(OnlineIdentifier[LeastSquaresResult]):
     """Magnet constant, and a load that nobody knows, by least squares with forgetting.
 
     ADALINE's first element finds the force of the magnet from the motion (eq. 24). Where its
@@ -90,23 +87,5 @@ class RecursiveLeastSquares(OnlineIdentifier):
             settling=math.ceil(8 / rate_force),
         )
 
-    def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> LeastSquaresResult:
-        """Learn along a record.
-
-        Parameters
-        ----------
-        record : Record
-            With ``y`` [m] and ``u`` [V], n samples.
-        disturbance : array_like (n,), optional
-            Disturbance force as far as it is known [N].
-        """
-        out = self._learned(record, disturbance)
-        return LeastSquaresResult(
-            t=record.t,
-            k=out["k"],
-            held=out["status"] != 0,
-            force=out["force"],
-            excitation=np.sqrt(out["excitation"]),
-            memory=1 / (1 - self.forgetting),
-            load=out["load"],
-        )
+    def _result(self, common: dict[str, Any], out: Mapping[str, Any]) -> LeastSquaresResult:
+        return LeastSquaresResult(**common, memory=1 / (1 - self.forgetting), load=out["load"])

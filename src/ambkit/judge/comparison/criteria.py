@@ -13,8 +13,7 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.data.files.tables import Table, write_table
 from ambkit.data.signals import signal
-from ambkit.estimate.errors import true_signal
-from ambkit.estimate.innovations import whiteness
+from ambkit.estimate.errors import true_signal, whiteness
 from ambkit.estimate.machine_model import View
 from ambkit.machine.force_laws import models_of
 from ambkit.machine.magnets import evaluate_force, magnet_of

@@ -13,8 +13,8 @@ import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base.config import Part, Read
-from ambkit.base.config.paths import FilePath
 from ambkit.base.config.quantities import Quantity
+from ambkit.base.config.text_types import FilePath
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine.rotors import beam
