@@ -349,3 +349,16 @@ def test_an_axis_is_judged_alike_as_a_bearing_and_as_a_machine() -> None:
     assert [each.name for each in one] == [each.name for each in other]
     assert [e.value for e in other] == pytest.approx([e.value for e in one], rel=0.05)
     assert sentences(other) == []
+
+
+def test_a_record_with_a_sign_swapped_is_named_in_python_too(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    record = ambkit.simulate(AXIS, step="0.5 mm", duration="0.5 s", seed=1).record
+    ambkit.tune(AXIS, record, "linear", budget=1)
+    assert not caplog.messages
+    swapped = ambkit.Record(record.t, {"y": record["y"], "u": -record["u"]})
+    ambkit.tune(AXIS, swapped, "linear", budget=1)
+    assert caplog.messages[0].startswith("record 1: u rises where y does")
+    notes = ambkit.filter(swapped, "linear", machine=AXIS).notes
+    assert any(text.startswith("the record: u rises where y does") for text in notes)

@@ -132,17 +132,17 @@ def tuning_given(
 def record_arguments(
     records: Any, machine: Machine, channels: Any, window: Any = None
 ) -> list[Record]:
-    """Return records; where files do not look like those of the machine, that is noted."""
+    """Return records; where they do not look like those of the machine, that is noted."""
     results = []
-    for item in names_in(Record, records=records):
+    for number, item in enumerate(names_in(Record, records=records), 1):
+        name = f"record {number}" if isinstance(item, Record) else item
         results.append(record_argument(item, channels, window))
-        if not isinstance(item, Record):
-            try:
-                odd = check_plausibility(results[-1], machine)
-            except RecordError as error:
-                raise RecordError([f"{item}: {problem}" for problem in error.problems]) from None
-            for text in odd:
-                NOTES.warning("%s: %s", item, text)
+        try:
+            odd = check_plausibility(results[-1], machine)
+        except RecordError as error:
+            raise RecordError([f"{name}: {problem}" for problem in error.problems]) from None
+        for text in odd:
+            NOTES.warning("%s: %s", name, text)
     return results
 
 

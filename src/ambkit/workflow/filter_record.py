@@ -50,12 +50,11 @@ def filtered(
         raise AmbkitError("machine is missing: a preset's name, or a TOML file")
     plant = next(iter(files.values())).plant if machine is None else machine_argument(machine)
     log = record_argument(record, _channels(files, channels), window)
-    remarks = []
-    if not hasattr(record, "signals"):
-        try:
-            remarks += [f"{record}: {text}" for text in check_plausibility(log, plant)]
-        except RecordError as error:
-            raise RecordError([f"{record}: {problem}" for problem in error.problems]) from None
+    name = "the record" if hasattr(record, "signals") else record
+    try:
+        remarks = [f"{name}: {text}" for text in check_plausibility(log, plant)]
+    except RecordError as error:
+        raise RecordError([f"{name}: {problem}" for problem in error.problems]) from None
     tune, intensity = _disturbance(disturbance)
     built = factories(filters, plant)
     noise = FilterNoise(measurement=in_si("measurement_noise", measurement, "m^2"),
