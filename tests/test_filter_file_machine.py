@@ -155,7 +155,7 @@ def test_assess_takes_it(arguments, folder, capsys, monkeypatch):
     (["export", "c", "f.toml", "--out", "c", "--controller", "scenario.toml"], 0, "wrote c"),
     (["export", "mat", "f.toml", "--out", "f.mat"], 2, "has several axes"),
     (["export", "fmu", "f.toml", "--out", "f.fmu"], 0, "wrote f.fmu"),
-    (["tune", "tum_mlps", "--filter", "linear", "--budget", "2", "--runs", "1",
+    (["tune", "tum_mlps", "--filter", "linear", "--budget", "2", "--seeds", "1",
       "--out", "g.toml"], 0, "wrote g.toml"),
 ])  # fmt: skip
 def test_commands_take_it(arguments, code, said, folder, capsys, monkeypatch):

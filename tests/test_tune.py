@@ -191,7 +191,7 @@ def test_trade_off_is_a_curve_from_which_to_pick() -> None:
     untuned = ambkit.assess(NOISY, "linear", STIFF).loops["linear"].peak
     ceilings = [1.1, 0.9 * untuned, 1.2 * untuned]
     found = ambkit.tune_trade_off(
-        NOISY, peaks=ceilings, filter="linear", budget=16, runs=2, controller=STIFF
+        NOISY, peaks=ceilings, filter="linear", budget=16, seeds=2, controller=STIFF
     )
     never, tight, wide = found.points
     assert never.tuned is None
