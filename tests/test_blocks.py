@@ -165,7 +165,7 @@ def test_what_cannot_be_flown_is_said(block: Any, said: str) -> None:
 def test_a_pid_of_its_own_sensor_is_assessed() -> None:
     """Hindawi's sensors are not beside its magnets: each PID closes its own reading alone."""
     one = ambkit.Machine.preset("hindawi_2011")
-    own = {axis.name: {"sensor": axis.name} for axis in one.axes}
+    own = {axis.name: {"sees": axis.name} for axis in one.axes}
     of = LoopOf(one, Control(type="decentralised", feedback="measurement", pid=own))
     pids, f = of.pids(), np.linspace(2.0, 400.0, 50)
     alone = zip(pids.values(), of.isolated, one.readings, strict=True)

@@ -103,5 +103,8 @@ def test_what_has_no_schedule_refuses_it() -> None:
         Control(schedule=[ScheduledGains(speed=10.0), ScheduledGains(speed=10.0)])
     with pytest.raises(AmbkitError, match='schedule: is of a PID; type = "lqg" has none'):
         Control(type="lqg", schedule=SCHEDULED.schedule)
+    blind = Control(pid={"x": PID(sees="y")})
+    with pytest.raises(AmbkitError, match="sees: is of a rotor that is a body"):
+        ambkit.simulate(BEARING, Scenario(controller=blind))
     with pytest.raises(AmbkitError, match="schedule: is of a rotor that is a body"):
         ambkit.simulate(BEARING, Scenario(controller=SCHEDULED, disturbance=Constant(value=0.0)))

@@ -278,7 +278,7 @@ LOADED = (Disturbance(axis="A1", force=Step(amplitude=20.0, time=0.1)),)
 @pytest.mark.parametrize("feedback", ["measurement", "estimate"])
 def test_a_pid_can_see_a_sensor_that_is_not_beside_its_magnet(feedback):
     """Where the other end is moved, its integral holds the rotor at the sensor, not at its axis."""
-    own = Control(pid={axis.name: PID(sensor=axis.name) for axis in HINDAWI.axes})
+    own = Control(pid={axis.name: PID(sees=axis.name) for axis in HINDAWI.axes})
     moved = (Reference(axis="A1", position=Step(amplitude=2e-5, time=0.1)),)
     for seen, still, not_still in ((Control(type="decentralised"), "s", "y"), (own, "y", "s")):
         flight = Scenario(
@@ -291,14 +291,61 @@ def test_a_pid_can_see_a_sensor_that_is_not_beside_its_magnet(feedback):
         assert abs(at[not_still]) == pytest.approx(2e-5 * 0.02 / 0.38, rel=0.06)
 
 
+@pytest.mark.parametrize("feedback", ["measurement", "estimate"])
+def test_a_pid_sees_a_sum_of_readings(feedback):
+    """Half of both ends is the middle: all of one end's is what its name alone is."""
+    scenario = Scenario(duration=0.05, noise=False, feedback=feedback, disturbance=LOADED)
+
+    def flown(sees):
+        own = Control(pid={axis.name: PID(sees=sees(axis.name)) for axis in HINDAWI.axes})
+        return simulate_run(HINDAWI, scenario.replace(controller=own.fed_by(feedback)))
+
+    named, one = flown(lambda name: name), flown(lambda name: {name: 1.0})
+    np.testing.assert_array_equal(named.record["iu_B1"], one.record["iu_B1"])
+    law = controllers_of(
+        Plant(HINDAWI), Control(type="decentralised", pid={"A1": PID(sees={"A1": 0.4, "B1": 0.6})}),
+        KalmanFilter(HINDAWI) if feedback == "estimate" else None,
+    )  # fmt: skip
+    if feedback == "measurement":
+        gains = [r.sensor.gain for r in HINDAWI.readings]
+        at = [r.name for r in HINDAWI.readings].index
+        seen = np.zeros(len(gains))
+        seen[at("A1")], seen[at("B1")] = 0.4 / gains[at("A1")], 0.6 / gains[at("B1")]
+        np.testing.assert_allclose(law.shown[0], seen)
+    else:
+        C = KalmanFilter(HINDAWI).view.C
+        names = [r.name for r in HINDAWI.readings]
+        row = 0.4 * C[names.index("A1")] + 0.6 * C[names.index("B1")]
+        np.testing.assert_allclose(law.feedback["position"][0][: len(row)], row)
+        np.testing.assert_allclose(law.feedback["velocity"][0][len(row) : 2 * len(row)], row)
+
+
+def test_a_pid_sees_an_estimated_state():
+    kalman = KalmanFilter(HINDAWI)
+    control = Control(type="decentralised", pid={"A1": PID(sees="th_y")})
+    law = controllers_of(Plant(HINDAWI), control, kalman)
+    names = [state.name for state in kalman.states]
+    assert law.feedback["position"][0].tolist() == [float(name == "th_y") for name in names]
+    (moves,) = np.flatnonzero(law.feedback["velocity"][0])
+    assert kalman.states[moves].role == "velocity"
+    with pytest.raises(AmbkitError, match=r"pid\.A1\.sees: there is no th_y; known: A1"):
+        controllers_of(Plant(HINDAWI), control, None)
+
+
+def test_the_key_of_an_earlier_release_is_read():
+    text = '[controller.pid.A1]\nsensor = "B1"\n'
+    scenario = Scenario.from_toml(text)
+    assert scenario.controller.pid["A1"].sees == {"B1": 1.0}
+    assert Scenario.from_toml(scenario.to_toml()) == scenario
+    hash(scenario.controller)
+
+
 def test_a_sensor_that_is_not_there_is_refused():
-    control = Control(pid={"B1": PID(sensor="C1")})
-    with pytest.raises(
-        AmbkitError, match=r"controller\.pid\.B1\.sensor: there is no C1; known: A1"
-    ):
+    control = Control(pid={"B1": PID(sees="C1")})
+    with pytest.raises(AmbkitError, match=r"controller\.pid\.B1\.sees: there is no C1; known: A1"):
         simulate_run(HINDAWI, Scenario(duration=0.01, feedback="measurement", control=control))
     with pytest.raises(ConfigError, match="is of an axis"):
-        Control(type="translation and tilt", pid={"x": PID(sensor="A1")})
+        Control(type="translation and tilt", pid={"x": PID(sees="A1")})
 
 
 def test_currents_take_an_estimated_load_back_at_once():

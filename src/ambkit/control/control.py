@@ -57,8 +57,8 @@ class Control(PID):
                 yield "type", '"lqg" regulates the estimate: feedback must be "estimate"'
             if read("feed_forward") > 0:
                 yield "feed_forward", 'is made of the estimate: feedback must be "estimate"'
-        if read("sensor") is not None:
-            yield "sensor", "is of one axis: give it in pid.NAME"
+        if read("sees"):
+            yield "sees", "is of one axis: give it in pid.NAME"
         if read("unbalance_from") is not None and read("unbalance") == "fought":
             text = 'unbalance = "fought" is so at any speed; give "force-free" or "still"'
             yield "unbalance_from", text
@@ -73,8 +73,8 @@ class Control(PID):
         if read("type") == "lqg":
             yield "pid", 'type = "lqg" has no PID: its gains are of all states'
         for name, pid in pids.items():
-            if pid.sensor and read("type") == "translation and tilt":
-                yield f"pid.{name}.sensor", 'is of an axis: type must be "decentralised"'
+            if pid.sees and read("type") == "translation and tilt":
+                yield f"pid.{name}.sees", 'is of an axis: type must be "decentralised"'
             if pid.feed_forward and read("type") == "translation and tilt":
                 yield f"pid.{name}.feed_forward", 'is of an axis: type must be "decentralised"'
 

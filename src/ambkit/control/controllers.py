@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any, Literal
@@ -168,14 +168,13 @@ def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | Non
     limits = [(isolated.current_min, isolated.current_max) for isolated in plant.isolated]
     one, transform = np.eye(len(pids)), shown_along_axes(plant.machine)
     feedback = _fed_forward(plant, pids, estimator)
-    own = {k: _reading(plant, k, pid.sensor) for k, pid in enumerate(pids) if pid.sensor}
-    for k, at in own.items():
-        transform[k] = 0.0
-        transform[k, at] = 1 / plant.machine.readings[at].sensor.gain
+    own = {k: _seen(plant, estimator, k, pid.sees) for k, pid in enumerate(pids) if pid.sees}
+    for k, (by_reading, _) in own.items():
+        transform[k] = by_reading
     if estimator is not None and own:
-        view = estimator.view
-        sensor_rows = view.H.copy()
-        sensor_rows[list(own)] = view.C[list(own.values())]
+        sensor_rows = estimator.view.H.copy()
+        for k, (_, by_state) in own.items():
+            sensor_rows[k] = by_state
         feedback |= _rows(estimator, sensor_rows)
     T = plant.machine.sampling_time
     return Controllers(
@@ -185,15 +184,27 @@ def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | Non
     )  # fmt: skip
 
 
-def _reading(plant: Plant, axis: int, sensor: str) -> int:
-    """Return which reading a PID names."""
-    names = [r.name for r in plant.machine.readings]
-    if sensor not in names:
-        raise AmbkitError(
-            f"controller.pid.{plant.axes[axis].name}.sensor: there is no {sensor}; known: "
-            f"{', '.join(names)}"
-        )
-    return names.index(sensor)
+def _seen(plant: Plant, filter: Any, axis: int, sees: Mapping[str, float]) -> tuple[Array, Array]:
+    """Return what a PID sees, by the readings (m,) and by the estimated displacements (q,)."""
+    readings, states, C = plant.machine.readings, [], np.zeros((len(plant.machine.readings), 0))
+    if filter is not None:
+        C = filter.view.C
+        states = [s.name for s in filter.states if s.role in ("position", "bending")]
+    known = [*(r.name for r in readings), *states]
+    by_reading, by_state = np.zeros(len(readings)), np.zeros(len(states))
+    for name, weight in sees.items():
+        if name not in known:
+            raise AmbkitError(
+                f"controller.pid.{plant.axes[axis].name}.sees: there is no {name}; known: "
+                f"{', '.join(known)}"
+            )
+        at = known.index(name)
+        if at < len(readings):
+            by_reading[at] = weight / readings[at].sensor.gain
+            by_state += weight * C[at]
+        else:
+            by_state[at - len(readings)] += weight
+    return by_reading, by_state
 
 
 def _fed_forward(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import SerializerFunctionWrapHandler, model_serializer
+from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity
@@ -26,6 +26,8 @@ class PID(Part):
     whose gains the paper does not give; a simulation tunes what was not given to its bearing.
     """
 
+    renamed: ClassVar = {"sensor": "sees"}
+
     kp: Annotated[float, Quantity("A/m", "3000 A/m", at_least=0)] = 1700.0
     """Proportional gain [A/m]."""
     ki: Annotated[float, Quantity("A/(m s)", "20000 A/(m s)", at_least=0)] = 7500.0
@@ -40,9 +42,12 @@ class PID(Part):
     """Of the reference, the share that kp sees [1]; the integral always sees all of it."""
     feed_forward: Annotated[float, Quantity("1", "1", at_least=0)] = 0.0
     """Share of the estimated disturbance force that a current takes back at once [1]."""
-    sensor: Name | None = None
-    """Of a machine, the reading that it sees, such as one that is not beside its magnet; without,
-    the displacement of its axis by all readings."""
+    sees: Annotated[
+        dict[Name, Annotated[float, Field(allow_inf_nan=False)]],
+        BeforeValidator(lambda value: {value: 1.0} if isinstance(value, str) else value),
+    ] = Field(default_factory=dict)  # fmt: skip
+    """Of a rotor that is a body, its input: a reading, such as one not beside its magnet,
+    an estimated displacement, or a weighted sum; without, the displacement of its axis."""
     block: tuple[AnyBlock, ...] = ()
     """What its current passes in turn before it is held to the limits, such as a notch."""
 
@@ -60,6 +65,9 @@ class PID(Part):
             for key, value in data.items()
             if key in stated_fields and value not in (None, {}, (), [])
         }
+
+    def __hash__(self) -> int:
+        return hash((self.kp, self.ki, self.kd, self.block))
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:

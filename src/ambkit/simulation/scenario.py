@@ -269,8 +269,9 @@ class Scenario(Described, Document):
             for key in OF_BODY:
                 if getattr(control, key) != Control.model_fields[key].default:
                     yield f"controller.{key}: is of a rotor that is a body; this one is a mass"
-            if any(pid.schedule for pid in (control, *control.pid.values())):
-                yield "controller.schedule: is of a rotor that is a body; this one is a mass"
+            for key in ("schedule", "sees"):
+                if any(getattr(pid, key) for pid in (control, *control.pid.values())):
+                    yield f"controller.{key}: is of a rotor that is a body; this one is a mass"
             if control.type == "translation and tilt":
                 yield f'controller.type: "{control.type}" is of a body; this rotor is a mass'
             for key in sorted(OF_MACHINE & self.model_fields_set):
