@@ -1,10 +1,13 @@
 """Sensors with coarse steps: what filters make of them, and what counts as frozen."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import ambkit
-from ambkit.estimate.noise_model import FilterNoise
+from ambkit.estimate.noise_model import FilterNoise, dwell
 from ambkit.estimate.observer import unstable_pole
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison import criteria
@@ -99,6 +102,23 @@ def test_a_constant_gain_in_the_loop_is_no_worse_than_raw(kind, name, ratio):
     assert rms(np.array(ours).T) <= 1.01 * rms(np.array(raw).T)
 
 
+@pytest.mark.parametrize("lag", [0.4, 0.8, 1.6])
+def test_holding_to_coarse_steps_sets_off_no_transient_of_a_short_lag(lag):
+    """Gains that slow a fast sensor's pole down made errors of a thousand steps."""
+    run = of_kind("observer", 20, bearing=PAPER.replace(sensor__lag=lag * T))
+    error, raw = (run.estimate["x"], run.record["y"]) - run.record["x"]
+    assert rms(error) <= rms(raw)
+
+
+@pytest.mark.parametrize("ratio", [20, 100])
+def test_a_constant_gain_of_little_process_noise_is_no_worse_than_raw(ratio):
+    """Its gain alone would be too slow in a loop that hunts between two codes."""
+    runs = [of_kind("steady-state", ratio, "estimate", seed) for seed in range(4)]
+    ours = np.array([run.estimate["x"] - run.record["x"] for run in runs])
+    raw = np.array([run.record["y"] - run.record["x"] for run in runs])
+    assert rms(ours.T) <= rms(raw.T)
+
+
 @pytest.mark.parametrize("ratio", [8, 10.9])
 def test_a_rotor_that_stays_in_a_coarse_step_is_no_frozen_sensor(ratio):
     bearing = PAPER.replace(sensor__quantisation=ratio * NOISE)
@@ -158,15 +178,58 @@ def test_a_stuck_sensor_is_flagged_within_three_own_times(ratio, stated):
     assert flagged[0] * T <= 3 * OWN_TIME
 
 
+def of_kind(kind, ratio, feedback="measurement", seed=0, stuck=None, bearing=PAPER):
+    """A run under a random walk of the disturbance force, of an intensity that the filter has."""
+    step_time, walk = bearing.sampling_time, 1e-4 * (2 * bearing.weight) ** 2
+    coarse = bearing.replace(sensor__quantisation=ratio * NOISE)
+    load = np.cumsum(np.random.default_rng(seed).normal(size=N)) * np.sqrt(walk * step_time)
+    pid = ambkit.PID.for_bearing(coarse).model_copy(update={"feedback": feedback})
+    faults = Faults.none(N)
+    if stuck is not None:
+        faults = replace(faults, late=np.maximum(np.arange(N) - stuck + 1.0, 0.0))
+    return simulate_run(
+        coarse,
+        Scenario(duration=(N - 1) * step_time, seed=seed, controller=pid),
+        estimator=KINDS[kind].make(coarse, noise=FilterNoise(disturbance=walk)),
+        external_inputs=ExternalInputs(disturbance=load, faults=faults),
+    )
+
+
+@pytest.mark.parametrize("ratio", [3, 4, 5])
 @pytest.mark.parametrize("kind", ["observer", "steady-state"])
-def test_what_a_constant_gain_says_of_its_errors_holds(kind):
+def test_what_a_constant_gain_says_of_its_errors_holds(kind, ratio):
     shares = []
     for seed in range(4):
-        record, _, _ = flown(5, wander=WALK, seed=seed)
-        bearing = PAPER.replace(sensor__quantisation=5 * NOISE)
-        kalman = KINDS[kind].make(bearing, noise=FilterNoise(disturbance=WALK))
-        shares.append(criteria.nees(kalman.run(record, covariance=True), record, 300, kalman.view))
-    assert 0.93 <= np.mean(shares) <= 0.98
+        run = of_kind(kind, ratio, seed=seed)
+        kalman = KINDS[kind].make(
+            PAPER.replace(sensor__quantisation=ratio * NOISE), noise=FilterNoise(disturbance=WALK)
+        )
+        estimate = kalman.run(run.record, covariance=True)
+        shares.append(criteria.nees(estimate, run.record, 300, kalman.view))
+    assert 0.93 <= np.mean(shares) <= 0.97
+
+
+def soonest(bearing, ratio):
+    """Samples after which a rotor at rest in the middle of a step would repeat itself with 1e-16.
+
+    It must have stayed, with 1 - 1/dwell a sample, and the noise must have left it in its step.
+    """
+    within = math.sqrt(-math.expm1(-(ratio**2) / (2 * math.pi)))
+    return math.log(1e-16) / math.log(within * (1 - 1 / dwell([bearing])))
+
+
+@pytest.mark.parametrize(("ratio", "own_times"), [(2.5, 2), (3, 3), (4, 7)])
+@pytest.mark.parametrize("kind", ["low-pass", "observer", "steady-state"])
+def test_without_a_covariance_a_stuck_sensor_is_flagged_as_soon_as_can_be_known(
+    kind, ratio, own_times
+):
+    run = of_kind(kind, ratio, stuck=2000)
+    frozen = (run.estimate.status & ambkit.Status.FROZEN) > 0
+    assert not frozen[:2000].any()
+    flagged = np.flatnonzero(frozen[2000:])[0]
+    # It may have repeated its measurement a few times before.
+    assert soonest(PAPER, ratio) - 40 <= flagged <= soonest(PAPER, ratio) + 1
+    assert flagged * T <= own_times * OWN_TIME
 
 
 def flight(name, ratio, kind, feedback, precision="float64", seed=0):

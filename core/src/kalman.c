@@ -134,16 +134,18 @@ amb_real amb_kalman_repeats(const amb_kalman *kf, int r, amb_real least_change, 
   const bool spare = (step > AMB_C(0.0)) && (amb_sensors(&kf->model) > amb_forces(&kf->model));
   const amb_real leaves =
       spare ? AMB_C(0.0) : (AMB_C(1.0) / amb_at_least(kf->set.dwell, AMB_C(1.0)));
-  const amb_real at_rest = AMB_C(1.0) - leaves;
+  const amb_real stays = AMB_C(1.0) - leaves;
   const amb_real square = amb_at_least(least_change, step * step);
   const amb_real variance = amb_at_least(S, LEAST_NOISE * var_y);
-  const bool fine = (square >= AMB_C(0.0)) && (square <= (AMB_VERY_COARSE * var_y)) &&
-                    ((square / AMB_COARSE) <= variance);
-  if (!fine) {
-    return at_rest;
+  const bool fine = (square / AMB_COARSE) <= variance;
+  const bool known = (square >= AMB_C(0.0)) && (square <= (AMB_VERY_COARSE * var_y));
+  if (!known || (!fine && !(step > AMB_C(0.0)))) {
+    return stays;
   }
   const amb_real wide = (AMB_C(0.15915494309189535) * square) / variance; /* 1 / (2 pi) */
-  return amb_at_most(amb_root(AMB_C(1.0) - amb_exp_negative(wide)), at_rest);
+  const amb_real within = amb_root(AMB_C(1.0) - amb_exp_negative(wide));
+  /* In a coarse step, the rotor stays and the noise leaves it there too. */
+  return fine ? amb_at_most(within, stays) : (within * stays);
 }
 
 amb_status amb_kalman_init(amb_kalman *kf, const amb_model *model, const amb_kalman_settings *s)

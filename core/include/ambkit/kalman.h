@@ -147,8 +147,8 @@ amb_rounded amb_kalman_edge(const amb_kalman *kf, int r, amb_real e, amb_real ch
 /* Probability that sensor r repeats its measurement though it shows the rotor, where the innovation
  * has variance S [m^2]. Its steps may be coarser than stated, but are no coarser than the smallest
  * change of late, least_change [m^2]. Of a fine step it is at most that of an innovation within
- * half a step (Polya's bound of the normal distribution); in a coarse one a rotor at rest stays
- * long. */
+ * half a step (Polya's bound of the normal distribution). In a coarse one a rotor at rest stays
+ * long, and where that step is stated, the noise must have left it there as well. */
 amb_real amb_kalman_repeats(const amb_kalman *kf, int r, amb_real least_change, amb_real S);
 
 /* Check the settings and compute the constants. Returns AMB_OK, or AMB_BAD_PARAMETER and leaves

@@ -115,12 +115,12 @@ def with_rounding(
 
 def held_rounding(variance: float, step: float, samples: float) -> float:
     """Return the variance [m^2] for a constant gain, of a rotor that moves less than a step."""
-    # What the noise leaves of the rounding at a place, its first harmonic, stays for half as many
+    # What the noise leaves of the rounding at a place, its first harmonic, stays for so many
     # samples (Widrow & Kollar 2008, quantisation noise with a Gaussian input).
     if step**2 <= COARSE * variance or step**2 > VERY_COARSE * variance:
         return with_rounding([variance], [step], samples)[0]
     share = 6 / math.pi**2 * math.exp(-4 * math.pi**2 * variance / step**2)
-    return variance + step**2 / 12 * (1 + share * (samples / 2 - 1))
+    return variance + step**2 / 12 * (1 + share * (samples - 1))
 
 
 def check_variances(variances: Variances) -> None:

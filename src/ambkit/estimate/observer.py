@@ -14,7 +14,7 @@ from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.linear_model import LinearModel
-from ambkit.estimate.noise_model import held_rounding
+from ambkit.estimate.noise_model import VERY_COARSE, held_rounding
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel
 from ambkit.models import compose
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 FAST_SENSOR = 0.05
 """Of a sensor's last value, what is left after a sample, below which it is one without lag."""
 
+QUICK_SENSOR = 0.5
+"""The same, below which its pole is not slowed down where steps are very coarse."""
 
 WANDER = 0.01
 """Of its frequency, how fast a line of hum is taken to wander that is said to stand still: a gain
@@ -50,8 +52,8 @@ class _Observer(Estimator):
     several_axes = False
     steady = "constant"
 
-    def _gain(self, model: LinearModel, states: Sequence[Descriptor]) -> Array:
-        """Return the gain (n,) of all states of the machine; zero for those that it has not."""
+    def _gain(self, model: LinearModel, states: Sequence[Descriptor], *, coarse: bool) -> Array:
+        """Return the gain (n,) of all states; coarse: the estimate is held to very coarse steps."""
         raise NotImplementedError
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
@@ -60,13 +62,19 @@ class _Observer(Estimator):
         # between newtons and micrometres.
         full_model = _whole(engine)
         units = np.array(self.view.start_std(self.variances, full_model.states))
+        variance, step, dwell = settings["var_y"][0], settings["step"][0], settings["dwell"]
         intensity = self.view.growth(self.variances, full_model.noises)
-        model = LinearModel.of(full_model, k.k_i, k.k_s, settings | {"var_d": intensity})
-        sensor = settings["var_y"][0], settings["step"][0]
-        model = model._replace(R=held_rounding(*sensor, settings["dwell"]))
-        small = model.scaled(units)
-        L = self._gain(small, full_model.states)
-        P, S = _steady(small, L)
+        coarse = step**2 > VERY_COARSE * variance
+        if coarse:
+            # Within its step the rotor is pulled by a force that is as unknown as its place, for
+            # about its time constant.
+            intensity[0] += (float(k.k_s) * step / settings["K_sen"][0]) ** 2 / 12 / (2 * dwell)
+        small = LinearModel.of(full_model, k.k_i, k.k_s, settings | {"var_d": intensity}).scaled(
+            units
+        )
+        R = held_rounding(variance, step, dwell / 4)
+        L = self._gain(small._replace(R=R), full_model.states, coarse=coarse)
+        P, S = _steady(small._replace(R=max(R, small.R)), L)
         most = np.array(self.view.caps(full_model.states)) / units
         state_limits = np.minimum(2 * _grown(small, L, most) * units, np.finfo(np.float32).max)
         own = [full_model.index(state.name) for state in engine.states]
@@ -133,12 +141,12 @@ class ExtendedStateObserver(_Observer):
         self.bandwidth = bandwidth
         super().__init__(bearing, magnet, **options)
 
-    def _gain(self, model: LinearModel, states: Sequence[Descriptor]) -> Array:
+    def _gain(self, model: LinearModel, states: Sequence[Descriptor], *, coarse: bool) -> Array:
         pole = math.exp(-self.bandwidth * self.bearing.sampling_time)
         led = [i for i, state in enumerate(states) if state.role in LED]
         A, H = _of_the_led(model.A, led), model.H[:, led]
         gain = np.zeros(len(states))
-        gain[led] = placed(model._replace(A=A, H=H), pole)
+        gain[led] = placed(model._replace(A=A, H=H), pole, keep_sensor=coarse)
         return gain
 
 
@@ -160,7 +168,7 @@ class SteadyStateKalmanFilter(_Observer):
 
     name = "steady-state Kalman filter"
 
-    def _gain(self, model: LinearModel, states: Sequence[Descriptor]) -> Array:
+    def _gain(self, model: LinearModel, states: Sequence[Descriptor], *, coarse: bool) -> Array:
         from scipy.linalg import solve_discrete_are
 
         predicted = solve_discrete_are(model.A.T, model.H.T, model.Q, np.array([[model.R]]))
@@ -201,8 +209,10 @@ def unstable_pole(bearing: Machine) -> float:
     )
 
 
-def placed(model: LinearModel, pole: float) -> Array:
+def placed(model: LinearModel, pole: float, *, keep_sensor: bool = False) -> Array:
     """Return the update's gain (4,) that puts all poles of ``(I - L H) A`` at one place."""
+    # A quick sensor's own pole is kept where the estimate is held to very coarse steps: with gains
+    # that slow it down each holding would set off a transient, a thousandfold.
     # Of the states x, v, f_d, x_m. By Ackermann's formula (Ackermann 1972) for the pair A, H A. The
     # lagged position of a sensor that lags by less than a third of a sample is taken to be its last
     # measurement: its pole is zero, and the other three are placed. To slow it down as well would
@@ -214,6 +224,8 @@ def placed(model: LinearModel, pole: float) -> Array:
     observability = np.vstack([H @ np.linalg.matrix_power(A, i) for i in range(n)])
     last = np.eye(n)[:, -1]
     error = np.linalg.matrix_power(A - pole * np.eye(n), n)
+    if keep_sensor and n == 4 and A[3, 3] < QUICK_SENSOR:
+        error = np.linalg.matrix_power(A - pole * np.eye(n), 3) @ (A - A[3, 3] * np.eye(n))
     L = np.zeros(4)
     L[:n] = error @ np.linalg.solve(observability, last)
     if n == 3:
