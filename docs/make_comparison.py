@@ -13,7 +13,6 @@ from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison import figures as figures
 from ambkit.judge.comparison.cases import CASES
 from ambkit.judge.comparison.study import across, study
-from ambkit.result.report import static
 
 RUNS, BUDGET = 32, 32
 
@@ -31,7 +30,7 @@ if __name__ == "__main__":
         "limit": figures.sweep_figure("limit_steps", found.limit),
     }
     for name, figure in pictures.items():
-        (FOLDER / f"compare_{name}.png").write_bytes(small(static.render(figure).png, 200))
+        (FOLDER / f"compare_{name}.png").write_bytes(small(figure.image(".png"), 200))
     numbers = {
         "f_d": {
             case: {name: [s.mean("f_d"), s.half_width("f_d")] for name, s in bench.best.items()}

@@ -11,9 +11,7 @@ from paper.study import POSITION, TIME, Study
 from PIL import Image
 
 import ambkit
-from ambkit.result.report import static
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Line
+from ambkit.result.report import Axis, Figure, Line, Panel
 
 FOLDER = Path(__file__).parent / "images"
 FORCE = Axis(r"disturbance force $F_\mathrm{St}$", "N", limits=(-1.2, 4.2))
@@ -83,5 +81,5 @@ def small(png: bytes, colours: int = 48) -> bytes:
 
 
 if __name__ == "__main__":
-    (FOLDER / "step.png").write_bytes(small(static.render(step()).png))
-    (FOLDER / "assess.png").write_bytes(small(static.render(margins()).png))
+    (FOLDER / "step.png").write_bytes(small(step().image(".png")))
+    (FOLDER / "assess.png").write_bytes(small(margins().image(".png")))

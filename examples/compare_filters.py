@@ -5,7 +5,6 @@ Writes comparison.png into the folder in which it is started.
 
 import ambkit
 from ambkit.judge.comparison.seeds import comparison_figure
-from ambkit.result.saving import save_figure
 
 STEPS = ("0.1 mm", "0.3 mm", "0.5 mm")
 
@@ -27,4 +26,4 @@ for case, scores in found.scores.items():
             f"{case}  {name:>14}: x {1e6 * score.mean('x'):.2f} µm, "
             f"F_St {score.mean('f_d'):.3f} ± {score.spread('f_d'):.3f} N rms"
         )
-save_figure(comparison_figure(found.scores), "comparison.png")
+comparison_figure(found.scores).save("comparison.png")

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import ambkit
 from ambkit.judge.comparison import rmse
-from ambkit.result.saving import save_figure
 from ambkit.simulation.run_figure import simulation_figure
 
 bearing = ambkit.Bearing.load(Path(__file__).with_name("spindle.toml"))
@@ -36,4 +35,4 @@ print(
 )
 
 run.record.save("spindle.csv")
-save_figure(simulation_figure(run), "spindle.png")
+simulation_figure(run).save("spindle.png")

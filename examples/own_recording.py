@@ -8,7 +8,6 @@ from pathlib import Path
 import ambkit
 from ambkit.judge.evaluation import evaluate
 from ambkit.judge.filter_figure import filter_figure
-from ambkit.result.saving import save_figure
 from ambkit.workflow.tuning import tune_disturbance
 
 TUNED_ON = 1.5  # s
@@ -37,4 +36,4 @@ for ahead, error in found.prediction.items():
         f"rig's own filter {1e6 * found.logged['x_logged held'][ahead]:.2f}"
     )
 print(f"disturbance force {1e3 * found.disturbance_mean:.1f} mN")
-save_figure(filter_figure(record, {"closed-law": found}), "recording.png")
+filter_figure(record, {"closed-law": found}).save("recording.png")

@@ -23,9 +23,7 @@ from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed
 from ambkit.identification.maximum_likelihood.validation import validate
 from ambkit.identification.noise import measurement_noise
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Bars, Line, Rule
-from ambkit.result.saving import save_figure
+from ambkit.result.report import Axis, Bars, Figure, Line, Panel, Rule
 
 HERE = Path(__file__).parent
 LOGS = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE.parents[1] / "shared" / "data" / "inteco"
@@ -119,8 +117,8 @@ for name, record in logs.items():
 others = [
     replace(checks["lift-off", name], of_start={}) for name in ("no_filter", "LO", "EKF", "step")
 ]
-save_figure(figures.fit_figure(others), "rig_fit.png")
-save_figure(figures.residual_figure(others), "rig_residuals.png")
+figures.fit_figure(others).save("rig_fit.png")
+figures.residual_figure(others).save("rig_residuals.png")
 
 # How quiet is the position after filtering? The truth is not known; a smooth curve stands for it.
 rows = {}
@@ -148,11 +146,10 @@ bars = [
         ("ours", "estimate", "ambkit's extended Kalman filter"),
     )
 ]
-save_figure(
-    Figure("rig_noise", "Scatter of the position about a smooth curve", "",
-           [Panel(Axis("log with this filter in the loop"), Axis("scatter", "µm", 1e6), bars)]),
-    "rig_noise.png",
-)  # fmt: skip
+scatter = Panel(Axis("log with this filter in the loop"), Axis("scatter", "µm", 1e6), bars)
+Figure("rig_noise", "Scatter of the position about a smooth curve", "", [scatter]).save(
+    "rig_noise.png"
+)
 
 # Is the logged current late? Shift it, and ask the likelihood.
 shifts = np.arange(-1, 6)
@@ -171,12 +168,11 @@ late = [
     for name, gain in gains.items()
     if name in LOOKS  # the others are as EKF
 ]
-save_figure(
-    Figure("rig_late", "Log likelihood, with the logged current taken earlier", "",
-           [Panel(Axis("taken earlier by", "ms", 1e3), Axis("gain", limits=(-110.0, 110.0)),
-                  [*late, Rule(0.0, signal="bound", label="")])]),
-    "rig_late.png",
-)  # fmt: skip
+axes = Axis("taken earlier by", "ms", 1e3), Axis("gain", limits=(-110.0, 110.0))
+panel = Panel(*axes, [*late, Rule(0.0, signal="bound", label="")])
+Figure("rig_late", "Log likelihood, with the logged current taken earlier", "", [panel]).save(
+    "rig_late.png"
+)
 
 
 # The coil: what the control does to the measured current. Output error, dead time in whole samples.

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 import ambkit
 from ambkit.judge.evaluation import evaluate
 from ambkit.judge.filter_figure import filter_figure
-from ambkit.result.saving import save_figure
 
 place = Path("thread")
 place.mkdir(exist_ok=True)
@@ -283,7 +282,7 @@ for (name, (scale, unit)), rms, more in zip(UNITS.items(), ours.T, (ours / best)
 
 # %%
 evaluated = {"the filter to fly": evaluate(flying, runs[0])}
-save_figure(filter_figure(runs[0], evaluated), place / "flying.png")
+filter_figure(runs[0], evaluated).save(place / "flying.png")
 
 # %% [markdown]
 # ![Position, velocity and load of a run, with the estimates](thread/flying.png)

@@ -9,7 +9,6 @@ from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
 from ambkit import AmbkitError, ConstantStiffness, Machine, campbell
 from ambkit.control.pid import PID
 from ambkit.machine.force_laws import isolated_axes
-from ambkit.result.report import static
 
 
 def test_modes_at_rest_are_those_of_its_axes_alone() -> None:
@@ -67,7 +66,7 @@ def test_the_axial_motion_is_neither_forward_nor_backward() -> None:
 
 
 def test_it_is_drawn() -> None:
-    assert static.render(campbell(machine(), count=11).figure()).png[:4] == b"\x89PNG"
+    assert campbell(machine(), count=11).figure().image(".png")[:4] == b"\x89PNG"
     with pytest.raises(AmbkitError, match="fastest"):
         campbell(machine(), -1.0)
     with pytest.raises(AmbkitError, match="count"):

@@ -45,7 +45,6 @@ from ambkit.result.report import (
     write_report,
 )
 from ambkit.result.report import Text as Paragraph
-from ambkit.result.saving import save_figure
 from tests.hostile import NOT_PRINTABLE, TEXTS, Page, called
 
 BEARING = Bearing.preset("zittau_axial")
@@ -269,7 +268,7 @@ def test_a_report_loads_and_runs_nothing(made: Made) -> None:
 
 @pytest.mark.parametrize("text", TEXTS)
 def test_a_page_bears_any_text(text: str, tmp_path: Path) -> None:
-    page = Page(save_figure(wave(text), tmp_path / "p.html").read_text(encoding="utf-8"))
+    page = Page(wave(text).save(tmp_path / "p.html").read_text(encoding="utf-8"))
     assert (page.found, page.scripts) == ([], 3)
     assert page.text.count(escaping.one_line(text).strip()) >= 3  # title, heading, caption
 
@@ -286,7 +285,7 @@ def test_pictures_of_a_log_bear_any_name(text: str, tmp_path: Path) -> None:
     rows = [f"{k * 1e-3},{np.sin(k / 9):.5f},{np.cos(k / 7):.5f}" for k in range(300)]
     (tmp_path / name).write_text("\n".join([f't [s],y [mm],"{head} [V]"', *rows]) + "\n", "utf-8")
     reading = read(tmp_path / name)
-    path = save_figure(reading_figure(reading), tmp_path / "p.html")
+    path = reading_figure(reading).save(tmp_path / "p.html")
     page = Page(path.read_text(encoding="utf-8"))
     assert (page.found, page.scripts) == ([], 3)
     reading.record.save(tmp_path / "again.csv")

@@ -19,6 +19,7 @@ from ambkit.judge.faults.fault_run import Flight
 from ambkit.judge.faults.fault_test import BASELINE, recovery_text
 from ambkit.judge.faults.faults import CLEAN, Channel
 from ambkit.judge.faults.faults_figure import faults_figure
+from ambkit.result.report import Cells
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate_run
 
@@ -201,7 +202,7 @@ def test_the_result_is_whole_and_repeats() -> None:
 
 
 def test_the_picture_has_a_row_for_each_fault_and_a_column_for_each_estimator() -> None:
-    beside, in_loop = (panel.cells for panel in faults_figure(small()).panels)
+    beside, in_loop = (panel.item(Cells) for panel in faults_figure(small()).panels)
     assert beside is not None
     assert in_loop is not None
     assert list(beside.rows) == ["clean", "outage-10ms", "rail", "mixture"]

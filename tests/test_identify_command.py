@@ -15,7 +15,7 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
 from ambkit.identification.maximum_likelihood.validation import cross_correlation, validate
 from ambkit.machine.forces.force_points import load_force_points
-from ambkit.result.report.items import Rule
+from ambkit.result.report import Intervals, Rule
 from ambkit.workflow.identified_toml import carried_over
 from benchmarks.identification import TRUTH, closed_loops
 
@@ -263,7 +263,7 @@ def test_the_picture_shows_intervals_beside_the_start(record):
         record, replace(TRUTH, delay=0.0), ("magnet_constant", "sensor_lag", "position_offset")
     )
     bearing, offsets = estimates_figure(found).panels
-    rows = bearing.intervals
+    rows = bearing.item(Intervals)
     for name, low, high in zip(("magnet_constant", "sensor_lag"), rows.low, rows.high, strict=True):
         start = named([name])[0].of(found.start)
         assert (low * start, high * start) == pytest.approx(found.interval(name))
@@ -272,6 +272,6 @@ def test_the_picture_shows_intervals_beside_the_start(record):
     assert [item.value for item in offsets.items if isinstance(item, Rule)] == [0.0]
     travel = found.bearing.rotor.clearance
     moved = found["position_offset"] - found.start.position_offset
-    assert offsets.intervals.values[0] * travel == pytest.approx(moved)
+    assert offsets.item(Intervals).values[0] * travel == pytest.approx(moved)
     assert "to" in rows.texts[0]
     assert "N\u00a0mm²/A²" in rows.texts[0]

@@ -23,8 +23,7 @@ from ambkit.base.quantity_arguments import in_si
 from ambkit.control.control import Control
 from ambkit.judge.comparison import compare
 from ambkit.judge.comparison.score import Benches
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Heatmap
+from ambkit.result.report import Axis, Figure, Heatmap, Panel
 from ambkit.workflow.compare_steps import LoopScores, compare_in_case
 from ambkit.workflow.design_candidates import TunedCandidate
 from ambkit.workflow.designed import Design
@@ -199,11 +198,9 @@ def test_own_axes_get_a_panel_and_keep_their_look() -> None:
 def test_a_map_in_own_axes_has_its_colour_bar() -> None:
     from matplotlib.figure import Figure as Canvas
 
-    from ambkit.result.axes import plot
-
     line, canvas = np.linspace(0, 1, 5), Canvas(layout="constrained")
     heat = Heatmap(line, line, np.add.outer(line, line), Axis("force", "N"))
-    plot(Figure("a", "", "", [Panel(Axis("x"), Axis("y"), [heat])]), ax=canvas.subplots())
+    Figure("a", "", "", [Panel(Axis("x"), Axis("y"), [heat])]).plot(ax=canvas.subplots())
     assert [ax.get_ylabel() for ax in canvas.axes] == ["y", "force [N]"]
 
 

@@ -21,7 +21,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.identification.online.adaline import OnlineResult, mean_error
 from ambkit.identification.online.comparison import OnlineComparison, compare_online, online_figure
 from ambkit.identification.online.magnet_constant import AugmentedIdentifier, AugmentedResult
-from ambkit.result.report.items import Band, Line, Rule, Span
+from ambkit.result.report import Band, Line, Rule, Span
 from ambkit.simulation.external_inputs import ExternalInputs
 
 Array = NDArray[np.float64]

@@ -18,10 +18,8 @@ from ambkit.judge.comparison.seeds import comparison_figure
 from ambkit.judge.evaluation import evaluate
 from ambkit.judge.filter_figure import filter_figure
 from ambkit.machine.forces.force_points import load_force_points
-from ambkit.result.report import style
-from ambkit.result.report.items import Band, Bars, Heatmap, Line, Note, Points
+from ambkit.result.report import Band, Bars, Heatmap, Line, Note, Points, style
 from ambkit.result.report.style import SIGNALS
-from ambkit.result.saving import save_figure
 from ambkit.result.signal_styles import looks
 from ambkit.simulation.run_figure import simulation_figure
 from ambkit.workflow.training import measured_force
@@ -211,18 +209,18 @@ def test_a_comparison_shows_mean_and_spread(bearing, scenario):
 
 def test_the_ending_says_how_to_draw(run, bearing, tmp_path):
     figure = simulation_figure(run)
-    assert save_figure(figure, tmp_path / "a.PNG").read_bytes().startswith(b"\x89PNG")
-    assert ET.parse(save_figure(figure, tmp_path / "a.svg")).getroot().tag.endswith("svg")
-    page = save_figure(figure, tmp_path / "a.html").read_text()
+    assert figure.save(tmp_path / "a.PNG").read_bytes().startswith(b"\x89PNG")
+    assert ET.parse(figure.save(tmp_path / "a.svg")).getroot().tag.endswith("svg")
+    page = figure.save(tmp_path / "a.html").read_text()
     assert "Plotly.newPlot" in page
     assert page.count("<section") == 1
-    paper = save_figure(figure, tmp_path / "a.pdf").read_bytes()
+    paper = figure.save(tmp_path / "a.pdf").read_bytes()
     assert paper.startswith(b"%PDF")
     run.save(tmp_path / "b.pdf")
     assert (tmp_path / "b.pdf").read_bytes() == paper
     wrong = r"a.gif: cannot draw .gif, use .png, .svg, .pdf, .html"
     with pytest.raises(ambkit.AmbkitError, match=wrong):
-        save_figure(figure, tmp_path / "a.gif")
+        figure.save(tmp_path / "a.gif")
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"a.PNG", "a.svg", "a.html", "a.pdf", "b.pdf"}
 

@@ -25,7 +25,6 @@ from ambkit.data.reading.reading_figure import reading_figure
 from ambkit.data.reading.rejected_log_figure import refused_figure
 from ambkit.data.record import Record
 from ambkit.judge.plausibility import evaluate_record
-from ambkit.result.saving import save_figure
 from benchmarks import reading as reading_benchmark
 from tests import disguises, logs
 
@@ -626,7 +625,7 @@ def test_the_picture_marks_the_faults(tmp_path):
     frozen = next(i for p in figure.panels for i in p.items if getattr(i, "signal", "") == "frozen")
     assert np.isfinite(frozen.y).sum() == 100
     for ending in (".png", ".svg", ".html"):
-        assert save_figure(figure, tmp_path / f"log{ending}").is_file()
+        assert figure.save(tmp_path / f"log{ending}").is_file()
 
 
 def test_record_read_is_what_the_command_reads(tmp_path):

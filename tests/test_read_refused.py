@@ -10,8 +10,8 @@ from ambkit.data.channel_map import ChannelMap
 from ambkit.data.reading import RejectedLog, read
 from ambkit.data.reading.reading_figure import reading_figure
 from ambkit.data.reading.rejected_log_figure import refused_figure
-from ambkit.result.report.items import Line, Rule, Span
-from ambkit.result.saving import ENDINGS, save_figure
+from ambkit.result.report import Line, Rule, Span
+from ambkit.result.report.figure import ENDINGS
 from tests import logs
 
 MAP = logs.MAP
@@ -209,4 +209,4 @@ def test_a_refused_log_is_drawn_in_all_formats(tmp_path):
         read(tmp_path / "log.csv", ChannelMap.from_toml(MAP))
     figure = refused_figure(failure.value)
     for ending in ENDINGS:
-        assert save_figure(figure, tmp_path / f"log{ending}").is_file()
+        assert figure.save(tmp_path / f"log{ending}").is_file()

@@ -47,20 +47,18 @@ from ambkit.result.report import (
     Span,
     TableBlock,
     Text,
-    delta_coding,
     formula,
-    interactive,
-    interactive_items,
     markup,
-    static,
+    screen,
     style,
     summary,
     write_report,
 )
 from ambkit.result.report.decimate import decimate
+from ambkit.result.report.figure import paper_style
+from ambkit.result.report.items import BUCKETS
 from ambkit.result.report.page import render_page
 from ambkit.result.report.terminal import print_summary
-from ambkit.result.saving import save_figure
 
 TIME = Axis("time $t$", "s")
 
@@ -392,7 +390,7 @@ def test_limits_hold_where_matplotlib_finds_none_about_one_point(at):
     axis = Axis("cost", "ns", 1e9, "log", (0.7 * at, 1.4 * at))
     alone = Points(np.array([at]), np.array([1.0]), np.array([0.0]), signal="series 1", label="")
     items = [alone, Rule(0.5, signal="truth", label="limit")]
-    _, axes = static.draw(Figure("cost", "Cost", "", [Panel(axis, Axis("error"), items)]))
+    _, axes = Figure("cost", "Cost", "", [Panel(axis, Axis("error"), items)]).draw()
     assert axes[0].get_xlim() == pytest.approx((0.7e9 * at, 1.4e9 * at))
 
 
@@ -491,26 +489,30 @@ def test_the_summary_is_typeset():
 def test_pictures_are_the_same_bytes_each_time_and_of_reasonable_size(build):
     import matplotlib
 
-    first = static.render(build())
+    def drawn() -> list[bytes]:
+        return [build().image(ending) for ending in (".png", ".svg", ".pdf")]
+
+    png, svg, pdf = first = drawn()
     with matplotlib.rc_context({"font.size": 20, "axes.grid": False, "svg.fonttype": "none"}):
         before = dict(matplotlib.rcParams)
-        assert static.render(build()) == first
+        assert drawn() == first
         assert dict(matplotlib.rcParams) == before
-    assert first.png.startswith(b"\x89PNG")
-    assert b"tEXt" not in first.png[:200]  # no software, no date
-    root = ElementTree.fromstring(first.svg)
+    assert png.startswith(b"\x89PNG")
+    assert b"tEXt" not in png[:200]  # no software, no date
+    root = ElementTree.fromstring(svg)
     assert root.find("{http://www.w3.org/2000/svg}title").text == build().title
-    assert b"dc:date" not in first.svg
-    assert len(first.svg) < 300_000
+    assert b"dc:date" not in svg
+    assert len(svg) < 300_000
+    assert b"CreationDate" not in pdf
 
 
 @pytest.mark.parametrize("build", ALL)
 def test_nothing_is_written_beyond_the_edge(build):
-    import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    with matplotlib.rc_context(static._RC):
-        canvas, _ = static.draw(build())
+    figure = build()
+    with paper_style(figure):
+        canvas, _ = figure.draw()
         FigureCanvasAgg(canvas).draw()
         drawn, (width, height) = canvas.get_tightbbox(), canvas.get_size_inches()
     assert drawn.x0 >= 0
@@ -520,10 +522,8 @@ def test_nothing_is_written_beyond_the_edge(build):
 
 
 def test_axis_factor_turns_metres_into_millimetres():
-    import matplotlib
-
-    with matplotlib.rc_context(static._RC):
-        _, axes = static.draw(step_response())
+    with paper_style(step_response()):
+        _, axes = step_response().draw()
     tops = sorted(axis.get_ylim()[1] for axis in axes)
     assert 0.9 < tops[0] < 1.0  # mm
     assert 3.0 < tops[1] < 4.0  # N
@@ -532,19 +532,8 @@ def test_axis_factor_turns_metres_into_millimetres():
 # Interactive
 
 
-def decode(array: dict) -> np.ndarray:
-    values = np.frombuffer(base64.b64decode(array["bdata"]), array["dtype"])
-    return values.reshape([int(n) for n in array.get("shape", str(values.size)).split(",")])
-
-
-def summed(array: dict) -> np.ndarray:
-    """What the page's script makes of a line in steps."""
-    planes = np.frombuffer(base64.b64decode(array.get("levels") or array["ticks"]), np.uint8)
-    low, high = planes.astype(np.int64).reshape(2, -1)
-    at = np.cumsum(low + 256 * high)
-    if "ticks" in array:
-        return array["from"] + array["step"] * at
-    return np.where(at % 65_536 == 65_535, np.nan, array["from"] + array["step"] * (at % 65_536))
+def numbers(values: list) -> np.ndarray:
+    return np.array(values, dtype=np.float64)  # null becomes NaN
 
 
 @pytest.mark.parametrize("build", ALL)
@@ -552,18 +541,11 @@ def test_plotly_accepts_each_property(build):
     from plotly.graph_objects import Figure as PlotlyFigure
 
     figure = build()
-    drawn = interactive.describe(figure)
+    drawn = screen.described(figure)
     PlotlyFigure(drawn)  # raises for an unknown property or an impossible value
-    text = interactive.to_json(figure)
+    text = screen.to_json(drawn)
     assert "<" not in text
-    written = json.loads(text)
-    for trace, whole in zip(written["data"], drawn["data"], strict=True):
-        for name in ("x", "y"):
-            if isinstance(trace[name], dict) and "step" in trace[name]:
-                far = np.abs(summed(trace[name]) - decode(whole[name]))
-                assert np.nanmax(far) <= 0.51 * trace[name]["step"]
-                trace[name] = whole[name]
-    assert written == json.loads(json.dumps(drawn))
+    assert json.loads(text) == drawn
     shown = [
         part["name"] for part in drawn["data"] + drawn["layout"]["shapes"] if part["showlegend"]
     ]
@@ -582,7 +564,7 @@ def test_plotly_accepts_each_property(build):
 def test_labels_on_a_logarithmic_axis_are_whole_numbers(low, high, ticks):
     x = np.geomspace(low, high, 7)
     panel = Panel(Axis("x", scale="log"), Axis("y", scale="log", limits=(low, high)), [Line(x, x)])
-    layout = interactive.describe(Figure("a", "", "", [panel]))["layout"]
+    layout = screen.described(Figure("a", "", "", [panel]))["layout"]
     for axis in (layout["xaxis"], layout["yaxis"]):
         assert {key: axis[key] for key in ("tickformat", "dtick") if key in axis} == ticks
 
@@ -590,21 +572,20 @@ def test_labels_on_a_logarithmic_axis_are_whole_numbers(low, high, ticks):
 def test_both_renderings_show_the_same_numbers():
     figure = step_response()
     measured = figure.panels[0].items[1]
-    trace = next(t for t in interactive.describe(figure)["data"] if t["name"] == "measured")
-    y = decode(trace["y"])
-    assert y.size <= 4 * interactive_items.BUCKETS
-    assert [y.min(), y.max()] == pytest.approx(
-        [1e3 * measured.y.min(), 1e3 * measured.y.max()], rel=1e-6
-    )
-    surface = interactive.describe(force_map())["data"][0]
-    heat = force_map().panels[0].heatmap
-    np.testing.assert_allclose(decode(surface["z"]), heat.z, rtol=1e-6)
+    trace = next(t for t in screen.described(figure)["data"] if t["name"] == "measured")
+    y = numbers(trace["y"])
+    assert y.size <= 4 * BUCKETS
+    shown = 1e3 * measured.y
+    assert [y.min(), y.max()] == pytest.approx([shown.min(), shown.max()], abs=5e-6 * np.ptp(shown))
+    surface = screen.described(force_map())["data"][0]
+    heat = force_map().panels[0].item(Heatmap)
+    np.testing.assert_allclose(numbers(surface["z"]), heat.z, rtol=1e-6)
     assert surface["contours"]["start"] == heat.levels[0]
 
 
 def test_small_steps_on_a_large_offset_keep_double_precision():
     late = 1e6 + np.linspace(0, 1e-3, 100)
-    np.testing.assert_array_equal(decode(interactive_items.packed(late)), late)
+    np.testing.assert_array_equal(numbers(Axis("t").numbers(late)), late)
 
 
 # Page
@@ -647,36 +628,47 @@ def test_page_is_small_and_has_plotly_with_its_licence(page):
     script = gzip.decompress(base64.b64decode(packed)).decode()
     assert "plotly.js (cartesian" in script[:200]
     assert "Licensed under the MIT license" in script[:300]
-    licence = Path(interactive.__file__).parent / "plotly" / "LICENSE"
+    licence = Path(screen.__file__).parent / "plotly" / "LICENSE"
     assert "MIT" in licence.read_text(encoding="utf-8")
 
 
 @given(
-    st.lists(st.floats(-1e6, 1e6) | st.just(float("nan")), min_size=2, max_size=300),
-    st.lists(st.floats(0, 10), min_size=2, max_size=300),
+    values=st.lists(st.floats(-1e6, 1e6) | st.just(float("nan")), min_size=2, max_size=300),
+    repeats=st.sampled_from([1, 200]),
 )
-def test_lines_in_steps_are_within_half_a_step(y, gaps):
-    y, t = np.array(y), np.cumsum(gaps)
-    coded = delta_coding.values(y)
-    if coded:
-        far = np.abs(summed(coded) - y)
-        np.testing.assert_array_equal(np.isnan(far), np.isnan(y))
-        assert np.nanmax(far) <= 0.51 * coded["step"]
-    clock = delta_coding.times(t)
-    if clock:
-        np.testing.assert_allclose(summed(clock), t, atol=0.51 * clock["step"] + 1e-12)
+def test_numbers_of_lines_are_within_what_is_seen(values, repeats):
+    y = np.array(values * repeats)
+    written = numbers(Axis("y").numbers(y))
+    np.testing.assert_array_equal(np.isnan(written), np.isnan(y))
+    span = np.ptp(y[np.isfinite(y)]) if np.isfinite(y).any() else 0.0
+    np.testing.assert_allclose(written, y, rtol=1e-15, atol=5e-6 * span)
 
 
-def test_lines_that_would_lose_what_is_seen_stay_whole():
+@pytest.mark.parametrize("end", [np.inf, -np.inf])
+def test_what_is_infinite_is_a_gap_in_json(end):
+    x = np.linspace(1.0, 2.0, 500)
+    y = np.where(x > 1.5, end, x)
+    figure = Figure("a", "", "", [Panel(Axis("x"), Axis("y"), [Line(x, y)])])
+    (line,) = json.loads(screen.to_json(screen.described(figure)))["data"]
+    assert numbers(line["y"])[:250] == pytest.approx(y[:250], abs=5e-6)
+    assert set(line["y"][250:]) == {None}
+
+
+def test_lines_that_would_lose_what_is_seen_keep_it():
     x = np.linspace(1.0, 2.0, 500)
     spike = x.copy()
     spike[100] = 1e6
-    usual, log, near = Axis("x"), Axis("y", scale="log"), Axis("y", limits=(0, 3))
-    for axis, y, stays in ((usual, x, False), (log, x, True), (near, spike, True)):
-        figure = Figure("a", "", "", [Panel(usual, axis, [Line(x, y)])])
-        (line,) = json.loads(interactive.to_json(figure))["data"]
-        assert ("bdata" in line["y"]) == stays
-        assert "ticks" in line["x"]
+    small, log, near = (
+        np.geomspace(1e-12, 1.0, 500),
+        Axis("y", scale="log"),
+        Axis("y", limits=(0, 3)),
+    )
+    for axis, y, error in ((Axis("y"), x, 5e-6), (log, small, 5e-6), (near, spike, 5e-6)):
+        figure = Figure("a", "", "", [Panel(Axis("x"), axis, [Line(x, y)])])
+        (line,) = json.loads(screen.to_json(screen.described(figure)))["data"]
+        tolerance = error * y if axis is log else error
+        assert (np.abs(numbers(line["y"]) - y) <= tolerance).all()
+    assert len(json.dumps(line["x"])) < 11 * x.size  # no more digits than are seen
 
 
 @pytest.mark.long
@@ -715,10 +707,10 @@ def test_another_process_writes_the_same_bytes(tmp_path):
     code = (
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
         "import test_report_toolkit as t\n"
-        "sys.stdout.buffer.write(t.static.render(t.force_map()).svg)"
+        "sys.stdout.buffer.write(t.force_map().image('.svg'))"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
-    assert run.stdout == static.render(force_map()).svg
+    assert run.stdout == force_map().image(".svg")
 
 
 def test_report_that_contradicts_itself_is_refused_before_the_work(tmp_path):
@@ -735,7 +727,7 @@ def test_unwritable_place_is_named_and_the_old_file_stays(tmp_path):
         write_report(report(), old)
     (tmp_path / "folder" / "fig15.png" / "content").mkdir(parents=True)
     with pytest.raises(AmbkitError, match=r"fig15.png: cannot be written"):
-        static.Picture(b"new", b"new").save(tmp_path / "folder", "fig15")
+        step_response().save(tmp_path / "folder" / "fig15.png")
     assert old.read_bytes() == b"old"
     assert {path.name for path in tmp_path.rglob("*")} == {
         "file", "folder", "fig15.png", "content"
@@ -844,7 +836,7 @@ def test_browser_draws_a_log_as_read_and_as_refused(tmp_path, jump):
         figure = reading_figure(read(tmp_path / "log.csv"))
     except RejectedLog as refused:
         figure = refused_figure(refused)
-    save_figure(figure, page)
+    figure.save(page)
     ask = """JSON.stringify({
         legend: [...document.querySelectorAll(".legendtext")].map(each => each.textContent),
         marks: document.querySelectorAll(".shapelayer path").length,
@@ -898,5 +890,5 @@ def test_unknown_verdict_is_refused():
 
 def test_names_below_bars_may_hold_formulas() -> None:
     figure = Figure("bars", "", "", [Panel(Axis(""), Axis("y"), [Bars(["$k_i$", "b"], [1, 2])])])
-    (bars,) = json.loads(interactive.to_json(figure))["data"]
+    (bars,) = json.loads(screen.to_json(screen.described(figure)))["data"]
     assert bars["x"] == ["<i>k</i><sub><i>i</i></sub>", "b"]

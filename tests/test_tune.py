@@ -96,10 +96,9 @@ def test_a_value_at_its_bound_is_told(walks: list[Record]) -> None:
 
 
 def test_the_picture_and_the_figures(walks: list[Record], tmp_path) -> None:
-    from ambkit.result.saving import save_figure
 
     found = ambkit.tune(BEARING, walks[:1], "linear", budget=12)
-    save_figure(found.figure(), tmp_path / "t.png")
+    found.figure().save(tmp_path / "t.png")
     assert (tmp_path / "t.png").is_file()
     data = found.to_dict()
     assert data["bounds"]["noise.measurement"]["unit"] == "m^2"

@@ -14,7 +14,6 @@ from ambkit import Bearing, assess
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.assessment.assessment import Assessment
 from ambkit.control.pid import PID
-from ambkit.result.report import static
 
 PLANTS = {
     "axis": lambda: assess(Bearing.preset("zittau_axial"), "linear", SHAKY),
@@ -51,7 +50,7 @@ def test_it_is_drawn(found: Assessment) -> None:
     assert [panel.title for panel in figure.panels] == [
         "Open loop", "Poles of the closed loop", "Loop gain", "Phase",
     ]  # fmt: skip
-    assert static.render(figure).png[:4] == b"\x89PNG"
+    assert figure.image(".png")[:4] == b"\x89PNG"
     pole = found.loops[MEASUREMENT].unstable_poles[0]
     (named,) = (item.text for item in figure.panels[2].items if getattr(item, "text", ""))
     assert named == f"{pole.frequency:.4g} Hz, {pole.growth:+.3g}/s"

@@ -18,9 +18,8 @@ from paper.study import Part, Study
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from ambkit.result.report import static
+from ambkit.result.report import Figure
 from ambkit.result.report.blocks import FigureBlock, TableBlock
-from ambkit.result.report.figure import Figure
 from ambkit.result.report.summary import SummaryRow, number, ours, runs, verdict_of
 
 FOLDER = "_build/figures"
@@ -74,7 +73,8 @@ def _link(to: re.Match[str]) -> str:
 
 
 def _figure(figure: Figure, source: Path) -> list[str]:
-    static.save(figure, source / FOLDER)
+    (source / FOLDER).mkdir(parents=True, exist_ok=True)
+    figure.save(source / FOLDER / f"{figure.id}.svg")
     origin = f" *({figure.source}.)*" if figure.source else ""
     return [
         f":::{{figure}} /{FOLDER}/{figure.id}.svg",

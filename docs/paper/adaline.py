@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.identification.online.adaline import Adaline, AdalineResult
+from ambkit.result.report import Axis, Figure, Line, Panel, Rule
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Text
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Line, Rule
 from ambkit.simulation.run import Run
 from paper.study import SEEDS, TIME, Part, Study, mean_row, reached, row
 

@@ -11,9 +11,8 @@ from ambkit.control.control import Control
 from ambkit.estimate.estimate import Estimate
 from ambkit.judge.comparison import rmse
 from ambkit.machine.magnets import evaluate_stiffness
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule
 from ambkit.result.report.blocks import Chapter, FigureBlock, Text
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line, Rule
 from ambkit.simulation.run import Run
 from paper.study import (
     POSITION,

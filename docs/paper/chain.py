@@ -12,9 +12,8 @@ from ambkit.estimate.kalman import AdaptiveKalmanFilter
 from ambkit.fuzzy.training import train
 from ambkit.identification.online.magnet_constant import identify_online
 from ambkit.machine.stiffness import stiffness_map
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule, Span
 from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line, Rule, Span
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Loop, Run, samples
 from ambkit.simulation.scenario import Scenario

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine import paper
 from ambkit.machine.stiffness import ForceFunction
+from ambkit.result.report import Axis, Figure, Heatmap, Line, Panel
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Heatmap, Line
 from paper.study import CURRENT, POSITION, Part, Study, reached, row
 from paper.tables import widths_csv
 

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.judge.comparison import Score, compare
+from ambkit.result.report import Axis, Bars, Figure, Line, Panel
 from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Bars, Line
 from ambkit.result.report.style import style_of
 from paper.study import (
     LOAD_TIME,

@@ -6,9 +6,8 @@ import numpy as np
 
 from ambkit.estimate.errors import whiteness
 from ambkit.judge.comparison import rmse
+from ambkit.result.report import Axis, Figure, Line, Panel
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Line
 from paper.study import (
     POSITION,
     SEEDS,

@@ -9,9 +9,8 @@ from ambkit.identification.online.magnet_constant import identify_online
 from ambkit.machine import paper
 from ambkit.machine.forces.force_points import ForceTable
 from ambkit.machine.stiffness import stiffness_map
+from ambkit.result.report import Axis, Figure, Heatmap, Panel
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, TableBlock, Text
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Heatmap
 from paper.study import CURRENT, POSITION, SEEDS, Part, Study, agrees, row
 from paper.tables import stiffness_csv
 

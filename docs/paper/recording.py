@@ -23,9 +23,8 @@ from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel
 from ambkit.machine.stiffness import stiffness_map
+from ambkit.result.report import Axis, Figure, Line, Panel, Points, Rule
 from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Line, Points, Rule
 from ambkit.result.report.style import style_of
 from ambkit.workflow.tuning import tune_disturbance
 from paper.study import POSITION, TIME, Part, Study, row

@@ -13,9 +13,8 @@ from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.judge.comparison import compare
 from ambkit.machine.machine import Bearing
+from ambkit.result.report import Axis, Figure, Line, Panel
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Line
 from ambkit.simulation.run import simulate
 from paper.study import (
     SEEDS,

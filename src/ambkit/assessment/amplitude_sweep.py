@@ -35,7 +35,7 @@ from ambkit.simulation.scenario import Injection, Reference, Scenario
 from ambkit.simulation.waveforms import Constant, Recorded, Sine
 
 if TYPE_CHECKING:
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 Kind = Literal["multisine", "stepped-sine"]
 

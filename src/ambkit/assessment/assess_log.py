@@ -29,7 +29,7 @@ from ambkit.result.sections import Section
 if TYPE_CHECKING:
     from ambkit.control.control import Control
     from ambkit.control.pid import PID
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 BASIS = (
     "Zones after ISO 14839-3, of one record at the frequencies that it tells: an aid, not a "

@@ -28,7 +28,7 @@ from ambkit.rotordynamics.separation_margins import Separations, separations
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 BASIS = (
     "Zones after ISO 14839-3, of a linear model: an aid, not a certificate, which asks for a "

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ambkit.judge.loop.margins import grid, rates
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line, Points, Rule
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.base.arrays import Complex
     from ambkit.control.linear.closed_loop import Loop
     from ambkit.judge.loop.margins import UnstablePole
-    from ambkit.result.report.items import Vector
+    from ambkit.result.report import Vector
 
 LOOKS = ("measurement", "estimate", "series 2", "series 3", "series 4")
 """Of the loops, in their order; further ones begin again."""

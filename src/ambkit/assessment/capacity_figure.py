@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.assessment.assessment_figure import LOOKS
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line, Points
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points
 
 if TYPE_CHECKING:
     from ambkit.judge.loop.capacity import Capacity

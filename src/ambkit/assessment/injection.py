@@ -15,15 +15,14 @@ from ambkit.data.signals import signal
 from ambkit.identification.excitation import Limits
 from ambkit.identification.excitation.signals import Excitation
 from ambkit.judge.loop.measured_sensitivity import MeasuredSensitivity
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Band, Item, Line, Points, Rule
+from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row
 from ambkit.result.sections import Section
 from ambkit.result.signal_styles import CURRENT, POSITION, TIME
 
 if TYPE_CHECKING:
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 PERIODS = 10

@@ -18,8 +18,7 @@ from ambkit.assessment.assessment_figure import (
 from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
 from ambkit.judge.loop.margins import grid
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Band, Item, Line, Points, Rule
+from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.assessment.assessment_figure import Curves

@@ -43,7 +43,7 @@ from ambkit.rotordynamics.separation_margins import Separation, separations
 if TYPE_CHECKING:
     from ambkit.control.linear.closed_loop import Loop
     from ambkit.estimate.estimator import Estimator
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 COUNT = 41

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from ambkit.assessment.assessment_figure import LOOKS
 from ambkit.base.escaping import markdown
 from ambkit.judge.loop.capacity import ROOM, ZERO
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line, Points, Rule
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
 from ambkit.rotordynamics.campbell import SPEED
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
-    from ambkit.result.report.items import Vector
+    from ambkit.result.report import Vector
 
 SLOW = 2.0
 """Modes up to so many times the greatest peak's frequency or speed are shown."""

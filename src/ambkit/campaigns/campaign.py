@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ambkit.campaigns.sobol_indices import Indices
     from ambkit.data.record import Record
     from ambkit.machine.machine import Machine
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
     from ambkit.simulation.many import Planned
     from ambkit.simulation.run import Run
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Intervals, Item, Line, Note, Points, Rule
+from ambkit.result.report import Axis, Figure, Intervals, Item, Line, Note, Panel, Points, Rule
 
 SERIES = 4
 """Curves of one panel that have a look of their own."""

@@ -18,7 +18,7 @@ from ambkit.judge.loop.loop_of import ZONES
 if TYPE_CHECKING:
     from ambkit.campaigns.results import Machines
     from ambkit.campaigns.sobol_indices import Indices
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 TENTH = 0.1
 """Of the machines, those in which a quantity counts as low, and as high."""

@@ -250,7 +250,7 @@ def run(name: str, arguments: Sequence[str]) -> int:
     files: list[printing.File] = [
         (path, partial(_save, result, what, beside=beside)) for path, what in out.items()
     ]
-    files += [(path, partial(printing.save_figure, result)) for path in plots]
+    files += [(path, lambda path: result.figures()[0].save(path)) for path in plots]
     if returns(verb) in PLAIN:
         return printing.deliver_document(result, files, as_json=as_json)
     printing.deliver_result(result, files, as_json=as_json, verbose=verbose)

@@ -67,7 +67,7 @@ def deliver_result(
 
     outputs: list[File] = [
         *files,
-        (plot, lambda path: save_figure(result, path)),
+        (plot, lambda path: result.figures()[0].save(path)),
         (report, lambda path: write_result([result], path)),
     ]
     deliver(
@@ -92,7 +92,6 @@ def draw_refused(error: AmbkitError, plots: Sequence[Path]) -> None:
         return
     from ambkit.data.reading.rejected_log_figure import refused_figure
     from ambkit.data.reading.rejections import RejectedLog
-    from ambkit.result import saving
 
     if not isinstance(error, RejectedLog):
         return
@@ -101,15 +100,8 @@ def draw_refused(error: AmbkitError, plots: Sequence[Path]) -> None:
         if figure is None:
             note(f"{path} is not written: there is nothing to be drawn")
             continue
-        saving.save_figure(figure, path)
+        figure.save(path)
         note(f"wrote {path}: what could be read, and where the trouble is; no record is written")
-
-
-def save_figure(result: Result, path: Path) -> None:
-    """Draw a result's main picture."""
-    from ambkit.result import saving
-
-    saving.save_figure(result.figures()[0], path)
 
 
 def told(result: Result, *, verbose: bool | None = None) -> Iterator[Table | str]:

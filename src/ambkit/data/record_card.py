@@ -13,8 +13,7 @@ from ambkit.base.escaping import label, markdown
 from ambkit.base.escaping import label as label_of
 from ambkit.base.units import engineering, factor
 from ambkit.result.card import SPAN, Card, spread, value
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line, Rule, Span
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule, Span
 from ambkit.result.signal_styles import TIME
 
 MAX_PANELS = 8

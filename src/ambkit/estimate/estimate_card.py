@@ -11,8 +11,7 @@ from ambkit.base.escaping import label, markdown
 from ambkit.estimate.estimate_panels import innovation_panel, settled_samples, with_limits
 from ambkit.estimate.status import Status
 from ambkit.result.card import SPAN, Card, spread
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Band, Item, Line
+from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel
 from ambkit.result.signal_styles import CURRENT, DISTURBANCE, POSITION, TIME, VELOCITY
 
 AXES = {

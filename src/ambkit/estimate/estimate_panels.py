@@ -13,8 +13,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.escaping import label as label_of
 from ambkit.data.record import Record
 from ambkit.estimate.status import Status
-from ambkit.result.report.figure import Panel
-from ambkit.result.report.items import Axis, Band, Item, Line, Note, Points
+from ambkit.result.report import Axis, Band, Item, Line, Note, Panel, Points
 
 STRETCHES, STRETCH = 200, 20
 """Innovations of a longer record are shown by so many stretches, of so many samples at least."""

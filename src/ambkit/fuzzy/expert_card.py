@@ -9,8 +9,7 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
 from ambkit.result.card import Card, value
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Heatmap, Item, Line
+from ambkit.result.report import Axis, Figure, Heatmap, Item, Line, Panel
 
 if TYPE_CHECKING:
     from ambkit.machine.stiffness import StiffnessMap

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Heatmap, Item, Note, Points, Rule
+from ambkit.result.report import Axis, Figure, Heatmap, Item, Note, Panel, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.fuzzy.rule_selection import RuleChoice

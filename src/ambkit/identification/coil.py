@@ -21,15 +21,14 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.base.units import figure
 from ambkit.data.record import Record
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Line, Points, Rule
+from ambkit.result.report import Axis, Figure, Line, Panel, Points, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 BLOCK = 0.5

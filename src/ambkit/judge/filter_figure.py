@@ -20,8 +20,7 @@ from ambkit.estimate.estimate_panels import (
     true_noise,
     with_limits,
 )
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line
+from ambkit.result.report import Axis, Figure, Item, Line, Panel
 from ambkit.result.report.style import style_of
 from ambkit.result.signal_styles import (
     CURRENT,

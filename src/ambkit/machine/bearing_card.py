@@ -10,8 +10,7 @@ from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
 from ambkit.result.card import Card, settings_card, value
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line, Points, Rule
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
 
 STYLES = ("series 2", "estimate", "series 3")
 SHARES = (-0.5, 0.0, 0.5)

@@ -6,6 +6,7 @@ import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,7 @@ from pydantic import BaseModel
 from ambkit.base.config.settings import settings_of
 from ambkit.base.escaping import one_line
 from ambkit.base.units import figure, typeset
-from ambkit.result.report.figure import Figure
-from ambkit.result.report.static import light
-from ambkit.result.report.static_items import WIDTH
+from ambkit.result.report.figure import WIDTH, Figure
 from ambkit.result.sections import Stated
 from ambkit.result.table import table
 from ambkit.result.tables import tables
@@ -26,6 +25,9 @@ LONGEST = 300
 
 MOST_ROWS = 24
 """Rows of a table; of more it says how many there are."""
+
+LIGHT = 110
+"""Pixels per inch of a picture that stands in a notebook, and is kept with it."""
 
 _LEFT = ' style="text-align:left"'
 
@@ -73,7 +75,12 @@ class Card:
 
 def image(figure: Figure) -> str:
     """Return a figure as an image of HTML, with its description for those who do not see it."""
-    picture = base64.b64encode(light(figure)).decode()
+    from PIL import Image  # which matplotlib writes its PNGs with
+
+    drawn = Image.open(BytesIO(figure.image(".png", LIGHT))).convert("RGB")
+    light = BytesIO()
+    drawn.quantize(256, dither=Image.Dither.NONE).save(light, "PNG", optimize=True)
+    picture = base64.b64encode(light.getvalue()).decode()
     return (
         f'<img style="max-width:100%;width:{100 * WIDTH:.0f}px;background:#fff"'
         f' alt="{escape(one_line(figure.description()))}"'

@@ -18,7 +18,7 @@ from ambkit.result.showing import Drawn
 if TYPE_CHECKING:
     import pandas
 
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 class Result(Stated, Drawn):
@@ -112,9 +112,7 @@ class Result(Stated, Drawn):
         elif ending == ".html":
             self.page(path)
         elif ending in (".png", ".svg", ".pdf"):
-            from ambkit.result.saving import save_figure
-
-            save_figure(self.figure(), path)
+            self.figure().save(path)
         elif ending == ".json":
             files.write_text(path, self.to_json() + "\n")
         elif ending == ".csv":

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from ambkit.result.row import Row
 
 if TYPE_CHECKING:
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 class Section(NamedTuple):

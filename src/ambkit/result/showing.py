@@ -47,9 +47,16 @@ class Drawn:
         AmbkitError
             There is no such panel, or `ax` is no axes.
         """
-        from ambkit.result.axes import plot
+        figure = self.figure()
+        if ax is None and not static:
+            from ambkit.result.report.screen import described
 
-        return plot(self.figure(), ax=ax, panel=panel, static=static)
+            try:
+                from plotly.graph_objects import Figure as Interactive
+            except ImportError:
+                return figure.plot()
+            return Interactive(described(figure))
+        return figure.plot(ax=ax, panel=panel)
 
 
 class Described:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from itertools import cycle
 
 from ambkit.base.escaping import label
-from ambkit.result.report.items import Axis
+from ambkit.result.report import Axis
 
 TIME = Axis("time", "s")
 POSITION = Axis("position", "mm", 1e3)

@@ -17,8 +17,7 @@ from ambkit.base.quantity_arguments import Given
 from ambkit.judge.modal_reduction import Reduction, reduction
 from ambkit.judge.whirl_modes import WhirlModes, whirl_modes
 from ambkit.machine.machine import Machine
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line
+from ambkit.result.report import Axis, Figure, Item, Line, Panel
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section

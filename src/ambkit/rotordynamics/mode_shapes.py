@@ -13,15 +13,14 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line, Points
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 MODES = ("modes",)

@@ -12,8 +12,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.units import figure
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Heatmap, Item, Line
+from ambkit.result.report import Axis, Figure, Heatmap, Item, Line, Panel
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row
 

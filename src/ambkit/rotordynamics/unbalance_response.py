@@ -17,14 +17,13 @@ from ambkit.base.units import engineering, rpm
 from ambkit.judge.whirl_modes import held, max_speed
 from ambkit.machine.machine import Machine
 from ambkit.models.plant import Plant
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line
+from ambkit.result.report import Axis, Figure, Item, Line, Panel
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 @dataclass(frozen=True, eq=False, repr=False)

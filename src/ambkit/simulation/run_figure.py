@@ -14,8 +14,7 @@ from ambkit.base.escaping import label, markdown
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate_panels import true_noise
 from ambkit.machine.components import PlacedBearing
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line, Rule
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule
 from ambkit.result.signal_styles import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY
 
 TURNS = 5

@@ -25,7 +25,7 @@ from ambkit.result.sections import Section
 from ambkit.simulation.run_figure import simulation_figure
 
 if TYPE_CHECKING:
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 ERRORS = ("rmse",)
 TURNING = ("synchronous",)

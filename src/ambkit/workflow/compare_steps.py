@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from ambkit.machine.forces.force_surface import ForceSurface
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
     from ambkit.simulation.scenario import Scenario
 
 RUNS = 20

@@ -22,8 +22,7 @@ from ambkit.judge.comparison.criteria import EVALUATED
 from ambkit.judge.evaluation import evaluate
 from ambkit.judge.filter_figure import filter_figure
 from ambkit.machine.machine import Machine
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Bars, Item, Rule
+from ambkit.result.report import Axis, Bars, Figure, Item, Panel, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Part, Section
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
     from ambkit.assessment.loop import AssessedLoop
     from ambkit.data.record import Record
     from ambkit.export.c import CExport
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 UNITS = {"kp": "A/m", "ki": "A/(m s)", "kd": "A s/m", "derivative_filter": "s", "anti_windup": "s"}
 """Of gains; the others have none."""

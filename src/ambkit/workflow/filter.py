@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimate import Estimate
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 HORIZONS = (1, 10)
 """Steps ahead that are predicted."""

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from ambkit.identification.corpus.corpus import Corpus
     from ambkit.identification.forces.lift_off import LiftOff
     from ambkit.judge.adequacy_criteria import Finding
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 RAISED = made_by(

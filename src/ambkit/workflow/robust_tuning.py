@@ -32,7 +32,7 @@ from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 EVALUATIONS = 60

@@ -22,7 +22,7 @@ from ambkit.workflow.tuning_tasks import ByTruth
 
 if TYPE_CHECKING:
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 SIGNALS = {"x": "m", "f_d": "N"}
 """Whose errors stand against the peak, and their units."""

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from ambkit.machine.forces.force_points import ForcePoints
     from ambkit.machine.machine import Bearing
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 RULES: Shape = (5, 5)
 """Rules along current and displacement where nobody says it: the paper's."""

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line, Points, Rule
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -40,7 +40,7 @@ from ambkit.result.sections import Section
 
 if TYPE_CHECKING:
     from ambkit.data.channel_map import ChannelMap, MappedSignals
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 SENTENCES = 30  #: So many sentences of the account are kept with the record.

@@ -13,8 +13,7 @@ from ambkit.data.reading.clock import Clock
 from ambkit.data.reading.faults import Fault
 from ambkit.data.record import Record
 from ambkit.data.record_card import MAX_PANELS, axis_of, missing_spans, steps_panel
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line, Points, Rule
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
 
 _TIME = Axis("time", "s")
 _FIRST = ("y", "u", "r")

@@ -11,8 +11,7 @@ from ambkit.base.escaping import markdown, one_line
 from ambkit.data.reading.clock import examine
 from ambkit.data.reading.rejections import RejectedLog
 from ambkit.data.record_card import axis_of, missing_spans, steps_panel
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line
+from ambkit.result.report import Axis, Figure, Item, Line, Panel
 
 SHOWN = 6
 """Channels in the picture; its clocks come first."""

@@ -13,8 +13,7 @@ from ambkit.base.units import engineering
 from ambkit.control.lift_off_sequence import Mode
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION
 from ambkit.export.pil import build
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Points
+from ambkit.result.report import Axis, Figure, Panel, Points
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
@@ -23,7 +22,7 @@ from ambkit.simulation.run_figure import simulation_figure
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
     from ambkit.simulation.run import Run
 
 

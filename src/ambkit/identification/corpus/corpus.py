@@ -31,7 +31,7 @@ from ambkit.result.sections import Section
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.machine import Bearing
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 SAME_LINE = 0.02

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Bars
+from ambkit.result.report import Axis, Bars, Figure, Panel
 
 KINDS = (
     ("error", "estimate", "model of the others"),

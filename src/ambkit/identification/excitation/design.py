@@ -33,7 +33,7 @@ from ambkit.simulation.waveforms import Recorded
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
     from ambkit.simulation.scenario import Scenario
 
 

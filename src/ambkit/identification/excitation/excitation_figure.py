@@ -8,8 +8,7 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Item, Line, Rule
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule
 from ambkit.result.signal_styles import CURRENT, POSITION, TIME
 
 FREQUENCY = Axis("frequency", "Hz", scale="log")

@@ -19,8 +19,7 @@ from ambkit.base.errors import RecordError
 from ambkit.data.files.tables import Table, read_table, write_table
 from ambkit.identification.noise import measurement_noise
 from ambkit.machine.bearing import GRAVITY
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Line, Points, Rule
+from ambkit.result.report import Axis, Figure, Line, Panel, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record

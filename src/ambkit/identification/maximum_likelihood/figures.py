@@ -12,8 +12,7 @@ import numpy as np
 from ambkit.base.escaping import label, markdown
 from ambkit.base.units import engineering, interval, typeset
 from ambkit.identification.maximum_likelihood.parameters import NOISES
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Cells, Intervals, Item, Line, Points, Rule
+from ambkit.result.report import Axis, Cells, Figure, Intervals, Item, Line, Panel, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record

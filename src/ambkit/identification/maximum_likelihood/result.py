@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.current_state import CurrentState
     from ambkit.machine.accessories import Hum
     from ambkit.machine.machine import Bearing
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 TOGETHER = 0.9  #: Correlation from which on two parameters are known only together.

@@ -23,8 +23,7 @@ from ambkit.identification.online.adaline import (
 )
 from ambkit.identification.online.magnet_constant import ONLINE, AugmentedResult
 from ambkit.identification.online.rls import LeastSquaresResult
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Band, Item, Line, Points, Rule, Span
+from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule, Span
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
@@ -32,7 +31,7 @@ from ambkit.result.sections import Section
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.machine import Bearing
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 NAMES = {
     "adaline": "ADALINE",

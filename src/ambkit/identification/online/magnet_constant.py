@@ -27,8 +27,7 @@ from ambkit.identification.online.adaline import (
 )
 from ambkit.identification.online.rls import RecursiveLeastSquares
 from ambkit.machine.machine import Bearing
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Line, Rule
+from ambkit.result.report import Axis, Figure, Line, Panel, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row
 from ambkit.result.signal_styles import TIME

@@ -13,8 +13,7 @@ from ambkit.data.signals import signal as name_of
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.criteria import CRITERIA, Criterion
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
+from ambkit.result.report import Axis, Bars, Cells, Figure, Item, Line, Panel, Points, Rule
 from ambkit.result.report.markup import symbols
 from ambkit.result.report.style import OF_KINDS
 

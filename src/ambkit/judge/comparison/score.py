@@ -21,7 +21,7 @@ from ambkit.result.sections import Part, Section
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 SHOWN = ("x", "v", "f_d", "nees", "nis", "lost")

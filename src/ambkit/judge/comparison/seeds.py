@@ -18,8 +18,7 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, errors_along, rms
 from ambkit.judge.comparison.score import least
 from ambkit.machine.machine import Machine
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Bars, Item, Rule
+from ambkit.result.report import Axis, Bars, Figure, Item, Panel, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
@@ -30,7 +29,7 @@ from ambkit.simulation.scenario import Scenario
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 @dataclass(frozen=True)

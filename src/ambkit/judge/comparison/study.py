@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
     from ambkit.machine.stiffness import StiffnessMap
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
 
 
 HEIGHTS = (0.02, 0.1, 0.2, 0.3, 0.4, 0.5)

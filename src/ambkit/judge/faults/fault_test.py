@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.judge.faults.faults import Channel
     from ambkit.machine.magnets import Precision
-    from ambkit.result.report.figure import Figure
+    from ambkit.result.report import Figure
     from ambkit.simulation.run import Run
 
 

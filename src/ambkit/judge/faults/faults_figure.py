@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.judge.faults.fault_run import BASELINE, SETTINGS, recovery_text
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import Axis, Cells
+from ambkit.result.report import Axis, Cells, Figure, Panel
 
 if TYPE_CHECKING:
     from ambkit.judge.faults.fault_run import Outcome
@@ -29,7 +28,7 @@ def faults_figure(campaign: Any) -> Figure:
         Panel(Axis(""), Axis(""), [_cells(campaign, setting)], title=setting)
         for setting in SETTINGS
     ]
-    rows = max(len(panel.cells.rows) for panel in panels if panel.cells)
+    rows = max(len(cells.rows) for panel in panels if (cells := panel.item(Cells)))
     return Figure(
         id="faults",
         title=f"{campaign.bearing.name}: recovery from faults",

@@ -1,8 +1,8 @@
-"""Figures and the report: one description, drawn for paper and for the screen.
+"""Figures and the report: stated once, drawn for paper and for the screen.
 
-A `Figure` says what is to be seen, in SI. `static.save` draws it with matplotlib; `write_report`
-draws all figures of a `Report` and puts them, with texts, formulas and tables, into one HTML page
-that works without the net.
+A `Figure` states what is to be seen, in SI, and saves itself; `write_report` draws all figures of a
+`Report` and puts them, with texts, formulas and tables, into one HTML page that works without the
+net.
 """
 
 from ambkit.result.report.blocks import (
@@ -15,22 +15,12 @@ from ambkit.result.report.blocks import (
     TableBlock,
     Text,
 )
-from ambkit.result.report.figure import Figure, Panel
-from ambkit.result.report.items import (
-    Axis,
-    Band,
-    Bars,
-    Cells,
-    Heatmap,
-    Intervals,
-    Line,
-    Note,
-    Points,
-    Rule,
-    Span,
-)
+from ambkit.result.report.figure import Figure
+from ambkit.result.report.item import Axis, Item, Panel, Vector
+from ambkit.result.report.items import Band, Bars, Intervals, Line, Note, Points, Rule, Span
 from ambkit.result.report.page import write_report
 from ambkit.result.report.summary import SummaryRow
+from ambkit.result.report.surfaces import Cells, Heatmap
 
 __all__ = [
     "Axis",
@@ -44,6 +34,7 @@ __all__ = [
     "FigureBlock",
     "Heatmap",
     "Intervals",
+    "Item",
     "Line",
     "Note",
     "Panel",
@@ -55,5 +46,6 @@ __all__ = [
     "SummaryRow",
     "TableBlock",
     "Text",
+    "Vector",
     "write_report",
 ]

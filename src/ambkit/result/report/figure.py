@@ -1,85 +1,86 @@
-"""What a figure shows, said once; `static` and `interactive` both draw from this description."""
+"""A figure stated once, and drawn with matplotlib; `screen` describes it for plotly.js."""
 
-from collections.abc import Iterator, Sequence
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Literal
+from importlib import import_module
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from ambkit.result.report.items import (
-    Axis,
-    Band,
-    Bars,
-    Cells,
-    Heatmap,
-    Intervals,
-    Item,
-    Line,
-    Points,
-    Rule,
-    Signal,
-    Vector,
-)
+from ambkit.base import files
+from ambkit.base.errors import AmbkitError
+from ambkit.result.report import style
+from ambkit.result.report.item import Item, Panel
+from ambkit.result.report.items import Bars
 from ambkit.result.report.markup import plain
+from ambkit.result.report.surfaces import Cells
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
 
-@dataclass(frozen=True)
-class Panel:
-    """One pair of axes."""
+WIDTH = 7.2
+"""Width of every figure [inch]: the text width of an A4 page."""
+PIXELS_PER_INCH = 200
+ENDINGS = (".png", ".svg", ".pdf", ".html")
+"""What a figure can be saved as."""
 
-    x: Axis  #: The axes.
-    y: Axis
-    items: Sequence[Item]  #: What is drawn.
-    title: str = ""  #: A short heading above the axes.
-    equal: bool = False  #: Whether a length is as long along both axes: an orbit's circle is round.
-
-    @property
-    def categories(self) -> Sequence[str]:
-        """Names below the bars; empty where there are none."""
-        return next((item.categories for item in self.items if isinstance(item, Bars)), ())
-
-    @property
-    def intervals(self) -> Intervals | None:
-        """The panel's rows of intervals, if it has some."""
-        return next((item for item in self.items if isinstance(item, Intervals)), None)
-
-    @property
-    def heatmap(self) -> Heatmap | None:
-        """The panel's heat map, if it has one."""
-        return next((item for item in self.items if isinstance(item, Heatmap)), None)
-
-    @property
-    def cells(self) -> Cells | None:
-        """The panel's table of cells, if it has one."""
-        return next((item for item in self.items if isinstance(item, Cells)), None)
-
-    def extent(self, axis: Literal["x", "y"]) -> tuple[float, float] | None:
-        """Least and greatest positive value along an axis, in SI: what a logarithmic one shows."""
-        parts = [part for item in self.items for part in _along(item, axis)]
-        values = np.concatenate([np.zeros(0), *parts])
-        values = values[np.isfinite(values) & (values > 0)]
-        return (float(values.min()), float(values.max())) if values.size else None
-
-
-def _along(item: Item, axis: Literal["x", "y"]) -> Sequence[Vector]:
-    """Return what an item shows along an axis."""
-    match item:
-        case Line() | Points() | Heatmap():
-            return [item.x if axis == "x" else item.y]
-        case Band():
-            return [item.x] if axis == "x" else [item.low, item.high]
-        case Intervals() if axis == "x":
-            return [item.low, item.high]
-        case Bars() if axis == "y":
-            return [item.values]
-        case Rule() if item.axis == axis:
-            return [np.array([item.value])]
-    return []
+_RC: dict[Any, Any] = {
+    "font.family": ["DejaVu Sans"],  # comes with matplotlib, so every machine draws the same
+    "font.size": 8.0,
+    "mathtext.fontset": "dejavusans",
+    "text.color": style.INK,
+    "axes.labelcolor": style.INK,
+    "axes.edgecolor": style.FRAME,
+    "axes.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.xmargin": 0.0,
+    "axes.formatter.limits": (-4, 5),
+    "axes.titlesize": 8.0,
+    "axes.titlelocation": "left",
+    "axes.titlepad": 4.0,
+    "figure.constrained_layout.h_pad": 0.05,
+    "figure.constrained_layout.w_pad": 0.06,
+    "grid.color": style.GRID,
+    "grid.linewidth": 0.6,
+    "xtick.color": style.FRAME,
+    "ytick.color": style.FRAME,
+    "xtick.labelcolor": style.INK,
+    "ytick.labelcolor": style.INK,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "legend.handlelength": 2.4,
+    "legend.handletextpad": 0.6,
+    "legend.columnspacing": 1.6,
+    "legend.labelspacing": 0.35,
+    "legend.borderpad": 0.3,
+    "legend.borderaxespad": 0.2,
+    "hatch.linewidth": 0.6,
+    "svg.fonttype": "path",
+    "pdf.fonttype": 42,  # letters that can be searched
+}
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of the report."""
+    """Panels that are shown together."""
+
+    page: ClassVar[Callable[[Figure], str]]
+    """Writes a page with one figure; the module `page` sets it, which knows figures."""
 
     id: str  #: Name of its files and anchor: ``"fig15"``. Letters, digits, ``-`` and ``_``.
     title: str  #: What it shows, in a few words.
@@ -98,14 +99,15 @@ class Figure:
         if not self.panels or self.columns < 1:
             raise ValueError(f"figure {self.id}: needs at least one panel and one column")
         for panel in self.panels:
-            bars = [item for item in panel.items if isinstance(item, Bars)]
-            if len({tuple(item.categories) for item in bars}) > 1:
+            bars = {tuple(item.categories) for item in panel.items if isinstance(item, Bars)}
+            if len(bars) > 1:
                 raise ValueError(f"figure {self.id}: Bars of one panel differ in their categories")
 
     @property
-    def rows(self) -> int:
-        """Number of rows of panels."""
-        return -(-len(self.panels) // self.columns)
+    def rows(self) -> list[range]:
+        """The panels of each row, by their places."""
+        starts = range(0, len(self.panels), self.columns)
+        return [range(n, min(n + self.columns, len(self.panels))) for n in starts]
 
     def shares_x(self, index: int) -> bool:
         """Whether the panel below has the same x axis, so that it need not be labelled twice."""
@@ -113,26 +115,186 @@ class Figure:
         if below >= len(self.panels):
             return False
         upper, lower = self.panels[index], self.panels[below]
-        rows = upper.intervals or lower.intervals
-        return upper.x == lower.x and not upper.categories and not lower.title and not rows
+        return upper.x == lower.x and not (lower.title or upper.named_rows or lower.named_rows)
 
     def legend(self) -> Iterator[tuple[str, Item]]:
         """Each legend text once, with the first item that carries it."""
         seen = {""}
-        for panel in self.panels:
-            for item in panel.items:
-                if isinstance(item, Signal) and item.legend not in seen:
-                    seen.add(item.legend)
-                    yield item.legend, item
+        for item in (item for panel in self.panels for item in panel.items):
+            if item.legend not in seen:
+                seen.add(item.legend)
+                yield item.legend, item
 
     def description(self) -> str:
         """Text in place of the picture, for readers who cannot see it."""
         if self.alt:
             return self.alt
+        if cells := next(filter(None, (panel.item(Cells) for panel in self.panels)), None):
+            columns = ", ".join(name.split("\n")[0] for name in cells.columns)
+            return plain(f"{self.title}: {', '.join(cells.rows)} by {columns}.")
         axes = "; ".join(dict.fromkeys(f"{p.y.title} over {p.x.title}" for p in self.panels))
         names = ", ".join(text for text, _ in self.legend())
-        cells = [panel.cells for panel in self.panels if panel.cells]
-        if cells:
-            columns = ", ".join(name.split("\n")[0] for name in cells[0].columns)
-            return plain(f"{self.title}: {', '.join(cells[0].rows)} by {columns}.")
         return plain(f"{self.title}: {axes}{f'. Shown: {names}' if names else ''}.")
+
+    def draw(
+        self, make: Callable[..., Canvas] | None = None, resolution: float = PIXELS_PER_INCH
+    ) -> tuple[Canvas, list[Axes]]:
+        """Draw it with matplotlib, in the fonts of `paper_style`."""
+        from matplotlib.figure import Figure as Canvas
+
+        texts = [text for text, _ in self.legend()]
+        longest = max(map(len, texts), default=1)
+        columns = max(1, min(len(texts), int((WIDTH - 0.7) / (0.06 * longest + 0.5))))
+        height = 0.15 + 0.165 * -(-len(texts) // columns) + self._height()
+        canvas = (make or Canvas)(
+            figsize=(WIDTH, height), dpi=resolution, facecolor=style.PAPER, layout="constrained"
+        )
+        grid = canvas.add_gridspec(len(self.rows), self.columns)
+        by_index: dict[int, Axes] = {}
+        for index, panel in reversed([*enumerate(self.panels)]):
+            below = by_index.get(index + self.columns) if self.shares_x(index) else None
+            ax = canvas.add_subplot(grid[divmod(index, self.columns)], sharex=below)
+            panel.draw(ax)
+            if below:
+                ax.set_xlabel("")
+                ax.tick_params(axis="x", which="both", labelbottom=False)
+            by_index[index] = ax
+        axes = [by_index[index] for index in range(len(self.panels))]
+        canvas.align_ylabels()
+        if texts:
+            known = dict(entry for ax in axes for entry in zip(*_entries(ax), strict=True))
+            canvas.legend(
+                [known[f" {text}" if text.startswith("_") else text] for text in texts], texts,
+                loc="outside upper left", ncols=columns,
+            )  # fmt: skip
+        return canvas, axes
+
+    def _height(self) -> float:
+        """Height of all panels with what is written around them [inch]."""
+        cells = [cells for panel in self.panels if (cells := panel.item(Cells))]
+        usual = {1: 2.75, 2: 1.85}.get(len(self.rows), 1.5)
+        of_cells = max((0.22 * len(item.rows) for item in cells), default=usual)
+        heads = [name.count("\n") + 1 for item in cells for name in item.columns]
+        height = len(self.rows) * ((self.panel_height or of_cells) + 0.135 * max(heads, default=0))
+        for row in self.rows:
+            labelled = any(self.panels[n].x.title and not self.shares_x(n) for n in row)
+            height += 0.46 if labelled else 0.12
+            height += 0.22 * any(self.panels[index].title for index in row)
+        return height
+
+    def image(self, ending: str, resolution: float = PIXELS_PER_INCH) -> bytes:
+        """Draw it as ``.png``, ``.svg`` or ``.pdf``: the same bytes for the same figure."""
+        with paper_style(self):
+            return printed(self.draw(resolution=resolution)[0], ending, plain(self.title))
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Draw it into a file.
+
+        Parameters
+        ----------
+        path : str or path
+            Ends in ``.png``, ``.svg``, ``.pdf`` or, to zoom in, ``.html``.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        AmbkitError
+            The file has another ending, or it cannot be written.
+        """
+        path = Path(path)
+        ending = path.suffix.lower()
+        if ending not in ENDINGS:
+            raise AmbkitError(f"{path}: cannot draw {ending or 'that'}, use {', '.join(ENDINGS)}")
+        if ending == ".html":
+            files.write_text(path, Figure.page(self))
+        else:
+            files.write_bytes(path, self.image(ending))
+        return path
+
+    def plot(self, *, ax: Any = None, panel: int | str = 0) -> Any:
+        """Draw it with matplotlib, see :meth:`ambkit.result.showing.Drawn.plot`."""
+        if ax is not None:
+            several = list(ax.flat) if isinstance(ax, np.ndarray) else ax
+            if not isinstance(several, list | tuple):
+                several, panels = [ax], [self._panel(panel)]
+            elif len(several) > len(self.panels):
+                names = self._names()
+                raise AmbkitError(f"ax has {len(several)} axes, and there are {names} to draw")
+            else:
+                panels = list(self.panels)
+            for one, of in zip(several, panels, strict=False):
+                _draw_into(one, of)
+            return ax
+        from matplotlib import pyplot, rcParams
+
+        resolution = rcParams["figure.dpi"]  # as the user has it, not as on paper
+        with paper_style(self):  # notebooks show figures of pyplot by themselves
+            return np.array(self.draw(pyplot.figure, resolution)[1], dtype=object)
+
+    def _panel(self, key: int | str) -> Panel:
+        for place, panel in enumerate(self.panels):
+            if isinstance(key, str):
+                named = key.lower() in panel.name.lower()
+            else:
+                named = key in (place, place - len(self.panels))
+            if named:
+                return panel
+        raise AmbkitError(f"there is no panel {key!r}; there are {self._names()}")
+
+    def _names(self) -> str:
+        return ", ".join(f'{n} "{panel.name}"' for n, panel in enumerate(self.panels))
+
+
+@contextmanager
+def paper_style(figure: Figure) -> Iterator[None]:
+    """Set matplotlib's fonts and lines, whatever the user's matplotlibrc says."""
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update({**_RC, "svg.hashsalt": figure.id})
+        yield
+
+
+def printed(canvas: Canvas, ending: str, title: str) -> bytes:
+    """Return a drawn figure as a file, without software and date."""
+    backend = {".png": "agg", ".svg": "svg", ".pdf": "pdf"}[ending]
+    metadata: dict[str, dict[str, str | None]] = {
+        ".png": {"Software": None},
+        ".svg": {"Date": None, "Creator": None, "Title": title},
+        ".pdf": {"CreationDate": None, "Creator": None, "Producer": None, "Title": title},
+    }
+    content = BytesIO()
+    if ending != ".png":
+        canvas.set_dpi(PIXELS_PER_INCH / 2)  # of heat maps only, the rest has no pixels
+    # Not `savefig`, which lays the figure out once more before it draws.
+    backend_canvas = import_module(f"matplotlib.backends.backend_{backend}").FigureCanvas(canvas)
+    getattr(backend_canvas, f"print_{ending[1:]}")(content, metadata=metadata[ending])
+    if ending == ".svg":
+        # Cut after a hundredth of a point, which nobody can see; it halves the file.
+        short = re.compile(rb"(\.\d\d)\d+")
+        return re.sub(rb' d="[^"]*"', lambda path: short.sub(rb"\1", path[0]), content.getvalue())
+    return content.getvalue()
+
+
+def _draw_into(ax: Any, panel: Panel) -> None:
+    """Draw a panel into somebody's own axes, in the fonts that they have."""
+    from matplotlib.axes import Axes
+
+    if not isinstance(ax, Axes):
+        raise AmbkitError(f"ax must be axes of matplotlib, is of type {type(ax).__name__}")
+    panel.draw(ax)
+    texts, handles = _entries(ax)
+    if texts:
+        ax.legend(handles, texts)
+
+
+def _entries(ax: Axes) -> tuple[list[str], list[Any]]:
+    """Return each text of a legend once, and the artist that it names."""
+    handles, texts = ax.get_legend_handles_labels()
+    entries = dict(zip(reversed(texts), reversed(handles), strict=True))
+    return list(entries)[::-1], list(entries.values())[::-1]

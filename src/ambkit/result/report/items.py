@@ -1,72 +1,37 @@
-"""What can be drawn in a panel: axes, lines, points, bands, bars, heat maps, cells and so on.
+"""What stands in a panel: lines, points, bands, bars, intervals, rules, spans and notes.
 
-Data is given in SI. Each `Axis` says with which factor its data is shown, so that "mm" stands on
-paper only. Labels may hold simple formulas between dollar signs: ``"stiffness $k_i$"``.
+Each item draws itself with matplotlib and returns plain data for plotly.js.
 """
 
-import math
+from __future__ import annotations
+
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ambkit.result.report.style import style_of
+from ambkit.result.report import style
+from ambkit.result.report.decimate import decimate
+from ambkit.result.report.formula import label_html
+from ambkit.result.report.item import (
+    Item,
+    Json,
+    Panel,
+    Signal,
+    Vector,
+    annotation,
+    error_bars,
+    write,
+)
 
-Vector = NDArray[np.float64]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
+BUCKETS = 1000
+"""Stretches a long line is cut into: about one for each column of pixels."""
 
-@dataclass(frozen=True)
-class Axis:
-    """What an axis shows."""
-
-    label: str  #: The quantity in words, with its symbol: ``"displacement $x$"``.
-    unit: str = ""  #: The unit shown; empty for a pure number.
-    #: What the data (SI) is multiplied with to be in `unit`: 1e3 for metres shown in mm.
-    factor: float = 1.0
-    scale: Literal["linear", "log"] = "linear"  #: Scale of the axis.
-    limits: tuple[float, float] | None = None  #: Lower and upper end, in the unit of the data (SI).
-
-    @property
-    def title(self) -> str:
-        """Label and unit as they stand beside the axis."""
-        return f"{self.label} [{self.unit}]" if self.unit else self.label
-
-    def shown(self, values: Vector) -> Vector:
-        """Data in the unit of the axis."""
-        return values * self.factor
-
-
-@dataclass(frozen=True, eq=False)
-class Signal:
-    """An item that belongs to one signal: it takes colour, dash and name from the style table."""
-
-    signal: str = field(default="estimate", kw_only=True)  #: Name in `style.SIGNALS`.
-    #: Legend; the signal's own name if not given, no entry if empty.
-    label: str | None = field(default=None, kw_only=True)
-
-    def __post_init__(self) -> None:
-        style_of(self.signal)
-
-    @property
-    def legend(self) -> str:
-        """Text of the legend: the label, or else the signal's own name. Empty: no entry."""
-        return style_of(self.signal).label if self.label is None else self.label
-
-    def _vectors(self, *names: str) -> None:
-        """Turn the named fields into float vectors of one common length."""
-        sizes = {}
-        for name in names:
-            array = np.asarray(getattr(self, name), dtype=np.float64)
-            if array.ndim != 1:
-                raise ValueError(
-                    f"{type(self).__name__}.{name}: one dimension expected, shape is {array.shape}"
-                )
-            object.__setattr__(self, name, array)
-            sizes[name] = array.size
-        if len(set(sizes.values())) > 1:
-            raise ValueError(f"{type(self).__name__}: lengths differ: {sizes}")
+_HATCHES = {style.DASH: "/", style.LONG: "/", style.DASH_DOT: "\\", style.DOT: "."}
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +44,17 @@ class Line(Signal):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._vectors("x", "y")
+
+    def draw(self, ax: Axes, panel: Panel) -> None:
+        """Draw it into axes of matplotlib."""
+        x, y = decimate(self.x, self.y, BUCKETS)
+        ax.plot(panel.x.shown(x), panel.y.shown(y), **self._pen)
+
+    def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
+        """Return a curve."""
+        few = decimate(self.x, self.y, BUCKETS)
+        curve = self._curve(panel.x.numbers(few[0]), panel.y.numbers(few[1]))
+        return [curve | {"hovertemplate": panel.y.hover_format("y")}]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +69,28 @@ class Points(Signal):
         super().__post_init__()
         self._vectors("x", "y", *(["error"] if self.error is not None else []))
 
+    def draw(self, ax: Axes, panel: Panel) -> None:
+        """Draw it into axes of matplotlib."""
+        ax.errorbar(
+            panel.x.shown(self.x),
+            panel.y.shown(self.y),
+            None if self.error is None else panel.y.shown(self.error),
+            capsize=2.0,
+            elinewidth=0.8,
+            clip_on=not panel.surface,
+            **self._marker,
+        )
+        ax.margins(x=0.05)
+
+    def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
+        """Return markers."""
+        return [{
+            "type": "scatter", "mode": "markers", "x": panel.x.numbers(self.x),
+            "y": panel.y.numbers(self.y), "error_y": error_bars(panel.y, self.error, self.look),
+            "marker": self._symbol, "cliponaxis": not panel.surface, "zorder": self.look.layer,
+            "hovertemplate": panel.y.hover_format("y"),
+        }]  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class Band(Signal):
@@ -106,11 +104,28 @@ class Band(Signal):
         super().__post_init__()
         self._vectors("x", "low", "high")
 
+    def draw(self, ax: Axes, panel: Panel) -> None:
+        """Draw it into axes of matplotlib."""
+        x, low, high = panel.x.shown(self.x), panel.y.shown(self.low), panel.y.shown(self.high)
+        colour = style.tint(self.look.colour, 0.25)
+        ax.fill_between(x, low, high, color=colour, linewidth=0, zorder=1, **self.entry)
+
+    def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
+        """Return two borders and the area between them."""
+        bare = {"line": {"width": 0}, "hoverinfo": "skip", "zorder": 0}
+        low, high = (
+            self._curve(panel.x.numbers(self.x), panel.y.numbers(border)) | bare
+            for border in (self.low, self.high)
+        )
+        fill = {"fill": "tonexty", "fillcolor": style.tint(self.look.colour, 0.25)}
+        return [low | {"showlegend": False}, high | fill]
+
 
 @dataclass(frozen=True, eq=False)
 class Bars(Signal):
     """One bar a category. Several `Bars` in one panel stand side by side."""
 
+    named_rows = True
     categories: Sequence[str]  #: Names below the bars; the same in all `Bars` of a panel.
     values: Vector  #: (n,) Heights, in SI.
     error: Vector | None = None  #: (n,) Half length of the error bars, in SI.
@@ -123,11 +138,52 @@ class Bars(Signal):
                 f"Bars: {len(self.categories)} categories, but {self.values.size} values"
             )
 
+    def draw(self, ax: Axes, panel: Panel) -> None:
+        """Draw it into axes of matplotlib."""
+        group = [item for item in panel.items if isinstance(item, Bars)]
+        width, places = 0.8 / len(group), np.arange(self.values.size)
+        ax.bar(
+            places + (group.index(self) - (len(group) - 1) / 2) * width,
+            panel.y.shown(self.values),
+            0.92 * width,
+            yerr=None if self.error is None else panel.y.shown(self.error),
+            error_kw={"ecolor": style.INK, "elinewidth": 0.8, "capsize": 2.0},
+            facecolor=self.look.colour,
+            edgecolor="white",
+            linewidth=0.0,
+            hatch=_HATCHES.get(self.look.dash, "") * 4,
+            zorder=self.look.layer,
+            **self.entry,
+        )
+        ax.margins(x=0.02)
+        ax.set_xticks(places, self.categories)
+        ax.tick_params(axis="x", length=0)
+        ax.grid(visible=False, axis="x")
+
+    def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
+        """Return bars."""
+        shape = _HATCHES.get(self.look.dash, "")
+        pattern = {"shape": shape, "fgcolor": style.PAPER, "solidity": 0.15}
+        return [{
+            "type": "bar", "x": [*map(label_html, self.categories)],
+            "y": panel.y.numbers(self.values),
+            "error_y": error_bars(panel.y, self.error, self.look) | {"color": style.INK},
+            "marker": {"color": self.look.colour,
+                       "pattern": pattern | {"fillmode": "overlay", "size": 7}},
+            "hovertemplate": panel.y.hover_format("y"),
+        }]  # fmt: skip
+
+    def axis_layout(self, panel: Panel) -> tuple[Json, Json]:
+        """Names below the bars."""
+        title = {"unifiedhovertitle": {"text": "<b>%{x}</b>"}}
+        return {"type": "category", "showgrid": False} | title, {}
+
 
 @dataclass(frozen=True, eq=False)
 class Intervals(Signal):
     """Values with their intervals along the x axis, one below the other."""
 
+    named_rows = True
     rows: Sequence[str]  #: Names beside the rows, from the top.
     values: Vector  #: (n,) The values and the ends of their intervals, in SI.
     low: Vector
@@ -141,72 +197,41 @@ class Intervals(Signal):
         if len(sizes) > 1:
             raise ValueError(f"Intervals: rows, texts and values differ in length: {sorted(sizes)}")
 
+    def draw(self, ax: Axes, panel: Panel) -> None:
+        """Draw it into axes of matplotlib."""
+        places, values = np.arange(self.values.size), panel.x.shown(self.values)
+        ends = np.abs(panel.x.shown(np.array([self.low, self.high])) - values)
+        over = self._marker | {"zorder": 8}  # over what they are beside
+        ax.errorbar(values, places, xerr=ends, capsize=3.0, elinewidth=1.4, **over)
+        for row, text in zip(places, self.texts, strict=True):
+            place, frame = (1.0, row - 0.36), ("axes fraction", "data")
+            write(ax, text, place, frame, (-4, 0), ha="right", va="center", cover=1.0)
+        ax.margins(x=0.05)
+        ax.set_yticks(places, self.rows)
+        ax.set_ylim(self.values.size - 0.5, -0.62)
+        ax.tick_params(axis="y", length=0)
+        ax.grid(visible=False, axis="y")
 
-@dataclass(frozen=True, eq=False)
-class Heatmap:
-    """A surface over a plane as colours, with labelled contour lines so that it reads in grey."""
+    def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
+        """Return markers with bars, and the texts beside them."""
+        look, right = self.look, {"xref": f"{x} domain", "x": 1, "yref": y}
+        ends = error_bars(panel.x, self.high - self.values, look)
+        ends |= {"arrayminus": panel.x.numbers(self.values - self.low), "symmetric": False}
+        marks = {
+            "type": "scatter", "mode": "markers", "x": panel.x.numbers(self.values),
+            "y": [*map(label_html, self.rows)], "error_x": ends, "zorder": 8,
+            "marker": self._symbol | {"size": 7}, "hovertemplate": panel.x.hover_format("x"),
+        }  # fmt: skip
+        # The start's line must not run through the numbers.
+        return [marks, *(
+            annotation(text, right | {"y": row - 0.34}, "right", "middle", bgcolor=style.PAPER)
+            for row, text in enumerate(self.texts) if text
+        )]  # fmt: skip
 
-    x: Vector  #: (n,) Abscissae of the columns, ascending, in SI.
-    y: Vector  #: (m,) Ordinates of the rows, ascending, in SI.
-    z: Vector  #: (m, n) The surface, in SI.
-    bar: Axis  #: What the colours mean: label, unit, factor, limits.
-    #: True for a signed quantity: the palest colour is zero, limits are symmetric.
-    diverging: bool = False
-    lines: int = 9  #: About how many contour lines; they stand at round values.
-    #: Whether one stands at zero. Where a surface is flat there, its place is an accident of the
-    #: grid.
-    zero: bool = True
-
-    def __post_init__(self) -> None:
-        for name in ("x", "y", "z"):
-            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=np.float64))
-        if self.z.shape != (self.y.size, self.x.size):
-            raise ValueError(
-                f"Heatmap: z has shape {self.z.shape}, y and x ask for {self.y.size, self.x.size}"
-            )
-
-    @property
-    def shown_limits(self) -> tuple[float, float]:
-        """Lower and upper end of the colours, in the unit of `bar`."""
-        if self.bar.limits is not None:
-            low, high = self.bar.limits
-        else:
-            low, high = float(np.nanmin(self.z)), float(np.nanmax(self.z))
-        if self.diverging:
-            high = max(abs(low), abs(high))
-            low = -high
-        return low * self.bar.factor, high * self.bar.factor
-
-    @property
-    def levels(self) -> Vector:
-        """Values of the contour lines, round and evenly spaced, in the unit of `bar`."""
-        low, high = self.shown_limits
-        if not high > low:
-            return np.array([low, low + 1.0])
-        rough = (high - low) / self.lines
-        decade = 10.0 ** math.floor(math.log10(rough))
-        step = next(nice * decade for nice in (1, 2, 5, 10) if rough <= 1.001 * nice * decade)
-        levels: Vector = step * np.arange(math.ceil(low / step), math.floor(high / step) + 1.0)
-        return levels if self.zero else levels[levels != 0]
-
-
-@dataclass(frozen=True, eq=False)
-class Cells:
-    """A table of coloured cells: names beside and below, a text in each."""
-
-    columns: Sequence[str]  #: Names, from the left and from the top.
-    rows: Sequence[str]
-    #: (rows, columns) From 0, palest, to 1, darkest (or else see `diverging`); NaN is left white.
-    shade: Vector
-    texts: Sequence[Sequence[str]]  #: What stands in the cells, row by row.
-    diverging: bool = False  #: True where 1/2 is neither good nor bad: the palest colour then.
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "shade", np.asarray(self.shade, dtype=np.float64))
-        size = (len(self.rows), len(self.columns))
-        shapes = {self.shade.shape, (len(self.texts), *{len(row) for row in self.texts})}
-        if shapes != {size}:
-            raise ValueError(f"Cells: {size[0]} rows and {size[1]} columns, but shapes {shapes}")
+    def axis_layout(self, panel: Panel) -> tuple[Json, Json]:
+        """Names beside the rows."""
+        ends = [self.values.size - 0.5, -0.62]
+        return {}, {"type": "category", "showgrid": False, "range": ends}
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,6 +243,33 @@ class Rule(Signal):
     axis: Literal["x", "y"] = "y"
     text: str = ""  #: Written at its end.
 
+    def draw(self, ax: Axes, panel: Panel) -> None:
+        """Draw it into axes of matplotlib."""
+        if self.axis == "y":
+            value = panel.y.shown(self.value)
+            ax.axhline(value, **self._pen)
+            write(ax, self.text, (1.0, value), ("axes fraction", "data"), (-4, 2), ha="right")
+        else:
+            value = panel.x.shown(self.value)
+            ax.axvline(value, **self._pen)
+            write(ax, self.text, (value, 1.0), ("data", "axes fraction"), (3, -3))
+
+    def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
+        """Return a shape and its text."""
+        along, across, axis = ("y", "x", panel.y) if self.axis == "y" else ("x", "y", panel.x)
+        refs = {f"{along}ref": y if along == "y" else x,
+                f"{across}ref": f"{x if along == 'y' else y} domain"}  # fmt: skip
+        value = axis.shown(self.value)
+        # What marks a place must not hide what happens there.
+        layer = "below" if along == "x" and self.look.layer < 3 else "above"
+        shape = refs | {
+            "type": "line", f"{along}0": value, f"{along}1": value, f"{across}0": 0,
+            f"{across}1": 1, "line": self._stroke, "layer": layer,
+        }  # fmt: skip
+        place = refs | {along: axis.position(self.value), across: 1}
+        anchors = ("right", "bottom") if along == "y" else ("left", "top")
+        return [shape, *([annotation(self.text, place, *anchors)] if self.text else [])]
+
 
 @dataclass(frozen=True, eq=False)
 class Span(Signal):
@@ -227,9 +279,27 @@ class Span(Signal):
     stop: float
     text: str = ""  #: Written at its top.
 
+    def draw(self, ax: Axes, panel: Panel) -> None:
+        """Draw it into axes of matplotlib."""
+        ends = panel.x.shown(self.start), panel.x.shown(self.stop)
+        colour = style.tint(self.look.colour, 0.12)
+        ax.axvspan(*ends, color=colour, linewidth=0, zorder=0.5, **self.entry)
+        write(ax, self.text, (min(ends), 1.0), ("data", "axes fraction"), (3, -3))
+
+    def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
+        """Return a shape and its text."""
+        refs = {"xref": x, "yref": f"{y} domain"}
+        shape = refs | {
+            "type": "rect", "x0": panel.x.shown(self.start), "x1": panel.x.shown(self.stop),
+            "y0": 0, "y1": 1, "fillcolor": style.tint(self.look.colour, 0.12),
+            "line": {"width": 0}, "layer": "below",
+        }  # fmt: skip
+        place = refs | {"x": panel.x.position(min(self.start, self.stop)), "y": 1}
+        return [shape, *([annotation(self.text, place)] if self.text else [])]
+
 
 @dataclass(frozen=True)
-class Note:
+class Note(Item):
     """A short text beside a point of the panel."""
 
     x: float  #: The point, in SI.
@@ -237,5 +307,14 @@ class Note:
     text: str  #: What is written.
     side: Literal["above", "below"] = "above"  #: Where the text stands.
 
+    def draw(self, ax: Axes, panel: Panel) -> None:
+        """Draw it into axes of matplotlib."""
+        place = panel.x.shown(self.x), panel.y.shown(self.y)
+        write(ax, self.text, place, "data", (0, 5 if self.side == "above" else -5), ha="center")
 
-Item = Line | Points | Band | Bars | Intervals | Heatmap | Cells | Rule | Span | Note
+    def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
+        """Return an annotation."""
+        place = {"xref": x, "x": panel.x.position(self.x)}
+        place |= {"yref": y, "y": panel.y.position(self.y)}
+        anchor = "bottom" if self.side == "above" else "top"
+        return [annotation(self.text, place, "center", anchor)]

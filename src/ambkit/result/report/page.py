@@ -6,13 +6,15 @@ plotly.js draws over it when the figure comes into sight.
 """
 
 import base64
+import gzip
 import os
 from collections.abc import Callable, Mapping
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from ambkit.base import escaping, files
-from ambkit.result.report import interactive, static
+from ambkit.result.report import screen
 from ambkit.result.report.blocks import (
     Block,
     Cell,
@@ -26,13 +28,12 @@ from ambkit.result.report.blocks import (
 )
 from ambkit.result.report.figure import Figure
 from ambkit.result.report.formula import mathml
-from ambkit.result.report.interactive_items import BUCKETS
-from ambkit.result.report.items import Line
+from ambkit.result.report.items import BUCKETS, Line
 from ambkit.result.report.markup import inline, markdown, plain
-from ambkit.result.report.static import Picture
 from ambkit.result.report.summary import COLOURS, VERDICTS, number, ours, runs, tally, verdict_of
 
 _TEMPLATES = Path(__file__).parent / "templates"
+_PLOTLY_JS = Path(__file__).parent / "plotly" / "plotly-cartesian.min.js"
 HEAVY = 1_000_000
 """Pictures that are larger together [byte] are packed, and need the page's script to be seen."""
 _MARKS = "†‡§¶‖#"
@@ -46,8 +47,10 @@ def write_report(
     pictures = {}
     for place, figure in enumerate(report.figures, start=1):
         progress(f"figure {place} of {len(report.figures)}: {plain(figure.title)}")
-        pictures[figure.id] = picture = static.render(figure)
-        picture.save(folder / "figures", figure.id)
+        pictures[figure.id] = figure.image(".svg")
+        files.make_folder(folder / "figures")
+        files.write_bytes(folder / "figures" / f"{figure.id}.svg", pictures[figure.id])
+        figure.save(folder / "figures" / f"{figure.id}.png")
     progress("report.html")
     page = render_page(report, pictures)
     files.write_text(folder / "report.html", page)
@@ -56,16 +59,26 @@ def write_report(
 
 def write_page(report: Report, path: str | os.PathLike[str]) -> None:
     """Draw all figures and write a report as one HTML file that needs no other."""
-    pictures = {figure.id: static.render(figure) for figure in report.figures}
+    pictures = {figure.id: figure.image(".svg") for figure in report.figures}
     files.write_text(path, render_page(report, pictures))
 
 
-def render_page(report: Report, pictures: Mapping[str, Picture]) -> str:
+def figure_page(figure: Figure) -> str:
+    """Write a page with one figure."""
+    chapter = Chapter("picture", "Picture", [FigureBlock(figure)])
+    report = Report(plain(figure.title), "", "", version("ambkit"), [chapter])
+    return render_page(report, {figure.id: figure.image(".svg")})
+
+
+Figure.page = figure_page
+
+
+def render_page(report: Report, pictures: Mapping[str, bytes]) -> str:
     """Write the report as HTML."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     names = _anchors(report)
-    heavy = sum(len(picture.svg) for picture in pictures.values()) > HEAVY
+    heavy = sum(map(len, pictures.values())) > HEAVY
     environment = Environment(
         loader=FileSystemLoader(_TEMPLATES),
         autoescape=True,
@@ -87,7 +100,7 @@ def render_page(report: Report, pictures: Mapping[str, Picture]) -> str:
         names=names,
         style=(_TEMPLATES / "report.css").read_text(encoding="utf-8"),
         script=(_TEMPLATES / "report.js").read_text(encoding="utf-8"),
-        plotly=interactive.plotly_js() if report.figures else "",
+        plotly=_packed(_PLOTLY_JS.read_bytes()) if report.figures else "",
     )
 
 
@@ -130,7 +143,7 @@ def _summary(report: Report, names: Mapping[str, str]) -> list[dict[str, Any]]:
 
 
 def _chapter(
-    chapter: Chapter, names: Mapping[str, str], pictures: Mapping[str, Picture]
+    chapter: Chapter, names: Mapping[str, str], pictures: Mapping[str, bytes]
 ) -> dict[str, Any]:
     return {
         "id": chapter.id,
@@ -141,9 +154,7 @@ def _chapter(
     }
 
 
-def _block(
-    block: Block, names: Mapping[str, str], pictures: Mapping[str, Picture]
-) -> dict[str, Any]:
+def _block(block: Block, names: Mapping[str, str], pictures: Mapping[str, bytes]) -> dict[str, Any]:
     match block:
         case Text():
             return {"kind": "text", "html": markdown(block.source, names)}
@@ -159,11 +170,12 @@ def _block(
             return _table(block, names)
 
 
-def _figure(figure: Figure, names: Mapping[str, str], picture: Picture) -> dict[str, Any]:
+def _figure(figure: Figure, names: Mapping[str, str], picture: bytes) -> dict[str, Any]:
     longest = max(
         (item.x.size for panel in figure.panels for item in panel.items if isinstance(item, Line)),
         default=0,
     )
+    shown = screen.described(figure)
     return {
         "kind": "figure",
         "id": figure.id,
@@ -172,10 +184,10 @@ def _figure(figure: Figure, names: Mapping[str, str], picture: Picture) -> dict[
         "caption": inline(figure.caption, names),
         "source": figure.source,
         "alt": figure.description(),
-        "svg": base64.b64encode(picture.svg).decode(),
-        "packed": interactive.gzipped(picture.svg),
-        "described": interactive.gzipped(interactive.to_json(figure).encode()),
-        "height": interactive.height(figure),
+        "svg": base64.b64encode(picture).decode(),
+        "packed": _packed(picture),
+        "described": _packed(screen.to_json(shown).encode()),
+        "height": shown["layout"]["height"],
         "wide": figure.columns > 1,
         "samples": f"{longest:,}" if longest > 4 * BUCKETS else "",
         "buckets": f"{BUCKETS:,}",
@@ -213,3 +225,8 @@ def _cell(value: Cell, digits: str, names: Mapping[str, str]) -> str:
     if isinstance(value, str):
         return inline(value.replace(" ± ", " ±\u00a0"), names)
     return number(value, "d" if isinstance(value, int) else digits)
+
+
+def _packed(content: bytes) -> str:
+    """Pack bytes for the page's script to unpack, the same ones at any time."""
+    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()

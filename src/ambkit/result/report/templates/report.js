@@ -36,27 +36,10 @@
     return loaded;
   }
 
-  // Lines that are written in steps (steps.py) become numbers again.
-  function whole(key, value) {
-    const steps = value?.levels ?? value?.ticks;
-    if (steps === undefined || value.step === undefined) {
-      return value;
-    }
-    const planes = bytes(steps), n = planes.length / 2;
-    let at = 0;
-    return Array.from({ length: n }, (_, i) => {
-      at += planes[i] + 256 * planes[n + i];
-      if (value.levels !== undefined) {
-        at %= 65536;
-      }
-      return value.levels !== undefined && at === 65535 ? null : value.from + value.step * at;
-    });
-  }
-
   async function draw(box) {
     await plotly();
     const described = await unpacked(box.querySelector("script").textContent);
-    const { data, layout } = JSON.parse(described, whole);
+    const { data, layout } = JSON.parse(described);
     const toImageButtonOptions = { format: "svg", filename: box.dataset.figure };
     Plotly.newPlot(box.querySelector(".chart"), data, layout, { ...config, toImageButtonOptions })
       .then(() => box.classList.add("live"));

@@ -1,0 +1,284 @@
+"""Axes, panels, and what all items of a panel share.
+
+Data is in SI; an `Axis` has the factor it is shown with, so "mm" stands on paper only. Labels may
+hold formulas between dollar signs: ``"stiffness $k_i$"``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.result.report import style
+from ambkit.result.report.formula import label_html
+from ambkit.result.report.markup import plain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Vector = NDArray[np.float64]
+Json = dict[str, Any]
+Kind = TypeVar("Kind", bound="Item")
+
+LONG = 200
+"""Numbers of longer lines are rounded for the screen."""
+
+_PAPER_MARKERS = {
+    "circle": "o", "square": "s", "diamond": "D", "triangle": "^", "triangle down": "v",
+    "cross": "x",
+}  # fmt: skip
+_SCREEN_MARKERS = {"triangle": "triangle-up", "triangle down": "triangle-down", "cross": "x-thin"}
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What an axis shows."""
+
+    label: str  #: The quantity in words, with its symbol: ``"displacement $x$"``.
+    unit: str = ""  #: The unit shown; empty for a pure number.
+    #: What the data (SI) is multiplied with to be in `unit`: 1e3 for metres shown in mm.
+    factor: float = 1.0
+    scale: Literal["linear", "log"] = "linear"  #: Scale of the axis.
+    limits: tuple[float, float] | None = None  #: Lower and upper end, in the unit of the data (SI).
+
+    @property
+    def title(self) -> str:
+        """Label and unit as they stand beside the axis."""
+        return f"{self.label} [{self.unit}]" if self.unit else self.label
+
+    def shown(self, values: Any) -> Any:
+        """Data in the unit of the axis."""
+        return values * self.factor
+
+    def position(self, value: float) -> float:
+        """Where plotly puts a value that is an end of the axis, or the place of a text."""
+        return math.log10(self.shown(value)) if self.scale == "log" else float(self.shown(value))
+
+    def hover_format(self, coordinate: str) -> str:
+        """How plotly writes a coordinate under the mouse."""
+        return f"%{{{coordinate}:.5~g}} {self.unit}".rstrip()
+
+    def numbers(self, values: Vector) -> list[Any]:
+        """Data in the unit of the axis as JSON: of long lines the digits that can be seen."""
+        scaled = self.shown(values)
+        if scaled.ndim == 1 and scaled.size >= LONG:
+            if self.scale == "log":
+                return [float(f"{value:.6g}") if math.isfinite(value) else None for value in scaled]
+            ends = self.shown(np.array(self.limits)) if self.limits else scaled[np.isfinite(scaled)]
+            span = np.ptp(ends) if ends.size else 0.0
+            scaled = np.round(scaled, 5 - math.floor(math.log10(span))) if span > 0 else scaled
+        known: Any = np.where(np.isfinite(scaled), scaled, None)
+        return list(known.tolist())
+
+
+class Item:
+    """What stands in a panel."""
+
+    surface: ClassVar[bool] = False
+    """Whether it covers the panel with colours."""
+    named_rows: ClassVar[bool] = False
+    """Whether an axis has names in place of numbers."""
+
+    @property
+    def legend(self) -> str:
+        """Text of the legend. Empty: no entry."""
+        return ""
+
+    def draw(self, ax: Axes, panel: Panel) -> None:
+        """Draw it into axes of matplotlib."""
+        raise NotImplementedError
+
+    def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
+        """Return its traces, shapes and annotations for the axes of these names."""
+        raise NotImplementedError
+
+    def axis_layout(self, panel: Panel) -> tuple[Json, Json]:
+        """Properties that it sets of the x and the y axis of plotly."""
+        return {}, {}
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes."""
+
+    x: Axis  #: The axes.
+    y: Axis
+    items: Sequence[Item]  #: What is drawn.
+    title: str = ""  #: A short heading above the axes.
+    equal: bool = False  #: Whether a length is as long along both axes: an orbit's circle is round.
+
+    def item(self, kind: type[Kind]) -> Kind | None:
+        """Return the first item of a kind, if there is one."""
+        return next((item for item in self.items if isinstance(item, kind)), None)
+
+    @property
+    def surface(self) -> bool:
+        """Whether colours cover it."""
+        return any(item.surface for item in self.items)
+
+    @property
+    def named_rows(self) -> bool:
+        """Whether an axis has names in place of numbers."""
+        return any(item.named_rows for item in self.items)
+
+    @property
+    def name(self) -> str:
+        """What a user calls it."""
+        return plain(", ".join(filter(None, (self.title, self.y.label))) or self.x.label)
+
+    def draw(self, ax: Axes) -> None:
+        """Draw it into axes of matplotlib."""
+        ax.set_xscale(self.x.scale)
+        ax.set_yscale(self.y.scale)
+        # Before the items: Matplotlib fails now and then to find limits of its own about one point.
+        for axis, set_limits in ((self.x, ax.set_xlim), (self.y, ax.set_ylim)):
+            if axis.limits:
+                set_limits(axis.shown(axis.limits[0]), axis.shown(axis.limits[1]))
+        for item in self.items:
+            item.draw(ax, self)
+        if "log" in (self.x.scale, self.y.scale):
+            ax.grid(which="minor", linewidth=0.3)
+        for axis, mpl_axis in ((self.x, ax.xaxis), (self.y, ax.yaxis)):
+            if axis.scale == "log":
+                _plain_numbers(mpl_axis)
+        if self.x.scale == "linear" and not self.named_rows and max(map(abs, ax.get_xlim())) >= 1e4:
+            ax.locator_params(axis="x", nbins=4)  # long numbers would touch each other
+        if self.equal:
+            ax.set_aspect("equal", adjustable="datalim")
+        ax.set_title(self.title)
+        ax.set_xlabel(self.x.title)
+        ax.set_ylabel(self.y.title)
+
+
+@dataclass(frozen=True, eq=False)
+class Signal(Item):
+    """An item that belongs to one signal: it takes colour, dash and name from the style table."""
+
+    signal: str = field(default="estimate", kw_only=True)  #: Name in `style.SIGNALS`.
+    #: Legend; the signal's own name if not given, no entry if empty.
+    label: str | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        style.style_of(self.signal)
+
+    @property
+    def look(self) -> style.Style:
+        """Colour, dash and marker."""
+        return style.style_of(self.signal)
+
+    @property
+    def legend(self) -> str:
+        """Text of the legend: the label, or else the signal's own name. Empty: no entry."""
+        return self.look.label if self.label is None else self.label
+
+    @property
+    def entry(self) -> Json:
+        """The label for matplotlib, that hides those which begin with an underscore."""
+        return {"label": f" {self.legend}" if self.legend.startswith("_") else self.legend}
+
+    def _vectors(self, *names: str) -> None:
+        """Turn the named fields into float vectors of one common length."""
+        sizes = {}
+        for name in names:
+            array = np.asarray(getattr(self, name), dtype=np.float64)
+            if array.ndim != 1:
+                raise ValueError(
+                    f"{type(self).__name__}.{name}: one dimension expected, shape is {array.shape}"
+                )
+            object.__setattr__(self, name, array)
+            sizes[name] = array.size
+        if len(set(sizes.values())) > 1:
+            raise ValueError(f"{type(self).__name__}: lengths differ: {sizes}")
+
+    @property
+    def _pen(self) -> Json:
+        look = self.look
+        # Dashes are given in points; matplotlib would stretch them with the line's width.
+        dashes = tuple(length / look.width for length in look.dash)
+        return {
+            "color": look.colour, "linewidth": look.width, "zorder": look.layer,
+            "linestyle": (0, dashes) if dashes else "-", "solid_joinstyle": "round",
+            "dash_capstyle": "butt", **self.entry,
+        }  # fmt: skip
+
+    @property
+    def _stroke(self) -> Json:
+        look = self.look
+        dash = ",".join(f"{1.3 * length:.3g}px" for length in look.dash)
+        return {"color": look.colour, "width": 1.2 * look.width, "dash": dash or "solid"}
+
+    @property
+    def _marker(self) -> Json:
+        look = self.look
+        return {
+            "color": look.colour, "marker": _PAPER_MARKERS[look.marker], "markersize": look.size,
+            "markerfacecolor": "white" if look.hollow else look.colour, "markeredgewidth": 1.0,
+            "zorder": look.layer, "linestyle": "none", **self.entry,
+        }  # fmt: skip
+
+    @property
+    def _symbol(self) -> Json:
+        look = self.look
+        symbol = _SCREEN_MARKERS.get(look.marker, look.marker)
+        return {
+            "symbol": f"{symbol}-open" if look.hollow or symbol == "x-thin" else symbol,
+            "color": look.colour, "size": 1.75 * look.size,
+            "line": {"width": 0.35 * look.size, "color": look.colour},
+        }  # fmt: skip
+
+    def _curve(self, x: list[Any], y: list[Any]) -> Json:
+        # plotly's own simplification shows as corners in smooth curves.
+        line = self._stroke | {"simplify": False}
+        curve = {"type": "scatter", "mode": "lines", "x": x, "y": y, "line": line}
+        return curve | {"zorder": self.look.layer}
+
+
+def write(
+    ax: Axes, text: str, place: tuple[float, float], frame: Any, offset: tuple[float, float],
+    *, ha: str = "left", va: str = "", cover: float = 0.75,
+) -> None:  # fmt: skip
+    """Put a small text `offset` points from a place; its ground hides `cover` of the lines."""
+    if text:
+        ax.annotate(
+            text, place, offset, xycoords=frame, textcoords="offset points", fontsize=7.0,
+            horizontalalignment=ha, verticalalignment=va or ("bottom" if offset[1] > 0 else "top"),
+            zorder=9, bbox={"facecolor": "white", "alpha": cover, "linewidth": 0, "pad": 0.8},
+        )  # fmt: skip
+
+
+def annotation(
+    text: str, place: Json, xanchor: str = "left", yanchor: str = "top", **more: Any
+) -> Json:
+    """Text at a place of a panel, for plotly."""
+    look = {"text": label_html(text), "showarrow": False, "font": {"size": 12}}
+    return look | place | {"xanchor": xanchor, "yanchor": yanchor} | more
+
+
+def error_bars(axis: Axis, values: Vector | None, look: style.Style) -> Json:
+    """Error bars for plotly."""
+    if values is None:
+        return {"visible": False}
+    bar = {"type": "data", "array": axis.numbers(values), "visible": True}
+    return bar | {"color": look.colour, "thickness": 1.2, "width": 4}
+
+
+def _plain_numbers(axis: Any) -> None:
+    """Write 30, 60, 100 on a logarithmic axis, and not powers, where the numbers are short."""
+    from matplotlib.ticker import FuncFormatter, NullFormatter
+
+    low, high = sorted(axis.get_view_interval())
+    if not 1e-4 < low < high < 1e5:
+        return
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
+    # Over few decades the powers of ten alone are too few to read a value.
+    digits = "36" if high < 100 * low else ""
+
+    def between(value: float, _: object) -> str:
+        return f"{value:.4g}" if f"{value:.0e}"[0] in digits else ""
+
+    axis.set_minor_formatter(FuncFormatter(between) if digits else NullFormatter())
