@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.identification.forces.lift_off import fit_lift_off, load_points
 from ambkit.machine import bearing as bearing_module
@@ -18,7 +19,6 @@ from ambkit.machine import presets
 from ambkit.machine.bearing import GRAVITY, MU_0, Amplifier, Magnet, Rotor, Sensor, magnet_constant
 from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import magnet_of
-from ambkit.workflow.simulate import simulate_run
 
 SIX_MISTAKES = """\
 name = "mine"
@@ -143,7 +143,7 @@ def test_gravity_at_an_angle_pulls_by_its_cosine(
 
 def test_a_slanted_bearing_s_load_is_told_from_its_weight(zittau: Bearing) -> None:
     slanted = zittau.replace(rotor__gravity="45 deg")
-    run = simulate_run(slanted, step="0.2 mm", estimator="extended")
+    run = ambkit.simulate(slanted, step="0.2 mm", filter="extended")
     assert run.estimate is not None
     assert run.estimate.f_d[1000:].mean() == pytest.approx(0, abs=0.05)  # of 3.6 N of weight
 

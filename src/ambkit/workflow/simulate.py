@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,7 @@ from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.named import factories
-from ambkit.estimate.user_filter import EstimatorProtocol, OwnEstimator, is_own
+from ambkit.estimate.user_filter import OwnEstimator, is_own
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.force_laws import isolated_axes
@@ -33,13 +33,12 @@ from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.plant import Plant
 from ambkit.rotordynamics.harmonics import harmonics
 from ambkit.rotordynamics.separation_margins import Separations, separations
-from ambkit.simulation.run import simulate_run as looped
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario, default_for, settled_scenario
 from ambkit.simulation.waveforms import Recorded, Step
 
 if TYPE_CHECKING:
     from ambkit.judge.adequacy_criteria import Finding
-    from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.external_inputs import ExternalInputs
     from ambkit.simulation.run import Run
 
@@ -151,74 +150,6 @@ def _along(
     return scenario.replace(**{what: signals})
 
 
-def simulate_run(
-    bearing: Machine,
-    scenario: Scenario | str | os.PathLike[str] | None = None,
-    *,
-    estimator: Estimator | type[EstimatorProtocol] | str | None = None,
-    magnet: MagnetModel | None = None,
-    force_map: str | os.PathLike[str] | None = None,
-    magnets: Mapping[str, MagnetModel] | None = None,
-    external_inputs: ExternalInputs | None = None,
-    duration: Given | None = None,
-    step: Given | None = None,
-    load: Given | None = None,
-    seed: int | None = None,
-    reference: str | Path | None = None,
-    injection: str | Path | None = None,
-) -> Run:
-    """Simulate plant, amplifier, sensor, controller and estimator in closed loop."""
-    if is_own(estimator):
-        estimator = OwnEstimator(bearing, estimator)
-    if estimator is not None:
-        of_type(Estimator, str, estimator=estimator)
-    without = isinstance(estimator, str) and estimator == "none"
-    full_scenario = scenario_for(
-        bearing, scenario, duration=duration, step=step, load=load, seed=seed, reference=reference,
-        injection=injection, from_estimate=not without,
-    )  # fmt: skip
-    machine = bearing.short
-    if without and full_scenario.feedback == "estimate":
-        place = f"{os.fspath(scenario)}: " if isinstance(scenario, str | os.PathLike) else ""
-        raise AmbkitError(
-            f'{place}the controller is fed by the estimate (feedback = "estimate"), so the '
-            "estimator cannot be none"
-        )
-    made = estimator if isinstance(estimator, Estimator) else None
-    if isinstance(estimator, str) and not without:
-        built = factories([estimator], machine, magnets)
-        if len(built) > 1:
-            raise AmbkitError("a loop has one estimator: name one of them, not all")
-        made = built[estimator]()
-    if force_map is not None:
-        if magnet is not None:
-            raise AmbkitError("the plant's magnet is either a model or a force map: give one")
-        if not machine.single:
-            raise AmbkitError(f"force_map: is of one axis, and {machine.name} has several")
-        magnet = surface_in(force_map, machine.isolated_axis(""))
-    run = looped(
-        machine, full_scenario, estimator=made, magnet=magnet, external_inputs=external_inputs
-    )
-    if machine.single:
-        return run
-    return replace(
-        run,
-        turning=() if made is None else harmonics(made, run.record),
-        near_critical=partial(_separations, machine.long, full_scenario, made, run.final_speed),
-    )
-
-
-def _separations(
-    machine: Machine, scenario: Scenario, filter: Estimator | None, speed: float
-) -> Separations:
-    """Return how far a speed is from the critical speeds of the loop that was simulated."""
-    scenario = settled_scenario(machine, scenario)
-    if scenario.controller.custom or scenario.plant:  # of code, from which no poles follow
-        return Separations(0.0)
-    fed_by = filter or KalmanFilter(machine) if scenario.feedback == "estimate" else None
-    return separations(machine, speed, LoopOf(machine, scenario.controller), fed_by)
-
-
 def flown(
     machine: Machine, scenario: Any, filter: Any, *, plant: Any, signals: Sequence[Any],
     external_inputs: ExternalInputs | None,
@@ -228,6 +159,12 @@ def flown(
     named = filter != NONE
     settings |= _of_signals(signals)
     full_scenario = scenario_for(machine, scenario, from_estimate=named, **settings)
+    if not named and full_scenario.feedback == "estimate":
+        place = f"{os.fspath(scenario)}: " if isinstance(scenario, str | os.PathLike) else ""
+        raise AmbkitError(
+            f'{place}the controller is fed by the estimate (feedback = "estimate"), so the '
+            "estimator cannot be none"
+        )
     made: Any = filter
     if isinstance(filter, str | os.PathLike) and named:
         built = factories([os.fspath(filter)], machine)
@@ -239,11 +176,33 @@ def flown(
         if not machine.single:
             raise AmbkitError(f"plant: a force map is of one axis, and {machine.name} has several")
         magnet = surface_in(plant, machine.isolated_axis(""))
+    estimator = OwnEstimator(machine, made) if is_own(made) else made if named else None
+    if estimator is not None:
+        of_type(Estimator, str, estimator=estimator)
     run = simulate_run(
-        machine, scenario, estimator=made, magnet=magnet, external_inputs=external_inputs,
-        **settings,
+        machine.short, full_scenario, estimator=estimator, magnet=magnet,
+        external_inputs=external_inputs,
     )  # fmt: skip
+    if not machine.single:
+        run = replace(
+            run,
+            turning=() if estimator is None else harmonics(estimator, run.record),
+            near_critical=partial(
+                _separations, machine.long, full_scenario, estimator, run.final_speed
+            ),
+        )
     return replace(run, judge=partial(_judged, full_scenario, made))
+
+
+def _separations(
+    machine: Machine, scenario: Scenario, filter: Estimator | None, speed: float
+) -> Separations:
+    """Return how far a speed is from the critical speeds of the loop that was simulated."""
+    scenario = settled_scenario(machine, scenario)
+    if scenario.controller.custom or scenario.plant:  # of code, from which no poles follow
+        return Separations(0.0)
+    fed_by = filter or KalmanFilter(machine) if scenario.feedback == "estimate" else None
+    return separations(machine, speed, LoopOf(machine, scenario.controller), fed_by)
 
 
 def _judged(scenario: Scenario, filter: Any, run: Run) -> tuple[Sequence[Finding], Sequence[str]]:
