@@ -178,7 +178,7 @@ class Loops:
         ])  # fmt: skip
 
     def predict_mean(self, X: Array, F: Array, u: Array) -> Array:
-        """F: forces without what rides on them."""
+        """F: forces without what is collocated with them."""
         whole = [
             added([float(F[f]), *(a * float(X[j]) for j, a in row)])
             for f, row in enumerate(self.rows["r"])

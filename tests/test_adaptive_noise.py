@@ -278,11 +278,11 @@ def test_a_scale_of_the_magnet_is_still_told() -> None:
 
 
 def test_it_is_not_put_around_itself() -> None:
-    with pytest.raises(ValueError, match="its noise is found already"):
+    with pytest.raises(ValueError, match="its noise is already estimated online"):
         AdaptiveNoise(KINDS["linear-adaptive-noise"].make(BEARING))
 
 
 @pytest.mark.parametrize("name", ["low-pass", "observer", "steady-state"])
 def test_what_has_no_noise_to_find_is_refused(name: str) -> None:
-    with pytest.raises(ValueError, match="its noise cannot be found"):
+    with pytest.raises(ValueError, match="its noise cannot be estimated"):
         AdaptiveNoise(KINDS[name].make(BEARING))

@@ -148,7 +148,7 @@ def test_a_notch_is_in_the_margins() -> None:
         ({"type": "notch", "frequency": "60 kHz"}, "below half the sampling frequency"),
         ({"type": "nocht"}, "did you mean"),
         (control.tf([1.0], [1.0, 0.0]), "the integral is that of the PID"),
-        (control.tf([1.0, 0.0], [1.0, 5.0]), "nothing passes at rest"),
+        (control.tf([1.0, 0.0], [1.0, 5.0]), "no static gain"),
         (control.tf([1.0], [1.0, 0.5], 2e-4), "sampling time of the loop"),
         (control.ss(THIRD, np.eye(3), np.eye(3), 0 * np.eye(3)), "one input and one output"),
     ],

@@ -807,7 +807,7 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("filter RUN --filter linear", "machine is missing"),
         ("filter missing.csv --machine zittau_axial", "missing.csv: cannot be read"),
         ("assess zittau_axial --filter ukv", 'no estimator "ukv"; known: low-pass'),
-        ("assess zittau_axial --filter multiple-model", "does not settle to a gain"),
+        ("assess zittau_axial --filter multiple-model", "no steady-state gain"),
         ("assess sweep zittau_axial --filter ud --filter linear", "is given more than once"),
         ("assess log RUN --filter linear", "machine says what filter"),
         ("assess log RUN --machine zittau_axial", "has no signal injected"),

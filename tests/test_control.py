@@ -353,7 +353,7 @@ def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str
             "more than noise, gate, mass and k",
         ),
         (["zittau_axial", "--filter", "linear+unbalance"], "is of a rotor that turns"),
-        (["zittau_axial", "--editable"], "editable is for a filter alone"),
+        (["zittau_axial", "--editable"], "editable applies to filters only"),
     ],
 )
 def test_what_is_not_exported_is_said(

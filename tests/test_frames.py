@@ -71,7 +71,7 @@ def test_an_estimate_comes_back_to_the_bit(kind: str, covariance: bool) -> None:
         assert (back.states, back.estimator) == (made.states, made.estimator)
     if made.covariance is not None:
         assert frame["cov_x_x"].to_numpy() == pytest.approx(made.std("x") ** 2)
-        with pytest.raises(RecordError, match="is no whole estimate"):
+        with pytest.raises(RecordError, match="is not a complete estimate"):
             Estimate.from_pandas(frame.drop(columns="cov_x_v"))
     with pytest.raises(RecordError, match="'k_i' is missing"):
         Estimate.from_pandas(frame.drop(columns="k_i"))
@@ -123,7 +123,7 @@ T = {"t": [0.0, 1.0]}
         (lambda: Record.from_xarray(RECORD.to_xarray().assign_attrs(ambkit="{")),
          'attrs["ambkit"] of the Dataset is no JSON object'),
         (lambda: Estimate.from_pandas(RECORD.to_pandas()),
-         "is no whole estimate of ambkit: 'states' is missing"),
+         "is not a complete estimate of ambkit: 'states' is missing"),
     ],
 )  # fmt: skip
 def test_what_is_no_record_is_refused_in_a_line(read: Any, told: str) -> None:

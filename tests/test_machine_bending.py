@@ -235,7 +235,7 @@ def test_damping_of_matrices_is_taken_where_no_ratio_is_given() -> None:
     found = reduced(proportional, HERTZ * 500.0, None)
     expected = 3.0 / (2 * found.frequency) + 1e-5 * found.frequency / 2
     np.testing.assert_allclose(found.damping_ratio, expected, rtol=1e-6)
-    with pytest.raises(ValueError, match="nothing is said of how the modes are damped"):
+    with pytest.raises(ValueError, match="no damping of the modes is given"):
         reduced(whole, HERTZ * 500.0, None)
 
 

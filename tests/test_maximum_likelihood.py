@@ -125,7 +125,7 @@ def test_k_and_m_from_one_experiment_are_told_to_be_alike(records):
     assert "cannot be told apart" in found.held["mass"]
     assert "magnet_constant" in found.held["mass"]
     assert found["mass"] == TRUTH.bearing.rotor.mass
-    with pytest.raises(AmbkitError, match="mass was not found: magnet_constant"):
+    with pytest.raises(AmbkitError, match="mass is not identifiable: magnet_constant"):
         found.standard_error("mass")
     assert found.standard_error("magnet_constant") > 0
 

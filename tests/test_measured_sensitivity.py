@@ -139,7 +139,7 @@ def test_periods_are_found(values, period):
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"injected": np.zeros(2000)}, "nothing is injected"),
+        ({"injected": np.zeros(2000)}, "injected is 0 throughout"),
         ({"injected": np.sin(np.arange(2000) * math.pi / 50)}, "power at too few frequencies"),
         ({"y": np.where(np.arange(2000) == 7, np.nan, 0.0)}, "signal y has a gap at 0.7 ms"),
     ],

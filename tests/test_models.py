@@ -159,7 +159,7 @@ def test_a_new_part_is_one_class_and_its_registration(monkeypatch: pytest.Monkey
     ([Rotor(1.0, 1.0, 1.0), Rotor(1.0, 1.0, 1.0)], "two of the name x"),
     ([MagnetPlace(1.0)], "f pushes at x, which is no position"),
     ([Rotor(1.0, 1.0, 1.0), MagnetPlace(1.0, place="v")], "f pushes at v, which is no position"),
-    ([Rotor(1.0, 1.0, 1.0), Disturbance(1.0, 1.0)], "f_d rides on f, which is no magnet's force"),
+    ([Rotor(1.0, 1.0, 1.0), Disturbance(1.0, 1.0)], "f_d is collocated with f, not a magnet"),
     ([ColouredNoise(1.0, 1.0)], "no measurement y"),
     ([Sensor(1.0, 1.0, 1.0)], "no part declares x; there are x_m"),
     ([Rotor(1.0, 1.0, 1.0), Delay(1.0, 1.0)], "no amplifier has the demanded current u"),

@@ -602,7 +602,7 @@ def test_a_refused_log_writes_nothing(call, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--sampling-time", "1 ms"), "the step to resample to"),
+        (("--sampling-time", "1 ms"), "the step of --resample"),
         (("--missing", "quantised"), "invalid choice: 'quantised'"),
         (("--segment", "0"), "segment must be 1 or more"),
         ((), "column time has no unit"),

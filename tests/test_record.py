@@ -227,7 +227,7 @@ def test_arrays_are_copies_that_cannot_be_written():
     ("arguments", "message"),
     [
         (([0, 1], {"y": [1, 2, 3]}), r"signal y has shape \(3,\)"),
-        (([0, 1], {"y": ["a", "b"]}), "signal y does not hold numbers alone"),
+        (([0, 1], {"y": ["a", "b"]}), "signal y must be numeric"),
         (([0, 1], {"t": [1, 2]}), "t is the time"),
         (([0, 1], {"k": [1, 2]}), "signal k has no unit"),
         (([0, 1], {"k": [1, 2]}, {"k": "mm"}), "signal k must be given in m, not in mm"),

@@ -166,14 +166,14 @@ def estimates() -> Figure:
     texts = ["6.65 N mm²/A²", "1.99 mm"]
     rows = Intervals(["$k$", "$s_0$"], [1.25, 0.99], [1.22, 0.97], [1.29, 1.01], texts)
     wide = Intervals(["$Q_u$"], [1.5], [0.2], [11.0], [""], signal="identified", label="")
-    ratio, start = Axis("found / start"), Rule(1.0, axis="x", signal="start")
+    ratio, start = Axis("estimate / start"), Rule(1.0, axis="x", signal="start")
     return Figure(
         "estimates",
         "What was found",
         "",
         [
             Panel(ratio, Axis(""), [start, rows], title="bearing"),
-            Panel(Axis("found / start", scale="log"), Axis(""), [start, wide], title="noise"),
+            Panel(Axis("estimate / start", scale="log"), Axis(""), [start, wide], title="noise"),
         ],
         columns=2,
     )

@@ -74,7 +74,7 @@ def loop_given(
     filters = {} if filter == NONE else filter_arguments(filter, plant)
     if filter in ("all", ["all"]):
         for name in [name for name, filter_ in filters.items() if not tells(filter_)]:
-            NOTES.warning("%s is left out: it does not settle to a gain", name)
+            NOTES.warning("%s is left out: it has no steady-state gain", name)
             del filters[name]
     forces = dict(constant)
     if disturbance:

@@ -344,7 +344,7 @@ class Assessment(Result):
                 for same in self.alike(name) if forces[same[0]] > 0
             }  # fmt: skip
         return capacity_figure(
-            f"{self.bearing.name}: the load that the loop bears",
+            f"{self.bearing.name}: load capacity",
             {name: demand.capacity for name, demand in parts.items() if demand},
             demands,
         )

@@ -26,7 +26,7 @@ def capacity_figure(
         raise AmbkitError("no loop is stable: there is nothing to draw")
     f = next(iter(loops.values())).frequency
     frequency = Axis("frequency", "Hz", scale="log", limits=(float(f[0]), float(f[-1])))
-    load = Axis("amplitude of the load", "N", scale="log")
+    load = Axis("amplitude of the disturbance force", "N", scale="log")
     kinds = {"current at its limit": "current", "out of zone A of ISO 14839-2": "displacement",
              "voltage at its limit": "voltage"}  # fmt: skip
     panels = []

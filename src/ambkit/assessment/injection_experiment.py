@@ -253,7 +253,7 @@ class _Experiment:
             rise = max(level - floor, 1e-3)
             amplitude *= min(max((0.985 - floor) / rise, 0.5), 4.0)
         if best == 0:
-            raise AmbkitError("no signal was found that keeps within the limits")
+            raise AmbkitError("no signal keeps the limits")
         return best * unit
 
 

@@ -113,7 +113,12 @@ def run_up_figure(result: _OverSpeed) -> Figure:
     used = result.current / result.current_limit
     current += _of_axes(result, used)
     panels = [
-        Panel(SPEED, _share("displacement, of the clearance", shares, 0.55), room, title="Room"),
+        Panel(
+            SPEED,
+            _share("displacement, of the clearance", shares, 0.55),
+            room,
+            title="Displacement",
+        ),
         Panel(SPEED, _share("current, of its limit", used, 1.1), current, title="Current"),
     ]
     if result.voltage is not None:

@@ -57,8 +57,8 @@ def of(
             away = away or time.monotonic()
             if time.monotonic() - away >= patience:
                 raise AmbkitError(
-                    f"{scheduler}: the scheduler does not answer ({type(error).__name__}); "
-                    "finished parts are kept, the same command goes on"
+                    f"{scheduler}: no answer from the scheduler ({type(error).__name__}); "
+                    "finished parts are kept; the same command resumes"
                 ) from None
             time.sleep(0.5)
 
@@ -124,7 +124,7 @@ def _slurm() -> Any:
         return SLURMCluster()
     except (TypeError, ValueError, OSError) as error:
         raise AmbkitError(
-            f"--cluster slurm: {error}; say what a job is in ~/.config/dask/jobqueue.yaml: cores, "
+            f"--cluster slurm: {error}; describe a job in ~/.config/dask/jobqueue.yaml: cores, "
             "memory, queue, walltime"
         ) from None
 
@@ -178,7 +178,7 @@ def begun(study: Study | str | os.PathLike[str], folder: str | os.PathLike[str] 
     of_type(Study, str, os.PathLike, study=study)
     if folder is None:
         if isinstance(study, Study):
-            raise AmbkitError("folder: say where the rows of a study from Python are to be kept")
+            raise AmbkitError("folder: a study from Python needs a folder for its results")
         folder = Path(study).with_suffix("").name
     known = load(study)
     plan = Plan(known)

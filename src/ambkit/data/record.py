@@ -309,7 +309,7 @@ def _frozen(name: str, values: ArrayLike) -> Array:
             raise RecordError(f"signal {name} holds complex numbers; give its real part")
         array = array.astype(np.float64, copy=False)
     except (TypeError, ValueError):
-        raise RecordError(f"signal {name} does not hold numbers alone") from None
+        raise RecordError(f"signal {name} must be numeric") from None
     array.flags.writeable = False
     return array
 

@@ -72,7 +72,7 @@ def _record(words: Any, schema: dict[str, Any], skipped: int) -> Record:
     """Return the frames on an even grid of samples."""
     count = np.concatenate([[0], np.cumsum(np.diff(words[:, 2]).astype("<u4").astype(np.int64))])
     if not (np.diff(count) > 0).all() or count[-1] > 100 * len(count) + 1000:
-        raise RecordError("the frames' counts do not go on: the controller began anew in between")
+        raise RecordError("the frame counter jumps: the controller restarted during the recording")
     n = int(count[-1]) + 1
 
     def placed(values: Any) -> Any:

@@ -84,9 +84,11 @@ class AdaptiveNoise(Estimator):
         if not (math.isfinite(most) and most > 1):
             raise ValueError(f"most must be greater than 1, got {most!r}")
         if inner.nominal is not inner:
-            raise ValueError(f"{inner.name}: its noise is found already")
+            raise ValueError(f"{inner.name}: its noise is already estimated online")
         if inner.steady == "constant":
-            raise ValueError(f"{inner.name}: its noise cannot be found, as it has a constant gain")
+            raise ValueError(
+                f"{inner.name}: its noise cannot be estimated online: the gain is constant"
+            )
         self.inner = inner
         self.smooths = inner.smooths
         self.machine, self.bearing = inner.machine, inner.bearing

@@ -93,7 +93,9 @@ class ConstantVelocity(KalmanFilter):
                 f"acceleration must be greater than 0 m^2/s^3 and finite, got {acceleration_si!r}"
             )
         if options.get("synchronous"):
-            raise ValueError(f"{self.name}: it knows no force, and estimates nothing synchronous")
+            raise ValueError(
+                f"{self.name}: it has no force in its model, so synchronous cannot be estimated"
+            )
         known = options | {"gravity": "disturbance"}
         super().__init__(bearing, no_force_of(bearing), **known)
 

@@ -370,7 +370,7 @@ class Estimate(Shown):
                 readings=readings,
             )
         except (KeyError, TypeError, ValueError) as error:
-            raise RecordError(f"is no whole estimate of ambkit: {error} is missing") from None
+            raise RecordError(f"is not a complete estimate of ambkit: {error} is missing") from None
 
     def save(self, path: str | Path) -> None:
         """Write the estimates to a file.

@@ -65,8 +65,8 @@ def export_a2l(
     export: dict[str, Any] = json.loads(files.read_text(described))
     if export.get("must_not_fly") and not force:
         raise AmbkitError(
-            f"{folder}: this filter must not fly: {'; '.join(export['must_not_fly'])}. --force, in "
-            "Python force=True, exports it all the same"
+            f"{folder}: not exported, the filter is inadequate: "
+            f"{'; '.join(export['must_not_fly'])}. --force (in Python force=True) exports it"
         )
     at = symbol(Path(elf), variable)
     real = 4 if export["precision"] == "float" else 8

@@ -222,13 +222,13 @@ def fit_coil(
 def _check(name: str, record: Record) -> None:
     for signal, unit in (("z", "m"), ("i", "A"), ("u", "V")):
         if signal not in record:
-            raise RecordError(f"{name}: lacks {signal} [{unit}], which a coil is found from")
+            raise RecordError(f"{name}: lacks {signal} [{unit}], required to identify a coil")
         if not np.isfinite(record[signal]).all():
             raise RecordError(f"{name}: samples of {signal} are missing")
     if len(record) < 50 or np.ptp(record["u"]) == 0:
-        raise RecordError(f"{name}: the control signal never changes, which tells nothing")
+        raise RecordError(f"{name}: the control signal never changes")
     if np.ptp(record["i"]) < LEAST_RANGE * _quiet_noise(record):
-        raise RecordError(f"{name}: the current hardly moves, which tells nothing of a coil")
+        raise RecordError(f"{name}: the current is too constant to identify a coil")
 
 
 def _begin(records: Sequence[Record]) -> Coil:

@@ -58,8 +58,8 @@ def require_adequate(
     fatal = sentences([item for item in result if item.fatal])
     if fatal and not force:
         raise AmbkitError(
-            f"this filter must not fly: {'; '.join(fatal)}. --force, in Python force=True, exports "
-            "it all the same"
+            f"not exported, the filter is inadequate: {'; '.join(fatal)}. "
+            "--force (in Python force=True) exports it"
         )
     for text in sentences(result):
         logging.getLogger("ambkit").warning(text)

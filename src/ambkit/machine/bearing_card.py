@@ -26,10 +26,10 @@ def bearing_figure(bearing: Any) -> Figure:
     force = Axis("force of the magnet", "N")
     places = [share * travel for share in SHARES]
     currents = [share * bearing.current_max for share in SHARES]
-    carried: list[Item] = [Rule(-bearing.weight, signal="reference", label="carries the weight")]
+    carried: list[Item] = [Rule(-bearing.weight, signal="reference", label="weight")]
     levitation_current = np.array([bearing.levitation_current])
     here = Points(
-        levitation_current, np.array([-bearing.weight]), signal="measurement", label="hovers"
+        levitation_current, np.array([-bearing.weight]), signal="measurement", label="levitation"
     )
     over_current: list[Item] = [
         Line(iu, magnet.force(iu, place), signal=style,

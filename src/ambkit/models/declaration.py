@@ -131,7 +131,7 @@ class Plan:
         forces, controls = ({at.name for at in of} for of in (self.forces, self.controls))
         for state, force in self.riders.items():
             if force not in forces:
-                raise ValueError(f"{state} rides on {force}, which is no magnet's force")
+                raise ValueError(f"{state} is collocated with {force}, not a magnet")
         for force, current in self.currents.items():
             if force not in forces:
                 raise ValueError(f"{current} feeds {force}, which is no magnet's force")

@@ -288,7 +288,7 @@ class Loop:
             self._precision = precision
         elif precision != self._precision:
             raise ValueError(
-                f"the loop began in {self._precision} and cannot go on with an estimator in "
+                f"the loop began in {self._precision} and cannot continue with a filter in "
                 f"{precision}"
             )
         end = n if until is None else min(n, math.ceil(until / T - 1e-6))

@@ -260,7 +260,7 @@ def assess_log(
     log_record = record_argument(record, channels, window)
     if machine is None:
         if filter is not None or controller is not None:
-            raise AmbkitError("machine says what filter and controller are of: give it too")
+            raise AmbkitError("filter and controller need a machine")
         return assess_log.assess_log(log_record, logged=logged)
     loop = loop_given(machine, filter, controller, position, disturbance)
     return assess_log.assess_log(

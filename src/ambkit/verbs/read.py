@@ -70,7 +70,7 @@ def read(
     from ambkit.data.reading import reader
 
     if sampling_time is not None and not resample:
-        raise AmbkitError("sampling_time is the step to resample to: resample too")
+        raise AmbkitError("sampling_time is the step of --resample, which is missing")
     if segment is not None and segment < 1:
         raise AmbkitError(f"segment must be 1 or more, is {segment}")
     with progress(f"reading {Path(log).name}") as done:

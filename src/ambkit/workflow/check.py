@@ -135,7 +135,9 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> _Descr
         judged = judge_adequacy(made, machine)
         fatal = sentences([item for item in judged if item.fatal])
         others = [text for text in sentences(judged) if text not in fatal]
-        problems = tuple(f"{path}: this filter must not fly: {text}" for text in fatal)
+        problems = tuple(
+            f"{path}: not exported, the filter is inadequate: {text}" for text in fatal
+        )
         return _Described(f"{result.kind}, for {result.plant.name}", problems, tuple(others))
     if kind == "machine" and not result.single:
         about, remarks = machine_report.described(result)

@@ -44,7 +44,7 @@ def tuned_filters(result: Study) -> dict[str, Estimator]:
     """Return the filters that a comparison tuned, each with where its numbers are from."""
     bench = result.bench
     if not bench.tuned:
-        raise AmbkitError("nothing was tuned: give the tuning a number of evaluations")
+        raise AmbkitError("nothing was tuned: budget must be greater than 0")
     origin = made_by(
         "compare",
         f"errors in {TRAINING} simulated runs of {bench.bearing.name}, case {bench.case.name}",
@@ -123,7 +123,7 @@ def in_case(
     with arguments_of_the_user():
         if case == "all":
             if whole:
-                raise AmbkitError("whole is of one case, not of all")
+                raise AmbkitError("whole needs one case, not all")
             return compare_in_all(machine, names, **options)
         result = compare_in_case(machine, case, names, **options, whole=whole)
     known = source if isinstance(source, str | os.PathLike) else None

@@ -552,7 +552,7 @@ def check_lifts_off(bearing: Bearing) -> None:
     """Refuse a bearing that lift-off points tell nothing of."""
     if bearing.magnet.type != "one-sided":
         raise AmbkitError(
-            f"lift-off points tell of a one-sided magnet; that of {bearing.name} is two-sided"
+            f"lift-off points need a one-sided magnet; that of {bearing.name} is two-sided"
         )
     if bearing.rotor.gravity != "-x":
         raise AmbkitError(

@@ -109,7 +109,7 @@ class TradeOff(Result):
 
         reached = [point for point in self.points if point.tuned is not None]
         return trade_off_figure(
-            f"{markdown(self.bearing.name)}, {self.kind} filter: what margin costs",
+            f"{markdown(self.bearing.name)}, {self.kind} filter: error against margin",
             [item.peak for item in reached],
             {name: [item.errors[name] for item in reached] for name in SIGNALS},
         )

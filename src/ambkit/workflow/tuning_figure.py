@@ -61,7 +61,7 @@ def tuning_figure(
         front = order[costs[order] <= np.minimum.accumulate(costs[order])]
         items: list[Item] = [
             Points(size[indices], costs[indices], signal="constant", label="tried"),
-            Line(size[front], costs[front], signal="series 3", label="nothing is better in both"),
+            Line(size[front], costs[front], signal="series 3", label="Pareto front"),
         ]
         if visible[0] and size[0] < HIGHEST_PEAK:
             items.append(Points(size[:1], costs[:1], signal="measurement", label="untuned"))
@@ -97,7 +97,7 @@ def trade_off_figure(
         error = np.asarray(errors[name], float)
         items: list[Item] = [
             Line(size, error, signal="estimate", label=""),
-            Points(size, error, signal="estimate", label="tuned below a ceiling"),
+            Points(size, error, signal="estimate", label="tuned, by limit"),
         ]
         if size.max(initial=0.0) > ZONE_A:
             items.append(Rule(ZONE_A, axis="x", signal="limit", label="end of zone A"))

@@ -38,7 +38,7 @@ def sections_of(blocks: Sequence[Block], T: float) -> list[list[float]]:
             f"are {len(results)}"
         )
     if abs(gain_at_rest(results)) < NOTHING:
-        raise AmbkitError("controller.block: nothing passes at rest, so nothing carries the rotor")
+        raise AmbkitError("controller.block: no static gain, so the rotor's weight is not carried")
     return results
 
 

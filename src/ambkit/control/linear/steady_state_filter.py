@@ -38,7 +38,9 @@ def estimator_at(
     if own is not None:
         return own
     if estimator.steady is None:
-        raise AmbkitError(f"{estimator.name}: it does not settle to a gain, and has no margins")
+        raise AmbkitError(
+            f"{estimator.name}: it has no steady-state gain, so margins are not defined"
+        )
     tangent = tangents_known(estimator.magnet, "tangent", point)
     grown = tangent
     if estimator.steady == "through_origin":
@@ -133,7 +135,7 @@ def _settled(estimator: Estimator, model: LinearModel) -> tuple[Array, Array]:
     try:
         P = _doubled(A, H, noise, R) if A.ndim > 2 else solve_discrete_are(A.T, H.T, noise, R)
     except np.linalg.LinAlgError:
-        raise AmbkitError(f"{estimator.name}: it does not settle to a gain") from None
+        raise AmbkitError(f"{estimator.name}: it has no steady-state gain") from None
     K = np.swapaxes(np.linalg.solve(H @ P @ H.T + R, H @ P), -1, -2)
     return units[:, None] * K / noisy, state_indices
 

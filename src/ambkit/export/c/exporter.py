@@ -125,7 +125,7 @@ def export_c(
         spent = None if filter.machine.single else spent
     if calibrated:
         if controller is None:
-            raise AmbkitError("calibration is for a whole controller; give a scenario")
+            raise AmbkitError("calibration needs a controller (a scenario)")
         calibration.check(controller)
     facts = _facts(magnet, precision) | _cost_facts(spent)
     if wrong:
@@ -244,7 +244,7 @@ def _controller(
     machine, sequence = filter.machine, scenario.sequence or LiftOff()
     scenario.check_for(tuple(axis.name for axis in machine.axes), body=not machine.single)
     if editable:
-        raise AmbkitError("editable is for a filter alone, and not for the whole controller")
+        raise AmbkitError("editable applies to filters only, not to controllers")
     controller = control.controller_of(filter, scenario.model_copy(update={"sequence": sequence}))
     if not machine.single:
         tested = settled_scenario(machine, scenario)

@@ -100,7 +100,7 @@ def law_data(controller: Controller) -> dict[str, Any]:
     """Return what the data file says of a controller alone, that an estimator elsewhere feeds."""
     if controller.sequence is not None:
         raise AmbkitError(
-            "a controller alone neither lifts off nor lands: take kind whole-controller, or leave "
+            "kind controller has no lift-off: use kind whole-controller, or remove "
             "[sequence] out of the scenario"
         )
     structs = control.structs(controller, "amb_data")

@@ -198,7 +198,7 @@ def identify_corpus(
         names.remove(name)
     likelihoods = {name: one for name, one in result.items() if isinstance(one, MaximumLikelihood)}
     if len(names) < FEWEST:
-        raise AmbkitError(f"a corpus needs {FEWEST} logs that tell something: {left_out}")
+        raise AmbkitError(f"a corpus needs {FEWEST} usable logs: {left_out}")
     baselines = {name: Baselines.of(flight_records[name]) for name in names}
 
     def by_the_others(name: str) -> Prediction:

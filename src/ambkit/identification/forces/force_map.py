@@ -68,7 +68,10 @@ class ForceMap:
         # Only those that the records tell of (`observed`): what stands at the others is the law,
         # and it would be taken for a measurement that finds the law right.
         if not self.observed.any():
-            raise AmbkitError("the records tell nothing of the force: let the rotor move more")
+            raise AmbkitError(
+                "the records do not determine the magnet force: the rotor moves too little, see "
+                "'ambkit excite'"
+            )
         iu, x = np.meshgrid(self.current, self.displacement)
         at = self.observed
         return ForcePoints(iu[at], x[at], self.force[at], self.standard_error[at])

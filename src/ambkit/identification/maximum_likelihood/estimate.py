@@ -202,7 +202,8 @@ class _Search:
             held[parameter.name] = f"{why}; held at {at}"
             if not parameters:
                 raise AmbkitError(
-                    "the records tell nothing: " + "; ".join(f"{n}: {w}" for n, w in held.items())
+                    "the records determine no parameter: "
+                    + "; ".join(f"{n}: {w}" for n, w in held.items())
                 )
 
     def lines(self, model: LoopModel, parameters: list[Parameter]) -> tuple[Hum, ...]:

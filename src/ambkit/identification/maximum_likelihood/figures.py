@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 RECORDS = ("record 1", "record 2", "record 3", "record 4")
 LAG = Axis("lag", "samples")
-RATIO = Axis("found / start")
+RATIO = Axis("estimate / start")
 ORDER = ("bearing", "noise", "offsets", "delay")
 WIDE = 3.0
 """Ratio of the ends of an axis from which on it is logarithmic, as the intervals are."""
@@ -48,7 +48,7 @@ def estimates_figure(result: Any) -> Figure:
     """Show what was found beside where the search began, with 95 % intervals."""
     return Figure(
         id="estimates",
-        title="What was found, with 95 % intervals",
+        title="Identified parameters, 95 % intervals",
         caption="Beside where the search began. Bearing and noise as ratios to the start, whose "
         "intervals are of the logarithm: none reaches zero.",
         panels=_estimates(result),
@@ -115,7 +115,7 @@ def prediction_figure(model: LoopModel, record: Record, ahead: int, name: str) -
                 Line(t[part], y[part], signal="truth", label="measured"),
                 Line(t[part], predicted[part], signal="estimate", label="predicted"),
             ]),
-            Panel(time, Axis("missed by", "µm", 1e6), miss),
+            Panel(time, Axis("prediction error", "µm", 1e6), miss),
         ],
     )  # fmt: skip
 
@@ -142,7 +142,7 @@ def _estimates(result: Any) -> list[Panel]:
         wide = axis is RATIO and max(high_ends) > WIDE * min(low_ends)
         intervals = Intervals(
             names, np.array(values), np.array(low_ends), np.array(high_ends), texts,
-            signal="identified", label="found, with its 95 % interval",
+            signal="identified", label="estimate, 95 % interval",
         )  # fmt: skip
         start_at = Rule(1.0 if axis is RATIO else 0.0, axis="x", signal="start")
         panel_axis = replace(axis, scale="log") if wide else axis
@@ -154,8 +154,8 @@ def _natural(result: Any, name: str) -> tuple[float, tuple[str, Axis]]:
     """Return what an offset is best counted in, and the panel for that."""
     b = result.bearing
     if name == "delay":
-        return b.sampling_time, ("delay", Axis("found less start", "samples"))
-    percent = Axis("found less start, of travel and bias", "%", 100.0)
+        return b.sampling_time, ("delay", Axis("estimate - start", "samples"))
+    percent = Axis("estimate - start, of clearance and bias", "%", 100.0)
     scale = b.rotor.clearance if name == "position_offset" else b.magnet.bias_current
     return scale, ("offsets", percent)
 

@@ -196,7 +196,8 @@ class MaximumLikelihood(Result):
     def notes(self) -> list[str]:
         """What could not be told, or only together, and what is to be known of the records."""
         notes = [
-            f"{name.replace('_', ' ')} was not found: {why}." for name, why in self.held.items()
+            f"{name.replace('_', ' ')} is not identifiable: {why}."
+            for name, why in self.held.items()
         ]
         notes += [
             f"{a.name}, {b.name}: correlation {self.correlation[i, j]:+.2f}, their combination is "
@@ -271,4 +272,4 @@ class MaximumLikelihood(Result):
             if parameter.name == name:
                 return at
         why = self.held.get(name, "it was not looked for")
-        raise AmbkitError(f"{name} was not found: {why}")
+        raise AmbkitError(f"{name} is not identifiable: {why}")

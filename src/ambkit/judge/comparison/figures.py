@@ -56,7 +56,7 @@ def matrix_figure(bench: Any, id: str = "matrix") -> Figure:
     )
     return Figure(
         id=id,
-        title=f"All estimators by all criteria, {how}",
+        title=f"All filters, all criteria, {how}",
         caption="Empty: the criterion does not apply.",
         panels=[Panel(Axis(shades), Axis(""), [cells], title=about)],
     )
@@ -156,7 +156,7 @@ def cost_figure(bench: Any) -> Figure:
     highest = max((s.mean("f_d") for s in scores if np.isfinite(s.mean("f_d"))), default=1.0)
     return Figure(
         id="cost",
-        title="What a step costs, and what it buys",
+        title="Cost of a step and error of f_d",
         caption="Time of a step with its history stored, on the machine that made this figure; "
         "error of the disturbance force with its 95 % confidence interval. Good is low and left.",
         panels=[

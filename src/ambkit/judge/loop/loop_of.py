@@ -314,8 +314,8 @@ class LoopOf:
         """Refuse a ceiling on the peak of abs(S) that this filter cannot be held to."""
         if not tells(estimator):
             raise OutOfReachError(
-                f"{estimator.name}: it does not settle to a gain, so that no peak of the "
-                "sensitivity can be asked of it"
+                f"{estimator.name}: it has no steady-state gain, so the sensitivity "
+                "peak is not defined"
             )
         least = self.least()[0]
         if not (math.isfinite(peak_limit) and peak_limit > least):

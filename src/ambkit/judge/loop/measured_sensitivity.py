@@ -119,7 +119,7 @@ def measured_sensitivity(record: Record, logged: Logged = "after") -> MeasuredSe
     seen = y if logged == "after" else y + added
     active = np.flatnonzero(np.abs(added) > 1e-9 * np.abs(added).max(initial=0.0))
     if not len(active) or not np.abs(added).max() > 0:
-        raise RecordError("nothing is injected: signal injected is 0 throughout")
+        raise RecordError("signal injected is 0 throughout")
     first, end = int(active[0]), int(active[-1]) + 1
     T, period = record.sampling_time, _period(added[first:end])
     count = 0 if period is None else (end - first) // period

@@ -302,7 +302,7 @@ def reduced(
     elif internal_ratio is not None or matrices.D_internal is not None:
         damping = np.zeros((2 + len(mass), 2 + len(mass)))
     else:
-        raise ValueError("missing: nothing is said of how the modes are damped")
+        raise ValueError("missing: no damping of the modes is given")
     return Bending(
         frequencies, mass, (damping + damping.T) / 2, (polar + polar.T) / 2,
         OverNodes(vectors, matrices.place, matrices.shear), body.ends,
