@@ -198,6 +198,7 @@ export_c(bearing, magnet, {str(tmp_path / "c")!r}, precision="double")
     assert (tmp_path / "c" / "core/src/lorentz.c").is_file()
     run(law, "cmake", "-S", tmp_path / "c", "-B", tmp_path / "c/build")
     run(law, "cmake", "--build", tmp_path / "c/build")
+    assert "equal to the last bit" in run(law, tmp_path / "c/build/selftest")
 
 
 def test_the_state_is_in_the_filter_and_in_its_c(copy: Path, tmp_path: Path) -> None:

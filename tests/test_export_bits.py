@@ -18,6 +18,7 @@ from machine_cases import PRESETS, RIGS, machine
 from quick import quick
 
 from ambkit import AmbkitError, Machine, Scenario
+from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CExport, export_c
 from ambkit.export.c.model import MOST_UNROLLED, states
@@ -126,6 +127,8 @@ def test_a_state_of_a_name_that_c_has_gets_another() -> None:
 FLOWN = {
     "estimate": Scenario(feedback="estimate"),
     "measurement": Scenario(feedback="measurement"),
+    "sequence": Scenario(sequence=LiftOff()),
+    "levitated": Scenario(start="levitated"),
 }
 FUSED = ("-O2", "-ffp-contract=fast", "-march=native")
 """What gcc and clang take by default for aarch64, or for this processor."""
@@ -141,10 +144,12 @@ def fuses(compiler: str) -> bool:
     ("name", "flight", "precision", "compiler"),
     quick(
         product(
-            ("tum_mlps", "ufu_flexible", "compressor", "tum_mlps_flexible"), FLOWN,
+            ("tum_mlps", "heart_pump", "ufu_flexible", "compressor", "tum_mlps_flexible"), FLOWN,
             ("float", "double"), ("gcc", "clang"),
         ),
         [("tum_mlps", "measurement", "float", "clang"),
+         ("heart_pump", "sequence", "double", "clang"),
+         ("tum_mlps", "levitated", "double", "gcc"),
          ("ufu_flexible", "estimate", "double", "gcc")],
     ),
 )  # fmt: skip
@@ -160,6 +165,26 @@ def test_contraction_is_let_pass(
     said = subprocess.run([tmp_path / "out"], capture_output=True, text=True)
     assert said.returncode == 0, said.stdout
     assert "let pass" in said.stdout  # bits differ, or it says nothing
+    compared = re.search(r"Rounding decides in (\d+) of the (\d+) samples", said.stdout)
+    if precision == "double":
+        assert compared is None  # all samples
+    elif name != "tum_mlps_flexible":  # in float its covariance has no digits
+        assert compared is None or int(compared[1]) < 0.4 * int(compared[2])
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_a_hundredth_of_a_gain_is_seen_by_who_contracts(precision: Any, tmp_path: Path) -> None:
+    if not fuses("gcc"):
+        pytest.skip("this processor fuses nothing")
+    one = Machine.preset("heart_pump")
+    scenario = Scenario(sequence=LiftOff())
+    made(one, "linear", tmp_path, precision=precision, scenario=scenario)
+    path, term = tmp_path / "core" / "src" / "controller.c", "pid->kp * weighted"
+    assert path.read_text().count(term) == 1
+    path.write_text(path.read_text().replace(term, f"AMB_C(1.01) * {term}"))
+    assert program("gcc", tmp_path, tmp_path / "out", flags=FUSED).returncode == 0
+    said = subprocess.run([tmp_path / "out"], capture_output=True, text=True).stdout
+    assert "FAIL: f with its controllers" in said
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,14 @@ TEMPLATES = {
 }  # fmt: skip
 """What stands instead of an axis's filter's files, and beside those of several axes."""
 
+_BOUNDS: dict[tuple[bool, CPrecision], tuple[str, str]] = {
+    (False, "float"): ("3e-4", "3e-5"), (False, "double"): ("1e-10", "1e-11"),
+    (True, "float"): ("5e-2", "1e-3"), (True, "double"): ("2e-5", "1e-9"),
+}  # fmt: skip
+"""What one step may differ by where the compiler contracts, of several axes and of one: states over
+their standard deviations at the start, and currents over the greatest. A machine's covariance has
+fewer digits."""
+
 _PID = ("kp", "ki", "kd", "T_f", "T_t", "weight", "iu_min", "iu_max")
 _LAW = ("reference", "position", "velocity", "spread", "iu_min", "iu_max")
 _GAINS = ("fed_back", "fed_back_by_speed", "fed_back_by_square")
@@ -146,7 +154,10 @@ def context(
     bias = np.array([axis.bearing.magnet.bias_current for axis in machine.axes])
     two_sided = [axis.bearing.magnet.type == "two-sided" for axis in machine.axes]
     several = len(machine.axes) > 1
+    control_bound, current_bound = _BOUNDS[several, precision]
     return {
+        "control_bound": control_bound,
+        "current_bound": current_bound,
         "law_said": f"{scenario.controller.type}, fed by the {scenario.feedback}" if several
         else _said(controller),
         "controller": _in_c(of, precision) | {
@@ -186,7 +197,7 @@ def _in_flight(controller: Controller, scenario: Scenario, precision: CPrecision
         "u": c_literals.array(tested.u.ravel(), precision),
         "speed": c_literals.array(tested.speed, precision),
         "status": c_literals.array(tested.status, precision),
-        "mean": c_literals.array(controller_test_cases.sequentially(tested.mean), precision),
+        "mean": c_literals.array(tested.mean.ravel(), precision),
         "taken_with": c_literals.array(tested.transfer_currents, precision),
         "marks": c_literals.array(controller_test_cases.marks_of(tested), precision),
         "quick": c_literals.struct({key: fast_sequence[key] for key in _COUNTS}, precision, {}),

@@ -33,11 +33,6 @@ LIFTED, UP = 300, 130  #: Samples of a flight in the self-test, and from which o
 SLOW = 20  #: Samples of a plant's time constant, for each of which a flight takes as many more.
 TRANSFER_SAMPLES = 40  #: Samples of a flight that is taken over.
 PUSH, PULL = 0.2, 3.0  #: Loads of the flights, in what an axis can pull with its greatest current.
-PERTURBATIONS, ROUNDED = (
-    4,
-    256,
-)  #: Flights whose readings are off, and by how many roundings of the travel.
-PART = 2e-3  #: Of the greatest current: a tenth of what the self-test lets pass.
 
 
 class Vectors(NamedTuple):
@@ -92,20 +87,18 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
     filter, machine = controller.estimator, controller.plant.machine
     parts = []
     for case in _cases(controller, scenario):
-        run = _simulated(controller, case, case.readings)
+        run = _simulated(controller, case)
         record, names = run.record, [axis.name for axis in machine.axes]
         y = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
         r, u = (np.column_stack([record[signal(of, name)] for name in names]) for of in "ru")
         assert run.estimate is not None
         assert run.usable is not None
         mode = record["mode"].astype(np.uint8)
-        # From where rounding decides, from where readings are refused of a rotor that has tripped,
-        # and is thrown between its stops, and of several readings from where some are lost.
-        corrupted = (case.readings != 0).any(axis=1) & (len(machine.readings) > 1)
-        corrupted |= (mode == Mode.TRIPPED) & ((run.status & Status.OUTLIER) != 0)
-        amplified = np.maximum.accumulate(corrupted | _spread(controller, case, run))
-        # Where float has no digits left before that, all that it says is rounding.
-        amplified |= bool((without_digits(filter, y, u) & ~amplified).any())
+        amplified = without_digits(filter, y, u)
+        if len(machine.readings) > 1 and filter.precision == "float32":
+            # Of a rotor that is thrown between its stops, rounding decides which readings are used.
+            thrown = (mode == Mode.TRIPPED) & ((run.status & Status.OUTLIER) != 0)
+            amplified |= np.maximum.accumulate(thrown)
         fly, speed = case.fly > 0, record["speed"]
         part = (y, r, u, speed, mode, fly, run.status, run.usable, run.estimate.mean, amplified)
         parts.append(_as_read(controller, part))
@@ -155,10 +148,10 @@ def _along(
     return r, output["u"], speed, output["mode"], fly, status, usable, output["mean"]
 
 
-def _simulated(controller: Controller, case: TestCase, readings: Array) -> Run:
-    """Return one flight, with this added to its readings (n, m) [m]."""
+def _simulated(controller: Controller, case: TestCase) -> Run:
+    """Return one flight."""
     external_inputs = ExternalInputs(
-        readings=readings, references=case.references, fly=case.fly,
+        readings=case.readings, references=case.references, fly=case.fly,
         exported=fast_sequence(controller),
     )  # fmt: skip
     return simulate_run(
@@ -167,50 +160,28 @@ def _simulated(controller: Controller, case: TestCase, readings: Array) -> Run:
     )  # fmt: skip
 
 
-def _spread(controller: Controller, case: TestCase, run: Run) -> Bools:
-    """Return where flights differ (n,) whose readings differ by no more than rounding makes."""
-    # A compiler that contracts rounds otherwise. A rotor that is thrown between its stops makes of
-    # that another flight, and a reading at the gate another decision.
-    machine = controller.plant.machine
-    least = ROUNDED * min(bearing.clearance for bearing in machine.bearings)
-    least *= float(np.finfo(controller.estimator.precision).eps)
-    axes = [(signal("u", axis.name), axis.bearing.amplifier) for axis in machine.axes]
-    random, result = np.random.default_rng(0), np.zeros(len(case.readings), bool)
-    for _ in range(PERTURBATIONS):
-        off = least * random.choice([-1.0, 1.0], case.readings.shape)
-        other = _simulated(controller, case, case.readings + off)
-        for key, amplifier in axes:
-            away = np.abs(other.record[key] - run.record[key]) * amplifier.gain
-            result |= away > PART * amplifier.current_limit
-        result |= (other.status != run.status) | (other.usable != run.usable)
-        result |= other.record["mode"] != run.record["mode"]
-    return result
-
-
 def _transferred(
     controller: Controller, signals: tuple[Any, ...]
 ) -> tuple[list[tuple[Any, ...]], Array]:
     """Flights that are taken over, as `vectors` has them, and the currents that acted then."""
     # The readings are those of a flight at that time, and go on whatever is demanded now: it lands,
     # it is overloaded from the first sample on, and its sensors freeze and are lost.
-    machine = controller.plant.machine
-    y, r, u, speed, mode, *_, amplified = signals
+    filter, machine = controller.estimator, controller.plant.machine
+    y, r, u, speed, mode, *_ = signals
     flying = np.flatnonzero(mode == Mode.FLYING)  # none, where it is overloaded on its way up
     at = int(flying[10]) if len(flying) > 10 else UP
     n = TRANSFER_SAMPLES
     y, r, speed = y[at : at + n], r[at : at + n], np.full(n, speed[at])
     gain = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
-    transfer_currents = (gain * u[at - 1]).astype(np.dtype(controller.estimator.precision).type)
+    transfer_currents = (gain * u[at - 1]).astype(np.dtype(filter.precision).type)
     landing, staying = np.arange(n) < n // 2, np.ones(n, bool)
     far = 60 * max(bearing.clearance for bearing in machine.bearings)
-    spread, several, corrupted = np.full(n, amplified[0]), y.shape[1] > 1, y.copy()
+    corrupted = y.copy()
     corrupted[8:30], corrupted[34:37] = y[8], np.nan
-    over = [
-        (y, *_along(controller, y, r, speed, fly, transfer_currents), spread | bad)
-        for y, r, fly, bad in (
-            (y, r, landing, False), (y, r + far, staying, False), (corrupted, r, staying, several)
-        )
-    ]  # fmt: skip
+    over = []
+    for y_k, r_k, fly in ((y, r, landing), (y, r + far, staying), (corrupted, r, staying)):
+        part = (y_k, *_along(controller, y_k, r_k, speed, fly, transfer_currents))
+        over.append((*part, without_digits(filter, y_k, part[2])))
     return over, transfer_currents
 
 
@@ -296,12 +267,6 @@ def _lost(machine: Machine, well: Array, slow: int) -> Array:
     added[0], added[1] = 30 * travel, 3 * travel
     added[145 * slow : 180 * slow] = np.nan
     return added
-
-
-def sequentially(mean: Array) -> Array:
-    """Return of each sample one state (N,), the next one each time."""
-    k = np.arange(len(mean))
-    return np.asarray(mean[k, k % mean.shape[1]])
 
 
 def with_infinite_inputs(values: Array) -> Array:

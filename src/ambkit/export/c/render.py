@@ -197,6 +197,7 @@ def _tested(export: Export) -> dict[str, Any]:
         "load": selftest.first(filter, "disturbance force"),
         **selftest.of_roles(filter),
         **selftest.stops_in_c(filter, precision),
+        "stiff": selftest.stiff(filter, export.magnets[0]),
         "settling": settling,
         "bound_of_output": f"{bound:.1f}",
     }

@@ -11,6 +11,7 @@ from ambkit.export.c import c_literals, test_vectors
 from ambkit.export.c.c_literals import CPrecision
 
 if TYPE_CHECKING:
+    from ambkit._core import Magnet
     from ambkit.estimate.estimator import Estimator
 
 
@@ -68,6 +69,12 @@ def of_roles(filter: Estimator) -> dict[str, Any]:
 def first(filter: Estimator, role: str) -> int:
     """Return the place of the first state of a role; -1 where there is none."""
     return next((i for i, state in enumerate(filter.states) if state.role == role), -1)
+
+
+def stiff(filter: Estimator, magnet: Magnet) -> bool:
+    """Whether a magnet without current pulls a rotor that is off the middle."""
+    _, k_s = magnet.tangent(np.zeros(1), np.array([filter.machine.bearings[0].clearance]))
+    return bool(k_s[0] != 0)
 
 
 def stops(filter: Estimator) -> tuple[Array, Array]:
