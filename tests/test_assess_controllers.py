@@ -21,12 +21,12 @@ TUM = Machine.preset("tum_mlps")
 TILT = Control(type="translation and tilt")
 CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
 LQG = Control(type="lqg")
-STILL = Control(type="lqg", unbalance="still")
+STILL = Control(type="lqg", unbalance="compensation")
 FREE = Control(unbalance="force-free")
 
 
 def told(machine, control):
-    synchronous = [] if control.unbalance == "fought" else ["unbalance"]
+    synchronous = [] if control.unbalance == "off" else ["unbalance"]
     return KalmanFilter(machine, synchronous=synchronous)
 
 
@@ -37,7 +37,7 @@ def told(machine, control):
         pytest.param(LQG, True, marks=pytest.mark.long),
         pytest.param(TILT, False, marks=pytest.mark.long),
         pytest.param(STILL, True, marks=pytest.mark.long),
-        pytest.param(Control(unbalance="still"), True, marks=pytest.mark.long),
+        pytest.param(Control(unbalance="compensation"), True, marks=pytest.mark.long),
         pytest.param(FREE, True, marks=pytest.mark.long),
     ],
 )
@@ -69,7 +69,7 @@ def test_bodes_integral_holds(control, rpm):
         assert loop.largest[0] > found.least[0]
 
 
-@pytest.mark.parametrize("control", [FREE, Control(unbalance="still")])
+@pytest.mark.parametrize("control", [FREE, Control(unbalance="compensation")])
 def test_unbalance_is_answered_as_the_simulation_does(control):
     """Force-free, still, or fought: orbit and current at the speed, where the estimate has it."""
     machine = TUM.replace(speed="12000 rpm")

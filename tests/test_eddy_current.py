@@ -118,14 +118,14 @@ def test_unbalance_is_kept_still_through_the_lag() -> None:
         for each in rig.bearing
     )})  # fmt: skip
     orbit = {}
-    for unbalance in ("fought", "still"):
+    for unbalance in ("off", "compensation"):
         flight = Scenario(
             duration=0.8, noise=False, feedback="estimate", control=Control(unbalance=unbalance)
         )
         kalman = ambkit.KalmanFilter(late, synchronous=("unbalance",))
         record = simulate_run(late, flight, estimator=kalman).record
         orbit[unbalance] = np.ptp(record["s_A1"][-1000:])
-    assert orbit["still"] < 0.1 * orbit["fought"]
+    assert orbit["compensation"] < 0.1 * orbit["off"]
 
 
 # ---- Filters

@@ -37,7 +37,8 @@ FLIGHTS = {
     ),
     "force-free, from a speed": (Scenario(feedback="estimate", control=LET_TURN), UNBALANCE),
     "lqg, still": (
-        Scenario(feedback="estimate", control=Control(type="lqg", unbalance="still")), UNBALANCE,
+        Scenario(feedback="estimate", control=Control(type="lqg", unbalance="compensation")),
+        UNBALANCE,
     ),
 }  # fmt: skip
 
@@ -215,7 +216,7 @@ def test_the_exported_step_hands_back_to_plain_control_where_the_unbalance_is_la
     slope = Ramp(slope=1500.0, start=0.25, end=0.6)
     run_up = Sum(parts=(Constant(value=75.0), slope))  # to 600 rad/s
     swings = {}  # of the synchronous control signal, over the unbalance
-    for kind in ("fought", "force-free"):
+    for kind in ("off", "force-free"):
         flight = Scenario(
             duration=1.0, start="landed", sequence=LiftOff(), feedback="estimate", speed=run_up,
             controller=Control(unbalance=kind),
@@ -253,8 +254,8 @@ def test_the_exported_step_hands_back_to_plain_control_where_the_unbalance_is_la
             np.testing.assert_array_equal(u, same)
             turn = np.exp(600j * described.sampling_time * np.arange(1047))  # in ten turns
             swings[kind, factor] = np.abs(turn @ u[-1047:]).max() / factor
-    assert swings["force-free", 1] < 0.4 * swings["fought", 1]
-    assert swings["force-free", 5] == pytest.approx(swings["fought", 5], rel=0.02)
+    assert swings["force-free", 1] < 0.4 * swings["off", 1]
+    assert swings["force-free", 5] == pytest.approx(swings["off", 5], rel=0.02)
 
 
 def test_what_has_no_controllers_says_so(tmp_path: Path) -> None:
@@ -262,7 +263,7 @@ def test_what_has_no_controllers_says_so(tmp_path: Path) -> None:
         export_c(
             BEARING, None, tmp_path / "c", scenario=Scenario(controller=Control(cross_feedback=0.5))
         )
-    flight = Scenario(feedback="estimate", control=Control(unbalance="still"))
+    flight = Scenario(feedback="estimate", control=Control(unbalance="compensation"))
     with pytest.raises(AmbkitError, match="synchronous"):
         export_c(machine(), None, tmp_path / "c", scenario=flight)
     assert not (tmp_path / "c").exists()
@@ -283,7 +284,9 @@ def test_readings_that_are_lost_are_flown() -> None:
 
 def test_the_command_takes_a_flight(call: Any, tmp_path: Path) -> None:
     flight = tmp_path / "scenario.toml"
-    flight.write_text('feedback = "estimate"\n[control]\ntype = "lqg"\nunbalance = "still"\n')
+    flight.write_text(
+        'feedback = "estimate"\n[control]\ntype = "lqg"\nunbalance = "compensation"\n'
+    )
     words = ["tum_mlps", "--controller", str(flight), "--out", str(tmp_path / "c")]
     assert "synchronous" in call("export", "c", *words).err  # what the controllers are to know
     made = call("export", "c", *words, "--filter", "linear+unbalance")

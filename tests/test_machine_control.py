@@ -75,7 +75,7 @@ def test_unbalance_is_let_turn_or_kept_still(name, kind):
     machine = Machine.preset(name).replace(speed="12000 rpm")
     axis = machine.axes[0].name
     force, orbit = {}, {}
-    for unbalance in ("fought", "force-free", "still"):
+    for unbalance in ("off", "force-free", "compensation"):
         flight = Scenario(
             duration=1.4, feedback="estimate", control=Control(type=kind, unbalance=unbalance)
         )
@@ -83,8 +83,8 @@ def test_unbalance_is_let_turn_or_kept_still(name, kind):
         run = simulate_run(machine, flight, estimator=filter)
         force[unbalance] = round_turns(run, f"f_mag_{axis}", 1.0)
         orbit[unbalance] = round_turns(run, f"s_{axis}", 1.0)
-    assert force["force-free"] < 0.06 * force["fought"]
-    assert orbit["still"] < 0.5 * orbit["fought"]
+    assert force["force-free"] < 0.06 * force["off"]
+    assert orbit["compensation"] < 0.5 * orbit["off"]
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def test_a_rotor_that_bends_is_let_turn_or_kept_still(name, kind):
     machine = Machine.preset(name).replace(speed="9000 rpm")
     axis = machine.axes[0].name
     force, orbit = {}, {}
-    for unbalance in ("fought", "force-free", "still"):
+    for unbalance in ("off", "force-free", "compensation"):
         control = Control(type=kind, unbalance=unbalance)
         flight = Scenario(duration=1.0, feedback="estimate", control=control)
         filter = KalmanFilter(machine, synchronous=["unbalance"])
@@ -110,8 +110,8 @@ def test_a_rotor_that_bends_is_let_turn_or_kept_still(name, kind):
         orbit[unbalance] = round_turns(run, f"s_{axis}", 0.7)
     # Of 0.03 N and 50 nm there is not much to be had: noise makes most of what is left.
     small, still = (0.05, 0.25) if name == "ufu_flexible" else (0.6, 0.8)
-    assert force["force-free"] < small * force["fought"]
-    assert orbit["still"] < still * orbit["fought"]
+    assert force["force-free"] < small * force["off"]
+    assert orbit["compensation"] < still * orbit["off"]
 
 
 def test_through_the_bending_mode_it_is_fought_and_let_turn_beyond():
@@ -122,7 +122,7 @@ def test_through_the_bending_mode_it_is_fought_and_let_turn_beyond():
         flight = Scenario(duration=1.5, feedback="estimate", control=told, speed=speed)
         filter = KalmanFilter(machine, synchronous=["unbalance"])
         runs[told.unbalance] = simulate_run(machine, flight, estimator=filter)
-    below = np.searchsorted(runs["fought"].record["speed"], 7000 * np.pi / 30)
+    below = np.searchsorted(runs["off"].record["speed"], 7000 * np.pi / 30)
     fought, free = (displacements(run) for run in runs.values())
     np.testing.assert_array_equal(free[:, :below], fought[:, :below])
     assert np.abs(free).max() < 1.05 * np.abs(fought).max()
@@ -135,7 +135,7 @@ def test_poles_of_the_loop_do_not_move_by_what_is_left_to_turn():
     machine = Machine.preset("ufu_flexible").replace(speed="6300 rpm", unbalance=[])
     filter = KalmanFilter(machine, synchronous=["unbalance"])
     poles = []
-    for told in (Control(), Control(unbalance="still")):
+    for told in (Control(), Control(unbalance="compensation")):
         poles.append(LoopOf(machine, told).loop(filter).closed.poles())
     away = np.abs(poles[0][:, None] - poles[1][None, :]).min(axis=1)
     assert away.max() < 1e-5  # of double ones the digits are half as many
@@ -203,10 +203,10 @@ def test_the_regulator_is_controls_own():
     [
         (Control(type="lqg"), "measurement", 'feedback must be "estimate"'),
         (Control(cross_feedback=0.5), "measurement", "cross_feedback"),
-        (Control(unbalance="still"), "measurement", 'unbalance = "still"'),
+        (Control(unbalance="compensation"), "measurement", 'unbalance = "compensation"'),
         (Control(unbalance="force-free"), "estimate", "no unbalance among its states"),
         (
-            Control(unbalance="still", unbalance_from=50.0),
+            Control(unbalance="compensation", unbalance_from=50.0),
             "estimate",
             "no unbalance among its states",
         ),
@@ -218,7 +218,7 @@ def test_what_cannot_be_is_refused(control, feedback, said):
         simulate_run(Machine.preset("tum_mlps"), Scenario(**flight))
 
 
-@pytest.mark.parametrize(("unbalance", "peak"), [("force-free", 6320.0), ("still", 5410.0)])
+@pytest.mark.parametrize(("unbalance", "peak"), [("force-free", 6320.0), ("compensation", 5410.0)])
 @pytest.mark.parametrize("size", [1e-9, 1e-3])
 def test_near_its_bending_nothing_is_left_to_the_rotor_however_small_its_unbalance(
     unbalance, peak, size
@@ -240,7 +240,7 @@ def test_near_its_bending_nothing_is_left_to_the_rotor_however_small_its_unbalan
     assert turn.sentence(unbalance, 8000 * np.pi / 30, machine.speed) is None
 
 
-@pytest.mark.parametrize("unbalance", ["force-free", "still"])
+@pytest.mark.parametrize("unbalance", ["force-free", "compensation"])
 def test_the_limit_of_a_large_unbalance_is_that_of_the_core(unbalance):
     machine = Machine.preset("ufu_flexible").replace(speed="9000 rpm")
     filter = KalmanFilter(machine, synchronous=["unbalance"])
@@ -258,13 +258,22 @@ def test_there_must_be_speeds_at_which_it_is_let_turn():
     one = Machine.preset("ufu_flexible")
     filter = KalmanFilter(one, synchronous=["unbalance"])
     with pytest.raises(AmbkitError, match="is not below the greatest speed"):
-        controllers_of(Plant(one), Control(unbalance="still", unbalance_from=500.0), filter)
+        controllers_of(Plant(one), Control(unbalance="compensation", unbalance_from=500.0), filter)
     with pytest.raises(ConfigError, match="unbalance_from"):
         Control(unbalance_from=50.0)
 
 
+@pytest.mark.parametrize(("old", "now"), [("fought", "off"), ("still", "compensation")])
+def test_unbalance_control_is_read_in_the_words_of_earlier_files(old, now):
+    read = Scenario.from_toml(f'feedback = "estimate"\n[control]\nunbalance = "{old}"\n')
+    assert read.controller.unbalance == now
+    assert f'unbalance = "{now}"' in read.to_toml()
+    with pytest.raises(ConfigError, match='needs unbalance = "force-free" or "compensation"'):
+        Control(unbalance="fought", unbalance_from=50.0)
+
+
 def test_a_flight_s_file_says_how_the_machine_is_controlled(tmp_path):
-    flight = Scenario(control=Control(type="lqg", unbalance="still"))
+    flight = Scenario(control=Control(type="lqg", unbalance="compensation"))
     assert Scenario.from_toml(flight.to_toml()) == flight
     path = tmp_path / "scenario.toml"
     path.write_text('duration = "20 ms"\nfeedback = "estimate"\n\n[control]\ntype = "lqg"\n')

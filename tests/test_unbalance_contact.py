@@ -75,7 +75,7 @@ def criticals(name: str | int) -> dict[str, float]:
     sizes = np.ones(rotor.push.shape[1])
     speeds = float(machine.bending.frequency[0]) * np.linspace(0.4, 1.4, 400)
     found = {}
-    for kind in ("force-free", "still"):
+    for kind in ("force-free", "compensation"):
         far = [rotor.orbits(rotor.left(w, kind)[0], sizes)[1] for w in speeds]
         found[kind] = float(speeds[np.argmax(far)])
     return found
@@ -85,7 +85,7 @@ def drawn(run: int, machines: tuple[str | int, ...]) -> tuple[Machine, Machine, 
     """Return a machine as described, as it is, and a ramp or a stay near a critical speed."""
     rng = np.random.default_rng([run, 7])
     name = machines[run % len(machines)]
-    machine, kind = machine_of(name), rng.choice(["force-free", "force-free", "still"])
+    machine, kind = machine_of(name), rng.choice(["force-free", "force-free", "compensation"])
     peak, T = criticals(name)[kind], 0.2
     if rng.random() < 0.3:
         top = peak * rng.uniform(0.85, 1.15)
@@ -135,7 +135,7 @@ def worse(run: int, machines: tuple[str | int, ...]) -> bool:
     described, real, flight = drawn(run, machines)
     if not touched(described, real, flight):
         return False
-    plain = flight.replace(control=flight.controller.model_copy(update={"unbalance": "fought"}))
+    plain = flight.replace(control=flight.controller.model_copy(update={"unbalance": "off"}))
     return stable(described, plain) and not touched(described, real, plain)
 
 
@@ -174,7 +174,7 @@ def test_a_rigid_rotor_that_is_held_still_touches_nothing():
     low = described.speed - 0.24 * slope
     flight = Scenario(
         duration=0.3, feedback="estimate", seed=26,
-        control=Control(type="decentralised", unbalance="still"),
+        control=Control(type="decentralised", unbalance="compensation"),
         speed=Sum(parts=(Constant(value=low), Ramp(slope=slope, end=0.24))),
     )  # fmt: skip
     plain = flight.replace(control=Control(type="decentralised"))
@@ -205,7 +205,7 @@ def test_assess_knows_the_limit_of_a_large_unbalance():
         planes = [{"place": z, "amount": factor * u} for z, u, _ in machine.unbalances()]
         one = machine.replace(unbalance=planes)
         filter = KalmanFilter(one, synchronous=["unbalance"])
-        for unbalance in ("fought", "force-free"):
+        for unbalance in ("off", "force-free"):
             of = LoopOf(one, Control(unbalance=unbalance))
             (turned,) = of.turned(of.loop(filter))
             orbits.append(np.abs(turned.i).max() / factor)

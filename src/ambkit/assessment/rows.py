@@ -211,6 +211,6 @@ def _control(control: Control) -> dict[str, str]:
         facts["control"] = f"{control.type}{scheduled}"
     if control.cross_feedback:
         facts["cross feedback"] = f"{control.cross_feedback:g} of the gyroscopic torques"
-    if control.unbalance != "fought":
+    if control.unbalance != "off":
         facts["unbalance"] = control.unbalance
     return facts

@@ -15,6 +15,13 @@ from ambkit.base.own_class import OwnClass
 from ambkit.control.pid import GAINS, PID
 from ambkit.machine.machine import Bearing
 
+OLD = {"fought": "off", "still": "compensation"}
+"""Unbalance control in the words of earlier files, read for one release."""
+
+
+def _unbalance(word: Any) -> Any:
+    return OLD.get(word, word) if isinstance(word, str) else word
+
 
 class Control(PID):
     """The controllers of a machine: gains at its top are of all axes, those in `pid` of one."""
@@ -35,13 +42,16 @@ class Control(PID):
     gain_scheduling: Annotated[bool, Field(strict=True)] = False
     """Whether the gains of "lqg" follow the speed of rotation; without, they are those of the
     machine's own speed at any."""
-    unbalance: Literal["fought", "force-free", "still"] = "fought"
-    """Whether the controllers answer to the synchronous motion as to any other; let the rotor turn
-    about its axis of inertia, without a synchronous force of the bearings; or keep its geometric
-    axis still. The last two need an estimator with the unbalance among its states."""
+    unbalance: Annotated[
+        Literal["off", "force-free", "compensation"], BeforeValidator(_unbalance)
+    ] = "off"
+    """Unbalance control: none, where the controllers answer to synchronous motion as to any other;
+    force-free rotation about the axis of inertia, without a synchronous force of the bearings; or
+    compensation, which holds the geometric axis. The last two need an estimator with the unbalance
+    among its states."""
     unbalance_from: Annotated[float, Quantity("rad/s", "2000 rpm", above=0)] | None = None
-    """Speed below which it is fought all the same [rad/s]; without, 100 rad/s or half the machine's
-    own."""
+    """Speed below which there is no unbalance control [rad/s]; without, 100 rad/s or half the
+    machine's own."""
     custom: OwnClass | None = None
     """A controller of one's own in place of all of these: ``"file.py:Class"``, or in Python the
     class; see `ControllerProtocol`."""
@@ -59,8 +69,8 @@ class Control(PID):
                 yield "feed_forward", 'is made of the estimate: feedback must be "estimate"'
         if read("sees"):
             yield "sees", "is of one axis: give it in pid.NAME"
-        if read("unbalance_from") is not None and read("unbalance") == "fought":
-            text = 'unbalance = "fought" is so at any speed; give "force-free" or "still"'
+        if read("unbalance_from") is not None and read("unbalance") == "off":
+            text = 'needs unbalance = "force-free" or "compensation"'
             yield "unbalance_from", text
         if read("gain_scheduling") and read("type") != "lqg":
             yield "gain_scheduling", 'is of the gains of type = "lqg"'
@@ -147,7 +157,7 @@ class Control(PID):
             return "cross_feedback"
         if any(pid.feed_forward for pid in (self, *self.pid.values())):
             return "feed_forward"
-        return None if self.unbalance == "fought" else f'unbalance = "{self.unbalance}"'
+        return None if self.unbalance == "off" else f'unbalance = "{self.unbalance}"'
 
     def check_names(self, known: list[str]) -> None:
         """Refuse PIDs of what the machine has not.

@@ -103,7 +103,7 @@ def controllers_of(
         torques = _against_gyroscopics(plant, estimator)
         feedback["fed_back_by_speed"] = control.cross_feedback * torques
     result = replace(result, feedback=feedback)
-    if control.unbalance == "fought":
+    if control.unbalance == "off":
         return result
     check_unbalance(estimator)
     if not (plant.machine.speed or fastest):

@@ -160,7 +160,7 @@ def let_turn(
     plant: Plant,
     estimator: Estimator,
     control: _Control,
-    unbalance: Literal["force-free", "still"],
+    unbalance: Literal["force-free", "compensation"],
     start: float | None = None,
     max_speed: float | None = None,
 ) -> LetTurn:

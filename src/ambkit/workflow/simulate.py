@@ -268,7 +268,7 @@ def experiment_duration(bearing: Bearing) -> float:
 
 def plain_control(machine: Machine, scenario: Scenario, estimator: Estimator | None) -> str | None:
     """Return a sentence on where a flight's unbalance control is plain control."""
-    if scenario.controller.unbalance == "fought" or estimator is None:
+    if scenario.controller.unbalance == "off" or estimator is None:
         return None
     full_scenario = settled_scenario(machine, scenario)
     T = machine.sampling_time

@@ -161,7 +161,7 @@ class LoopOf:
 
     def plain(self, estimator: Estimator | None) -> str | None:
         """Return a sentence where unbalance control is plain control at the machine's speed."""
-        if self.control.unbalance == "fought":
+        if self.control.unbalance == "off":
             return None
         turn = self.flown_by(estimator).let_turn
         if turn is None:
