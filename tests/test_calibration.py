@@ -203,7 +203,7 @@ def test_what_is_made_of_more_is_not_calibrated(tmp_path: Path) -> None:
     lqg = SCENARIO.replace(controller=Control(type="lqg"))
     with pytest.raises(AmbkitError, match="this controller has a regulator"):
         export_c(BEARING, None, tmp_path, scenario=lqg, calibrated=True)
-    with pytest.raises(AmbkitError, match="give a scenario"):
+    with pytest.raises(AmbkitError, match="calibration needs a controller"):
         export_c(BEARING, None, tmp_path, calibrated=True)
 
 

@@ -558,7 +558,7 @@ def test_compare_in_a_case(call):
 def test_compare_in_all_cases(call):
     from ambkit.judge.comparison import cases
 
-    named = f"What happens: {', '.join(cases.CASES)}, or all."
+    named = f"{', '.join(cases.CASES)}, or all."
     assert named in " ".join(call("compare", "--help").out.split())
     found = call("compare", "zittau_axial", "--filter", "linear", "--filter", "observer", "--case",
                  "all", "--seeds", "1", "--out", "c.csv", "--plot", "m.svg", "--out", "r.html",
@@ -809,7 +809,7 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("assess zittau_axial --filter ukv", 'no estimator "ukv"; known: low-pass'),
         ("assess zittau_axial --filter multiple-model", "no steady-state gain"),
         ("assess sweep zittau_axial --filter ud --filter linear", "is given more than once"),
-        ("assess log RUN --filter linear", "machine says what filter"),
+        ("assess log RUN --filter linear", "filter and controller need a machine"),
         ("assess log RUN --machine zittau_axial", "has no signal injected"),
         ("excite sensitivity zittau_axial --kind prbs", "there is no option --kind"),
         ("excite zittau_axial --filter linear", "there is no option --filter"),
@@ -821,7 +821,7 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("faults zittau_axial --faults gremlin", 'no fault "gremlin"; known: lift-off'),
         ("faults zittau_axial --precision half", "invalid choice: 'half'"),
         ("faults zittau_axial --filter linear --samples 9", "9 steps have no room for a fault"),
-        ("compare zittau_axial --seeds 0", "seeds must be 1 or more"),
+        ("compare zittau_axial --seeds 0", "seeds must be a number N of them from 1 on"),
         ("compare zittau_axial --case papers", 'no case "papers"; known: paper, uncertain'),
         ("compare zittau_axial --filter ukv", 'no estimator "ukv"; known: low-pass'),
         ("compare zittau_axial --spread 120%", "spread must be from 0 to below 100 %, is 120 %"),

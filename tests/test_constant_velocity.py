@@ -146,5 +146,5 @@ def test_the_kind_says_what_it_does_not_take():
     bearing = ambkit.Bearing.preset("zittau_axial")
     with pytest.raises(ValueError, match="acceleration must be greater than 0 m"):
         ambkit.ConstantVelocity(bearing, acceleration=-1.0)
-    with pytest.raises(ValueError, match="estimates nothing synchronous"):
+    with pytest.raises(ValueError, match="synchronous cannot be estimated"):
         ambkit.ConstantVelocity(ambkit.Machine.preset("tum_mlps"), synchronous=["unbalance"])

@@ -267,7 +267,7 @@ def test_a_system_of_a_regulator_wires_all_states(tmp_path: Path) -> None:
 
 def test_what_is_refused(tmp_path: Path) -> None:
     lifts = Scenario(sequence=QUICK)
-    with pytest.raises(AmbkitError, match="take kind whole-controller"):
+    with pytest.raises(AmbkitError, match="use kind whole-controller"):
         export_fmu(BEARING, None, tmp_path / "a.fmu", kind="controller", scenario=lifts)
     with pytest.raises(AmbkitError, match="closed-loop computes in double"):
         export_fmu(BEARING, None, tmp_path / "a.fmu", kind="closed-loop", precision="float")

@@ -214,7 +214,7 @@ def test_filters_of_a_mapping_have_each_run_to_themselves() -> None:
 
 
 def test_what_is_not_there_is_not_saved(tmp_path: Path) -> None:
-    with pytest.raises(AmbkitError, match="whole is of one case"):
+    with pytest.raises(AmbkitError, match="whole needs one case"):
         ambkit.compare(BEARING, ["linear"], case="all", whole=True)
     study: Any = ambkit.compare(BEARING, ["linear"], case="step", seeds=1)
     with pytest.raises(AmbkitError, match="nothing was tuned"):

@@ -6,6 +6,7 @@ from typing import Annotated, Any, overload
 import numpy
 from numpy.typing import NDArray
 
+
 class Magnet:
     """Force and stiffnesses at (iu [A], x [m]); arrays (n,)."""
 

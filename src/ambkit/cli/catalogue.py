@@ -152,8 +152,13 @@ def listing(names: Sequence[str], width: int = 0) -> str:
 
 def front() -> str:
     """Return what ``ambkit --help`` prints."""
-    width = max(len(name) for names in SECTIONS.values() for name in names)
-    sections = "\n".join(f"{title}:\n{listing(names, width)}" for title, names in SECTIONS.items())
+    listed = {name for names in SECTIONS.values() for name in names}
+    others = {
+        name.partition(" ")[0]: None for name in VERBS if name.partition(" ")[0] not in listed
+    }
+    purposes = SECTIONS | ({"More": tuple(others)} if others else {})
+    width = max(len(name) for names in purposes.values() for name in names)
+    sections = "\n".join(f"{title}:\n{listing(names, width)}" for title, names in purposes.items())
     return (
         f"usage: ambkit COMMAND ...\n\n{BEGIN}\n{sections}\n\n"
         "Options:\n"

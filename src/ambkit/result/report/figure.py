@@ -188,23 +188,7 @@ class Figure:
             return printed(self.draw(resolution=resolution)[0], ending, plain(self.title))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Draw it into a file.
-
-        Parameters
-        ----------
-        path : str or path
-            Ends in ``.png``, ``.svg``, ``.pdf`` or, to zoom in, ``.html``.
-
-        Returns
-        -------
-        Path
-            The file.
-
-        Raises
-        ------
-        AmbkitError
-            The file has another ending, or it cannot be written.
-        """
+        """Draw it into a file: ``.png``, ``.svg``, ``.pdf`` or, to zoom in, ``.html``."""
         path = Path(path)
         ending = path.suffix.lower()
         if ending not in ENDINGS:
