@@ -24,6 +24,7 @@ from ambkit.control.control import Control
 from ambkit.judge.comparison import compare
 from ambkit.judge.comparison.score import Benches
 from ambkit.result.report import Axis, Figure, Heatmap, Panel
+from ambkit.result.report.figure import paper_style
 from ambkit.workflow.compare_steps import LoopScores, compare_in_case
 from ambkit.workflow.design_candidates import TunedCandidate
 from ambkit.workflow.designed import Design
@@ -405,3 +406,9 @@ def test_a_repr_escapes_what_a_file_says() -> None:
         re.search(r"[\x1b\n]", repr(Expert.paper().model_copy(update={"source": "a\x1b[31m\nb"})))
         is None
     )
+
+
+def test_a_notebook_shows_every_figure_of_pyplot_not_the_first_alone() -> None:
+    """Matplotlib's defaults, set about each figure, switched off the mode that shows them."""
+    with matplotlib.rc_context({"interactive": True}), paper_style(BEARING.figure()):
+        assert matplotlib.is_interactive()

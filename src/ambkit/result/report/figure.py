@@ -216,6 +216,7 @@ class Figure:
         from matplotlib import pyplot, rcParams
 
         resolution = rcParams["figure.dpi"]  # as the user has it, not as on paper
+        pyplot.draw_if_interactive()  # loads the backend; a notebook's turns interactive
         with paper_style(self):  # notebooks show figures of pyplot by themselves
             return np.array(self.draw(pyplot.figure, resolution)[1], dtype=object)
 
@@ -238,9 +239,11 @@ def paper_style(figure: Figure) -> Iterator[None]:
     """Set matplotlib's fonts and lines, whatever the user's matplotlibrc says."""
     import matplotlib
 
+    interactive = matplotlib.is_interactive()
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update({**_RC, "svg.hashsalt": figure.id})
+        own = {"svg.hashsalt": figure.id, "interactive": interactive}
+        matplotlib.rcParams.update({**_RC, **own})
         yield
 
 
