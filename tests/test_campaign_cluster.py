@@ -241,7 +241,7 @@ def test_a_scheduler_that_is_not_there_is_said(undisturbed: Any) -> None:
 
     plan = Plan(Study.load(folder / "s.toml"))
     where = f"tcp://127.0.0.1:{free_port()}"
-    with pytest.raises(AmbkitError, match=r"does not answer .* the same command goes on"):
+    with pytest.raises(AmbkitError, match=r"no answer from .* the same command resumes"):
         list(of(where, plan, [0], patience=1.0))
 
 
@@ -253,7 +253,7 @@ def test_jobs_of_slurm_are_asked_for_as_the_configuration_says() -> None:
     from ambkit.base.errors import AmbkitError
     from ambkit.campaigns.run import _slurm
 
-    with pytest.raises(AmbkitError, match=r"say what a job is in .*jobqueue.yaml"):
+    with pytest.raises(AmbkitError, match=r"describe a job in .*jobqueue.yaml"):
         _slurm()
     with dask.config.set({"jobqueue.slurm.cores": 4, "jobqueue.slurm.memory": "8GB",
                           "jobqueue.slurm.queue": "night"}):  # fmt: skip

@@ -283,6 +283,7 @@ CONTROL = (
     Unseen("", "i < c->states", "a machine's that is let turn"),
     Unseen("", "sum += (one[j]", "a machine's that is let turn"),
     Unseen("", "left.current[", "a machine's that is let turn"),
+    Unseen("controllers.c", "", "no gains follow the speed", "scheduled"),
     Unseen("controllers.c", "", "a machine's that is let turn", "taken"),
     Unseen("controllers.c", "", "a machine's that is let turn", "leave"),
     Unseen("", "(a > most) ? most : -most", _TOO_FAR),
@@ -395,6 +396,7 @@ UNROUNDED = (
             "COARSE * kf->set.var_y[r]", "const bool again = !(", "bool coarse = very || (interval",
             "as.moved", "const bool told = (status", "const amb_real grown = before",
             "const amb_real change = y", "return amb_step_each(amb_step_plain, kf, NULL",
+            "if (again && (stays || !coarse))",
         )
     ),
 )  # fmt: skip
