@@ -216,7 +216,8 @@ class Figure:
         from matplotlib import pyplot, rcParams
 
         resolution = rcParams["figure.dpi"]  # as the user has it, not as on paper
-        pyplot.draw_if_interactive()  # loads the backend; a notebook's turns interactive
+        # Loads the backend; a notebook's turns interactive.
+        pyplot.draw_if_interactive()  # type: ignore[no-untyped-call]
         with paper_style(self):  # notebooks show figures of pyplot by themselves
             return np.array(self.draw(pyplot.figure, resolution)[1], dtype=object)
 
@@ -242,8 +243,8 @@ def paper_style(figure: Figure) -> Iterator[None]:
     interactive = matplotlib.is_interactive()
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        own = {"svg.hashsalt": figure.id, "interactive": interactive}
-        matplotlib.rcParams.update({**_RC, **own})
+        matplotlib.rcParams.update({**_RC, "svg.hashsalt": figure.id})
+        matplotlib.interactive(interactive)
         yield
 
 
