@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.base.config import Part
 from ambkit.base.config.quantities import Quantity
-
-Array = NDArray[np.float64]
 
 SCHEDULED = ("kp", "ki", "kd", "derivative_filter")
 """What of a PID follows the speed."""

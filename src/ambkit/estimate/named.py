@@ -9,7 +9,6 @@ from copy import deepcopy
 from dataclasses import dataclass
 from inspect import signature
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ambkit.base.errors import AmbkitError
@@ -169,7 +168,7 @@ def _factory(name: str, item: Any, machine: Machine) -> Factory:
     if isinstance(item, FromKind | FromFile | FromObject):
         return item
     if isinstance(item, str | os.PathLike):
-        (factory,) = _named([item], machine).values()
+        (factory,) = _named([item], machine, {}, ()).values()
         return factory
     if is_own(item):
         return own_factory(name, item, machine)
@@ -181,8 +180,8 @@ def _factory(name: str, item: Any, machine: Machine) -> Factory:
 def _named(
     names: Iterable[Any],
     machine: Machine,
-    magnets: Mapping[str, MagnetModel] = MappingProxyType({}),
-    synchronous: Sequence[str] = (),
+    magnets: Mapping[str, MagnetModel],
+    synchronous: Sequence[str],
 ) -> dict[str, Factory]:
     chosen = expanded(names)
     for name in magnets:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ambkit.assessment.arguments import (
     arguments_of_the_user,
@@ -26,9 +26,6 @@ from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.workflow.filter import Filtered, Filtering, filter
 from ambkit.workflow.warnings import OutsideOperatingRange, missing_control
-
-if TYPE_CHECKING:
-    pass
 
 AUTO = "auto"
 """Tune the intensity of the disturbance force."""
