@@ -345,7 +345,7 @@ def test_the_report_of_a_whole_study() -> None:
     )
     assert len(steps) == pieces_of(2, 3, whole=True)
     assert [part.title for part in found.chapters] == [
-        "Who does best", "When it matters", "The limit", "How it was compared",
+        "Comparison", "Dependence on conditions", "Cramér-Rao bound", "Method",
     ]  # fmt: skip
     assert {figure.id for part in found.chapters for figure in part.figures} == {
         "matrix", "cost", "run", "steps", "wrong_k", "limit_steps", "efficiency",

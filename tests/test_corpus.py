@@ -68,7 +68,7 @@ def test_a_magnet_that_is_not_as_described_is_told_beside_the_amplitude(corpus: 
     assert told.factor_error < 0.1
     assert abs(told.slope) < 3 * told.slope_error  # there is no hysteresis
     assert all(1e-3 < one.amplitude < 0.2 for one in told.flights.values())
-    assert "over 0." in told.text
+    assert "divided by 0." in told.text
     assert corpus.to_dict()["in_flight"]["factor"] == told.factor
 
 
@@ -226,11 +226,14 @@ def test_three_logs_on_the_command_line_are_a_corpus(
               "filter=kf.toml"])  # fmt: skip
     out, err = capsys.readouterr()
     assert not left.value.code, err
-    assert "Each log, predicted by a model of the others" in out
+    assert "Cross-validation: each log predicted by a model of the others" in out
     assert "scatter between logs" in out
     found = Bearing.load("found.toml")
     assert found.sensor.position_noise == pytest.approx(-90, abs=25)
-    assert "Each log, predicted by a model of the others" in Path("all.html").read_text()
+    assert (
+        "Cross-validation: each log predicted by a model of the others"
+        in Path("all.html").read_text()
+    )
     assert ambkit.Estimator.load("kf.toml").run(flown(7)).nis[300:].mean() < 1.3
 
 

@@ -97,11 +97,11 @@ def test_the_filter_is_nearly_as_good_as_one_that_was_told_everything(rig: Any) 
 
 def test_it_says_which_filter_to_fly_and_why(rig: Any) -> None:
     folder, found = rig
-    assert found.why.startswith("Fly the extended Kalman filter with decentralised PID control: ")
-    assert "On records that it was not tuned on it predicts" in found.why
+    assert found.why.startswith("Use the extended Kalman filter with decentralised PID control: ")
+    assert "On validation records it predicts" in found.why
     assert found.objections == ()
     page = (folder / "out" / "design.html").read_text()
-    assert "Fly the extended Kalman filter" in page
+    assert "Use the extended Kalman filter" in page
     assert set(found.made) >= {"machine.toml", "scenario.toml", "filter.toml", "verdict.html", "c",
                                "controller", "design.html", "candidates"}  # fmt: skip
 

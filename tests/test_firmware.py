@@ -194,7 +194,7 @@ def test_the_readme_of_an_export_tells_its_cost(kind: str, case: measure.Case) -
     assert spent is not None
     assert facts["instructions a step (Cortex-M4F, in qemu)"].startswith(f"{spent.instructions}, ")
     assert f"{spent.code} bytes of code, {spent.constants} bytes" in facts["flash"]
-    assert ("of the step that trusts its input" in facts) == (kind == "linear")
+    assert ("without checks of the input" in facts) == (kind == "linear")
 
 
 @pytest.mark.parametrize("name", ["linear", "unscented"])

@@ -308,7 +308,7 @@ def test_train_shows_what_is_best_at_points_left_out(
     shown, _ = said(capsys, *words, "--rules", "4x4")
     for name in (LAW, REFITTED, SURFACE, NETWORK):
         assert f" {name} " in shown
-    assert "the surface is better at points left out, and the filter takes it" in shown
+    assert "the surface is better at points left out and is used" in shown
     assert "which was asked for" not in shown
     asked = ("--model", "law", "--out", "refitted.toml")
     shown, _ = said(capsys, *words, "--rules", "4x4", *asked)

@@ -67,7 +67,7 @@ def test_what_is_of_the_log_goes_into_its_channel_map_and_its_delay_into_the_bea
         "disturbance_noise", "--initial-disturbance", "0.05 N",
     )  # fmt: skip
     assert code == 0, err
-    assert "says what to put into the channel map" in out
+    assert "lists what the channel map needs" in out
     text = (tmp_path / "found.toml").read_text()
     lines = [line.removeprefix("#   ") for line in text.splitlines() if line.startswith("#   ")]
     assert re.search(r'^delay = "0\.5\d* ms"  # found, standard error ', text, re.M)
@@ -120,7 +120,7 @@ def test_a_force_map_goes_into_the_training(call, made, tmp_path):
         "found.toml", "--out", "force-map=force.csv", "--nodes", "6x4",
     )  # fmt: skip
     assert code == 0, err
-    assert "Force map: 6x4 nodes; the records tell of" in out
+    assert "Force map: 6x4 nodes, of which the records determine" in out
     code, out, err = call("train", "map", "found.toml", "force.csv", "--rules", "3x3")
     assert code == 0, err
     points = len(load_force_points("force.csv"))

@@ -111,7 +111,7 @@ def test_a_load_that_is_not_told_leads_only_adaline_astray() -> None:
     learned = compare_online(moved(load=3.0), BEARING, start=START)
     assert learned.agree("rls", "augmented")
     assert "the k of ADALINE is" in learned.agreement
-    assert any("one of 3 N: a known load belongs to --disturbance" in n for n in learned.notes)
+    assert any("one of 3 N: state a known force by --disturbance" in n for n in learned.notes)
     told = compare_online(moved(load=3.0), BEARING, start=START, disturbance=3.0)
     assert told.agreement == "All three agree within their errors."
     for name in ("rls", "augmented"):
@@ -125,7 +125,7 @@ def test_colour_is_told_and_white_noise_is_not() -> None:
     assert max(abs(one.colour) for one in white) < 0.05
     coloured = [compare_online(moved(seed, colour=10.0), BEARING) for seed in range(4)]
     assert all(one.coloured for one in coloured)
-    assert all("the innovations have colour" in " ".join(one.notes) for one in coloured)
+    assert all("the innovations are not white" in " ".join(one.notes) for one in coloured)
     bias = {
         name: np.mean([one.results[name].magnet_constant / K - 1 for one in coloured])
         for name in coloured[0].results

@@ -98,7 +98,7 @@ def test_a_loop_at_the_stop_is_told(capsys):
             ]
         )
     out = capsys.readouterr().out
-    assert "5 mm, linear: the rotor touched the stop in 1 of 1 runs" in out
+    assert "5 mm, linear: contact with the stop in 1 of 1 runs" in out
     assert "100 µm, linear: the rotor" not in out
 
 

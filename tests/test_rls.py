@@ -252,7 +252,7 @@ def test_the_command_shows_the_learners_beside_each_other(
     assert Bearing.load("found.toml").magnet.magnet_constant == found["magnet_constant"]
     assert abs(found["learners"]["adaline"]["magnet_constant"] / K - 1) > 0.1
     assert "least squares" in told
-    assert "load that was not known" in told
+    assert "unknown disturbance force" in told
 
 
 @pytest.mark.parametrize(

@@ -136,7 +136,7 @@ def test_a_filter_knows_what_points_left_out_prefer(
     done = call(*words, "--out", "filter=f.toml")
     assert done.code == 0, done.err
     assert type(Estimator.load("f.toml").magnet).__name__ == asked
-    better = "the law, refitted is better at points left out, and the filter takes it: --out"
+    better = "the law, refitted is better at points left out and is used: --out"
     assert (better in done.out) == ("--model" not in options)
 
 

@@ -40,7 +40,7 @@ def test_what_is_wrong_is_mended_on_records_that_it_did_not_see() -> None:
     found = ambkit.tune(wrong, walks[:2], "linear", validate=walks[2:], budget=40)
     assert found.kept
     assert found.by == "likelihood"
-    for figure in ("minus log likelihood a sample", "error of x"):
+    for figure in ("negative log-likelihood per sample", "error of x"):
         before, after = found.unseen[figure]
         assert after < before, figure
     before, after = found.unseen["nis"]
@@ -152,7 +152,7 @@ def test_likelihood_takes_the_loop_s_margin_and_a_ceiling_keeps_it(calm: Record)
     assert not any("knows nothing of the loop" in text for text in held.warnings)
     assert len(held.peaks) == len(held.trace) == 24
     below = [each.cost for each, peak in zip(held.trace, held.peaks, strict=True) if peak < ceiling]
-    judge = "minus log likelihood a sample"
+    judge = "negative log-likelihood per sample"
     assert held.unseen[judge][1] <= held.unseen[judge][0]
     assert min(below) <= held.trace[0].cost
     assert len(held.figure().panels) == 3

@@ -62,8 +62,8 @@ def test_a_records_likelihood_tunes_below_a_ceiling(record):
     held = ambkit.tune(TUM, record, "linear", budget=8, max_sensitivity=1.8)
     assert held.peak < 1.8
     assert (
-        free.unseen["minus log likelihood a sample"][1]
-        <= (held.unseen["minus log likelihood a sample"][1])
+        free.unseen["negative log-likelihood per sample"][1]
+        <= (held.unseen["negative log-likelihood per sample"][1])
     )
     assert len(free.estimator.variances.disturbance) == 4
 

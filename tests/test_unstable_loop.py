@@ -61,7 +61,7 @@ def test_it_is_told_and_written(found: Assessment, tmp_path: Path) -> None:
     pole = found.to_dict()["loops"][MEASUREMENT]["unstable_poles"]["1"]
     assert pole["time_to_double"] == pytest.approx(math.log(2) / pole["growth"])
     assert found.rows[0].kept is False
-    assert any(row.name == "doubles in" for row in found.rows)
+    assert any(row.name == "doubling time" for row in found.rows)
     found.page(tmp_path / "v.html")
     page = (tmp_path / "v.html").read_text(encoding="utf-8")
     assert "Not kept: zone overall" in page
@@ -74,5 +74,5 @@ def test_the_command_prints_it(call: Any, tmp_path: Path) -> None:
     told = call(*asked, "--plot", str(tmp_path / "p.png"))
     assert told.code == 0, told.err
     assert "Unstable poles of the closed loop" in told.out
-    assert "doubles in" in told.out
+    assert "doubling time" in told.out
     assert (tmp_path / "p.png").exists()

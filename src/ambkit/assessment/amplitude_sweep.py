@@ -122,9 +122,9 @@ class Sweep(Result):
         """How far the loop is from its linear model; without one, its peak."""
         if self.loop is None:
             peak = max(item.peak for item in self.swept)
-            return f"{self.title}: a peak of |S| of {peak:.3g}, zone {zone_of(peak)}."
+            return f"{self.title}: peak of |S| {peak:.3g}, zone {zone_of(peak)}."
         farthest = max(item.deviation for item in self.swept)
-        return f"{self.title}: at most {percent(farthest)} from the linear model."
+        return f"{self.title}: deviation from the linear model up to {percent(farthest)}."
 
     @property
     def rows(self) -> list[Row]:
@@ -136,7 +136,7 @@ class Sweep(Result):
                 Row("peak", "peak of |S|", item.peak, "|S|"),
                 Row("zone", "zone", zone_of(item.peak)),
                 *([] if item.model is None else [
-                    Row("deviation", "from the model, at most", item.deviation, "%")]),
+                    Row("deviation", "greatest deviation from the model", item.deviation, "%")]),
                 Row("limited", "at a limit", item.limited),
             ], section=SWEPT, of=engineering(item.amplitude, "m", 4))  # fmt: skip
         if self.model is None:

@@ -114,7 +114,7 @@ class AssessedLog(Result):
             Row("range_measured", "  of them", (float(m.frequency[0]), float(m.frequency[-1])),
                 "Hz", 3),
             Row("periods", "periods (1 or none: local polynomials)", m.periods),
-            Row("least_coherence", "coherence, least", float(m.coherence.min())),
+            Row("least_coherence", "minimum coherence", float(m.coherence.min())),
         ]  # fmt: skip
         loops = {} if self.model is None else self.model.loops
         for name, loop in loops.items():
@@ -122,8 +122,8 @@ class AssessedLog(Result):
             results += put([
                 Row("zone", "zone", loop.zone),
                 Row("peak", "peak of |S|", loop.peak, "|S|"),
-                Row("deviation", "median distance", self.deviation[name], "%"),
-                Row("within", "within the 95 % intervals", self.within[name], "%"),
+                Row("deviation", "median deviation", self.deviation[name], "%"),
+                Row("within", "share within the 95 % intervals", self.within[name], "%"),
                 *put(rest, detail=True),
             ], section=MODELS, of=name)  # fmt: skip
         return results

@@ -193,15 +193,16 @@ class Assessment(Result):
         )  # fmt: skip
         if self.least[0] > 1:
             notes.append(
-                f"No linear controller brings {S} below {self.least[0]:.3f} here, nor {T} below "
-                f"{self.least[1]:.3f}, for the unstable pole{'s' if several else ''} and the dead "
-                "time."
+                f"With the unstable pole{'s' if several else ''} and the dead time no linear "
+                f"controller brings {S} below {self.least[0]:.3f} or {T} below {self.least[1]:.3f}."
             )
         if any(one.demands.heating is None for o in self.loops.values() for one in o.axes.values()):
-            notes.append(f"The temperature of coils is not known: {NEEDED}.")
+            notes.append(f"Coil temperatures are not known: {NEEDED}.")
         wrong = [name for name, loop in self.loops.items() if not loop.integral.holds]
         if wrong:
-            notes.append(f"The check does not hold, as in an unstable loop: {', '.join(wrong)}.")
+            notes.append(
+                f"Bode's integral does not hold, as for an unstable loop: {', '.join(wrong)}."
+            )
         fed: list[Any] = [None] * ("measurement" in self.loops) + list(self.estimators.values())[:1]
         notes += [fromkey for fromkey in dict.fromkeys(map(self.of.choice, fed)) if fromkey]
         compared = None if self.machine.bending is None else reduction(self.machine)

@@ -79,8 +79,8 @@ class Injection(Result):
         """What it would tell."""
         low, high = self.expected.peak_interval()
         return (
-            f"{self.name}: adding {engineering(self.amplitude, 'm', 4)} to the measurement tells "
-            f"the peak of |S|: {low:.3f} to {high:.3f} expected."
+            f"{self.name}: with {engineering(self.amplitude, 'm', 4)} added to the measurement the "
+            f"expected interval of the peak of |S| is {low:.3f} to {high:.3f}."
         )
 
     @property
@@ -92,20 +92,20 @@ class Injection(Result):
             Row("duration", "duration", float(record.t[-1]), "s"),
             Row("samples", "  samples", len(record)),
             Row("period", "period", self.period, "s"),
-            Row("periods", "  how often", self.periods),
+            Row("periods", "  repetitions", self.periods),
             Row("lines", "frequencies", len(self.excitation.frequencies)),
             Row("band", "  of them", self.band, "Hz", 3),
-            Row("amplitude", "added to the measurement, greatest", self.amplitude, "m"),
+            Row("amplitude", "amplitude added to the measurement", self.amplitude, "m"),
             Row("crest_factor", "  crest factor", self.excitation.crest_factor, digits=3),
-            Row("greatest_current", "control current, greatest", current, "A",
+            Row("greatest_current", "greatest control current", current, "A",
                 below=limits.current),
-            Row("greatest_displacement", "displacement, greatest", far, "m",
+            Row("greatest_displacement", "greatest displacement", far, "m",
                 below=limits.displacement),
-            Row("expected_peak", "peak of |S|, expected", expected.peak, "|S|",
+            Row("expected_peak", "expected peak of |S|", expected.peak, "|S|",
                 interval=expected.peak_interval()),
-            Row("expected_error", "half width of the 95 % interval, median",
+            Row("expected_error", "median half width of the 95 % interval",
                 float(np.median(self.error)), "%"),
-            Row("greatest_expected_error", "  at worst", float(np.max(self.error)), "%"),
+            Row("greatest_expected_error", "  maximum", float(np.max(self.error)), "%"),
         ]  # fmt: skip
 
     SECTIONS = {(): Section("Sensitivity of {0.name}: {0.excitation.kind}")}

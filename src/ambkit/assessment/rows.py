@@ -62,24 +62,24 @@ def of_axis(axis: AssessedAxis, of: LoopOf) -> list[Row]:
         Row("phase_margin", "phase margin", m.phase, "deg"),
         Row("delay_margin", "delay margin", m.delay, "s", 3),
         Row("disk_margin", "disk margin", m.disk, detail=True),
-        Row("disk_gain", "  gain, both ways", m.disk_gain[1], "dB", detail=True),
-        Row("disk_phase", "  phase, both ways", m.disk_phase, "deg", detail=True),
-        Row("bandwidth", "|S| below -3 dB up to", m.bandwidth, "Hz", 3, detail=True),
-        Row("crossover", "highest crossover", m.crossover, "Hz", 3, detail=True),
-        Row("current_noise", "current by noise, rms", axis.current_noise, "A", 3),
-        Row("position_noise", "position by noise, rms", axis.position_noise, "m", 3),
+        Row("disk_gain", "  gain, either way", m.disk_gain[1], "dB", detail=True),
+        Row("disk_phase", "  phase, either way", m.disk_phase, "deg", detail=True),
+        Row("bandwidth", "bandwidth (|S| below -3 dB)", m.bandwidth, "Hz", 3, detail=True),
+        Row("crossover", "highest crossover frequency", m.crossover, "Hz", 3, detail=True),
+        Row("current_noise", "current noise, rms", axis.current_noise, "A", 3),
+        Row("position_noise", "position noise, rms", axis.position_noise, "m", 3),
         Row("displacement_zone", "zone of ISO 14839-2", d.zone),
         Row("displacement", "  greatest displacement", d.displacement, "m", 3,
             below=ROOM[0][1] * d.clearance),
         Row("clearance", "  clearance", d.clearance, "m", 3, detail=True),
         Row("current", "greatest control current", d.current, "A", 3, below=bearing.current_max),
-        Row("static_load", "constant load that can be held", d.capacity.static, "N", 3),
-        Row("least_load", "least harmonic load that comes to a limit", d.capacity.least[0], "N", 3,
+        Row("static_load", "static load capacity", d.capacity.static, "N", 3),
+        Row("least_load", "dynamic load capacity, minimum", d.capacity.least[0], "N", 3,
             at=load),
         Row("copper_loss", "copper loss", d.copper_loss, "W", 3),
         Row("coil_temperature", "temperature of the hottest coil", hottest, "degC",
             below=None if warm is None else warm.limit),
-        Row("time_to_coil_temperature_limit", "  until its limit, at the greatest current",
+        Row("time_to_coil_temperature_limit", "  time to its limit at the greatest current",
             None if warm is None else warm.until_limit, "s", 3, detail=True),
     ]  # fmt: skip
 
@@ -91,7 +91,7 @@ def of_loop(loop: AssessedLoop) -> list[Row]:
     if loop.worst is not None and len(axes) > 1:
         value, where = loop.largest
         several = [
-            Row("worst_axis", "  axis of that peak", loop.worst.name),
+            Row("worst_axis", "  worst axis", loop.worst.name),
             Row("largest_singular_value", "largest singular value of S", value,
                 at=At("largest_singular_value_at", where)),
         ]  # fmt: skip
@@ -103,13 +103,13 @@ def of_loop(loop: AssessedLoop) -> list[Row]:
         Row("verdict", VERDICT, loop.verdict, below="A"),
         Row("stable", "stable", loop.stable, detail=True),
         *worst[:2], *several, *worst[2:],
-        Row("greatest_orbit", "linearised along an orbit of",
+        Row("greatest_orbit", "orbit of the linearisation",
             None if orbit is None else float(np.abs(orbit.x).max()), "m", 3, detail=orbit is None),
         Row("slowest_pole", "slowest pole", slowest_pole, "1/s", detail=True),
         Row("bode_integral", "check: Bode's integral of ln|det S|", check.integral, digits=9,
             detail=True),
-        Row("bode_poles", "  ln|p| of the unstable poles", check.poles, digits=9, detail=True),
-        Row("bode_holds", "  they agree", check.holds, detail=True),
+        Row("bode_poles", "  expected from the unstable poles", check.poles, digits=9, detail=True),
+        Row("bode_holds", "  holds", check.holds, detail=True),
     ]  # fmt: skip
 
 
@@ -143,7 +143,7 @@ def of_grade(grade: Grade) -> list[Row]:
         Row("unbalance", "unbalance", grade.unbalance, "g mm"),
         Row("force", "force", grade.force, "N", 3),
         Row("displacement", "orbit", grade.displacement, "m", 3),
-        Row("clearance_share", "of the clearance", grade.clearance_share, "%"),
+        Row("clearance_share", "share of the clearance", grade.clearance_share, "%"),
         Row("current", "current", grade.current, "A", 3),
     ], of=f"G {1e3 * grade.grade:g}", detail=grade.grade not in USUAL_GRADES)  # fmt: skip
 
@@ -156,7 +156,7 @@ def of_unstable_poles(poles: Sequence[UnstablePole]) -> list[Row]:
         for row in put([
             Row("frequency", "frequency", pole.frequency, "Hz"),
             Row("growth", "growth rate", pole.growth, "1/s"),
-            Row("time_to_double", "doubles in",
+            Row("time_to_double", "doubling time",
                 pole.doubling if math.isfinite(pole.doubling) else None, "s", 3),
         ], of=str(place))
     ]  # fmt: skip

@@ -161,23 +161,23 @@ class OverSpeed(Result):
                 at=At("peak_speed", at, "rpm")),
             Row("greatest_singular_value", "  largest singular value of S",
                 float(self.largest.max())),
-            Row("displacement_share", "displacement, of the clearance", far, "%",
+            Row("displacement_share", "share of the clearance", far, "%",
                 below=ROOM[0][1], at=At("displacement_speed", there, "rpm")),
-            Row("current_share", "current, of its limit", used, "%", below=1.0,
+            Row("current_share", "share of the current limit", used, "%", below=1.0,
                 at=At("current_speed", where, "rpm")),
         ]  # fmt: skip
         if self.hottest is not None:
             kelvin, where = self.hottest
             worst_rows.append(
-                Row("greatest_coil_temperature", "temperature of a coil", kelvin, "degC",
+                Row("greatest_coil_temperature", "coil temperature", kelvin, "degC",
                     below=self.temperature_limit, at=At("temperature_speed", where, "rpm"))
             )  # fmt: skip
         result = put(worst_rows, section=GREATEST, of=self.fed_by)
         for speed, integral in self.integrals.items():
             result += put([
                 Row("integral", "integral", integral.integral, digits=9),
-                Row("poles", "ln|p| of the unstable poles", integral.poles, digits=9),
-                Row("holds", "they agree", integral.holds),
+                Row("poles", "expected from the unstable poles", integral.poles, digits=9),
+                Row("holds", "holds", integral.holds),
             ], section=("bode",), of=units.rpm(speed), detail=True)  # fmt: skip
         for apart in self.apart:
             result += apart.rows()

@@ -115,11 +115,11 @@ def run_up_figure(result: _OverSpeed) -> Figure:
     panels = [
         Panel(
             SPEED,
-            _share("displacement, of the clearance", shares, 0.55),
+            _share("share of the clearance", shares, 0.55),
             room,
             title="Displacement",
         ),
-        Panel(SPEED, _share("current, of its limit", used, 1.1), current, title="Current"),
+        Panel(SPEED, _share("share of the current limit", used, 1.1), current, title="Current"),
     ]
     if result.voltage is not None:
         volts: list[Item] = [Rule(1.0, signal="limit", label="limit")]
@@ -137,7 +137,7 @@ def run_up_figure(result: _OverSpeed) -> Figure:
         highest = max(
             np.nanmax(temperatures, initial=0.0), (result.temperature_limit or ZERO) - ZERO
         )
-        axis = Axis("temperature of a coil", "°C", limits=(0.0, 1.1 * float(highest)))
+        axis = Axis("coil temperature", "°C", limits=(0.0, 1.1 * float(highest)))
         panels.append(Panel(SPEED, axis, [*warm, *_of_axes(result, temperatures)], title="Coils"))
     return Figure(
         "run-up",

@@ -54,7 +54,7 @@ class Replayed(Result):
     def finding(self) -> str:
         """Whether it is good."""
         fails = self.row["fails"]
-        return f"{self.title}: {f'it fails by {fails}' if fails else 'it is good'}."
+        return f"{self.title}: {f'fails by {fails}' if fails else 'passes'}."
 
     @property
     def rows(self) -> list[Row]:
@@ -67,7 +67,7 @@ class Replayed(Result):
             for name, of in self.row.items()
         ]  # fmt: skip
 
-    SECTIONS = {("row",): Section("What varied, and what came of it")}
+    SECTIONS = {("row",): Section("Parameters and results")}
 
     @property
     def series(self) -> dict[str, Any]:
@@ -181,8 +181,8 @@ class Campaign(Result, Machines):
     def finding(self) -> str:
         """Which share of the machines is good."""
         if not len(self):
-            return f"{self.folder}: no part is finished yet."
-        return f"{self.title}; {self.good} are good."
+            return f"{self.folder}: no part has finished yet."
+        return f"{self.title}; {self.good} pass."
 
     @property
     def rows(self) -> list[Row]:
@@ -193,7 +193,7 @@ class Campaign(Result, Machines):
                 result += put(_of_share(of), section=("by_choice", name), of=value)
         result += [Row(n, n, count, section=("fails",)) for n, count in self.fails.items()]
         result += [
-            Row(n, n or "not told", count, section=("zones",)) for n, count in self.zones.items()
+            Row(n, n or "unknown", count, section=("zones",)) for n, count in self.zones.items()
         ]
         for name, at in self.quantiles.items():
             result += [
@@ -222,7 +222,7 @@ class Campaign(Result, Machines):
             ("yield",): Section(f"Yield, with its {level} interval"),
             ("fails",): Section("Machines that fail by"),
             ("zones",): Section("Machines in each zone of ISO 14839-3, by their linear loops"),
-            ("quantiles",): Section("That share is at or below", across=True),
+            ("quantiles",): Section("Quantiles", across=True),
         }
         results |= {("by_choice", n): Section(f"Yield by {n}", True) for n in self.by_choice}
         return results | {("worst_by", n): Section(f"Worst by {n}", True) for n in self.names_shown}
@@ -231,7 +231,7 @@ class Campaign(Result, Machines):
     def chapters(self) -> list[Part]:
         """What drives the figures, and the worst machines."""
         if not len(self):
-            raise AmbkitError(f"{self.folder}: no part is finished yet")
+            raise AmbkitError(f"{self.folder}: no part has finished yet")
         cannot, figures = list[str](), [pictures.parallel(self)] if self.plan.names else []
         for name in self.names_shown[:DRIVEN] if self.plan.names else ():
             figures.append(pictures.tornado(self, name))
@@ -240,7 +240,7 @@ class Campaign(Result, Machines):
             except AmbkitError as error:
                 cannot.append(f"No indices of {markdown(name)}: {markdown(str(error))}")
         lead = "Each command simulates the machine again, with every sample."
-        drives = [Part("What drives it", "\n\n".join(cannot), None, figures)] if figures else []
+        drives = [Part("Sensitivities", "\n\n".join(cannot), None, figures)] if figures else []
         return [*drives, Part("The worst machines", lead, ("worst_by",))]
 
     @property
@@ -263,9 +263,9 @@ class Campaign(Result, Machines):
         criteria += [] if passes.contact else ["no contact"]
         criteria += [f"{name} at most {limit}" for name, limit in passes.at_most.items()]
         good = (
-            f"Good is a machine with {'; '.join(criteria)}. Intervals by Clopper and Pearson."
+            f"A machine passes with {'; '.join(criteria)}. Intervals by Clopper and Pearson."
             if criteria
-            else "Any machine counts as good: the study has no criterion."
+            else "Every machine passes: the study has no criterion."
         )
         about = self.plan.study.description
         return [*([about] if about else []), good, *told(self.folder)]
@@ -290,9 +290,9 @@ class Campaign(Result, Machines):
 
 def _of_share(of: Share) -> list[Row]:
     return [
-        Row("share", "good", of.value, "%"),
-        Row("low", "at least", of.low, "%"),
-        Row("high", "at most", of.high, "%"),
-        Row("passed", "good machines", of.passed, detail=True),
+        Row("share", "yield", of.value, "%"),
+        Row("low", "lower bound", of.low, "%"),
+        Row("high", "upper bound", of.high, "%"),
+        Row("passed", "passed", of.passed, detail=True),
         Row("of", "machines", of.of),
     ]

@@ -290,7 +290,7 @@ def front_figure(
         Points(x[front], y[front], signal="series 3", label="Pareto front"),
         Points(x[[0]], y[[0]], signal="start", label="untuned"),
         Points(x[[chosen_index]], y[[chosen_index]], signal="estimate", label="taken"),
-        Rule(peak_limit, axis="x", signal="limit", label="to stay below"),
+        Rule(peak_limit, axis="x", signal="limit", label="limit"),
     ]
     left_out = int((~visible).sum())
     left_out_said = f" {left_out} that lie farther out are not shown." if left_out else ""

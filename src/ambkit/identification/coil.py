@@ -101,14 +101,14 @@ class CoilFit(Result):
     SECTIONS = {
         ("coil",): Section("{0.TITLE}"),
         (): Section("With all logs"),
-        ("logs",): Section("Current left unexplained, rms", across=True),
+        ("logs",): Section("Residual current, rms", across=True),
     }
 
     @property
     def finding(self) -> str:
         """How well it explains the current."""
         left, noise = (figure(of, "A", 3) for of in (self.residual_rms, self.noise))
-        return f"The coil leaves {left} rms of its current unexplained, whose noise is {noise} rms."
+        return f"The residual of the coil's current is {left} rms, its noise {noise} rms."
 
     @property
     def rows(self) -> list[Row]:
@@ -119,28 +119,28 @@ class CoilFit(Result):
             for name, (words, unit) in WORDS.items()
         ], section=("coil",))  # fmt: skip
         result += [
-            Row("residual_rms", "current left unexplained, rms", self.residual_rms, "A", 3),
-            Row("noise", "noise of the current, rms", self.noise, "A", 3),
+            Row("residual_rms", "residual current, rms", self.residual_rms, "A", 3),
+            Row("noise", "current noise, rms", self.noise, "A", 3),
         ]
         if at is not None:
             tau = float(coil.time_constant(at))
             result.append(Row("time_constant", f"time constant at {figure(at, 'm')}", tau, "s"))
         if self.known is not None:
             zero = self.offset(self.known)
-            result.append(Row("control_offset", "offset of its control signal", zero, "V"))
+            result.append(Row("control_offset", "offset of the control signal", zero, "V"))
         for name in sorted(self.each, key=self.distance.__getitem__):
             result += put([
                 Row("distance", "distance", self.distance[name], "m"),
-                Row("each", "found from it", self.each[name], "A", 3),
-                Row("left_out", "found without it", self.left_out.get(name), "A", 3),
+                Row("each", "from this log", self.each[name], "A", 3),
+                Row("left_out", "without this log", self.left_out.get(name), "A", 3),
             ], section=("logs",), of=name)  # fmt: skip
         return result
 
     @property
     def notes(self) -> list[str]:
         """What control and current do not tell."""
-        return ["Resistance and voltage go together in G, resistance and inductance in the time "
-                "constant: control and current do not tell them apart."]  # fmt: skip
+        return ["Control signal and current determine G (voltage over resistance) and tau "
+                "(inductance over resistance), not the three separately."]  # fmt: skip
 
     def figures(self) -> list[Figure]:
         """Return a step, the time constant over the distance, and what is left of each log."""
@@ -320,8 +320,8 @@ def coil_figure(fit: Any) -> Figure:
             ]),
             Panel(distance, Axis("left, rms", "mA", 1e3), [
                 Rule(fit.noise, signal="bound", label="noise"),
-                Points(parts[:, 0], parts[:, 1], signal="measurement", label="found from it"),
-                Points(parts[:, 0], parts[:, 2], signal="estimate", label="found without it"),
+                Points(parts[:, 0], parts[:, 1], signal="measurement", label="from this log"),
+                Points(parts[:, 0], parts[:, 2], signal="estimate", label="without this log"),
             ]),
         ],
     )  # fmt: skip

@@ -78,8 +78,8 @@ class Evaluation:
             "held": ("  last measurement held, {}", self.held),
         } | {f"logged.{name}": (f"  {name}, {{}}", way) for name, way in self.logged.items()}
         return [
-            Row("estimator", "estimator", self.estimate.estimator, detail=True),
-            Row("samples", "samples that count", self.samples),
+            Row("estimator", "filter", self.estimate.estimator, detail=True),
+            Row("samples", "samples evaluated", self.samples),
             Row("used", "measurements used", self.used),
             *(Row(f"status.{flag}", f"  status: {flag}", self.status.get(flag)) for flag in flags),
             Row("settling", "settling time", self.settling, "s", detail=True),
@@ -89,13 +89,13 @@ class Evaluation:
                 detail=several),
             Row("nis", "  mean NIS (1: consistent)", self.nis),
             Row("white_share", "  lags within 95 % bound", share, "%", detail=several),
-            Row("white_bound", "  that bound", bound, detail=True),
+            Row("white_bound", "  bound", bound, detail=True),
             *(Row(f"{key}.{ahead}", name.format(f"{ahead} step{'s' * (ahead > 1)}"), error, "m",
                   note="beyond the air gap" if max(each_of(error)) > gap else "",
                   detail=several and key != "prediction")
               for key, (name, way) in ways.items() for ahead, error in way.items()),
-            Row("disturbance_mean", "load, mean", self.disturbance_mean, "N"),
-            Row("disturbance_std", "load, std", self.disturbance_std, "N"),
+            Row("disturbance_mean", "disturbance force, mean", self.disturbance_mean, "N"),
+            Row("disturbance_std", "disturbance force, std", self.disturbance_std, "N"),
             *(Row(f"rmse.{name}", f"error of {name}, rms", error, units[name])
               for name, error in self.rmse.items()),
         ]  # fmt: skip

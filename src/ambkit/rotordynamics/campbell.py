@@ -44,12 +44,12 @@ class Campbell(WhirlModes, Result):
     def rows(self) -> list[Row]:
         """Each mode at rest and at the greatest speed, and the critical speeds."""
         modes = zip(self.whirl, self.forwards, self.poles[0].imag, self.poles[-1].imag, strict=True)
-        results = [Row("fastest", "greatest speed", float(self.speed[-1]), "rpm", detail=True)]
+        results = [Row("fastest", "highest speed", float(self.speed[-1]), "rpm", detail=True)]
         for k, (whirl, forwards, first, last) in enumerate(modes, 1):
             results += put([
                 Row("whirl", "whirl", whirl),
-                Row("forwards", "forwards", bool(forwards), detail=True),
-                Row("standstill", "at rest", float(first), "turns"),
+                Row("forwards", "forward", bool(forwards), detail=True),
+                Row("standstill", "at standstill", float(first), "turns"),
                 Row("at_greatest_speed", f"at {self._end}", float(last), "turns"),
             ], section=("modes",), of=str(k))  # fmt: skip
         return results + [row for separation in self._separations for row in separation.rows()]

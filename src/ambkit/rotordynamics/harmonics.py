@@ -82,16 +82,16 @@ class Harmonic:
         why = "the start says more than the record" if self.by_start else "it is not clear of 0"
         note = f"{self.name}: {why}, correlation {cs / both if both > 0 else 0.0:.2f}"
         results = [
-            Row("role", "what", self.role),
+            Row("role", "role", self.role),
             Row("order", "order", self.order, detail=True),
             Row("cosine", "cosine", self.cosine, unit, 3, detail=known,
                 note="" if known else note),
-            Row("cosine_std", "its std", math.sqrt(max(cc, 0.0)), unit, 2, detail=known),
+            Row("cosine_std", "std of cosine", math.sqrt(max(cc, 0.0)), unit, 2, detail=known),
             Row("sine", "sine", self.sine, unit, 3, detail=known),
             Row("sine_std", "std of sine", math.sqrt(max(ss, 0.0)), unit, 2, detail=known),
-            Row("start_std", "std at the start", self.start, unit, detail=True),
-            Row("start_share", "share of the start", self.start_share, "%", detail=True),
-            Row("start_dominates", "start dominates", self.by_start, detail=True),
+            Row("start_std", "initial std", self.start, unit, detail=True),
+            Row("start_share", "share of the initial value", self.start_share, "%", detail=True),
+            Row("start_dominates", "initial value dominates", self.by_start, detail=True),
         ]  # fmt: skip
         if self.amplitude is not None and self.angle is not None:
             (size, size_std), (angle, off) = self.amplitude, self.angle

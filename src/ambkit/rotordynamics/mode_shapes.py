@@ -50,7 +50,7 @@ class ModeShapes(Result):
     def finding(self) -> str:
         """Their frequencies."""
         text = ", ".join(engineering(f / math.tau, "Hz", 4) for f in self.frequency)
-        return f"Bending modes of {self.machine}, free and at rest: {text}."
+        return f"Bending modes of {self.machine}, free at standstill: {text}."
 
     @property
     def rows(self) -> list[Row]:

@@ -38,7 +38,7 @@ class Waterfall(Result):
         """The greatest line, and where it is."""
         high = self._highest
         where = 0.0 if high.at is None else high.at.value
-        return f"{self.title}: at most {high.text()} at {figure(where, 'Hz')}."
+        return f"{self.title}: maximum {high.text()} at {figure(where, 'Hz')}."
 
     @property
     def _highest(self) -> Row:

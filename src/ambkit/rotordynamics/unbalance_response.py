@@ -42,8 +42,8 @@ class UnbalanceResponse(Result):
         n, k = np.unravel_index(self.amplitude.argmax(), self.amplitude.shape)
         most = engineering(self.amplitude[n, k], "m", 4)
         return (
-            f"Unbalance moves {self.machine.name} by {most} at most: along "
-            f"{self.machine.axes[k].name}, at {rpm(self.speed[n])}."
+            f"Greatest unbalance response of {self.machine.name}: {most} along "
+            f"{self.machine.axes[k].name} at {rpm(self.speed[n])}."
         )
 
     @property

@@ -73,7 +73,7 @@ class Run(Result):
     @property
     def finding(self) -> str:
         """Whether it flew without touching a stop, and how well it was estimated."""
-        contact_text = "a stop was touched" if self.samples_at_the_stop else "no stop was touched"
+        contact_text = "contact with a stop" if self.samples_at_the_stop else "no contact"
         if self.estimate is None:
             return f"{self.title}; {contact_text}."
         return f"{self.title}; {contact_text}, mean NIS {self.nis:.3f} ({self.estimate.estimator})."
@@ -88,7 +88,7 @@ class Run(Result):
         results = [
             Row("samples", "samples", len(record)),
             Row("duration", "duration", float(t[-1]), "s"),
-            Row("seed", "seed of the noise", record.meta["seed"], detail=True),
+            Row("seed", "noise seed", record.meta["seed"], detail=True),
             Row("greatest_displacement", "greatest displacement", self._by_axis(
                 {axis: np.abs(record[self.displacement(axis)]).max() for axis in self.axes}), "m"),
             Row("samples_at_the_stop", "  samples at the stop", self.samples_at_the_stop, at=touch),
@@ -103,7 +103,7 @@ class Run(Result):
         units = self.estimate.units
         errors = errors_along(self.estimate, record, *self._in_flight)
         results += [
-            Row("estimator", "estimator", self.estimate.estimator),
+            Row("estimator", "filter", self.estimate.estimator),
             Row("nis", "  mean NIS (1: consistent)", self.nis),
             *(Row(name, name, error, units[name], section=ERRORS)
               for name, error in errors.items()),
@@ -116,7 +116,7 @@ class Run(Result):
         (): Section("The run"),
         ERRORS: Section("Errors of the estimate, rms"),
         ("critical_speeds",): Section("Separation from critical speeds", across=True),
-        TURNING: Section("What turns with the rotor", across=True),
+        TURNING: Section("Synchronous components", across=True),
     }
 
     @property
@@ -138,7 +138,7 @@ class Run(Result):
         """What is to be said of its speed, and of the controller where it tripped."""
         remarks = [self._apart.sentence()] if self._apart else []
         if any(mode["mode"] == "tripped" for mode in self.modes):
-            remarks.append("It tripped: see lost and overload in [sequence].")
+            remarks.append("The sequence tripped: see lost and overload in [sequence].")
         return [*remarks, *self._judged[1]]
 
     def file(self) -> Record:

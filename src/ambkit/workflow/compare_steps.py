@@ -197,8 +197,7 @@ class LoopScores(Result):
     def notes(self) -> list[str]:
         """In which loops the rotor touched a stop: their errors are not those of a levitation."""
         return [
-            f"{case}, {name}: the rotor touched the stop in {score.touched} of {len(self.seeds)} "
-            "runs."
+            f"{case}, {name}: contact with the stop in {score.touched} of {len(self.seeds)} runs."
             for case, scores in self.scores.items()
             for name, score in scores.items()
             if score.touched

@@ -269,9 +269,9 @@ def evidence_for(chosen: TunedCandidate, candidates: Sequence[TunedCandidate]) -
     """Return what speaks for a candidate, in a sentence."""
     x, f_d = engineering(chosen.errors["x"], "m", 3), engineering(chosen.errors["f_d"], "N", 3)
     raw = engineering(chosen.raw, "m", 3)
-    errors = f"in position and {f_d} in the disturbance force; the raw sensors err by {raw}."
+    errors = f"in position and {f_d} in the disturbance force; {raw} of the raw sensors."
     if chosen.by == "truth":
-        return f"In simulated runs that it was not tuned on it errs by {x} {errors}"
+        return f"In simulated validation runs its error is {x} {errors}"
 
     def ahead(candidate: TunedCandidate) -> str:
         return engineering(candidate.unseen[AHEAD[10]], "m", digits=3)
@@ -279,8 +279,8 @@ def evidence_for(chosen: TunedCandidate, candidates: Sequence[TunedCandidate]) -
     others = [c for c in candidates if c is not chosen]
     beside = "".join(f", the {KINDS[c.kind].label} {ahead(c)}" for c in others)
     return (
-        f"On records that it was not tuned on it predicts the position 10 samples ahead to "
-        f"{ahead(chosen)} rms{beside}. In simulated runs, under a step of the disturbance force of "
-        f"{engineering(chosen.load, 'N', 3)}, it errs by {x}, {100 * chosen.efficiency:.0f} % of "
-        f"what is possible, {errors}"
+        f"On validation records it predicts the position 10 samples ahead to {ahead(chosen)} rms"
+        f"{beside}. In simulated runs with a step of {engineering(chosen.load, 'N', 3)} of the "
+        f"disturbance force its error is {x} ({100 * chosen.efficiency:.0f} % of the bound) "
+        f"{errors}"
     )

@@ -81,7 +81,7 @@ class Design(Result):
         """Which filter is to fly, and what the loop comes to."""
         structure = name_of(self.control.model_copy(update={"pid": {}}))
         return (
-            f"Fly the {KINDS[self.chosen.kind].label} with {structure} control: the "
+            f"Use the {KINDS[self.chosen.kind].label} with {structure} control: the "
             f"peak of |S| is {self.loop.peak:.4g}, zone {self.loop.zone} of ISO 14839-3, and a "
             f"step overshoots by {percent(max(0.0, self.overshoot))}."
         )
@@ -92,7 +92,7 @@ class Design(Result):
         why = evidence_for(self.chosen, self.candidates)
         objections = [f"Objection: {objection}" for objection in self.objections]
         if not self.passed:
-            objections.append("Nothing was exported: --force does it all the same.")
+            objections.append("Nothing was exported: --force exports nevertheless.")
         return [why, *objections, *self.remarks]
 
     @property
@@ -109,14 +109,14 @@ class Design(Result):
                     Row("zone", "zone", loop.zone),
                     Row("peak", "peak of |S|", loop.peak, "|S|"),
                     Row("largest_singular_value", "largest singular value", loop.largest[0]),
-                    Row("current_noise", "current by noise, rms", loop.current_noise, "A", 3),
+                    Row("current_noise", "current noise, rms", loop.current_noise, "A", 3),
                 ], section=("loops",), of=f"fed by {name}")  # fmt: skip
         return results
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
         """Titles of the tables."""
-        title = "Filters that were tried, on what they were not tuned on"
+        title = "Candidate filters, on validation data"
         return {
             ("controllers",): Section(f"Controllers of {self.machine.name}", across=True),
             ("candidates",): Section(title),
@@ -127,7 +127,7 @@ class Design(Result):
     def chapters(self) -> list[Part]:
         """Estimates along the record, and the files."""
         files = "\n".join(f"- `{name}`: {what}" for name, what in self.made.items())
-        made = Part("What was made", f"All of it lies in {markdown(self.folder)}.\n\n{files}")
+        made = Part("Files", f"All of it lies in {markdown(self.folder)}.\n\n{files}")
         if self.record is None:
             return [made]
         of = {KINDS[c.kind].name: evaluate(Estimator.load(c.file), self.record)
@@ -191,11 +191,11 @@ def _of_candidate(of: TunedCandidate) -> list[Row]:
     return [
         Row("kept", "tuned", of.kept),
         *ahead,
-        Row("log_likelihood", "log likelihood a sample", -likelihood, detail=True),
+        Row("log_likelihood", "log-likelihood per sample", -likelihood, detail=True),
         Row("nis", "mean NIS", of.unseen.get("nis"), detail=True),
         *(Row(name, f"error of {name}", of.errors[name], unit, 3)
           for name, unit in EVALUATED.items()),
-        Row("efficiency", "x: of the bound", of.efficiency, "%"),
+        Row("efficiency", "bound / error of x", of.efficiency, "%"),
         Row("peak", "peak of |S|", of.peak, "|S|"),
     ]  # fmt: skip
 

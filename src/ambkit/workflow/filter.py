@@ -155,11 +155,12 @@ class Filtering(Result):
             gain[name] = max(r if math.isfinite(r) else math.inf for r in ratios)
         best = min(gain, key=gain.__getitem__)
         if math.isinf(gain[best]):
-            return f"{self.title}: no filter's prediction can be judged."
+            return f"{self.title}: too few samples to judge a prediction."
         nis = self[best].evaluation.nis
         return (
-            f"{self.title}: {best} predicts {ahead} steps ahead with {gain[best]:.3g} of the error "
-            f"of holding the last measurement{'' if math.isnan(nis) else f'; mean NIS {nis:.3f}'}."
+            f"{self.title}: {best} predicts {ahead} steps ahead with {gain[best]:.3g} times the "
+            f"error of the last measurement held"
+            f"{'' if math.isnan(nis) else f'; mean NIS {nis:.3f}'}."
         )
 
     @property
@@ -180,10 +181,11 @@ class Filtering(Result):
         units = item.evaluation.estimate.units
         return [
             *item.evaluation.rows(self.machine, flags),
-            Row("disturbance_noise", "load, noise assumed", self.growth(item.noise), "N^2/s"),
-            Row("smoothed.disturbance_mean", "load, mean, smoothed",
+            Row("disturbance_noise", "disturbance force, assumed noise",
+                self.growth(item.noise), "N^2/s"),
+            Row("smoothed.disturbance_mean", "disturbance force, mean, smoothed",
                 after.get("disturbance_mean"), "N", detail=True),
-            Row("smoothed.disturbance_std", "load, std, smoothed",
+            Row("smoothed.disturbance_std", "disturbance force, std, smoothed",
                 after.get("disturbance_std"), "N"),
             *(Row(f"smoothed.rmse.{name}", f"error of {name}, rms, smoothed", error, units[name])
               for name, error in after.get("rmse", {}).items()),

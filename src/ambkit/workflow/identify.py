@@ -196,7 +196,11 @@ class Identified(Result):
     @property
     def finding(self) -> str:
         """What was found, and on what it was judged."""
-        on = "" if self.on_others else " Judged on what it was identified from: validate on others."
+        on = (
+            ""
+            if self.on_others
+            else " Validated on the identification records only: validate on others."
+        )
         return f"{self.likelihood.finding}{on}"
 
     @cached_property
@@ -206,7 +210,7 @@ class Identified(Result):
         for name, unit in (("k_i", "N/A"), ("k_s", "N/m")):
             at = stiffness[name]
             result.append(
-                Row("value", "found", at["value"], unit, error=at["standard_error"], of=name,
+                Row("value", "identified", at["value"], unit, error=at["standard_error"], of=name,
                     section=("stiffness",))
             )  # fmt: skip
         for name, noise in self.rest.items():
@@ -220,7 +224,7 @@ class Identified(Result):
             k = check.farthest
             result += put([
                 Row("fit", f"fit, {k} samples ahead", check.fit[k] / 100, "%"),
-                Row("fit_of_start", "of the start", check.of_start[k] / 100
+                Row("fit_of_start", "of the initial model", check.of_start[k] / 100
                     if k in check.of_start else None, "%"),
                 Row("held", "last measurement held", check.held[k] / 100, "%"),
                 Row("error", "error, rms", check.error[k], "m", 3),
@@ -262,7 +266,7 @@ class Identified(Result):
     @property
     def notes(self) -> list[str]:
         """What to think of it."""
-        where = "" if self.on_others else ", which it was identified from"
+        where = "" if self.on_others else ", the identification record"
         notes = [*self.likelihood.notes, *(f"{sentence}." for sentence in self.of_the_zeros)]
         problems = {name: why for name, why in self.rest.items() if isinstance(why, str)}
         notes += [f"{name} at rest: {why}" for name, why in problems.items()]
@@ -270,10 +274,10 @@ class Identified(Result):
         if self.forces is not None:
             along, across = self.forces.force.shape
             notes.append(
-                f"Force map: {across}x{along} nodes; the records tell of "
-                f"{int(self.forces.observed.sum())}, which are written: there the force is known "
-                f"to less than half of the {engineering(self.forces.assumed, 'N', 3)} by which the "
-                "law may be wrong."
+                f"Force map: {across}x{along} nodes, of which the records determine "
+                f"{int(self.forces.observed.sum())}: these are written. Their standard error is "
+                f"below half of the assumed error of the law, "
+                f"{engineering(self.forces.assumed, 'N', 3)}."
             )
         model = self.likelihood.model
         carried = carried_over(
@@ -281,15 +285,14 @@ class Identified(Result):
         )
         if any("[signals." in line for line in carried):
             notes.append(
-                "The machine's file says what to put into the channel map before filtering such a "
-                "log."
+                "The machine's file lists what the channel map needs before such a log is filtered."
             )
         noise = self.filter.variances.disturbance if self.machine.single else None
         if noise is not None and RAISED in self.filter.origin.values():
             notes.append(
-                f"The filter's noise.disturbance is {noise:.3g} N^2/s: the records would have "
-                f"{model.disturbance_noise:.3g} N^2/s, with which a disturbance force is followed "
-                "too slowly."
+                f"The filter's noise.disturbance is {noise:.3g} N^2/s: the records give "
+                f"{model.disturbance_noise:.3g} N^2/s, which would follow a disturbance force too "
+                "slowly."
             )
         return [*notes, *sentences(self.adequacy)]
 
@@ -505,7 +508,7 @@ class LiftedOff(Result):
                 error=errors["magnet_constant"], symbol="k"),
             Row("gap_offset", "gap offset z_off", fit.gap_offset, "m", error=errors["gap_offset"],
                 symbol="z_off"),
-            Row("residual_rms", "current left unexplained, rms", fit.residual_rms, "A"),
+            Row("residual_rms", "residual current, rms", fit.residual_rms, "A"),
             Row("points", "points", len(fit.points)),
             Row("points_left_out", "points left out", len(fit.left_out)),
         ]  # fmt: skip

@@ -136,7 +136,7 @@ class Robust(Result):
 
     SECTIONS = {
         ("values",): Section("{0.title}"),
-        ("front",): Section("Nothing is better in both", across=True),
+        ("front",): Section("Pareto front", across=True),
     }
 
     @property

@@ -79,7 +79,7 @@ class TradeOff(Result):
                 for name, unit in SIGNALS.items()
             ]
             results += put([
-                Row("ceiling", "to stay below", one.ceiling, digits=3, detail=True),
+                Row("ceiling", "limit", one.ceiling, digits=3, detail=True),
                 Row("reached", "reached", reached),
                 Row("peak", "peak of |S|", one.peak if reached else None, "|S|"),
                 Row("zone", "zone", one.zone),

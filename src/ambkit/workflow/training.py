@@ -310,8 +310,7 @@ class TrainedExpert(Result):
         """The error of its force, beside constant stiffnesses."""
         trained, constant = (engineering(self.error[n], "N", 4) for n in ("trained", "constant"))
         return (
-            f"{self.title}; the force is off by {trained} rms, with constant stiffnesses by "
-            f"{constant}."
+            f"{self.title}; error of the force {trained} rms, with constant stiffnesses {constant}."
         )
 
     @property
@@ -320,11 +319,11 @@ class TrainedExpert(Result):
         errors = ("error with constant stiffnesses", "error of the untrained expert",
                   "error of the trained expert")  # fmt: skip
         result = [
-            Row("box", "box", ", ".join(
+            Row("box", "range", ", ".join(
                 f"{engineering(low, unit, 4)} to {engineering(high, unit, 4)}"
                 for (low, high), unit in ((self.expert.current_range, "A"),
                                           (self.expert.displacement_range, "m")))),
-            Row("force_rms", "force without that at the origin, rms",
+            Row("force_rms", "force relative to the origin, rms",
                 self.stiffness.force_rms(), "N"),
             *(Row(name, f"{text}, rms", self.error[name], "N", section=("force_error_rms",))
               for text, name in zip(errors, ("constant", "untrained", "trained"), strict=True)),
@@ -355,14 +354,14 @@ class TrainedExpert(Result):
         off, errors = data["error_at_points"], data["error_at_points_in_standard_errors"]
         source = "given" if self.measured.law_error_known else "estimated"
         return [
-            Row("points_in_box", "points in the box of the expert", data["points_in_box"]),
-            Row("scatter", "their scatter, rms", surface.scatter, "N", 3),
-            Row("law_error", f"error of the law, {source}, alike within {reach}",
+            Row("points_in_box", "points in the range of the expert", data["points_in_box"]),
+            Row("scatter", "scatter, rms", surface.scatter, "N", 3),
+            Row("law_error", f"error of the law, {source}, correlated within {reach}",
                 surface.law_error, "N", 3),
             *(Row(f"force_standard_error.{key}", f"standard error of the force, {text}",
                   data["force_standard_error"][key], "N", 3)
               for key, text in (("rms", "rms"), ("largest", "at most"))),
-            *(Row(f"error_at_points.{key}", f"{text} off the points, rms", off[key], "N", 3)
+            *(Row(f"error_at_points.{key}", f"deviation from points, {text}, rms", off[key], "N", 3)
               for key, text in (("law", "the law"), ("trained", "the trained expert"))),
             *(Row(f"error_at_points_in_standard_errors.{key}", "  in standard errors",
                   errors[key], digits=3) for key in ("law", "trained")),
@@ -403,10 +402,10 @@ class TrainedExpert(Result):
         if measured is not None and self.taken != NETWORK:
             form = FORMS[self.taken][0]
             results.append(
-                f"{self.taken} is better at points left out, and the filter takes it: --out "
-                f"FILE{form} writes it, --model network takes the network all the same"
+                f"{self.taken} is better at points left out and is used: --out FILE{form} "
+                f"writes it, --model network uses the network nevertheless"
                 if self.asked is None
-                else f"the filter takes {self.taken}: --out FILE{form} writes it"
+                else f"the filter uses {self.taken}: --out FILE{form} writes it"
             )
         return [*results, *sentences(self.adequacy)]
 

@@ -144,7 +144,7 @@ class Tuned(Result):
     @property
     def outcome(self) -> str:
         """What became of it, in a sentence."""
-        return f"The {'tuned' if self.kept else 'untuned'} filter is taken."
+        return f"The {'tuned' if self.kept else 'untuned'} filter is used."
 
     def figure(self) -> Figure:
         """Return the picture of all that was tried."""
@@ -160,10 +160,10 @@ class Tuned(Result):
 
     @property
     def finding(self) -> str:
-        """Which filter is taken, and its peak in the loop."""
+        """Which filter is used, and its peak in the loop."""
         if math.isnan(self.peak):
             return f"{self.title}: {self.outcome}"
-        below = "" if self.max_sensitivity is None else f", to stay below {self.max_sensitivity:g}"
+        below = "" if self.max_sensitivity is None else f" (limit {self.max_sensitivity:g})"
         return (
             f"{self.title}: {self.outcome} Peak of |S| in the loop: {self.peak:.3f}, zone "
             f"{zone_of(self.peak)}{below}; untuned {self.untuned_peak:.3f}."
@@ -197,7 +197,7 @@ class Tuned(Result):
         how = f"{len(self.trace)} evaluations, by {self.by}"
         return {
             VALUES: Section(f"{self.estimator.name} for {self.estimator.machine.name}: {how}"),
-            VALIDATION: Section("On data that it was not tuned on"),
+            VALIDATION: Section("On validation data"),
             ("loop",): Section("In the loop"),
         }
 

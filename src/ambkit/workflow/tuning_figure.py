@@ -66,7 +66,7 @@ def tuning_figure(
         if visible[0] and size[0] < HIGHEST_PEAK:
             items.append(Points(size[:1], costs[:1], signal="measurement", label="untuned"))
         if peak_limit is not None:
-            items.append(Rule(peak_limit, axis="x", signal="limit", label="to stay below"))
+            items.append(Rule(peak_limit, axis="x", signal="limit", label="limit"))
         return Panel(Axis("peak of |S|"), Axis(cost, limits=limits), items)
 
     panels = [panel(of) for of in free]
@@ -106,7 +106,7 @@ def trade_off_figure(
         "trade-off",
         title,
         "Each point is a filter, tuned with the peak of abs(S) in the loop kept below a ceiling, "
-        "in simulated runs that it was not tuned on.",
+        "in simulated validation runs.",
         panels,
         columns=2,
     )

@@ -45,7 +45,7 @@ HALVINGS = 8
 
 
 JUDGED: Mapping[By, str] = {
-    "likelihood": "minus log likelihood a sample",
+    "likelihood": "negative log-likelihood per sample",
     "truth": "error over the untuned linear filter's",
 }
 """What a tuned filter is judged by, on what it was not tuned on."""
@@ -176,14 +176,11 @@ class ByLikelihood:
         if self.spikes:
             yield self.spikes
         if not kept:
-            yield (
-                "the data that it was not tuned on is no more likely with the tuned values: the "
-                "untuned filter is taken"
-            )
+            yield "the validation data is no more likely with the tuned values: the untuned is used"
         if kept and after["nis"] > TOO_LARGE**2:
             yield (
                 f"the innovations are {math.sqrt(after['nis']):.1f} times what the filter expects, "
-                "on data that it was not tuned on: is the record of this bearing?"
+                "on validation data: is the record of this bearing?"
             )
 
 
@@ -266,7 +263,7 @@ class ByTruth:
                 f"raw sensor by {engineering(self.raw, 'm', digits=3)}"
             )
         if not kept:
-            yield "runs that it was not tuned on have no smaller errors: the untuned is taken"
+            yield "validation runs have no smaller errors: the untuned filter is used"
 
 
 def _check_records(machine: Machine, records: Iterable[Record]) -> None:

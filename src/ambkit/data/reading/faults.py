@@ -95,11 +95,11 @@ class Channel:
     def rows(self) -> list[Row]:
         """Return it as rows."""
         return put([
-            Row("least", "least", self.least, self.unit),
-            Row("greatest", "greatest", self.greatest, self.unit),
+            Row("least", "minimum", self.least, self.unit),
+            Row("greatest", "maximum", self.greatest, self.unit),
             Row("mean", "mean", self.mean, self.unit),
             Row("noise", "noise rms", self.noise, self.unit, 3),
-            Row("resolution", "steps of", self.resolution or None, self.unit, 3),
+            Row("resolution", "resolution", self.resolution or None, self.unit, 3),
             Row("missing", "missing", self.missing or None),
         ], section=("channels",))  # fmt: skip
 

@@ -60,16 +60,16 @@ class Cost:
         """Return what it costs on a processor with this clock [Hz]."""
         cycles = f"{CYCLES_PER_INSTRUCTION} cycles an instruction assumed"
         return put([
-            Row("instructions", "instructions a step, as a rule", self.instructions),
-            Row("most", "  the most seen", self.most),
-            Row("bound", "  at most on any path", self.bound),
-            Row("trusted", "  of the step that trusts its input", self.trusted),
+            Row("instructions", "instructions per step, typical", self.instructions),
+            Row("most", "  maximum observed", self.most),
+            Row("bound", "  worst case (any path)", self.bound),
+            Row("trusted", "  without checks of the input", self.trusted),
             Row("code", "code [byte]", self.code),
             Row("constants", "constants [byte]", self.constants),
             Row("state", "state of an instance [byte]", self.state),
-            Row("stack", "stack, the most seen [byte]", self.stack),
+            Row("stack", "stack, maximum observed [byte]", self.stack),
             Row("selftest", "instructions of the self-test", self.selftest, detail=True),
-            Row("compiler", "code by", self.compiler, detail=True),
+            Row("compiler", "compiler", self.compiler, detail=True),
             Row("clock", "clock", clock, "Hz", detail=True),
             Row("highest_rate", "highest sampling rate", self.highest_rate(clock), "Hz", 3,
                 note=f"at {engineering(clock, 'Hz')}, {cycles}"),

@@ -73,8 +73,8 @@ class CExport(Result):
         return put([
             Row("rows", "rows", rows),
             Row("columns", "columns", columns),
-            Row("force_bound", "from the rules, at most", self.table.bound, "N"),
-            Row("force_error", "  greatest found", self.table.error, "N"),
+            Row("force_bound", "bound on the deviation from the rules", self.table.bound, "N"),
+            Row("force_error", "  greatest observed", self.table.error, "N"),
         ], section=("table",))  # fmt: skip
 
     SECTIONS = {("table",): Section("Table of the expert")}
@@ -176,8 +176,8 @@ class FilterCost(Result):
         rate = engineering(self.cost.highest_rate(self.clock), "Hz", 3)
         clock = engineering(self.clock, "Hz", 4)
         return (
-            f"{self.title}: {self.cost.instructions} instructions a step, up to {rate} at a clock "
-            f"of {clock}."
+            f"{self.title}: {self.cost.instructions} instructions per step, sampling up to {rate} "
+            f"at a clock of {clock}."
         )
 
     @property

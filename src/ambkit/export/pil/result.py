@@ -64,10 +64,10 @@ class Pil(Result):
     @property
     def finding(self) -> str:
         """Whether all bits are the same."""
-        verdict = "every number is Python's to the last bit"
+        verdict = "all values equal those of Python to the last bit"
         if not self.passed:
             wrong = self.unequal + self.unequal_frames + self.selftest
-            verdict = f"{wrong} numbers are not Python's"
+            verdict = f"{wrong} values differ from those of Python"
         return f"{self.title}, {self.samples:,} samples: {verdict}."
 
     @property
@@ -78,25 +78,25 @@ class Pil(Result):
         time = self.most * CYCLES_PER_INSTRUCTION / CLOCK
         return [
             Row("samples", "samples", self.samples),
-            Row("unequal", "numbers other than Python's", self.unequal, below=1),
+            Row("unequal", "values that differ from Python's", self.unequal, below=1),
             Row("unequal_frames", "  in the telemetry", self.unequal_frames, below=1),
             Row("selftest", "  in its self-test", self.selftest, below=1),
             Row("modes", "modes", modes, detail=True),
-            Row("worst", "off the reference in flight, at most", self.worst, "m", 3),
+            Row("worst", "greatest tracking error while levitated", self.worst, "m", 3),
             Row("rms", "  rms", self.rms, "m", 3),
-            Row("touched", "samples on a stop in flight", self.touched),
-            Row("instructions", "instructions a step, median", self.instructions),
-            Row("most", "  the most seen", self.most),
-            Row("time", "  time of the most seen", time, "s", 3, below=self.record.sampling_time,
+            Row("touched", "samples in contact while levitated", self.touched),
+            Row("instructions", "instructions per step, median", self.instructions),
+            Row("most", "  maximum observed", self.most),
+            Row("time", "  time of the maximum", time, "s", 3, below=self.record.sampling_time,
                 note=f"at {clock}, {CYCLES_PER_INSTRUCTION} cycles an instruction assumed"),
-            Row("stack_seen", "stack of a step, the most seen [byte]", self.stack_seen),
+            Row("stack_seen", "stack per step, maximum observed [byte]", self.stack_seen),
             Row("state", "memory of an instance [byte]", self.state),
             *put([
                 Row("compiler", "compiler", built.compiler, detail=True),
                 Row("code", "code [byte]", built.code),
                 Row("constants", "constants [byte]", built.constants),
-                Row("variables", "memory besides [byte]", built.variables),
-                Row("stack", "stack of a step, at most by the call graph [byte]", built.stack),
+                Row("variables", "other memory [byte]", built.variables),
+                Row("stack", "stack per step, bound from the call graph [byte]", built.stack),
             ], section=("built",)),
         ]  # fmt: skip
 

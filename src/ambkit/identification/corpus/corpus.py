@@ -71,13 +71,15 @@ class Corpus(Result):
 
     TITLE = "Identification of {0.model.bearing.name} from many logs"
     SECTIONS = {
-        ("predictions",): Section("Each log, predicted by a model of the others", across=True),
-        ("parameters",): Section("What the logs say together", across=True),
-        ("alone",): Section("What each log says alone", across=True),
+        ("predictions",): Section(
+            "Cross-validation: each log predicted by a model of the others", across=True
+        ),
+        ("parameters",): Section("All logs together", across=True),
+        ("alone",): Section("Each log separately", across=True),
         ("in_flight", "flights"): Section(
             "The magnet in flight, the gap as described", across=True
         ),
-        ("cut",): Section("How the logs were cut", across=True),
+        ("cut",): Section("Segments of the logs", across=True),
     }
 
     @property
@@ -99,7 +101,7 @@ class Corpus(Result):
             name, value = one.name.replace("_", " "), float(p.values[k])
             error, scatter = (float(of[k]) for of in (p.errors, p.scatter))
             result += put([
-                Row("value", "found", value, one.unit, error=error * _scale(one, value)),
+                Row("value", "identified", value, one.unit, error=error * _scale(one, value)),
                 Row("scatter_between_logs", "scatter between logs", scatter,
                     "%" if one.positive else one.unit),
             ], section=("parameters",), of=name)  # fmt: skip
@@ -111,14 +113,14 @@ class Corpus(Result):
             {} if self.strength_loss is None else self.strength_loss.flights
         ).items():
             result += put([
-                Row("amplitude", "amplitude of the current", flight.amplitude, "A", 2),
-                Row("factor", "described over found", flight.factor,
+                Row("amplitude", "current amplitude", flight.amplitude, "A", 2),
+                Row("factor", "described / identified", flight.factor,
                     error=flight.factor * flight.error),
             ], section=("in_flight", "flights"), of=log)  # fmt: skip
         for log, parts in self.stretches.items():
             said = [f"{s.kind} {s.begin:.3g} to {s.end:.3g} s" for s in parts]
             cuts = "; ".join(said[:8] + ["..."] * (len(said) > 8))
-            result.append(Row("parts", "stretches", cuts, of=log, section=("cut",)))
+            result.append(Row("parts", "segments", cuts, of=log, section=("cut",)))
         return result
 
     @property
@@ -126,11 +128,11 @@ class Corpus(Result):
         """What the figures mean, and what is left out."""
         weaker = [] if self.strength_loss is None else [self.strength_loss.text]
         return [
-            "Errors are rms, so many samples ahead, with the controls since. Alone is the model "
-            "with the controls that the past lets expect; ARX knows no other, velocity is a Kalman "
-            "filter without a magnet. All three are fitted to the other logs. Left is what of the "
-            "residuals their past predicts. Good: no baseline that knows as much is better, NIS "
-            "is near 1, and little is left.",
+            "Errors are rms of predictions that many samples ahead, with the controls since. "
+            "Alone is the model with controls predicted from the past, which is all that ARX has; "
+            "velocity is a Kalman filter without a magnet. All are fitted to the other logs. "
+            "Predictable is the share of the residuals that their past predicts. Good: no baseline "
+            "with the same information is better, NIS is near 1, and little is predictable.",
             *(f"{said[0].upper()}{said[1:]}." for said in weaker),
             *(f"A line at {figure(h.frequency, 'Hz')} in the position, of "
               f"{figure(h.amplitude, 'm', 2)}, in more than half of the logs."

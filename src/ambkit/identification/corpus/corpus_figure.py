@@ -34,4 +34,6 @@ def corpus_figure(corpus: Any) -> Figure:
     said = ", ".join(
         f"{n}: {prediction.name}" for n, prediction in zip(numbers, corpus.predictions, strict=True)
     )
-    return Figure("corpus", "Each log, predicted by a model of the others", said, panels)
+    return Figure(
+        "corpus", "Cross-validation: each log predicted by a model of the others", said, panels
+    )

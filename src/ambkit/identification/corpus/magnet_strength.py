@@ -56,19 +56,19 @@ class StrengthLoss:
     def text(self) -> str:
         """What was found, as a sentence."""
         sentence = (
-            f"with the gap as described, flights tell a magnet constant that is the described one "
-            f"over {self.factor:.3g} ± {self.factor * self.factor_error:.2g}"
+            f"with the described air gap, the records in levitation give the described magnet "
+            f"constant divided by {self.factor:.3g} ± {self.factor * self.factor_error:.2g}"
         )
         if math.isnan(self.slope):
             return sentence
         if abs(self.slope) < 2 * self.slope_error:
-            return f"{sentence}, whatever the amplitude of the current, as far as they tell"
+            return f"{sentence}, with no significant dependence on the current amplitude"
         ends = [
             end(self.flights.values(), key=lambda one: one.amplitude) for end in (min, max)
         ]  # fmt: skip
         way = "less" if self.slope < 0 else "more"
         seen = ", ".join(f"{one.factor:.3g} at {1e3 * one.amplitude:.2g} mA" for one in ends)
-        return f"{sentence}; {way} the larger the amplitude: {seen}"
+        return f"{sentence}; {way} at larger amplitudes: {seen}"
 
 
 def _in_flight(

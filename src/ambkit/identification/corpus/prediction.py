@@ -197,10 +197,10 @@ class Prediction:
             *(Row(f"{key}.{k}", f"{words} {k}", value, "m", 3)
               for k in AHEAD for key, words in KINDS.items()
               for value in [getattr(self, key)[k]]),
-            Row("noise_floor", "noise", self.floor, "m", 3, detail=True),
+            Row("noise_floor", "noise floor", self.floor, "m", 3, detail=True),
             Row("nis", "NIS", self.nis, digits=3),
-            Row("white_share", "white", self.white, "%"),
-            Row("predictable_share", "left", self.left, "%"),
+            Row("white_share", "white lags", self.white, "%"),
+            Row("predictable_share", "predictable", self.left, "%"),
             Row("good", "good", self.good),
         ]  # fmt: skip
 

@@ -123,7 +123,7 @@ class Design(Result):
         if not positive:
             return f"{self.title}: no parameter has a relative error."
         surest = name.replace("_", " ")
-        return f"{self.title}: surest is the {surest}, with a standard error of {percent(share)}."
+        return f"{self.title}: least standard error {percent(share)}, of the {surest}."
 
     @property
     def rows(self) -> list[Row]:
@@ -134,12 +134,12 @@ class Design(Result):
             Row("duration", "duration", float(record.t[-1]), "s"),
             Row("samples", "  samples", len(record)),
             Row("band", "band", self.band, "Hz", 3),
-            Row("amplitude", "reference, greatest value", self.amplitude, "m"),
-            Row("crest_factor", "  crest factor of the signal", self.excitation.crest_factor,
+            Row("amplitude", "greatest reference", self.amplitude, "m"),
+            Row("crest_factor", "  crest factor", self.excitation.crest_factor,
                 digits=3),
-            Row("greatest_current", "control current, greatest", current, "A",
+            Row("greatest_current", "greatest control current", current, "A",
                 below=limits.current),
-            Row("greatest_displacement", "displacement, greatest", far, "m",
+            Row("greatest_displacement", "greatest displacement", far, "m",
                 below=limits.displacement),
         ]  # fmt: skip
         for p, error in zip(expected.parameters, expected.errors, strict=True):
@@ -147,7 +147,7 @@ class Design(Result):
             results += put([
                 Row("value", "value", at, p.unit),
                 Row("standard_error", "standard error", float(error), p.unit, 3),
-                Row("share", "of the value", float(error / at) if p.positive else None, "%"),
+                Row("share", "relative", float(error / at) if p.positive else None, "%"),
             ], section=EXPECTED, of=p.name)  # fmt: skip
         return results
 
@@ -157,9 +157,9 @@ class Design(Result):
     def notes(self) -> list[str]:
         """What cannot be told, or only together."""
         expected, names = self.expectation, [p.name for p in self.expectation.parameters]
-        sentences = [f"{name} will not be found: {why}" for name, why in expected.held.items()]
+        sentences = [f"{name} will not be identified: {why}" for name, why in expected.held.items()]
         sentences += [
-            f"{names[j]} and {name} hang together: correlation {expected.correlation[i, j]:+.3f}"
+            f"{names[j]} and {name} are correlated: {expected.correlation[i, j]:+.3f}"
             for i, name in enumerate(names) for j in range(i)
             if abs(expected.correlation[i, j]) > CERTAIN
         ]  # fmt: skip

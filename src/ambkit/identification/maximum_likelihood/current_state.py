@@ -72,10 +72,10 @@ class CurrentState:
     def text(self) -> str:
         """What was found, as a sentence."""
         return (
-            f"the measured current has a noise of {engineering(self.noise, 'A', 2)}; from the "
-            f"control signal, which a coil follows with {engineering(self.lag, 's', 3)} after "
-            f"{engineering(self.delay, 's', 2)}, and the measurement it is known to "
-            f"{engineering(self.unknown, 'A', 2)}"
+            f"the measured current has a noise of {engineering(self.noise, 'A', 2)}; with the "
+            f"control signal, which the coil follows with a lag of "
+            f"{engineering(self.lag, 's', 3)} after {engineering(self.delay, 's', 2)}, it is "
+            f"estimated to {engineering(self.unknown, 'A', 2)}"
         )
 
     def driving(self, model: LoopModel) -> LoopModel:

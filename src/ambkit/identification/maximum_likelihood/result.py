@@ -176,12 +176,12 @@ class MaximumLikelihood(Result):
         rows: list[Row] = []
         for i, p in enumerate(self.parameters):
             rows += put([
-                Row("start", "start", p.of(self.start), p.unit),
-                Row("value", "found", float(self.values[i]), p.unit, symbol=p.symbol,
+                Row("start", "initial", p.of(self.start), p.unit),
+                Row("value", "identified", float(self.values[i]), p.unit, symbol=p.symbol,
                     error=self.standard_error(p.name), interval=self.interval(p.name)),
-                Row("robust_standard_error", "robust error",
+                Row("robust_standard_error", "robust standard error",
                     self.standard_error(p.name, robust=True), p.unit, 2, detail=True),
-                Row("told_by_records", "by the records", float(self.record_share[i]), "%",
+                Row("told_by_records", "from the records", float(self.record_share[i]), "%",
                     detail=True),
             ], section=("parameters",), of=p.name)  # fmt: skip
         return rows
@@ -200,34 +200,36 @@ class MaximumLikelihood(Result):
             for name, why in self.held.items()
         ]
         notes += [
-            f"{a.name}, {b.name}: correlation {self.correlation[i, j]:+.2f}, their combination is "
-            "known better than each.".replace("_", " ")
+            f"{a.name}, {b.name}: correlation {self.correlation[i, j]:+.2f}; their combination is "
+            "more precise than either.".replace("_", " ")
             for i, a in enumerate(self.parameters)
             for j, b in enumerate(self.parameters[:i])
             if abs(self.correlation[i, j]) > TOGETHER
         ]
         notes += [
-            f"{p.name.replace('_', ' ')} was known beforehand, "
+            f"{p.name.replace('_', ' ')} has a prior of "
             f"{figure(self.model.known[p.name][0], p.unit)} ± "
-            f"{figure(self.model.known[p.name][1], p.unit, 2)}: the records tell "
-            f"{100 * self.record_share[i]:.0f} % of what the found value rests on."
+            f"{figure(self.model.known[p.name][1], p.unit, 2)}: the records contribute "
+            f"{100 * self.record_share[i]:.0f} % of the information."
             for i, p in enumerate(self.parameters) if p.name in self.model.known
         ]  # fmt: skip
         if self.profiles:
             names = ", ".join(self.profiles).replace("_", " ")
             notes.append(
-                f"Not near to quadratic over {names}: intervals by the profile of the likelihood, "
-                "1.96 standard errors would mislead."
+                f"The likelihood is not quadratic in {names}: the intervals are profile likelihood "
+                "intervals, not 1.96 standard errors."
             )
         notes += [
-            f"A line at {figure(line.frequency, 'Hz')} in the position, of "
-            f"{figure(line.amplitude, 'm', 2)}: taken in as an oscillator of the sensor, which "
-            "filters of the bearing carry."
+            f"A line of {figure(line.amplitude, 'm', 2)} at {figure(line.frequency, 'Hz')} in the "
+            "position is modelled as line noise of the sensor, also in filters."
             for line in self.lines
         ]
         notes += [f"{remark[0].upper()}{remark[1:]}." for remark in (*self.touched, *self.remarks)]
         if not self.converged:
-            notes.append("The search did not end at a maximum: take a closer start, or free less.")
+            notes.append(
+                "The search did not converge to a maximum: give a closer initial "
+                "model or fewer free parameters."
+            )
         return notes
 
     @property

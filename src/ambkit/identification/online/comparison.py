@@ -142,15 +142,14 @@ class OnlineComparison(Result):
         load = self._load_for_the_magnet()
         if load is not None:
             remarks.append(
-                f"ADALINE takes a load that it is not told for the magnet, and least squares find "
-                f"one of {load:.2g} N: a known load belongs to --disturbance"
+                f"ADALINE attributes an unknown disturbance force to the magnet, and least squares "
+                f"find one of {load:.2g} N: state a known force by --disturbance"
             )
         if self.coloured:
             remarks.append(
-                f"the innovations have colour (one sample apart they correlate by "
-                f"{self.colour:+.2f}): the noise of the sensor is not white, or the model misses "
-                "something. The Kalman filter takes that for k, and its error does not hold; "
-                "ADALINE and least squares look below it"
+                f"the innovations are not white (correlation {self.colour:+.2f} at one sample): "
+                "the sensor's noise is coloured, or the model is incomplete. This biases k of the "
+                "Kalman filter, whose error does not hold; ADALINE and least squares average it"
             )
         return remarks
 
@@ -180,11 +179,11 @@ class OnlineComparison(Result):
             k, truth = one.magnet_constant, self.truth
             against = f"against the true {figure(truth, CONSTANT)}"
             results += put([
-                Row("start", "magnet constant, start", self.start, CONSTANT),
+                Row("start", "initial magnet constant", self.start, CONSTANT),
                 *one.rows(),
-                Row("change", "change from the start", k / self.start - 1, "%"),
+                Row("change", "change", k / self.start - 1, "%"),
                 Row("off_truth", against, k / truth - 1 if truth else None, "%"),
-                Row("load", "load that was not known", unknown_disturbance(one), "N", 3),
+                Row("load", "unknown disturbance force", unknown_disturbance(one), "N", 3),
             ], section=LEARNERS, of=name)  # fmt: skip
         return results
 

@@ -110,7 +110,7 @@ class Identification(Result):
     def finding(self) -> str:
         """The magnet constant, and whether it settled."""
         value_text = figure(self.magnet_constant, CONSTANT)
-        settled = "" if self.history.settled else "; it still drifts, a longer record may settle it"
+        settled = "" if self.history.settled else "; it still drifts: a longer record may settle it"
         return f"{self.bearing.name}: the magnet constant is {value_text}{settled}."
 
     @property

@@ -102,7 +102,7 @@ class Bench(Result):
     def finding(self) -> str:
         """Who estimates the disturbance force best."""
         raw = figure(self.raw, "m", 3)
-        return f"{self.title}. {least(self._best_rows())}; the raw sensors err by {raw}."
+        return f"{self.title}. {least(self._best_rows())}; error of the raw sensors {raw}."
 
     def _best_rows(self) -> list[Row]:
         return [row for name, of in self.best.items() for row in put(of.rows(), of=name)]
@@ -143,8 +143,8 @@ class Bench(Result):
         return {
             ("default",): Section(f"With their defaults, {runs}", across=True),
             ("tuned",): Section(f"Tuned alike, {runs}", across=True),
-            ("limit",): Section("No estimator can have smaller errors than (Cramér-Rao)"),
-            ("tuning",): Section("What was tuned"),
+            ("limit",): Section("Cramér-Rao bound on the errors"),
+            ("tuning",): Section("Tuned parameters"),
         }
 
     @property
@@ -160,7 +160,7 @@ class Bench(Result):
     @property
     def notes(self) -> list[str]:
         """What was left out, and who cannot be told apart."""
-        notes = [f"{self.stopped} runs left out: the rotor met a stop."] if self.stopped else []
+        notes = [f"{self.stopped} runs left out: contact with a stop."] if self.stopped else []
         return [*notes, *self._alike()]
 
     def _alike(self) -> list[str]:

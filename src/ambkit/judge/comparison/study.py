@@ -142,15 +142,15 @@ class Study(Result):
         """Who does best, when it matters, the limit, and how it was compared."""
         best = [*self.bench.figures(), run_figure(self)]
         around = {"steps": self.steps, "wrong_k": self.wrong_k}
-        results = [Part("Who does best", self.bench.case.about, None, best)]
+        results = [Part("Comparison", self.bench.case.about, None, best)]
         if self.steps is not None:
             swept = [sweep_figure(*item) for item in around.items()]
-            results.append(Part("When it matters", AROUND, None, swept))
+            results.append(Part("Dependence on conditions", AROUND, None, swept))
         if self.model is not None:
             limit = [sweep_figure("limit_steps", self.limit),
                      efficiency_figure(self.model)]  # fmt: skip
-            results.append(Part("The limit", LIMIT, ("efficiency",), limit))
-        return [*results, Part("How it was compared", self._how(), ("tuning",))]
+            results.append(Part("Cramér-Rao bound", LIMIT, ("efficiency",), limit))
+        return [*results, Part("Method", self._how(), ("tuning",))]
 
     def _how(self) -> str:
         bench, spread = self.bench, self.bench.case.spread

@@ -109,8 +109,8 @@ class FaultCampaign(Result):
         lost = sum(e.setting == "in the loop" and e.levitation == "lost" for e in outcomes)
         failed = len(self.failures)
         if not lost and not failed:
-            return f"{self.title}: no rotor was lost, and all estimators came back."
-        return f"{self.title}: the rotor was lost in {lost}, no recovery in {failed}."
+            return f"{self.title}: no levitation was lost, and all filters recovered."
+        return f"{self.title}: levitation lost in {lost}, no recovery in {failed}."
 
     @property
     def notes(self) -> list[str]:
@@ -119,7 +119,7 @@ class FaultCampaign(Result):
         for name in self.estimators:
             failed = {failure.fault for failure in self.failures if failure.estimator == name}
             if lost := self._lost(name):
-                sentences.append(f"{name}: the rotor was lost in {', '.join(lost)}.")
+                sentences.append(f"{name}: levitation was lost in {', '.join(lost)}.")
             if failed:
                 sentences.append(f"{name}: no recovery from {', '.join(sorted(failed))}.")
         return sentences
@@ -141,7 +141,7 @@ class FaultCampaign(Result):
             result += put([
                 *(Row(s.replace(" ", "_"), s, self._slowest(fault, s)) for s in SETTINGS),
                 Row("controller_alone", "controller alone", unfiltered or None),
-                Row("about", "what happens", about[fault], detail=True),
+                Row("about", "fault", about[fault], detail=True),
             ], section=("faults",), of=fault)  # fmt: skip
         return result
 
@@ -155,21 +155,21 @@ class FaultCampaign(Result):
             x, f_d = (max((w for w in item if not math.isnan(w)), default=None) for item in worst)
             back = sum(item.recovered for item in beside)
             own = [
-                Row("recovered", "all back", back == len(beside), detail=True),
-                Row("back", "back", back),
+                Row("recovered", "all recovered", back == len(beside), detail=True),
+                Row("back", "recovered", back),
                 Row("beside", "of", len(beside)),
-                Row("slowest_recovery", "after samples", self.slowest(name), digits=1),
-                Row("after_x", "off by x", x, "m", 3),
-                Row("after_f_d", "off by F_St", f_d, "N", 3),
+                Row("slowest_recovery", "recovery, samples", self.slowest(name), digits=1),
+                Row("after_x", "error of x", x, "m", 3),
+                Row("after_f_d", "error of f_d", f_d, "N", 3),
             ]
         ends = [trial.levitation for trial in trials]
         return [
             *own,
-            Row("flown", "flown", len(trials), detail=True),
-            Row("kept", "stayed up", ends.count("kept")),
-            Row("touched", "touched", ends.count("touched")),
+            Row("flown", "simulated", len(trials), detail=True),
+            Row("kept", "no contact", ends.count("kept")),
+            Row("touched", "contact", ends.count("touched")),
             Row("lost", "lost", ends.count("lost")),
-            Row("at_stop", "longest at a stop", max((e.at_stop for e in trials), default=None), "s",
+            Row("at_stop", "longest contact", max((e.at_stop for e in trials), default=None), "s",
                 detail=True),
         ]  # fmt: skip
 
@@ -189,9 +189,9 @@ class FaultCampaign(Result):
         return of[name] if of[name] == "0" or len(of) == 1 else f"{of[name]} ({name})"
 
     SECTIONS = {
-        ("estimators",): Section("Beside the loop, and in it", across=True),
+        ("estimators",): Section("Outside the loop, and in it", across=True),
         ("controller_alone",): Section("The controller fed by the measurement", across=True),
-        ("faults",): Section("Samples until back, the slowest", across=True),
+        ("faults",): Section("Recovery time, worst seed [samples]", across=True),
     }
 
     @property
