@@ -288,7 +288,7 @@ class _Rig:
         """Return the measurement with what was added to it (n,) [m], and whether a limit is met."""
         of, single = self.of, self.machine.single
         t = self.T * np.arange(len(added))
-        waveform = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
+        waveform = Recorded.of(t, added)
         names = [axis.name for axis in of.machine.axes]
         there = Injection.model_construct(axis=names[self.axis], position=waveform)
         scenario = self.scenario.model_copy(

@@ -274,7 +274,7 @@ class _OfBearing(_Experiment):
     def run(self, added: Array, other: int = 0) -> _Run:
         """Simulate the bearing."""
         scenario = self.scenario.model_copy(
-            update={"seed": self.scenario.seed + other, "injection": _recorded(self.t, added)}
+            update={"seed": self.scenario.seed + other, "injection": Recorded.of(self.t, added)}
         )
         inner = next(iter(filter_arguments(self.filter, self.bearing).values()), None)
         run = simulate_run(self.bearing, scenario, estimator=inner)
@@ -300,7 +300,7 @@ class _OfMachine(_Experiment):
 
     def run(self, added: Array, other: int = 0) -> _Run:
         """Simulate the machine."""
-        there = Added.model_construct(axis=self.axis, position=_recorded(self.t, added))
+        there = Added.model_construct(axis=self.axis, position=Recorded.of(self.t, added))
         others = (
             Added.model_construct(axis=name, position=item)
             for name, item in self.flight.by_axis("injection", self.bearing.axes[0].name)
@@ -324,7 +324,3 @@ def _limits(
     """Return the limits of an axis; by default of displacements within which magnets are linear."""
     far = min(held + LINEAR * bearing.magnet.air_gap, 0.5 * (held + bearing.rotor.clearance))
     return Limits.of(bearing, current, far if displacement is None else displacement)
-
-
-def _recorded(t: Array, values: Array) -> Recorded:
-    return Recorded.model_construct(times=tuple(t.tolist()), values=tuple(values.tolist()))

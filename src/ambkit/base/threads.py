@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING
@@ -33,8 +34,17 @@ def rare_collections() -> Iterator[None]:
         gc.set_threshold(*before)
 
 
-RARELY = 200_000
-"""New objects until the garbage collector runs."""
+@contextmanager
+def pool_of(threads: int) -> Iterator[ThreadPoolExecutor]:
+    """Give a pool of threads; after Ctrl-C, what still waits is not run first."""
+    pool = ThreadPoolExecutor(threads)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+RARELY = 200_000  #: New objects until the garbage collector runs.
 
 
 @cache

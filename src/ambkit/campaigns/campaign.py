@@ -106,8 +106,7 @@ def replay(plan: Plan, number: int) -> Replayed:
     return Replayed(plan, number, sample.values, sample.planned, sample.planned.simulated(), row)
 
 
-DRIVEN = 3
-"""Figures that are explained."""
+DRIVEN = 3  #: Figures that are explained.
 
 
 class Campaign(Result, Machines):

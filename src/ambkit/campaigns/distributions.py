@@ -26,8 +26,7 @@ from ambkit.base.config import Part
 from ambkit.base.config.text_types import Line, from_folder, to_folder
 from ambkit.campaigns.keys import Key
 
-LEAST, MOST = 2.0**-54, 1 - 2.0**-53
-"""Between these lies what is made a quantile of."""
+LEAST, MOST = 2.0**-54, 1 - 2.0**-53  #: Between these lies what is made a quantile of.
 
 
 class Wrong(ValueError):

@@ -13,23 +13,12 @@ from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
 from ambkit.result.report import Axis, Figure, Intervals, Item, Line, Note, Panel, Points, Rule
 
-SERIES = 4
-"""Curves of one panel that have a look of their own."""
-
-POINTS = 400
-"""Of a cumulative curve: a million machines make no finer one."""
-
-FAR = 0.995
-"""Share of the machines that a curve shows where the rest lies far out."""
-
-BEYOND = 2.0
-"""How far beyond its ceiling, and beyond what was taken, a front is shown."""
-
-FOLDED = 14
-"""Characters of a line of a name."""
-
-LINES = 80
-"""Machines of each kind among parallel coordinates."""
+SERIES = 4  #: Curves of one panel that have a look of their own.
+POINTS = 400  #: Of a cumulative curve: a million machines make no finer one.
+FAR = 0.995  #: Share of the machines that a curve shows where the rest lies far out.
+BEYOND = 2.0  #: How far beyond its ceiling, and beyond what was taken, a front is shown.
+FOLDED = 14  #: Characters of a line of a name.
+LINES = 80  #: Machines of each kind among parallel coordinates.
 
 _PREFIXES = {"": 1.0, "m": 1e3, "µ": 1e6, "n": 1e9, "k": 1e-3}
 _SCALED = ("m", "s", "N", "A", "m/s", "V", "kg")
@@ -98,14 +87,10 @@ def _folded(text: str) -> str:
 class Quantity(NamedTuple):
     """A column of machines, to be shown."""
 
-    name: str
-    """In words."""
-    unit: str
-    """SI."""
-    values: Array
-    """Of the machines (n,); of words their place in `words`."""
-    words: Sequence[str] = ()
-    """Of a choice its values."""
+    name: str  #: In words.
+    unit: str  #: SI.
+    values: Array  #: Of the machines (n,); of words their place in `words`.
+    words: Sequence[str] = ()  #: Of a choice its values.
 
     @property
     def axis(self) -> Axis:
@@ -167,14 +152,10 @@ def cumulative_figure(
 class Swing(NamedTuple):
     """What a quantity does to a figure."""
 
-    name: str
-    """Of the quantity."""
-    low: float
-    """Median of the figure where the quantity is low, or of the best choice."""
-    high: float
-    """Where it is high, or of the worst choice."""
-    text: str
-    """Between which values."""
+    name: str  #: Of the quantity.
+    low: float  #: Median of the figure where the quantity is low, or of the best choice.
+    high: float  #: Where it is high, or of the worst choice.
+    text: str  #: Between which values.
 
 
 def tornado_figure(id: str, figure: Quantity, middle: float, swings: Sequence[Swing]) -> Figure:

@@ -12,8 +12,7 @@ from ambkit.base.config.quantities import InOther, Quantity, SignalIn
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.bearing import Magnet, magnet_constant
 
-OF_RUN = "scenario."
-"""How keys of the run begin; all others are the machine's."""
+OF_RUN = "scenario."  #: How keys of the run begin; all others are the machine's.
 
 
 class Key(NamedTuple):

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from ambkit.campaigns.sobol_indices import Indices
     from ambkit.result.report import Figure
 
-TENTH = 0.1
-"""Of the machines, those in which a quantity counts as low, and as high."""
+TENTH = 0.1  #: Of the machines, those in which a quantity counts as low, and as high.
 
 
 def quantity(campaign: Machines, name: str) -> Quantity:

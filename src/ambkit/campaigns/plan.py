@@ -36,14 +36,10 @@ from ambkit.simulation.many import Planned
 class Drawn(NamedTuple):
     """One machine of a study."""
 
-    run: int
-    """Its number."""
-    values: Mapping[str, Any]
-    """What varies, by key: in SI, of a choice what was chosen."""
-    planned: Planned
-    """Plant, run, estimator."""
-    wrong: str
-    """Why there can be no such machine; empty where there can."""
+    run: int  #: Its number.
+    values: Mapping[str, Any]  #: What varies, by key: in SI, of a choice what was chosen.
+    planned: Planned  #: Plant, run, estimator.
+    wrong: str  #: Why there can be no such machine; empty where there can.
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,26 +21,18 @@ from ambkit.campaigns.study_tables import UNITS, ZONES
 SHOWN = ("peak_S", "f_d_rms", "x_rms", "tracking_peak", "displacement_peak", "recovery")
 """Figures that summaries tell of, where they apply."""
 
-QUANTILES = (0.05, 0.5, 0.95, 0.99)
-"""Of each figure."""
-
-WORST = 5
-"""Machines that are told one by one."""
+QUANTILES = (0.05, 0.5, 0.95, 0.99)  #: Of each figure.
+WORST = 5  #: Machines that are told one by one.
 
 
 class Worst(NamedTuple):
     """A machine at the end of a list."""
 
-    run: int
-    """Its number."""
-    figure: str
-    """By which it is the worst."""
-    value: float
-    """Of that figure, in SI."""
-    values: dict[str, Any]
-    """What varied, in SI."""
-    command: str
-    """Which replays it."""
+    run: int  #: Its number.
+    figure: str  #: By which it is the worst.
+    value: float  #: Of that figure, in SI.
+    values: dict[str, Any]  #: What varied, in SI.
+    command: str  #: Which replays it.
 
 
 class Machines:

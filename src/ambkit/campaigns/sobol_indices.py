@@ -67,14 +67,9 @@ def vary_from(problem: Mapping[str, Any]) -> tuple[Varied, ...]:
     return tuple(results)
 
 
-ENOUGH = 20_000
-"""Runs of points that were not drawn for indices that are looked at."""
-
-LEAST = 64
-"""And so many at least; of points for indices so many groups."""
-
-RESAMPLES = 100
-"""Bootstrap samples, of which the confidence comes."""
+ENOUGH = 20_000  #: Runs of points that were not drawn for indices that are looked at.
+LEAST = 64  #: And so many at least; of points for indices so many groups.
+RESAMPLES = 100  #: Bootstrap samples, of which the confidence comes.
 
 
 class Indices(NamedTuple):

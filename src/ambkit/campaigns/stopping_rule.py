@@ -13,14 +13,10 @@ from ambkit.campaigns.store import Folder
 class Share(NamedTuple):
     """A share of runs, and its confidence interval."""
 
-    passed: int
-    """How many of them."""
-    of: int
-    """Of how many."""
-    low: float
-    """Lower end [1]."""
-    high: float
-    """Upper end [1]."""
+    passed: int  #: How many of them.
+    of: int  #: Of how many.
+    low: float  #: Lower end [1].
+    high: float  #: Upper end [1].
 
     def __str__(self) -> str:
         if not self.of:
@@ -53,8 +49,7 @@ def clopper_pearson(count: int, of: int, confidence: float = 0.95) -> Share:
     return Share(count, of, low, high)
 
 
-GROWTH = 1.25
-"""A study that may stop is looked at whenever it has grown by this."""
+GROWTH = 1.25  #: A study that may stop is looked at whenever it has grown by this.
 
 
 def looks(parts: int, size: int, least: int) -> list[int]:

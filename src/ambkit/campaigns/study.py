@@ -48,8 +48,7 @@ from ambkit.simulation.scenario import Scenario
 
 Way = Literal["sobol", "latin-hypercube", "random", "grid", "saltelli"]
 
-MOST_RUNS = 10**9
-"""Runs of a study: a Sobol sequence of 30 bits has no more."""
+MOST_RUNS = 10**9  #: Runs of a study: a Sobol sequence of 30 bits has no more.
 
 
 def _preset_or_file(value: Any, info: ValidationInfo) -> Any:

@@ -15,8 +15,7 @@ from ambkit.machine.loading import load_machine
 
 Problem = tuple[str, str]
 
-MOST_DIMENSIONS = 1000
-"""Quantities that vary."""
+MOST_DIMENSIONS = 1000  #: Quantities that vary.
 
 CONTROLLERS = ("tuned", "textbook"), ("decentralised", "translation and tilt", "lqg")
 """Controllers that every machine of one axis has, and every one of several."""

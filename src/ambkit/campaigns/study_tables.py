@@ -14,8 +14,7 @@ from ambkit.campaigns.distributions import Value
 from ambkit.data.signals import signal
 from ambkit.simulation.run_figures import FIGURES, OF_SEVERAL, Figure
 
-ZONES = ("A", "B", "C", "D")
-"""Zones of ISO 14839-3, the best first."""
+ZONES = ("A", "B", "C", "D")  #: Zones of ISO 14839-3, the best first.
 
 TRACES = ("r", "y", "u", "x", "v", "f_d", "x_m", "iu", "f_mag")
 """Signals of a run, and with ``_estimate`` behind it each state of its estimator."""

@@ -27,14 +27,10 @@ if TYPE_CHECKING:
 
 Limit = Callable[[Array], Array]
 
-SHARE = 0.1
-"""Of the samples of a level, those that the next one begins from."""
-REACH = 1.0
-"""How far a component steps at most, in its standard deviations."""
-MOST_LEVELS = 20
-"""Levels: a probability of about 1e-20 is the least that is looked for."""
-NOISE_FROM = 1 << 40
-"""Numbers of the noise of these runs begin here, beyond those of any study."""
+SHARE = 0.1  #: Of the samples of a level, those that the next one begins from.
+REACH = 1.0  #: How far a component steps at most, in its standard deviations.
+MOST_LEVELS = 20  #: Levels: a probability of about 1e-20 is the least that is looked for.
+NOISE_FROM = 1 << 40  #: Numbers of the noise of these runs begin here, beyond those of any study.
 
 
 class Rare(NamedTuple):

@@ -32,10 +32,8 @@ if TYPE_CHECKING:
 class Rows(NamedTuple):
     """What a part gave."""
 
-    runs: pa.Table
-    """A row for each run."""
-    traces: pa.Table | None
-    """A row for each sample of those runs whose traces are kept."""
+    runs: pa.Table  #: A row for each run.
+    traces: pa.Table | None  #: A row for each sample of those runs whose traces are kept.
 
 
 def versions() -> dict[str, str]:
@@ -87,12 +85,9 @@ def compute(
 class Flown(NamedTuple):
     """What became of machines."""
 
-    columns: dict[str, Any]
-    """Figures, counts, margins and verdict, by name."""
-    traces: Mapping[int, Run]
-    """By the numbers of the runs."""
-    wrong: list[str]
-    """Why a machine cannot be; empty where it can."""
+    columns: dict[str, Any]  #: Figures, counts, margins and verdict, by name.
+    traces: Mapping[int, Run]  #: By the numbers of the runs.
+    wrong: list[str]  #: Why a machine cannot be; empty where it can.
 
 
 def fly(

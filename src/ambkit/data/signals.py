@@ -30,6 +30,11 @@ def signal(what: str, name: str) -> str:
     return f"{what}_{name}" if name else what
 
 
+def displacement(axis: str) -> str:
+    """Name of the true displacement of an axis: ``s_A1``; a single one is the paper's ``x``."""
+    return signal("s", axis) if axis else "x"
+
+
 def held_in(name: str, unit: str) -> str:
     """Return the SI unit in which a record holds a signal that is given in a unit."""
     si = UNITS.get(name) or si_unit(unit)

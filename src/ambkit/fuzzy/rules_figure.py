@@ -14,14 +14,9 @@ if TYPE_CHECKING:
     from ambkit.machine.forces.force_surface import ForceSurface
     from ambkit.machine.stiffness import StiffnessMap
 
-MOST_SHOWN = 400
-"""More points would hide what lies below them."""
-
-FEW = 60
-"""So many points are shown large."""
-
-NEARBY = 7
-"""Of the 61 places along the box each way, within which the largest error is shown."""
+MOST_SHOWN = 400  #: More points would hide what lies below them.
+FEW = 60  #: So many points are shown large.
+NEARBY = 7  #: Of the 61 places along the box each way, within which the largest error is shown.
 
 
 def with_surface(figure: Figure, surface: ForceSurface, stiff: StiffnessMap) -> Figure:

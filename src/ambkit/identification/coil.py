@@ -291,8 +291,7 @@ def _rms(values: Array) -> float:
     return math.sqrt(float(np.mean(values**2)))
 
 
-SHOWN = 0.6
-"""Seconds shown around the largest step of a log."""
+SHOWN = 0.6  #: Seconds shown around the largest step of a log.
 
 
 def coil_figure(fit: Any) -> Figure:

@@ -8,7 +8,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -192,6 +192,11 @@ class Recorded(Waveform):
     """Times of the values [s], increasing; instead of a file."""
     values: Values | None = None
     """The values; instead of a file."""
+
+    @classmethod
+    def of(cls, t: NDArray[Any], values: NDArray[Any]) -> Self:
+        """Return samples unchecked: the check takes longer than many a simulation."""
+        return cls.model_construct(times=tuple(t.tolist()), values=tuple(values.tolist()))
 
     def _at(self, t: Array) -> Any:
         if self.file is not None and self.signal is not None:

@@ -281,8 +281,8 @@ class _Loop:
         scenario = self.scenario.model_copy(
             update={
                 "seed": seed,
-                "reference": _recorded(self.t, reference),
-                "disturbance": _recorded(self.t, self.known + wander),
+                "reference": Recorded.of(self.t, reference),
+                "disturbance": Recorded.of(self.t, self.known + wander),
             }
         )
         return simulate(self.bearing, scenario)
@@ -346,8 +346,3 @@ def _scaled(excitation: Excitation, gain: Array) -> Array:
     for part, by in zip(excitation.parts, gain, strict=True):
         values[part] = by * excitation.values[part]
     return values
-
-
-def _recorded(t: Array, values: Array) -> Recorded:
-    """Return a waveform of samples, unchecked: that would take longer than the simulation."""
-    return Recorded.model_construct(times=tuple(t.tolist()), values=tuple(values.tolist()))

@@ -23,10 +23,8 @@ RECORDS = ("record 1", "record 2", "record 3", "record 4")
 LAG = Axis("lag", "samples")
 RATIO = Axis("estimate / start")
 ORDER = ("bearing", "noise", "offsets", "delay")
-WIDE = 3.0
-"""Ratio of the ends of an axis from which on it is logarithmic, as the intervals are."""
-SHOWN = 400
-"""Samples of the stretch in which a prediction is shown."""
+WIDE = 3.0  #: Ratio of the ends of an axis from which on it is logarithmic, as the intervals are.
+SHOWN = 400  #: Samples of the stretch in which a prediction is shown.
 
 
 def identified_figure(result: Any, checks: Sequence[Validation]) -> Figure:

@@ -253,14 +253,9 @@ def _listed(names: list[str]) -> str:
 
 STYLES = {"adaline": "series 2", "rls": "series 3", "augmented": "series 1"}
 TIME = Axis("time", "s")
-LEAST = 0.02
-"""Default of the excitation below which ADALINE and least squares hold k [1]."""
-
-JOINED = 0.004
-"""Stretches nearer to each other than this part of the record are drawn as one."""
-
-ENDS = (1.03, 1.05, 1.07)
-"""Where the results stand, right of the curves, in parts of the record."""
+LEAST = 0.02  #: Default of the excitation below which ADALINE and least squares hold k [1].
+JOINED = 0.004  #: Stretches nearer to each other than this part of the record are drawn as one.
+ENDS = (1.03, 1.05, 1.07)  #: Where the results stand, right of the curves, in parts of the record.
 
 
 def online_figure(learned: OnlineComparison) -> Figure:

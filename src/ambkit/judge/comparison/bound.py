@@ -1,20 +1,15 @@
-"""The limit: how small the error of any estimator can be, by the posterior Cramer-Rao bound.
+"""The posterior Cramer-Rao bound: the least error that any estimator can have.
 
-Tichavsky, Muravchik and Nehorai (1998) bound the error at each sample by a recursion on the
-information. Theirs needs the inverse of the process noise Q, which does not exist here: noise
-enters the states through few doors only, control signal and disturbance. So the density is
-written in what is independent and regular: the state at the start, and the unit noises w_0, w_1
-and so on. From these the state at sample k follows, and the inequality of van Trees (1968) says of
-any estimate of x_k that sees y_0 ... y_k::
+The recursion of Tichavsky, Muravchik and Nehorai (1998) needs the inverse of the process noise,
+which is singular here. So the density is written in the state at the start and the unit noises,
+and the inequality of van Trees (1968) says of any estimate of x_k that sees y_0 ... y_k::
 
     E[(x^ - x)(x^ - x)'] >= E[D_k] J_k^-1 E[D_k]',    J_k = J_0 + sum_j E[D_j' H' R^-1 H D_j]
 
-with D_j the derivative of x_j by start and noises along a true run, and J_0 their prior
-information. The mean E is taken over `runs` simulated truths. J_k grows with k; it is not built.
-Instead the runs are read as *one* linear system: the derivatives of all runs stacked, driven by the
-same noises, each run measured with the variance `runs` R. Its Kalman filter has the information
-J_k, and the covariance of the mean of the stacked states is the bound. With one run, or with runs
-that are all alike as in the linear case, this is the Riccati recursion itself.
+with D_j the derivative of x_j by start and noises along a true run, J_0 their prior information,
+and E the mean over simulated runs. J_k is not built: the runs are read as one linear system, driven
+by the same noises, each measured with the variance `runs` R. The Kalman filter of the stacked
+derivatives has the information J_k, and the covariance of their mean is the bound.
 """
 
 from __future__ import annotations
@@ -26,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array
 from ambkit.base.threads import one_thread
-from ambkit.data.signals import signal
+from ambkit.data.signals import displacement, signal
 from ambkit.estimate.machine_model import View, several
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.magnets import magnet_of
@@ -42,8 +37,7 @@ if TYPE_CHECKING:
     from ambkit.models.model import Model
 
 
-NODES = 4
-"""Points of the quadrature over a sample."""
+NODES = 4  #: Points of the quadrature over a sample.
 
 
 def posterior_bound(
@@ -82,8 +76,9 @@ def posterior_bound(
     return bound
 
 
+@one_thread()
 def bearing_bound(
-    bearing: Machine,
+    machine: Machine,
     records: Sequence[Record],
     variances: Variances,
     std: Sequence[float],
@@ -95,15 +90,7 @@ def bearing_bound(
     # machine has that its model knows, such as coloured noise, as the machine says.
     # rows (quantities, n), of the states; by default each state
     # returns (samples, quantities)
-    with one_thread():
-        return _bearing_bound(bearing, records, variances, np.asarray(std), rows)
-
-
-def _bearing_bound(
-    machine: Machine, records: Sequence[Record], variances: Variances, unit: Array,
-    rows: Array | None,
-) -> Array:  # fmt: skip
-    model = machine_model(machine)
+    model, unit = machine_model(machine), np.asarray(std)
     plain = tuple(state.name for state in model.states) == PAPER_STATES
 
     def along(record: Record) -> tuple[Array, Array]:
@@ -111,10 +98,7 @@ def _bearing_bound(
             return _held(isolated_axes(machine)[0], record, variances)
         return _along(model, machine, record, variances)
 
-    F, G = zip(
-        *(along(record) for record in records),
-        strict=True,
-    )
+    F, G = zip(*map(along, records), strict=True)
     # In units of their own, so that no entry is 1e12 times another.
     scaled_F = np.asarray(F) * (unit / unit[:, None])
     scaled_G = np.asarray(G) / unit[:, None]
@@ -137,7 +121,7 @@ def _along(
     doors = []
     controls = several(variances.control)
     for k, (of, name) in enumerate(zip(view.isolated, names, strict=True)):
-        iu, s = record[signal("iu", name)], record[signal("s", name) if name else "x"]
+        iu, s = record[signal("iu", name)], record[displacement(name)]
         k_i, k_s = (item[:, None] for item in magnet_of(of).tangent(iu[:-1], s[:-1]))
         rows = k_s * model.h[k] + k_i * model.e[k] + model.r[k]
         F = F + model.b[:, k][:, None] * rows[:, None, :]

@@ -42,14 +42,9 @@ if TYPE_CHECKING:
 
 Force = Callable[[Array, Array], Array]
 
-STEPS = (0.1, 0.3, 0.5)
-"""Position steps of the paper's kind, in travels."""
-
-LOAD = 0.6
-"""Load, in weights."""
-
-LENGTH = 40.0
-"""Of a run with steps of load along all axes, in the plant's time constant."""
+STEPS = (0.1, 0.3, 0.5)  #: Position steps of the paper's kind, in travels.
+LOAD = 0.6  #: Load, in weights.
+LENGTH = 40.0  #: Of a run with steps of load along all axes, in the plant's time constant.
 
 LOADED = 0.2
 """Standard deviation of these steps, over what an axis carries where all carry the same."""
@@ -93,9 +88,8 @@ class Trial:
 
     plant: Machine  #: The true one.
     scenario: Scenario  #: With its seed.
-    external_inputs: (
-        ExternalInputs | None
-    )  #: Series of noise and load; of several axes these are in the scenario.
+    #: Series of noise and load; of several axes these are in the scenario.
+    external_inputs: ExternalInputs | None
     magnet: MagnetModel | None  #: The plant's magnet where it is no closed law.
     record: Record  #: The run that the nominal linear filter closed the loop of.
     _loads: dict[tuple[int, str], Load] = field(default_factory=dict, repr=False)
@@ -144,7 +138,9 @@ def each_trial(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[T
         record = simulate(
             plant, scenario, estimator=known, magnet=magnet, external_inputs=external_inputs
         )
-        yield Trial(plant, scenario, external_inputs, magnet, _with_walk(record, walk))
+        if walk is not None:  # the truth is the load at the samples, not its means between them
+            record = replace(record, signals={**record.signals, "f_d": walk})
+        yield Trial(plant, scenario, external_inputs, magnet, record)
 
 
 def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
@@ -175,9 +171,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
             rng = np.random.default_rng([1000 * seed + run, 3])
             for name, intensity in zip(names, np.atleast_1d(case.growth(machine)), strict=True):
                 mean, walks[name] = _walk(rng, intensity * T, len(t))
-                loads[name] = Recorded.model_construct(
-                    times=tuple(t.tolist()), values=tuple(mean.tolist())
-                )
+                loads[name] = Recorded.of(t, mean)
         scenario = Scenario.model_construct(
             duration=duration, seed=1000 * seed + run, controller=control.fed_by("estimate"),
             reference=tuple(Reference.model_construct(axis=name, position=of.reference)
@@ -257,13 +251,6 @@ def _external_inputs(
     return ExternalInputs(disturbance=load, sensor_noise=noise, magnet_scale=scale), walk
 
 
-def _with_walk(record: Record, walk: Array | None) -> Record:
-    """Return a record whose truth has the load at the samples, not its means between them."""
-    if walk is None:
-        return record
-    return replace(record, signals={**record.signals, "f_d": walk})
-
-
 class Load:
     """A load that estimates of it are compared with, lag by lag."""
 
@@ -317,25 +304,20 @@ def saturating(bearing: Bearing) -> Force:
     # own force, by its law or force map, falls by the same share as an ideal magnet's does.
     m, own = bearing.magnet, magnet_of(bearing)
     limit = 2 * m.bias_current / m.air_gap
-    if m.type == "one-sided":
 
-        def share(iu: Array, x: Array) -> Array:
-            return 1 / _bend((m.bias_current + iu) / (m.air_gap - x) / limit)
+    def force(iu: Array, x: Array) -> Array:
+        # By how much the square of a flux falls, with 1 as the flux at which iron is full.
+        a = (m.bias_current + iu) / (m.air_gap - x) / limit
+        p = np.sqrt(1 + a**4)
+        if m.type == "one-sided":
+            return np.asarray(1 / p * own.force(iu, x))
+        # (h(a) - h(b)) / (a^2 - b^2) with h = a^2 / p, written such that nothing cancels.
+        b = (m.bias_current - iu) / (m.air_gap + x) / limit
+        q = np.sqrt(1 + b**4)
+        share = (a**2 + b**2) / (p * q * (a**2 * q + b**2 * p))
+        return np.asarray(share * own.force(iu, x))
 
-    else:
-        # (h(a) - h(b)) / (a^2 - b^2) with h = a^2 / bend(a), written such that nothing cancels.
-        def share(iu: Array, x: Array) -> Array:
-            a = (m.bias_current + iu) / (m.air_gap - x) / limit
-            b = (m.bias_current - iu) / (m.air_gap + x) / limit
-            p, q = _bend(a), _bend(b)
-            return np.asarray((a**2 + b**2) / (p * q * (a**2 * q + b**2 * p)))
-
-    return lambda iu, x: np.asarray(share(iu, x) * own.force(iu, x))
-
-
-def _bend(flux: Array) -> Array:
-    """Return by how much the square of a flux falls, with 1 as the flux at which iron is full."""
-    return np.asarray(np.sqrt(1 + flux**4))
+    return force
 
 
 def _magnet(case: Case, plant: Bearing, nominal: Bearing) -> MagnetModel | None:
@@ -360,14 +342,11 @@ def _magnet(case: Case, plant: Bearing, nominal: Bearing) -> MagnetModel | None:
 
 
 def _scenario(
-    bearing: Bearing,
-    duration: float,
-    reference: Signal | None = None,
-    disturbance: Signal | None = None,
+    bearing: Bearing, duration: float, reference: Signal, disturbance: Signal | None = None
 ) -> Scenario:
     return Scenario(
         duration=duration * own_time(bearing),
-        reference=reference or Constant(value=0.0),
+        reference=reference,
         disturbance=disturbance or Constant(value=0.0),
         controller=Control.textbook(bearing),  # a lively loop, which takes the rotor far out
     )
@@ -472,5 +451,4 @@ _DEFAULT = (
     walk_case(STEPS[-1]),
 )  # fmt: skip
 
-CASES = {case.name: case for case in _DEFAULT}
-"""The cases by name."""
+CASES = {case.name: case for case in _DEFAULT}  #: The cases by name.

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,18 +11,14 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
-from ambkit.data.signals import signal
+from ambkit.base.threads import pool_of
+from ambkit.data.signals import displacement, signal
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import Case, Trial, in_the_loop, trials
-from ambkit.judge.comparison.criteria import (
-    OF_THE_LOOP,
-    SETTLING,
-    evaluate_run,
-    rows_along,
-)
-from ambkit.judge.comparison.score import Bench, Standing
+from ambkit.judge.comparison.criteria import OF_THE_LOOP, SETTLING, evaluate_run, rows_along
+from ambkit.judge.comparison.score import Bench, Standing, half_width, mean
 from ambkit.judge.comparison.tuning import SIGNALS, Candidate, Tuning, errors, tune
 from ambkit.machine.force_laws import slowest_time
 
@@ -33,11 +27,8 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
 
 
-TRAINING = 4
-"""Runs that are tuned on; they are judged on others."""
-
-BOUND_RUNS = 8
-"""Runs over which the limit's expectations are taken."""
+TRAINING = 4  #: Runs that are tuned on; they are judged on others.
+BOUND_RUNS = 8  #: Runs over which the limit's expectations are taken.
 
 _TRAINING_SEED = 500_009
 
@@ -51,8 +42,6 @@ def bench(
     budget: int = 0,
     seed: int = 0,
     threads: int = 2,
-    tuned: Mapping[str, Tuning] | None = None,
-    only: Sequence[str] | None = None,
     done: Callable[[], None] = lambda: None,
 ) -> Bench:
     """Compare estimators in one case."""
@@ -62,38 +51,34 @@ def bench(
         raise AmbkitError(f"case {case.name}: in each of {runs} runs the rotor meets a stop")
     settling = SETTLING * slowest_time(bearing)
     first = max(1, round(settling / bearing.sampling_time))
-    with _pool(threads) as pool:
-        if tuned is None and budget > 0:
-            training = [
-                t for t in trials(case, bearing, TRAINING, seed + _TRAINING_SEED) if not t.lost
-            ]
-            reference = errors(lambda: KalmanFilter(bearing), training, first).mean(axis=0)
+    with pool_of(threads) as pool:
 
-            def search(candidate: Candidate) -> Tuning:
-                result = tune(candidate, training, reference, budget, first, seed)
-                done()
-                return result
+        def search(candidate: Candidate) -> Tuning:
+            result = tune(candidate, training, reference, budget, first, seed)
+            done()
+            return result
 
-            tuned = dict(zip(field, pool.map(search, field.values()), strict=True))
-
-        def evaluated(which: tuple[Candidate, Tuning | None]) -> Standing:
-            candidate, tuning = which
+        def evaluated(candidate: Candidate, tuning: Tuning | None = None) -> Standing:
             values = dict(tuning.values) if tuning else candidate.defaults
             figures = _figures(candidate, values, valid, bearing, settling)
             done()
             return Standing(candidate.name, candidate.label, values, figures, tuning)
 
-        def standings(results: Mapping[str, Tuning] | None) -> dict[str, Standing]:
-            parts = [(c, None if results is None else results[n]) for n, c in field.items()]
-            judged = dict(zip(field, pool.map(evaluated, parts), strict=True))
+        def standings(*tunings: Sequence[Tuning]) -> dict[str, Standing]:
+            judged = dict(zip(field, pool.map(evaluated, field.values(), *tunings), strict=True))
             for name, score in judged.items():  # when nothing else goes on
                 cost = _cost(field[name].build(**score.values), valid[0])
                 score.figures["cost"] = np.full(len(valid), cost)
             return judged
 
-        variants = ("default", "tuned") if only is None else only
-        default = standings(None) if "default" in variants else {}
-        better = standings(tuned) if tuned and "tuned" in variants else {}
+        tunings: list[Tuning] = []
+        if budget > 0:
+            made = trials(case, bearing, TRAINING, seed + _TRAINING_SEED)
+            training = [trial for trial in made if not trial.lost]
+            reference = errors(lambda: KalmanFilter(bearing), training, first).mean(axis=0)
+            tunings = list(pool.map(search, field.values()))
+        default = standings()
+        tuned = standings(tunings) if tunings else {}
     return Bench(
         bearing=bearing,
         case=case,
@@ -102,16 +87,11 @@ def bench(
         seed=seed,
         budget=budget,
         default=default,
-        tuned=better,
+        tuned=tuned,
         limit=_limit(bearing, case, valid, first),
         raw=raw_error(bearing, [trial.record for trial in valid], first),
         units={name: {t.name: t.unit for t in item.tunable} for name, item in field.items()},
     )
-
-
-def pieces(field: Mapping[str, object], budget: int) -> int:
-    """Return how often `bench` calls `done`."""
-    return len(field) * (3 if budget else 1)
 
 
 def _figures(
@@ -122,13 +102,16 @@ def _figures(
     settling: float,
 ) -> dict[str, Array]:
     """Judge an estimator along the records and, where it can be there, in the loops, (runs,)."""
-    if not candidate.in_loop:
-        rows = [evaluate_run(candidate.build(**values), t, bearing, settling) for t in valid]
-        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    # One for all runs, each of which it begins afresh.
+    # One of ours serves all runs, each of which it begins afresh.
     estimator = candidate.build(**values)
-    rows = [evaluate_run(estimator, trial, bearing, settling) for trial in valid]
+    rows = [
+        evaluate_run(estimator if candidate.in_loop else candidate.build(**values), trial, bearing,
+                     settling)
+        for trial in valid
+    ]  # fmt: skip
     figures = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    if not candidate.in_loop:
+        return figures
     looped = in_the_loop(valid, estimator, settling)
     touched = looped.figures["touched"] > 0
     for name, of in OF_THE_LOOP.items():  # of several axes some do not apply
@@ -136,15 +119,6 @@ def _figures(
     figures["settling"][np.isinf(figures["settling"])] = np.nan
     figures["lost"] = np.maximum(figures["lost"], touched)
     return figures
-
-
-@contextmanager
-def _pool(threads: int) -> Iterator[ThreadPoolExecutor]:
-    pool = ThreadPoolExecutor(threads)
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not run first
 
 
 def _cost(estimator: Any, trial: Trial) -> float:
@@ -163,7 +137,7 @@ def raw_error(bearing: Machine, records: Sequence[Record], first: int) -> float:
     transform = view.H @ view.shown
     for record in records:
         y = np.array([record[signal("y", r.name)] for r in view.machine.readings])
-        x = np.array([record[signal("s", a.name) if a.name else "x"] for a in view.machine.axes])
+        x = np.array([record[displacement(axis.name)] for axis in view.machine.axes])
         errors.append(np.sqrt(np.mean((transform @ y - x)[:, first:] ** 2)))
     return float(np.mean(errors))
 
@@ -213,7 +187,7 @@ def sweep(
     first = max(1, round(SETTLING * slowest_time(bearing) / bearing.sampling_time))
     rows: list[dict[str, Array]] = []
     limits: list[dict[str, float]] = []
-    with _pool(threads) as pool:
+    with pool_of(threads) as pool:
         for case in cases.values():
             valid = [t for t in trials(case, bearing, runs, seed + 31) if not t.lost]
 
@@ -237,18 +211,5 @@ def sweep(
     limit = {}
     if all(limits):
         limit = {signal: np.array([item[signal] for item in limits]) for signal in SIGNALS}
-    return Sweep(np.array(list(cases)), gathered(_mean), gathered(_half_width), limit)
-
-
-def _mean(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if known.size else float("nan")
-
-
-def _half_width(values: Array) -> float:
-    from scipy.stats import t
-
-    known = values[np.isfinite(values)]
-    if known.size < 2:
-        return 0.0
-    return float(t.ppf(0.975, known.size - 1) * known.std(ddof=1) / np.sqrt(known.size))
+    half_widths = gathered(lambda values: float(np.nan_to_num(half_width(values))))
+    return Sweep(np.array(list(cases)), gathered(mean), half_widths, limit)

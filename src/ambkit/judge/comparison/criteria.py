@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 SETTLING = 2.0
 """What counts begins after this time, in the plant's own: all have then left their start."""
 
-LAGS = 50
-"""Lags of the whiteness test."""
+LAGS = 50  #: Lags of the whiteness test.
 
 EVALUATED = {"x": "m", "v": "m/s", "f_d": "N"}
 """States whose errors are judged together, and their units."""

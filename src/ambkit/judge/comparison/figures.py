@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import label
+from ambkit.data.signals import displacement
 from ambkit.data.signals import signal as name_of
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.registry import KINDS
@@ -17,8 +19,7 @@ from ambkit.result.report import Axis, Bars, Cells, Figure, Item, Line, Panel, P
 from ambkit.result.report.markup import symbols
 from ambkit.result.report.style import OF_KINDS
 
-TIMES = 3.0
-"""So many times the best is as dark as it gets."""
+TIMES = 3.0  #: So many times the best is as dark as it gets.
 
 SHOWN = {
     "x": Axis("error of position", "µm rms", 1e6),
@@ -27,17 +28,11 @@ SHOWN = {
 }
 
 
-def look(name: str, others: Sequence[str] = ()) -> str:
-    """Return the style of an estimator, the same in all pictures."""
-    known = list(KINDS)
-    place = known.index(name) if name in known else len(known) + list(others).index(name)
-    return f"kind {place % len(OF_KINDS)}"
-
-
-def _looks(names: Sequence[str]) -> Iterator[tuple[str, str]]:
-    others = [name for name in names if name not in KINDS]
-    for name in names:
-        yield name, look(name, others)
+def _styles(names: Iterable[str]) -> dict[str, str]:
+    """Return the style of each estimator, the same in all pictures."""
+    names = list(names)
+    known = list(dict.fromkeys([*KINDS, *names]))
+    return {name: f"kind {known.index(name) % len(OF_KINDS)}" for name in names}
 
 
 def matrix_figure(bench: Any, id: str = "matrix") -> Figure:
@@ -45,7 +40,7 @@ def matrix_figure(bench: Any, id: str = "matrix") -> Figure:
     scores = list(bench.best.values())
     names = [name for name in CRITERIA if any(np.isfinite(s.mean(name)) for s in scores)]
     shade = np.column_stack([_shades(scores, name) for name in names])
-    texts = [[_text(score, CRITERIA[name]) for name in names] for score in scores]
+    texts = [[_text(CRITERIA[name].factor * s.mean(name)) for name in names] for s in scores]
     how = "tuned alike" if bench.tuned else "with their defaults"
     cells = Cells([_head(CRITERIA[name]) for name in names], list(bench.best), shade, texts)
     about = (
@@ -80,9 +75,7 @@ def _shades(scores: Sequence[Any], name: str) -> Array:
     return np.asarray(np.clip(far / np.log(TIMES), 0, 1))
 
 
-def _text(score: Any, criterion: Criterion) -> str:
-    name = next(key for key, value in CRITERIA.items() if value is criterion)
-    value = criterion.factor * score.mean(name)
+def _text(value: float) -> str:
     if not np.isfinite(value):
         return ""
     if abs(value) >= 99.5:
@@ -111,7 +104,7 @@ def sweep_figure(id: str, swept: Any) -> Figure:
     panels = []
     for signal in ("x", "f_d"):
         items: list[Item] = []
-        for name, style in _looks(list(swept.errors)):
+        for name, style in _styles(swept.errors).items():
             errors = swept.errors[name][signal]
             items += [
                 Line(swept.values, errors, signal=style, label=""),
@@ -126,8 +119,6 @@ def sweep_figure(id: str, swept: Any) -> Figure:
 
 def _from_zero(axis: Axis, items: Sequence[Item]) -> Axis:
     """Begin the axis at zero, and end it where most is to be seen: one lost filter hides none."""
-    from dataclasses import replace
-
     points = [item for item in items if isinstance(item, Points) and np.isfinite(item.y).all()]
     if not points:
         return axis
@@ -141,7 +132,7 @@ def cost_figure(bench: Any) -> Figure:
     """Show what a step costs against what it buys."""
     scores = list(bench.best.values())
     items: list[Item] = []
-    for name, style in _looks(list(bench.best)):
+    for name, style in _styles(bench.best).items():
         score = bench.best[name]
         cost, error = score.mean("cost"), score.mean("f_d")
         if np.isfinite(cost) and np.isfinite(error):
@@ -198,7 +189,7 @@ def run_figure(study: Any) -> Figure:
     readings = np.array([record[name_of("y", reading.name)] for reading in view.machine.readings])
     estimate_lines: list[Item] = []
     start = len(record) // 25
-    for name, style in _looks(list(field)):
+    for name, style in _styles(field).items():
         estimate = field[name].build(**bench.best[name].values).run(record)
         # The start in the dark would flatten all that follows.
         estimate_lines.append(
@@ -217,7 +208,7 @@ def run_figure(study: Any) -> Figure:
             Panel(time, Axis(f"displacement $x${of}", "mm", 1e3), [
                 Line(record.t, (view.H @ view.shown)[0] @ readings, signal="measured"),
                 Line(record.t, record[name_of("r", axis)], signal="reference"),
-                Line(record.t, record[name_of("s", axis) if axis else "x"], signal="truth"),
+                Line(record.t, record[displacement(axis)], signal="truth"),
             ]),
             Panel(time, force, [*estimate_lines, Line(record.t, record[load], signal="truth")]),
         ],
@@ -256,14 +247,3 @@ def cases_figure(benches: Mapping[str, Any]) -> Figure:
 
 def _runs(bench: Any) -> str:
     return f"{bench.runs} runs" if bench.runs > 1 else "1 run"
-
-
-__all__ = [
-    "cases_figure",
-    "cost_figure",
-    "efficiency_figure",
-    "look",
-    "matrix_figure",
-    "run_figure",
-    "sweep_figure",
-]

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
 
 
-FINER = 10
-"""Steps in a sample of the filter that is compared with."""
+FINER = 10  #: Steps in a sample of the filter that is compared with.
 
 
 def settled_bound(estimator: Estimator, record: Record, W: Array, start: int) -> Array:

@@ -42,21 +42,11 @@ class Standing:
 
     def mean(self, criterion: str) -> float:
         """Mean over the runs in which it applies; NaN where it never does."""
-        known = self._known(criterion)
-        return float(known.mean()) if known.size else float("nan")
+        return mean(self.figures[criterion])
 
     def half_width(self, criterion: str) -> float:
         """Half width of the 95 % confidence interval of the mean (Student's t)."""
-        from scipy.stats import t
-
-        known = self._known(criterion)
-        if known.size < 2:
-            return float("nan")
-        return float(t.ppf(0.975, known.size - 1) * known.std(ddof=1) / np.sqrt(known.size))
-
-    def _known(self, criterion: str) -> Array:
-        values = np.asarray(self.figures[criterion])
-        return np.asarray(values[np.isfinite(values)])
+        return half_width(self.figures[criterion])
 
     def rows(self) -> list[Row]:
         """Return the mean of each criterion, with its 95 % interval."""
@@ -94,7 +84,7 @@ class Bench(Result):
 
     def efficiency(self, name: str, signal: str) -> float:
         """Limit over root mean square error of a state; 1 is what nobody exceeds."""
-        return self.limit[signal] / _pooled(self.best[name].figures[signal])
+        return self.limit[signal] / math.sqrt(mean(self.best[name].figures[signal] ** 2))
 
     TITLE = "{0.bearing.name}, case {0.case.name}: {0.case.title}"
 
@@ -305,7 +295,17 @@ def least(rows: Sequence[Row]) -> str:
     return text
 
 
-def _pooled(errors: Array) -> float:
-    """RMSE over all runs together: that is what the limit limits."""
-    known = errors[np.isfinite(errors)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+def mean(values: Array) -> float:
+    """Mean of what is finite; NaN of nothing."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else math.nan
+
+
+def half_width(values: Array) -> float:
+    """Half of the 95 % confidence interval of that mean (Student's t); NaN of a single value."""
+    from scipy.stats import t
+
+    known = values[np.isfinite(values)]
+    if known.size < 2:
+        return math.nan
+    return float(t.ppf(0.975, known.size - 1) * known.std(ddof=1) / np.sqrt(known.size))

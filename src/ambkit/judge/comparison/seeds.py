@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from operator import methodcaller
 from typing import TYPE_CHECKING
@@ -13,9 +12,11 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import label as escaped
 from ambkit.base.quantity_arguments import of_type
+from ambkit.base.threads import pool_of
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, errors_along, rms
+from ambkit.judge.comparison.figures import SHOWN
 from ambkit.judge.comparison.score import least
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Bars, Figure, Item, Panel, Rule
@@ -117,44 +118,27 @@ def compare(
         return errors, float(run.estimate.nis[1:].mean()), touched
 
     scores = Scores()
-    pool = ThreadPoolExecutor(threads)
-    try:
+    with pool_of(threads) as pool:
         futures = {name: [pool.submit(one, name, seed) for seed in seeds] for name in estimators}
         for name, waiting in futures.items():
-            results = [future.result() for future in waiting]
-            errors = np.array([r[0] for r in results])
-            scores[name] = Score(
-                dict(zip(EVALUATED, errors.T, strict=True)),
-                np.array([r[1] for r in results]),
-                sum(r[2] for r in results),
-            )
-    finally:
-        pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not run first
+            errors, nis, touched = zip(*(future.result() for future in waiting), strict=True)
+            by_signal = dict(zip(EVALUATED, np.array(errors).T, strict=True))
+            scores[name] = Score(by_signal, np.array(nis), sum(touched))
     return scores
 
 
 def comparison_figure(scores: Mapping[str, Mapping[str, Score]], what: str = "step") -> Figure:
     """Show the errors of several filters as bars."""
-    axes = {
-        "x": Axis("error of position", "µm rms", 1e6),
-        "v": Axis("error of velocity", "mm/s rms", 1e3),
-        "f_d": Axis("error of disturbance force", "N rms"),
-    }
+    axes = SHOWN | {"f_d": Axis("error of disturbance force", "N rms")}
     cases, names = list(scores), list(next(iter(scores.values())))
 
-    def bars(
-        figure_of: Callable[[Score], float], spread_of: Callable[[Score], float]
-    ) -> list[Item]:
+    def bars(mean: Callable[[Score], float], spread: Callable[[Score], float]) -> list[Item]:
         return [
-            Bars(
-                [escaped(case) for case in cases],
-                np.array([figure_of(scores[case][name]) for case in cases]),
-                np.array([spread_of(scores[case][name]) for case in cases]),
-                signal=style,
-                label=label,
-            )
+            Bars([escaped(case) for case in cases],
+                 *(np.array([of(scores[case][name]) for case in cases]) for of in (mean, spread)),
+                 signal=style, label=label)
             for name, (style, label) in zip(names, looks(names), strict=True)
-        ]
+        ]  # fmt: skip
 
     errors = [
         Panel(Axis(what), axis, bars(methodcaller("mean", signal), methodcaller("spread", signal)))

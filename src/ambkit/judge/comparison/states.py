@@ -35,8 +35,7 @@ if TYPE_CHECKING:
 
 RAW = "raw sensor"
 
-WITHIN = 8
-"""Steps of a load's walk in a sample."""
+WITHIN = 8  #: Steps of a load's walk in a sample.
 
 
 @dataclass(frozen=True)

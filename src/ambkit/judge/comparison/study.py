@@ -23,7 +23,7 @@ from ambkit.judge.comparison.cases import (
     step_case,
     walk_case,
 )
-from ambkit.judge.comparison.comparison import TRAINING, Sweep, bench, pieces, sweep
+from ambkit.judge.comparison.comparison import TRAINING, Sweep, bench, sweep
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, PerRun
 from ambkit.judge.comparison.figures import efficiency_figure, run_figure, sweep_figure
 from ambkit.judge.comparison.score import Bench, Benches
@@ -41,8 +41,7 @@ if TYPE_CHECKING:
     from ambkit.result.report import Figure
 
 
-HEIGHTS = (0.02, 0.1, 0.2, 0.3, 0.4, 0.5)
-"""Steps whose errors are shown, in travels."""
+HEIGHTS = (0.02, 0.1, 0.2, 0.3, 0.4, 0.5)  #: Steps whose errors are shown, in travels.
 
 WRONG = (0.7, 0.85, 1.0, 1.15, 1.3)
 """Magnet constants of the plant over the one that the estimators know."""
@@ -74,8 +73,7 @@ TUNED = (
     "filter."
 )
 
-SWEEP_RUNS = 4
-"""Runs at each point of these."""
+SWEEP_RUNS = 4  #: Runs at each point of these.
 
 
 @dataclass(frozen=True, repr=False)
@@ -192,15 +190,19 @@ class Study(Result):
         return self.bench.figures()
 
 
-def learned(case: Case, bearing: Any, names: Sequence[str]) -> dict[str, MagnetModel]:
-    """Learn the maps that some kinds ask, over all that a step reaches."""
+def learned(
+    case: Case, bearing: Any, names: Sequence[str], own: Mapping[str, MagnetModel] | None = None
+) -> dict[str, MagnetModel]:
+    """Return the user's own maps, and those learned over all that a step reaches."""
     # The expert has the paper's 25 rules. A table costs no more with more nodes, and has them.
+    results = dict(own or {})
     asking = [name for name in names if name in KINDS and KINDS[name].magnet is None]
+    asking = [name for name in asking if name not in results]
     if not asking:
-        return {}
+        return results
     if not bearing.single:
         known = {name: learned_magnet(name, bearing) for name in asking}
-        return {name: magnet for name, magnet in known.items() if magnet is not None}
+        return results | {name: magnet for name, magnet in known.items() if magnet is not None}
     from ambkit.fuzzy.training import train
     from ambkit.machine.stiffness import stiffness_map
 
@@ -214,9 +216,8 @@ def learned(case: Case, bearing: Any, names: Sequence[str]) -> dict[str, MagnetM
         displacements = np.linspace(-max_displacement, max_displacement, nodes)
         return stiffness_map(bearing, currents=currents, displacements=displacements, force=force)
 
-    results: dict[str, MagnetModel] = {}
     if set(asking) - {"table"}:
-        results = dict.fromkeys(asking, train(work(RULES), weights=True))
+        results |= dict.fromkeys(asking, train(work(RULES), weights=True))
     return results | ({"table": work(NODES)} if "table" in asking else {})
 
 
@@ -238,11 +239,7 @@ def study(
     case = CASES[case] if isinstance(case, str) else case
     names = suited(names, bearing)
     threads = threads or os.cpu_count() or 1
-    own_magnets = dict(magnets or {})
-    known = (
-        learned(case, bearing, [name for name in names if name not in own_magnets]) | own_magnets
-    )
-    field = candidates(names, bearing, known, custom)
+    field = candidates(names, bearing, learned(case, bearing, names, magnets), custom)
     done("judging")
     main = bench(
         bearing, case, field, runs=runs, budget=budget, seed=seed, threads=threads,
@@ -253,12 +250,10 @@ def study(
         return Study(main, field, first)
     tuned = {name: s.tuning for name, s in main.tuned.items() if s.tuning is not None}
 
-    def row(
-        what: str, cases: dict[float, Case], count: int = SWEEP_RUNS, *, as_tuned: bool
-    ) -> Sweep:
+    def row(what: str, cases: dict[float, Case], runs: int, tuned: Any) -> Sweep:
         return sweep(
-            bearing, cases, field, tuned=tuned if as_tuned else None, runs=count, seed=seed,
-            threads=threads, done=lambda: done(what),
+            bearing, cases, field, tuned=tuned, runs=runs, seed=seed, threads=threads,
+            done=lambda: done(what),
         )  # fmt: skip
 
     def alike(other: Case, magnet_constant: float = 1.0) -> Case:
@@ -274,10 +269,9 @@ def study(
         main,
         field,
         first,
-        steps=row("errors by step", steps, as_tuned=True),
-        wrong_k=row("errors by k", wrong, as_tuned=True),
-        # There the defaults are the truth.
-        limit=row("the limit", walks, 2 * SWEEP_RUNS, as_tuned=False),
+        steps=row("errors by step", steps, SWEEP_RUNS, tuned),
+        wrong_k=row("errors by k", wrong, SWEEP_RUNS, tuned),
+        limit=row("the limit", walks, 2 * SWEEP_RUNS, None),  # there the defaults are the truth
         model=bench(
             bearing, CASES["model"], field, runs=max(runs, 32), seed=seed, threads=threads,
             done=lambda: done("the limit"),
@@ -294,34 +288,25 @@ def across(
     runs: int = 16,
     budget: int = 0,
     seed: int = 0,
-    threads: int | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
     done: Callable[[str], None] = lambda _text: None,
 ) -> Benches:
     """Compare estimators in several cases, tuned anew in each."""
-    own_magnets = dict(magnets or {})
-    unknown_names = [name for name in names if name not in own_magnets]
-    maps: list[tuple[Case, dict[str, MagnetModel]]] = []
+    known: dict[tuple[bool, int], dict[str, MagnetModel]] = {}
 
-    def known(case: Case) -> dict[str, MagnetModel]:
-        """What is learned for one case serves all that learn from the same magnet."""
-        for other, result in maps:
-            if (other.saturates, other.magnet) == (case.saturates, case.magnet):
-                return result
-        maps.append((case, learned(case, bearing, unknown_names)))
-        return maps[-1][1]
-
-    return Benches(
-        (name, study(
+    def compared(case: Case) -> Bench:
+        learns_from = case.saturates, id(case.magnet)
+        if learns_from not in known:
+            known[learns_from] = learned(case, bearing, names, magnets)
+        return study(
             bearing, case, names, custom=custom, runs=runs, budget=budget, seed=seed,
-            threads=threads, magnets=known(case) | own_magnets, whole=False, done=done,
-        ).bench)
-        for name, case in cases.items()
-    )  # fmt: skip
+            magnets=known[learns_from], whole=False, done=done,
+        ).bench  # fmt: skip
+
+    return Benches({name: compared(case) for name, case in cases.items()})
 
 
 def pieces_of(count: int, budget: int, whole: bool) -> int:
     """Return how often `study` calls `done` for so many estimators."""
-    field = dict.fromkeys(map(str, range(count)))
-    there = pieces(field, budget) + 1
-    return there + (2 * len(HEIGHTS) + len(WRONG) + pieces(field, 0) if whole else 0)
+    around = 2 * len(HEIGHTS) + len(WRONG) + count
+    return count * (3 if budget else 1) + 1 + (around if whole else 0)

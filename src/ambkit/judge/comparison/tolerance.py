@@ -54,5 +54,4 @@ class Spread:
         )
 
 
-CERTAIN = Spread()
-"""Nothing is uncertain."""
+CERTAIN = Spread()  #: Nothing is uncertain.

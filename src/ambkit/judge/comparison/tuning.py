@@ -18,7 +18,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.named import FromFile, factories
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.estimate.registry import KINDS, Tunable, check_named
+from ambkit.estimate.registry import KINDS, check_named
 from ambkit.estimate.user_filter import OwnEstimator
 from ambkit.judge.comparison.criteria import errors_along, rms
 from ambkit.machine.machine import Machine
@@ -116,7 +116,7 @@ def candidate_of_kind(
         own = KalmanFilter(bearing).variances._asdict() if noise else {}
         for key, item in own.items():  # of several axes all are scaled alike
             if key in noise and isinstance(item, tuple):
-                scale = noise[key] / means[key]
+                scale = noise[key] / defaults[f"noise.{key}"]
                 noise[key] = tuple(scale * variance for variance in item)
         rest = {key: value for key, value in values.items() if "noise." not in key}
         try:
@@ -124,24 +124,20 @@ def candidate_of_kind(
         except ValueError as error:  # not every kind is of several axes
             raise AmbkitError(str(error)) from error
 
+    of: Any = bearing
     free = {t.name: t for t in kind.tunable}
     if not whole and {"noise.control", "noise.disturbance"} <= free.keys():
         free.pop("noise.measurement", None)
-    ranges = tuple(_range(t, bearing) for t in free.values())
-    means = {range_.name.removeprefix("noise."): range_.default for range_ in ranges}
+    defaults = {name: tunable.default(of) for name, tunable in free.items()}
+    ranges = tuple(
+        Range(t.name, t.unit, at, at / 10**t.decades, at * 10**t.decades)
+        for t, at in zip(free.values(), defaults.values(), strict=True)
+    )
     return Candidate(name, kind.label, build, ranges)
 
 
-def _range(tunable: Tunable, bearing: Any) -> Range:
-    default, range_factor = tunable.default(bearing), 10**tunable.decades
-    return Range(
-        tunable.name, tunable.unit, default, default / range_factor, default * range_factor
-    )
-
-
 SIGNALS = ("x", "v", "f_d")
-WORST = 10.0
-"""What a run counts that is lost; the untuned linear filter's count 1."""
+WORST = 10.0  #: What a run counts that is lost; the untuned linear filter's count 1.
 
 
 @dataclass(frozen=True)
@@ -160,9 +156,7 @@ def errors(build: Callable[[], Any], training: Sequence[Trial], first: int) -> A
     """Return the RMSE of x, v, f_d on each training run, (runs, 3); infinite where it is lost."""
     records = [trial.record for trial in training]
     estimator = build()
-    if (
-        isinstance(estimator, Estimator) and estimator.view.single and records
-    ):  # which begins afresh in each run
+    if isinstance(estimator, Estimator) and estimator.view.single and records:
         y, u, *truth = (np.array([r[name] for r in records]) for name in ("y", "u", *SIGNALS))
         many = run_many(
             estimator, y, u, truth=np.stack(truth, axis=-1), skip=first, history=(), threads=1
@@ -258,15 +252,10 @@ def search(
             points.append(point)
             at(point)
     best = points[int(np.argmin([trial.cost for trial in trials]))]
-    corners = np.vstack([best, *(best + _towards_middle(best, n) for n in range(best.size))])
+    towards_middle = np.diag(np.where(best < 0.5, 0.15, -0.15))
+    corners = np.vstack([best, best + towards_middle])
     if budget > len(trials):
         minimize(at, best, method="Nelder-Mead", bounds=[(0.0, 1.0)] * best.size,
                  options={"maxfev": budget - len(trials), "initial_simplex": corners,
                           "xatol": 1e-4, "fatol": 1e-6})  # fmt: skip
     return Search(trials)
-
-
-def _towards_middle(point: Array, axis: int) -> Array:
-    move = np.zeros(point.size)
-    move[axis] = 0.15 if point[axis] < 0.5 else -0.15
-    return move

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array
 from ambkit.control.control import Control, as_control
 from ambkit.control.pid import PID
-from ambkit.data.signals import signal
+from ambkit.data.signals import displacement, signal
 from ambkit.estimate.estimate import Status
 from ambkit.estimate.machine_model import View
 from ambkit.judge.comparison.criteria import errors_along
@@ -35,20 +35,14 @@ if TYPE_CHECKING:
 
 Mask = NDArray[np.bool_]
 
-BEFORE, AFTER = 50.0, 160.0
-"""Flight before a fault and after it, in the plant's time constants."""
-
-SETTLED = 30.0
-"""From then on a clean flight counts [time constants]."""
-
-QUIET = 120.0
-"""Flight without a fault between two mixtures [time constants]."""
+BEFORE, AFTER = 50.0, 160.0  #: Flight before a fault and after it, in the plant's time constants.
+SETTLED = 30.0  #: From then on a clean flight counts [time constants].
+QUIET = 120.0  #: Flight without a fault between two mixtures [time constants].
 
 TIMES = 5.0
 """An error is back when it is within so many times the 99 % quantile of the clean flight's own."""
 
-LAST = 0.2
-"""Share of the flight after a fault by the end of which all must be back, and stay so."""
+LAST = 0.2  #: Share of the flight after a fault by the end of which all must be back, and stay so.
 
 
 @dataclass(frozen=True)
@@ -156,30 +150,23 @@ class Flight:
         reference = Sine(amplitude=0.1 * axis.rotor.clearance, frequency=1 / (40 * period))
         disturbance = Sine(amplitude=0.2 * weight, frequency=1 / (90 * period))
         feedback: Any = "estimate" if self.in_loop and estimator else "measurement"
+        machine: Machine = axis
+        controller: PID | Control = self.controller or PID.for_bearing(axis)
+        happens: dict[str, Any] = {"reference": reference, "disturbance": disturbance}
+        force, faults = channel.force, channel.faults
         if not self.bearing.single:
-            machine, k = self.bearing, self.at
-            names = [item.name for item in machine.axes]
-            machine_scenario = Scenario(
-                duration=duration, seed=self.seed, plant=self.plant,
-                controller=as_control(self.controller or Control()).fed_by(feedback),
-                reference=(Reference(axis=names[k], position=reference),),
-                disturbance=(Disturbance(axis=names[k], force=disturbance),),
-            )  # fmt: skip
-            readings = len(machine.readings)
-            external_inputs = ExternalInputs(
-                np.outer(channel.force, np.arange(len(names)) == k),
-                faults=channel.faults.among(self.reading, readings, k, len(names)),
-            )
-            return simulate_run(
-                machine, machine_scenario, estimator=estimator, external_inputs=external_inputs
-            )
-        pid = self.controller or PID.for_bearing(axis)
+            machine, k, controller = self.bearing, self.at, self.controller or Control()
+            p, name = len(machine.axes), machine.axes[k].name
+            happens = {"reference": (Reference(axis=name, position=reference),),
+                       "disturbance": (Disturbance(axis=name, force=disturbance),)}  # fmt: skip
+            force = np.outer(force, np.arange(p) == k)
+            faults = faults.among(self.reading, len(machine.readings), k, p)
         scenario = Scenario(
-            duration=duration, seed=self.seed, reference=reference, disturbance=disturbance,
-            controller=as_control(pid).fed_by(feedback), plant=self.plant,
+            duration=duration, seed=self.seed, plant=self.plant, **happens,
+            controller=as_control(controller).fed_by(feedback),
         )  # fmt: skip
-        external_inputs = ExternalInputs(channel.force, faults=channel.faults, place=channel.place)
-        return simulate_run(axis, scenario, estimator=estimator, external_inputs=external_inputs)
+        external_inputs = ExternalInputs(force, faults=faults, place=channel.place)
+        return simulate_run(machine, scenario, estimator=estimator, external_inputs=external_inputs)
 
     def _errors(self, run: Run) -> dict[str, Array]:
         """Return magnitudes of the estimate's errors, of several axes the greatest (n,)."""
@@ -196,8 +183,7 @@ class Flight:
 
     def _places(self, record: Record) -> Array:
         """Return the rotor's displacements along the axes (p, n) [m]."""
-        names = [axis.name for axis in self.view.machine.axes]
-        return np.array([record[signal("s", name) if name else "x"] for name in names])
+        return np.array([record[displacement(axis.name)] for axis in self.view.machine.axes])
 
     def _stopped(self, record: Record) -> Mask:
         """Return where the rotor met a stop (n,)."""

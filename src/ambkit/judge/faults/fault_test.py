@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +14,7 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
 from ambkit.base.quantity_arguments import of_type
+from ambkit.base.threads import pool_of
 from ambkit.control.pid import PID
 from ambkit.data.files.tables import Table, write_table
 from ambkit.estimate.named import factories
@@ -30,14 +30,11 @@ from ambkit.result.sections import Section
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
-    from ambkit.judge.faults.faults import Channel
     from ambkit.machine.magnets import Precision
     from ambkit.result.report import Figure
-    from ambkit.simulation.run import Run
 
 
-MIXTURE = "mixture"
-"""Stands for the faults that are drawn at random."""
+MIXTURE = "mixture"  #: Stands for the faults that are drawn at random.
 
 TEXTS = ("fault", "estimator", "precision", "setting", "levitation")
 """What is told of a flight in words."""
@@ -269,23 +266,16 @@ def inject_faults(
     kinds = suited(list(KINDS), bearing)
     built = factories(kinds if estimators is None else estimators, bearing)
     works = [
-        _Work(Flight(bearing, controller, in_loop, seed, precision, at, plant), name, build)
+        (Flight(bearing, controller, in_loop, seed, precision, at, plant), name, build)
         for precision in precisions
         for seed in seeds
         for in_loop in (False, True)
         for name, build in [*built.items(), *([(BASELINE, None)] if in_loop else [])]
     ]
     run_count = len(precisions) * flights_of(len(built), named, len(seeds), steps=steps)
-    pool = ThreadPoolExecutor(threads)
-    with reporting(done, "flying", run_count) as tell:
-
-        def fly(work: _Work) -> list[Outcome]:
-            return list(_campaign(work, named, steps, tell))
-
-        try:
-            outcomes = [item for result in pool.map(fly, works) for item in result]
-        finally:
-            pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not flown first
+    with reporting(done, "flying", run_count) as tell, pool_of(threads) as pool:
+        results = pool.map(lambda work: list(_campaign(named, steps, tell, *work)), works)
+        outcomes = [item for result in results for item in result]
     return FaultCampaign(bearing, tuple(outcomes))
 
 
@@ -297,40 +287,20 @@ def _reading(machine: Machine, name: str | None) -> int:
     return 0 if name is None else names.index(name)
 
 
-@dataclass(frozen=True)
-class _Work:
-    """Who is flown how; without `build`, the controller alone."""
-
-    flight: Flight
-    name: str
-    build: Callable[..., Estimator] | None
-
-    def run(self, channel: Channel) -> Run:
-        made = None if self.build is None else self.build(precision=self.flight.precision)
-        return self.flight.fly(channel, made)
-
-
 def _campaign(
-    work: _Work, named: Sequence[str], steps: int, done: Callable[[str], None]
-) -> Iterator[Outcome]:
-    """Fly one estimator through all faults, the clean flight first."""
-    fault_test = work.flight
-    channel, windows = fault_test.through(CLEAN)
-    clean = work.run(channel)
-    band = fault_test.band(clean)
-    done(CLEAN.name)
-    yield fault_test.evaluate(clean, windows, band, fault=CLEAN.name, estimator=work.name)
-    for name in named:
-        if fault_test.in_loop and not FAULTS[name].in_loop:
+    faults: Sequence[str], steps: int, done: Callable[[str], None],
+    fault_test: Flight, estimator: str, build: Callable[..., Estimator] | None,
+) -> Iterator[Outcome]:  # fmt: skip
+    """Fly an estimator, or the controller alone, through all faults, the clean one first."""
+    band = None
+    for name in (CLEAN.name, *faults, *([MIXTURE] if steps else ())):
+        fault = FAULTS.get(name, CLEAN)
+        if fault_test.in_loop and not fault.in_loop:
             continue
-        channel, windows = fault_test.through(FAULTS[name])
-        yield fault_test.evaluate(work.run(channel), windows, band, fault=name, estimator=work.name)
-        done(name)
-    if steps:
-        channel, windows = fault_test.mixed(steps)
+        channel, windows = fault_test.mixed(steps) if name == MIXTURE else fault_test.through(fault)
         if not windows:
             raise AmbkitError(f"{steps} steps have no room for a fault and its aftermath")
-        yield fault_test.evaluate(
-            work.run(channel), windows, band, fault=MIXTURE, estimator=work.name
-        )
-        done(MIXTURE)
+        run = fault_test.fly(channel, build and build(precision=fault_test.precision))
+        band = band or fault_test.band(run)
+        yield fault_test.evaluate(run, windows, band, fault=name, estimator=estimator)
+        done(name)
