@@ -2,7 +2,11 @@
 
 import doctest
 import math
+import subprocess
+import sys
 from contextlib import suppress
+from decimal import Decimal
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -12,6 +16,7 @@ from ambkit.base import units
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import seeds_in
 from ambkit.base.units import engineering, factor, parse
+from ambkit.machine.machine import Bearing
 
 SURFACE_UNITS = [
     *("m", "A", "s", "kg", "V", "N", "Hz", "m^2", "V^2", "N m^2/A^2", "A/V"),
@@ -187,3 +192,33 @@ def test_seeds_are_a_number_a_range_or_first_and_number() -> None:
                   range(-1, 3), True):  # fmt: skip
         with pytest.raises(AmbkitError, match=r"FIRST:N with the first from 0 on, are the "):
             seeds_in(wrong)  # type: ignore[arg-type]
+
+
+COMMON = [f"{prefix}{name}" for prefix in units._SHIFTS for name in (*units._COMMON, *units._ROOTS)]
+PRODUCTS = (
+    *("A/(m s)", "N mm^2/A^2", "12 A", "m/s/s", "kg m/s^2", "1/(rad/s)", "rpm/s", "N s/m s", ""),
+    *("m**2", "m^-1", "(mm/s)", "A/(m/s)^2", "m(", "m^0", "m ^2", "µm²", "N/m^1.5", "m//s", "/s"),
+)
+
+
+@pytest.mark.parametrize("pattern", ["{}", "{}^3", "{}^-2", "rad/{}", "mA {}", "{} / kg^2"])
+def test_common_units_have_the_size_that_pint_gives(pattern: str) -> None:
+    known = [u for u in map(pattern.format, COMMON + list(PRODUCTS)) if units._common_root(u)]
+    assert len(known) > 180
+    for unit in known:
+        (size, exponents), (expected, roots) = units._common_root(unit), units._root_by_pint(unit)
+        assert size == pytest.approx(expected, rel=Decimal("1e-26")), unit  # degrees hold pi
+        assert exponents == roots, unit
+
+
+def test_reading_and_checking_a_machine_does_not_import_pint(tmp_path: Path) -> None:
+    # Its import takes longer than the command.
+    Bearing.preset("zittau_axial").save(tmp_path / "b.toml")
+    code = (
+        "import atexit, sys, ambkit.cli.main as cli; atexit.register(lambda: print(*sys.modules)); "
+        "cli.main(['check', 'b.toml'])"
+    )
+    command = [sys.executable, "-c", code]
+    run = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert "b.toml: ok" in run.stdout
+    assert "pint" not in run.stdout.split()

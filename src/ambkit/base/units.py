@@ -11,7 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pint import Unit, UnitRegistry
+    from pint import UnitRegistry
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 _DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+)")
@@ -20,6 +20,38 @@ _LONGEST = 100  # characters of a unit
 _SHOWN = 60  # characters of a text in a message
 _REVOLUTIONS = ("rpm", "krpm", "rps", "revolution/min", "revolution/s")
 _PREFIXES = {"M": 6, "k": 3, "": 0, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15}
+
+Root = tuple[Decimal, dict[str, Any]]
+"""The factor of a unit to pint's root units, and the exponents of these; none is zero."""
+
+# pint's import and registry take a second, more than most commands do. Units made of these, each a
+# number times others, have the size that pint gives, and are known without it.
+_ROOTS = {"g": "gram", "m": "meter", "s": "second", "A": "ampere", "K": "kelvin", "rad": "radian"}
+_TURN = "6.283185307179586476925286766"
+_COMMON = {
+    "1": ("1", ""),
+    "dimensionless": ("1", ""),
+    "%": ("0.01", ""),
+    "N": ("1", "kg m/s^2"),
+    "Pa": ("1", "N/m^2"),
+    "J": ("1", "N m"),
+    "W": ("1", "J/s"),
+    "V": ("1", "W/A"),
+    "ohm": ("1", "V/A"),
+    "H": ("1", "V s/A"),
+    "T": ("1", "V s/m^2"),
+    "Hz": ("1", "1/s"),
+    "min": ("60", "s"),
+    "deg": ("0.01745329251994329576923690768", "rad"),
+    "revolution": (_TURN, "rad"),
+    "rps": (_TURN, "rad/s"),
+    "rpm": ("0.1047197551196597746154214461", "rad/s"),
+}
+_SHIFTS = {"G": 9, **_PREFIXES, "c": -2, "u": -6, "μ": -6}
+_FACTOR = re.compile(
+    r"(?P<operator>^|\s*[*/]\s*|\s+)"
+    r"(?:\((?P<product>[^()]+)\)|(?P<unit>[A-Za-zµμ%]+|1)(?:(?:\^|\*\*)(?P<power>-?[1-9]))?)"
+)
 
 
 @cache
@@ -30,15 +62,50 @@ def _registry() -> "UnitRegistry[Any]":
 
 
 @cache
-def _root(unit: str) -> tuple[Decimal, "Unit"]:
-    """Return the factor to SI base units, and these."""
-    registry = _registry()
+def _root(unit: str) -> Root:
     if len(unit) > _LONGEST:  # pint's time grows with the square of it
         raise ValueError(f'"{unit[:20]}..." is not a known unit')
     if "," in unit:  # pint would read over it
         raise ValueError(f'"{unit}" is not a known unit')
+    return _common_root(unit) or _root_by_pint(unit)
+
+
+def _common_root(unit: str) -> Root | None:
+    """Return the root of a product of common units; None of any other, which is left to pint."""
+    size, exponents, end = Decimal(1), dict.fromkeys(_ROOTS.values(), 0), 0
+    while end < len(unit):
+        match = _FACTOR.match(unit, end)
+        if match is None or (match["operator"] and not end):
+            return None
+        factor = _common_root(match["product"]) if match["product"] else _named(match["unit"])
+        if factor is None:
+            return None
+        n = int(match["power"] or 1) * (-1 if "/" in match["operator"] else 1)
+        size = size * factor[0] ** n if n > 0 else size / factor[0] ** -n
+        for root, exponent in factor[1].items():
+            exponents[root] += n * exponent
+        end = match.end()
+    return size, {root: n for root, n in exponents.items() if n}
+
+
+def _named(name: str) -> Root | None:
+    """Return the root of a common unit with its prefix."""
+    shift = 0
+    if name not in _COMMON and name not in _ROOTS:
+        shift, name = _SHIFTS.get(name[0], 0), name[1:] if name[0] in _SHIFTS else ""
+    if name in _ROOTS:
+        return Decimal(1).scaleb(shift), {_ROOTS[name]: 1}
+    number, others = _COMMON.get(name, ("", ""))
+    if not number or (shift and not others):  # a plain number takes no prefix
+        return None
+    size, exponents = _root(others)
+    return Decimal(number).scaleb(shift) * size, exponents
+
+
+def _root_by_pint(unit: str) -> Root:
+    registry = _registry()
     try:
-        parsed = registry.parse_units("" if unit == "1" else unit)
+        parsed = registry.parse_units(unit)
         scale, root = registry.get_root_units(parsed)
         offset = registry.Quantity(Decimal(0), parsed).m_as(root)
     except Exception:  # pint passes on whatever its tokenizer and evaluator raise
@@ -48,7 +115,7 @@ def _root(unit: str) -> tuple[Decimal, "Unit"]:
     size = Decimal(str(scale))
     if not 0 < float(size) < math.inf:  # of an exponent of many digits
         raise ValueError(f'"{unit}" is too large or too small a unit')
-    return size, root
+    return size, dict(registry.Quantity(1, root).unit_items())
 
 
 @cache
@@ -94,15 +161,14 @@ def parse(text: str, unit: str) -> float:
 
 
 def base_unit(text: str) -> str:
-    """Return the SI base units that a number with its unit is measured in, as pint calls them."""
+    """Return the SI base units that a number with its unit is measured in."""
     match = _QUANTITY.fullmatch(text)
     if match is None or not match[2]:
         parse(text, "m")  # which says what is wrong with it
         raise ValueError(f'"{text[:_SHOWN]}" has no unit')
-    _root(match[2])  # raises where it is not known
-    registry = _registry()
-    _, base = registry.get_base_units(registry.parse_units(match[2]))
-    return str(base)
+    symbols = {root: symbol for symbol, root in _ROOTS.items()} | {"gram": "kg"}
+    powers = (f"{symbols.get(root, root)}^{n}" for root, n in _root(match[2])[1].items())
+    return "*".join(powers) or "dimensionless"
 
 
 def engineering(value: float, unit: str, digits: int | None = 6, like: float | None = None) -> str:
