@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
-from ambkit.campaigns import pictures
+from ambkit.campaigns import figures as pictures
 from ambkit.campaigns.results import Machines, Worst
 from ambkit.campaigns.stopping_rule import Counted, Share
 from ambkit.campaigns.store import Folder

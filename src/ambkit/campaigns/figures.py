@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from textwrap import wrap
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
+from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
+from ambkit.campaigns.distributions import OneOf
+from ambkit.campaigns.study_tables import UNITS, limit_of
+from ambkit.judge.loop.loop_of import ZONES
 from ambkit.result.report import Axis, Figure, Intervals, Item, Line, Note, Panel, Points, Rule
 
+if TYPE_CHECKING:
+    from ambkit.campaigns.results import Machines
+    from ambkit.campaigns.sobol_indices import Indices
+
+TENTH = 0.1  #: Of the machines, those in which a quantity counts as low, and as high.
 SERIES = 4  #: Curves of one panel that have a look of their own.
 POINTS = 400  #: Of a cumulative curve: a million machines make no finer one.
 FAR = 0.995  #: Share of the machines that a curve shows where the rest lies far out.
@@ -105,19 +115,43 @@ class Quantity(NamedTuple):
         return Axis(label, prefix + self.unit, factor)
 
 
-def cumulative_figure(
-    title: str,
-    figures: Sequence[Quantity],
-    groups: Mapping[str, NDArray[np.bool_]],
-    limits: Mapping[str, float],
-) -> Figure:
-    """Show which share of machines is at or below each value of figures."""
-    panels = []
+def quantity(campaign: Machines, name: str) -> Quantity:
+    """Return what varies, or a figure, to be shown."""
+    plan = campaign.plan
+    values = campaign.column(name)
+    if name not in plan.names:
+        return Quantity(LABELS[name], UNITS[name], values)
+    place = plan.names.index(name)
+    label = in_words(plan.names)[place]
+    key, of = plan.keys[place], plan.marginals[place]
+    if isinstance(of, OneOf):
+        words = [_text(value, key.unit) for value in of.values]
+        at = {value: float(number) for number, value in enumerate(of.values)}
+        return Quantity(label, "1", np.array([at[value] for value in values.tolist()]), words)
+    return Quantity(label, key.unit, values)
+
+
+def _text(value: object, unit: str, digits: int = 6) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    return engineering(value, unit, digits) if unit != "1" else f"{value:g}"
+
+
+def cumulative(campaign: Machines) -> Figure:
+    """Show which share of machines is at or below each value of figures, by the first choice."""
+    passes = campaign.plan.study.passes
+    limits = {
+        name: limit_of(name, limit, campaign.plan.nominal) for name, limit in passes.at_most.items()
+    }
+    if passes.zone is not None:
+        limits["peak_S"] = min(dict(ZONES)[passes.zone], limits.get("peak_S", np.inf))
+    groups = _groups(campaign)
     visible_groups = dict(list(groups.items())[:SERIES])
-    for of in figures:
-        finite = of.values[np.isfinite(of.values)]
-        items: list[Item] = []
-        for place, (name, these) in enumerate(visible_groups.items()):
+    share = Axis("share of machines", "%", 100.0, limits=(0.0, 1.02))
+    panels = []
+    for figure in campaign.names_shown:
+        of, items = quantity(campaign, figure), list[Item]()
+        for place, (name, these) in enumerate(visible_groups.items(), 1):
             values = np.sort(of.values[these & ~np.isnan(of.values)])
             if not values.size:
                 continue
@@ -125,23 +159,15 @@ def cumulative_figure(
             keep = at[np.isfinite(values[at])]
             label = name if len(visible_groups) > 1 else ""
             y = (keep + 1) / values.size
-            items.append(Line(values[keep], y, signal=f"series {place + 1}", label=label))
-        if of.name in limits:
-            items.append(Rule(limits[of.name], axis="x", signal="limit", label="limit"))
-        axis = of.axis
-        if finite.size:
-            low, high = float(finite.min()), float(np.quantile(finite, FAR))
-            high = max(high, limits.get(of.name, high))
-            if high > low:
-                room = 0.05 * (high - low)
-                axis = Axis(axis.label, axis.unit, axis.factor, limits=(low - room, high + room))
-        y_axis = Axis("share of machines", "%", 100.0, limits=(0.0, 1.02))
-        panels.append(Panel(axis, y_axis, items))
+            items.append(Line(values[keep], y, signal=f"series {place}", label=label))
+        if figure in limits:
+            items.append(Rule(limits[figure], axis="x", signal="limit", label="limit"))
+        panels.append(Panel(_without_outliers(of, limits.get(figure)), share, items))
     left_out = len(groups) - len(visible_groups)
     rest = f" {left_out} more of the choice are not shown." if left_out else ""
     return Figure(
         "cumulative",
-        title,
+        f"{markdown(campaign.plan.study.name)}: {len(campaign):,} machines",
         "Share of machines at or below each value. A curve that ends below 100 % belongs to "
         f"machines without a finite value: unstable, or never recovered.{rest}",
         panels,
@@ -149,73 +175,107 @@ def cumulative_figure(
     )
 
 
-class Swing(NamedTuple):
-    """What a quantity does to a figure."""
+def _groups(campaign: Machines) -> dict[str, NDArray[np.bool_]]:
+    for name, of in zip(campaign.plan.names, campaign.plan.marginals, strict=True):
+        if isinstance(of, OneOf):
+            choice = quantity(campaign, name)
+            return {word: choice.values == at for at, word in enumerate(choice.words)}
+    return {"all": np.ones(len(campaign), bool)}
 
-    name: str  #: Of the quantity.
-    low: float  #: Median of the figure where the quantity is low, or of the best choice.
-    high: float  #: Where it is high, or of the worst choice.
-    text: str  #: Between which values.
+
+def _without_outliers(of: Quantity, limit: float | None) -> Axis:
+    """Return the axis of a quantity without what lies far out, but with its limit."""
+    finite = of.values[np.isfinite(of.values)]
+    if not finite.size:
+        return of.axis
+    low, high = float(finite.min()), float(np.quantile(finite, FAR))
+    high = high if limit is None else max(high, limit)
+    room = 0.05 * (high - low)
+    return replace(of.axis, limits=(low - room, high + room)) if high > low else of.axis
 
 
-def tornado_figure(id: str, figure: Quantity, middle: float, swings: Sequence[Swing]) -> Figure:
+def tornado(campaign: Machines, figure: str) -> Figure:
     """Show what each quantity does to a figure, the strongest on top."""
-    order = sorted(swings, key=lambda item: -abs(item.high - item.low))
-    ends = [sorted((entry.low, entry.high)) for entry in order]
-    rows = Intervals(
-        [_folded(entry.name) for entry in order],
-        np.full(len(order), middle),
-        np.array([low for low, _ in ends]),
-        np.array([high for _, high in ends]),
-        [entry.text for entry in order],
-        signal="estimate",
-        label="",
-    )
-    return Figure(
-        f"tornado-{id}",
-        f"What drives the {figure.name}",
+    of, Y = quantity(campaign, figure), campaign.column(figure)
+    known = ~np.isnan(Y)
+    swings: list[tuple[str, float, float, str]] = []
+    for name in campaign.plan.names:
+        X = quantity(campaign, name)
+        if X.words:
+            medians = {
+                word: _median(Y[known & (X.values == at)])
+                for at, word in enumerate(X.words) if (known & (X.values == at)).any()
+            }  # fmt: skip
+            low, high = min(medians, key=medians.__getitem__), max(medians, key=medians.__getitem__)
+            swings.append((X.name, medians[low], medians[high], f"{low} … {high}"))
+            continue
+        a, b = np.quantile(X.values, [TENTH, 1 - TENTH]).tolist()
+        below, above = (_median(Y[known & these]) for these in (X.values <= a, X.values >= b))
+        text = " … ".join(_text(end, X.unit, 3) for end in (a, b))
+        swings.append((X.name, below, above, text))
+    swings.sort(key=lambda item: -abs(item[2] - item[1]))
+    ends = [sorted(item[1:3]) for item in swings]
+    return _drivers(
+        f"tornado-{figure}",
+        f"What drives the {of.name}",
         "Median of the figure over the tenth of the machines in which a quantity is lowest, and "
         "over the tenth in which it is highest; of a choice over its best and its worst value.",
-        [Panel(figure.axis, Axis(""), [rows])],
-        panel_height=max(1.6, 0.45 + 0.32 * len(order)),
-    )
+        [item[0] for item in swings],
+        [(of.axis, np.full(len(ends), _median(Y[known])), np.array(ends).reshape(-1, 2).T,
+          [item[3] for item in swings], "estimate")],
+    )  # fmt: skip
 
 
-def indices_figure(
-    id: str,
-    figure: str,
-    method: str,
-    names: Sequence[str],
-    shares: Mapping[str, tuple[Array, Array]],
-    caption: str,
-) -> Figure:
+def _median(values: NDArray[np.float64]) -> float:
+    """Return the middle value, which may be infinite."""
+    return float(np.sort(values)[values.size // 2]) if values.size else np.nan
+
+
+def indices(result: Indices) -> Figure:
     """Show which share of a figure's variance each quantity has."""
+    order = result.order
+    shares = [("first order", result.first, result.first_confidence)]
+    if result.total is not None and result.total_confidence is not None:
+        shares.append(("total", result.total, result.total_confidence))
+    caption = f"By SALib, from {result.used:,} runs."
+    if result.left_out:
+        caption += f" {result.left_out:,} without a finite value are left out."
     panels = []
-    for place, (order, (value, half)) in enumerate(shares.items()):
-        texts = [f"{100 * v:.1f} ± {100 * h:.1f} %" for v, h in zip(value, half, strict=True)]
-        rows = Intervals(
-            [_folded(name) for name in names], value, value - half, value + half, texts,
-            signal=f"series {place + 1}", label="",
-        )  # fmt: skip
-        axis = Axis(f"{order}, share of the variance", "%", 100.0)
-        panels.append(Panel(axis, Axis(""), [rows]))
-    return Figure(
-        f"indices-{id}",
-        f"{method} of the {figure}",
+    for place, (name, value, half) in enumerate(shares, 1):
+        v, h = value[order], half[order]
+        texts = [f"{100 * a:.1f} ± {100 * b:.1f} %" for a, b in zip(v, h, strict=True)]
+        axis = Axis(f"{name}, share of the variance", "%", 100.0)
+        panels.append((axis, v, np.stack([v - h, v + h]), texts, f"series {place}"))
+    return _drivers(
+        f"indices-{result.figure}",
+        f"{result.method} of the {LABELS[result.figure]}",
         caption,
+        [in_words(result.names)[at] for at in order],
         panels,
-        panel_height=max(1.6, 0.45 + 0.32 * len(names)),
     )
 
 
-def parallel_figure(
-    title: str, quantities: Sequence[Quantity], passed: NDArray[np.bool_]
-) -> Figure:
-    """Show machines as lines through all that varies, those that fail in red."""
-    # passed (n,)
-    k = len(quantities)
+def _drivers(
+    id: str, title: str, caption: str, names: Sequence[str],
+    panels: Sequence[tuple[Axis, Array, Array, Sequence[str], str]],
+) -> Figure:  # fmt: skip
+    """Show values of quantities, each with an interval and a text."""
+    folded = [_folded(name) for name in names]
+    return Figure(
+        id, title, caption,
+        [Panel(axis, Axis(""), [Intervals(folded, value, ends[0], ends[1], texts, signal=style,
+                                          label="")])
+         for axis, value, ends, texts, style in panels],
+        panel_height=max(1.6, 0.45 + 0.32 * len(names)),
+    )  # fmt: skip
+
+
+def parallel(campaign: Machines) -> Figure:
+    """Show machines as lines through what varies and the first figures, in red those that fail."""
+    names, passed = [*campaign.plan.names, *campaign.names_shown[:2]], campaign.column("passed")
+    k = len(names)
     scaled, items = np.empty((passed.size, k)), list[Item]()
-    for place, of in enumerate(quantities):
+    for place, of in enumerate(quantity(campaign, name) for name in names):
         values = of.values.astype(float)
         finite = values[np.isfinite(values)]
         low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
@@ -236,18 +296,13 @@ def parallel_figure(
         if len(rows):
             y = np.column_stack([rows, np.full(len(rows), np.nan)]).ravel()
             items.append(Line(np.tile(x, len(rows)), y, signal=signal))
+    to = Axis("from the least, 0, to the greatest, 1", limits=(-0.15, 1.45))
     return Figure(
         "parallel",
-        title,
+        f"{markdown(campaign.plan.study.name)}: machines, and which of them fail",
         f"Each line is a machine; at most {LINES} of each kind. Where red lines meet, machines "
         "fail.",
-        [
-            Panel(
-                Axis("", limits=(-0.5, k - 0.5)),
-                Axis("from the least, 0, to the greatest, 1", limits=(-0.15, 1.45)),
-                items,
-            )
-        ],
+        [Panel(Axis("", limits=(-0.5, k - 0.5)), to, items)],
         panel_height=3.4,
     )
 

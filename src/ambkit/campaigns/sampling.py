@@ -5,48 +5,22 @@ So runs can be computed in any order, in any number of pieces, on any machine.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
-from ambkit.campaigns.distributions import LEAST, MOST, Marginal
-from ambkit.campaigns.study import Study
+from ambkit.campaigns.distributions import LEAST, MOST
 
 _WORDS = 4  # that Philox gives for one value of its counter (Salmon et al. 2011)
 _RANDOM, _STRATA = 1, 2  # streams of a seed
 
 
-class Wanted(Protocol):
-    """What is asked of a :class:`~ambkit.campaigns.plan.Plan` here."""
-
-    @property
-    def study(self) -> Study:
-        """How points are chosen, and the seed."""
-
-    @property
-    def runs(self) -> int:
-        """How many at most."""
-
-    @property
-    def marginals(self) -> Sequence[Marginal]:
-        """Distributions of what varies."""
-
-    @property
-    def levels(self) -> Sequence[int]:
-        """How many values a grid has of each."""
-
-    @property
-    def correlation(self) -> Array | None:
-        """Of the normal scores (k, k)."""
-
-
-def uniforms(plan: Wanted, first: int, stop: int) -> Array:
+def uniforms(plan: Any, first: int, stop: int) -> Array:
     """Return the points of runs in the unit cube, before the distributions."""
-    # returns (stop - first, k)
+    # plan: `Plan`; returns (stop - first, k)
     way, k, seed = plan.study.sampling, len(plan.marginals), plan.study.seed
     if k == 0:
         return np.zeros((stop - first, 0))
@@ -54,7 +28,7 @@ def uniforms(plan: Wanted, first: int, stop: int) -> Array:
         return counted(seed, k, first, stop)
     if way == "latin-hypercube":
         strata = np.column_stack([s[first:stop] for s in _strata(seed, k, plan.runs)])
-        return (strata + counted(seed, k, first, stop)) / plan.runs
+        return np.asarray((strata + counted(seed, k, first, stop)) / plan.runs)
     if way == "sobol":
         return _sobol(seed, k, first, stop)
     if way == "saltelli":
@@ -62,10 +36,10 @@ def uniforms(plan: Wanted, first: int, stop: int) -> Array:
     return _grid(plan, first, stop)
 
 
-def counted(seed: int, k: int, first: int, stop: int, stream: int = _RANDOM) -> Array:
+def counted(seed: int, k: int, first: int, stop: int) -> Array:
     """Return even random numbers (stop - first, k) of runs, by their numbers (Philox)."""
     blocks = -(-k // _WORDS)
-    philox = np.random.Philox(key=np.array([seed, stream], np.uint64)).advance(first * blocks)
+    philox = np.random.Philox(key=np.array([seed, _RANDOM], np.uint64)).advance(first * blocks)
     numbers = np.random.Generator(philox).random((stop - first, blocks * _WORDS))
     return np.ascontiguousarray(numbers[:, :k])
 
@@ -100,7 +74,7 @@ def _saltelli(seed: int, k: int, first: int, stop: int) -> Array:
     return np.asarray(np.where(from_B, B, A), float)
 
 
-def _grid(plan: Wanted, first: int, stop: int) -> Array:
+def _grid(plan: Any, first: int, stop: int) -> Array:
     """Return the levels of a full grid as shares of their number, the last dimension fastest."""
     at = np.arange(first, stop) // plan.study.repeats
     result = np.empty((stop - first, len(plan.levels)))
@@ -110,7 +84,7 @@ def _grid(plan: Wanted, first: int, stop: int) -> Array:
     return result
 
 
-def values(plan: Wanted, u: Array) -> Array:
+def values(plan: Any, u: Array) -> Array:
     """Return what runs get of each quantity: a value in SI, of a choice its index."""
     # u (n, k); returns (n, k)
     from scipy.special import ndtr, ndtri
@@ -124,9 +98,8 @@ def values(plan: Wanted, u: Array) -> Array:
     if plan.correlation is not None:
         scores = ndtri(u)
         mixed = np.zeros_like(scores)
-        for i, row in enumerate(np.linalg.cholesky(plan.correlation)):
-            for j in range(i + 1):  # in this order whatever the number of rows
-                mixed[:, i] += row[j] * scores[:, j]
+        for j, column in enumerate(np.linalg.cholesky(plan.correlation).T):
+            mixed += scores[:, [j]] * column  # in this order whatever the number of rows
         u = np.where(
             (plan.correlation != np.eye(len(plan.correlation))).any(axis=1), ndtr(mixed), u
         )
@@ -135,7 +108,7 @@ def values(plan: Wanted, u: Array) -> Array:
     return result
 
 
-def noise_of(plan: Wanted, first: int, stop: int) -> NDArray[np.uint64]:
+def noise_of(plan: Any, first: int, stop: int) -> NDArray[np.uint64]:
     """Return which noise runs have, by its number."""
     # Each its own; only the points of one group of Saltelli's have the same, so that they differ by
     # what varies alone.

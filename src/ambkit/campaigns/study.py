@@ -25,7 +25,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -51,37 +51,32 @@ Way = Literal["sobol", "latin-hypercube", "random", "grid", "saltelli"]
 MOST_RUNS = 10**9  #: Runs of a study: a Sobol sequence of 30 bits has no more.
 
 
-def _preset_or_file(value: Any, info: ValidationInfo) -> Any:
+def _is_machine_file(value: Any) -> bool:
     from ambkit.machine import presets
 
-    known = (*presets.names(), *presets.machine_names())
-    return value if value in known else from_folder(value, info)
+    return value not in (*presets.names(), *presets.machine_names())
 
 
-def _written(value: str, info: SerializationInfo) -> str:
-    from ambkit.machine import presets
-
-    known = (*presets.names(), *presets.machine_names())
-    return value if value in known else to_folder(value, info)
-
-
-MachineName = Annotated[str, BeforeValidator(_preset_or_file), PlainSerializer(_written)]
-
-
-def _kind_or_file(value: Any, info: ValidationInfo) -> Any:
+def _is_filter_file(value: Any) -> bool:
     from ambkit.estimate.registry import FILTER_SUFFIX
 
-    is_file = isinstance(value, str) and value.endswith(FILTER_SUFFIX)
-    return from_folder(value, info) if is_file else value
+    return isinstance(value, str) and value.endswith(FILTER_SUFFIX)
 
 
-def _estimator_written(value: str, info: SerializationInfo) -> str:
-    from ambkit.estimate.registry import FILTER_SUFFIX
+def _file_or_name(is_file: Callable[[Any], bool]) -> tuple[BeforeValidator, PlainSerializer]:
+    """Return how a text is read and written that is a file beside the study, or a name."""
 
-    return to_folder(value, info) if value.endswith(FILTER_SUFFIX) else value
+    def read(value: Any, info: ValidationInfo) -> Any:
+        return from_folder(value, info) if is_file(value) else value
+
+    def written(value: str, info: SerializationInfo) -> str:
+        return to_folder(value, info) if is_file(value) else value
+
+    return BeforeValidator(read), PlainSerializer(written)
 
 
-EstimatorName = Annotated[str, BeforeValidator(_kind_or_file), PlainSerializer(_estimator_written)]
+MachineName = Annotated[str, *_file_or_name(_is_machine_file)]
+EstimatorName = Annotated[str, *_file_or_name(_is_filter_file)]
 
 
 class Study(Document):
