@@ -153,7 +153,7 @@ def test_frequency_responses_are_those_of_python_control(name):
     assert loop.sensitivity(f)[:, 0, 0] == pytest.approx(S(z), rel=1e-8)
     # Multiplied out, as python-control has it, an observer's double poles cost it 1e-8: ours are
     # those of 40 digits to 5e-13.
-    assert loop.complementary(f)[:, 0, 0] == pytest.approx(control.feedback(L, 1)(z), rel=3e-8)
+    assert 1 - loop.along_axes(f)[:, 0, 0] == pytest.approx(control.feedback(L, 1)(z), rel=3e-8)
     seen = control.feedback(K[0, 0], P[0, 0], sign=1)
     assert loop.noise_to_control(f)[:, 0, 0] == pytest.approx(seen(z), rel=3e-8)
     # x = P_xf f + P_xu u, u = K S P_yf f

@@ -19,8 +19,7 @@ class AmbkitError(Exception):
         super().__init__(lines(message))
 
 
-TOLD = 10
-"""Problems of one file that are told one by one; the rest is counted."""
+TOLD = 10  #: Problems of one file that are told one by one; the rest is counted.
 
 
 def shortened(problems: list[str], limit: int = TOLD) -> list[str]:
@@ -48,27 +47,11 @@ class _Problems(AmbkitError):
 
 
 class ConfigError(_Problems):
-    """A description (bearing, scenario) that is not valid.
-
-    Parameters
-    ----------
-    problems : str or iterable of str
-        All that is wrong, one line each: ``file:line: key: what is wrong``.
-    title : str
-        What was read; printed above the list if there is more than one problem.
-    """
+    """An invalid description: `problems` has a line ``file:line: key: what is wrong`` for each."""
 
 
 class RecordError(_Problems):
-    """A recording that cannot be read, or that lacks what is asked of it.
-
-    Parameters
-    ----------
-    problems : str or iterable of str
-        What is wrong, one line each, with file and line where there are such.
-    title : str
-        What was read; printed above the list if there is more than one problem.
-    """
+    """A recording that cannot be read, or that lacks what is asked of it; `problems` lists why."""
 
 
 class ExtraMissing(AmbkitError):

@@ -50,14 +50,10 @@ def c_comment(text: object) -> str:
 
 def markdown(text: object) -> str:
     """Write a text within a paragraph of Markdown: no link, picture, formula, HTML or emphasis."""
-    return _MARKDOWN.sub(_behind_backslash, one_line(text).strip())
-
-
-def _behind_backslash(match: re.Match[str]) -> str:
-    result = match[0]
-    return (
-        f"{result}\\" if result.isdigit() else f"\\{result}"
-    )  # "1." begins a list, "1\." does not
+    return _MARKDOWN.sub(  # "1." begins a list, "1\." does not
+        lambda match: f"{match[0]}\\" if match[0].isdigit() else f"\\{match[0]}",
+        one_line(text).strip(),
+    )
 
 
 def label(text: object) -> str:

@@ -21,8 +21,7 @@ from pydantic import (
 from ambkit.base.config.text_types import from_folder, to_folder
 from ambkit.base.errors import AmbkitError
 
-MARK = ".py:"
-"""What such a name has."""
+MARK = ".py:"  #: What such a name has.
 
 
 def _checked(value: Any, info: ValidationInfo) -> Any:
@@ -45,11 +44,6 @@ OwnClass = Annotated[
 def name_of(make: Any) -> str:
     """Return what a class, or a file's, is called."""
     return make if isinstance(make, str) else str(getattr(make, "__name__", "own"))
-
-
-def class_of(make: Any) -> Callable[..., Any]:
-    """Return a class, out of its file where it is named so."""
-    return load_class(make)[1] if isinstance(make, str) else make
 
 
 def load_class(text: str) -> tuple[str, Callable[..., Any]]:
@@ -98,7 +92,8 @@ class OwnStep:
 
     def __init__(self, make: Any, machine: Any, call: str, returns: str) -> None:
         self.name = name_of(make)
-        self.wrapped = made(self.name, class_of(make), machine)
+        loaded = load_class(make)[1] if isinstance(make, str) else make
+        self.wrapped = made(self.name, loaded, machine)
         self._call, self._returns, self._sample = call, returns, 0
         self._failed: BaseException | None = None
 

@@ -12,8 +12,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from ambkit.base import escaping
 
-Told = Callable[..., None]
-"""Called after each step, with a text that says what is done next."""
+Told = Callable[..., None]  #: Called after each step, with a text that says what is done next.
 
 Wanted = ParamSpec("Wanted")
 Result = TypeVar("Result")
@@ -30,27 +29,20 @@ def progress(
     if not notebook and not sys.stderr.isatty():
         yield _silent
         return
+    from rich import progress as rich
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        ProgressColumn,
-        SpinnerColumn,
-        TextColumn,
-        TimeElapsedColumn,
-    )
 
-    text = TextColumn("{task.description}", markup=False)
-    columns: list[ProgressColumn] = [text, BarColumn(), TimeElapsedColumn()]
+    text = rich.TextColumn("{task.description}", markup=False)
+    columns: list[rich.ProgressColumn] = [text, rich.BarColumn(), rich.TimeElapsedColumn()]
     rate = Rate(unit)
     if unit:
-        columns.append(TextColumn("{task.fields[rate]}", markup=False))
+        columns.append(rich.TextColumn("{task.fields[rate]}", markup=False))
     if notebook:
-        bar = Progress(*columns, disable=True)  # rich itself would need widgets there
+        bar = rich.Progress(*columns, disable=True)  # rich itself would need widgets there
         display: AbstractContextManager[Callable[[], None]] = _below_the_cell(bar)
     else:
-        console = Console(stderr=True)
-        bar = Progress(SpinnerColumn(), *columns, console=console, transient=True)
+        columns.insert(0, rich.SpinnerColumn())
+        bar = rich.Progress(*columns, console=Console(stderr=True), transient=True)
         display = nullcontext(lambda: None)
     with bar, display as redraw:
         task = bar.add_task(escaping.one_line(what), total=total, completed=begun, rate="")

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from ambkit.models.linear import LinearSystem
 
 
-TOP = 2000.0
-"""Up to there a loop is looked at [Hz], or up to half the sampling rate."""
+TOP = 2000.0  #: Up to there a loop is looked at [Hz], or up to half the sampling rate.
 
 POINTS, NEAR, WITHIN = 200, 21, 0.06
 """Points of a grid of frequencies, about each swinging mode, and how far a controller moves it."""

@@ -31,16 +31,14 @@ if TYPE_CHECKING:
 
 Feedback = Literal["measurement", "estimate"]
 
-SPEEDS = 9
-"""Speeds of rotation at which loops are looked at, from rest to the fastest."""
+SPEEDS = 9  #: Speeds of rotation at which loops are looked at, from rest to the fastest.
 IN_ORDER = ("kp", "ki", "kd", "derivative_filter", "anti_windup", "setpoint_weight")
 """Of a PID as it flies, in their order."""
 LOWEST, GRID, NEAR = 1e-4, 200, np.linspace(-4, 4, 25)
 """Of the frequencies: start as a share of the range, count, and places about each pole, in its
 rate of decay: beside a zero the peak of one that is hardly damped is not at its own frequency."""
 
-LEAST = math.exp(-1)
-"""Of the poles in z about which a peak is looked for."""
+LEAST = math.exp(-1)  #: Of the poles in z about which a peak is looked for.
 
 PIDS = Control(type="decentralised"), Control(type="translation and tilt")
 CROSSED = tuple(item.model_copy(update={"cross_feedback": 0.5}) for item in PIDS)
@@ -50,8 +48,7 @@ INTEGRAL = (0.5, 0.25, 0.1)
 slower the faster a rotor turns."""
 PROPORTIONAL, DERIVATIVE, FILTER = (1.0, 0.7), (1.0, 1.5, 2.0), (1.0, 0.5, 0.25)
 """Shares of the other gains and of the derivative filter, tried with each of these."""
-ERRORS = (0.1, 0.05, 0.02, 0.01)
-"""Errors of the polar inertia that a regulator is tried with."""
+ERRORS = (0.1, 0.05, 0.02, 0.01)  #: Errors of the polar inertia that a regulator is tried with.
 
 
 class Candidate(NamedTuple):
@@ -115,13 +112,9 @@ class Candidates:
         """Yield all candidates, from simple to linear-quadratic."""
         yield from (self.peaks(control, feedback) for control in PIDS)
         yield from (self._tuned(control, feedback) for control in PIDS)
-        if feedback == "estimate":
-            yield from (self.peaks(control, feedback) for control in (*CROSSED, *self.regulators))
-
-    @property
-    def regulators(self) -> tuple[Control, ...]:
-        """Linear-quadratic control; gains are scheduled up to the machine's own speed."""
-        return REGULATORS if self.machine.speed else REGULATORS[:1]
+        if feedback == "estimate":  # gains are scheduled up to the machine's own speed
+            regulators = REGULATORS if self.machine.speed else REGULATORS[:1]
+            yield from (self.peaks(control, feedback) for control in (*CROSSED, *regulators))
 
     def _tuned(self, control: Control, feedback: Feedback) -> Candidate:
         """Return the PIDs with the greatest integral gain whose peak is at most `ENOUGH`."""
@@ -197,7 +190,8 @@ class Candidates:
         last, speed = self.at[-1], self.fastest
         for error in ERRORS:
             # A rotor of another polar inertia turns as one of another speed.
-            others = [last.plant_at(speed * (1 + way * error)) for way in (-1, 1)]
+            speeds = ({"speed": speed * (1 + way * error)} for way in (-1, 1))
+            others = [plant(last.machine.model_copy(update=at), last.point) for at in speeds]
             if all(last.peak(control_law, "estimate", other) <= 2 * peak for other in others):
                 return error
         return 0.0
@@ -218,10 +212,6 @@ class _AtSpeed:
         estimator = KalmanFilter(self.machine)
         states = [Signal(state.name, state.unit) for state in estimator.states]
         return estimator_at(estimator, self.point, (np.eye(len(states)), states))
-
-    def plant_at(self, speed: float) -> LinearSystem:
-        """Return the plant with the gyroscopics of another speed."""
-        return plant(self.machine.model_copy(update={"speed": speed}), self.point)
 
     def peak(
         self, control_law: Controllers, feedback: Feedback, system: LinearSystem | None = None

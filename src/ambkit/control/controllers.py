@@ -37,8 +37,7 @@ if TYPE_CHECKING:
 TYPES = ("decentralised", "translation and tilt", "lqg")
 """The types of control, from simple to linear-quadratic."""
 
-FAR = 1e9
-"""No reference is beyond it [m]."""
+FAR = 1e9  #: No reference is beyond it [m].
 
 
 @dataclass(frozen=True)
@@ -135,6 +134,7 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
     feedback_fields = dict.fromkeys(
         ("velocity", "fed_back", "fed_back_by_speed", "fed_back_by_square"), None
     ) | {name: values.ravel().tolist() for name, values in controllers.feedback.items()}
+    is_single = np.array_equal(controllers.of_axes, np.eye(1))
     return (
         {"position": controllers.shown.ravel().tolist()}
         | feedback_fields
@@ -143,9 +143,7 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
         | {
             "feedback_estimate": estimator is not None,
             "pid": controllers.pids,
-            "reference": None
-            if np.array_equal(controllers.of_axes, np.eye(1))
-            else controllers.of_axes.ravel().tolist(),
+            "reference": None if is_single else controllers.of_axes.ravel().tolist(),
             "spread": controllers.spread.ravel().tolist(),
             "iu_min": [item.current_min for item in plant.isolated],
             "iu_max": [item.current_max for item in plant.isolated],
@@ -166,7 +164,8 @@ def behind(gains: Sequence[float]) -> list[Sequence[float]]:
 
 def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | None) -> Controllers:
     limits = [(isolated.current_min, isolated.current_max) for isolated in plant.isolated]
-    one, transform = np.eye(len(pids)), shown_along_axes(plant.machine)
+    names, one = tuple(axis.name for axis in plant.axes), np.eye(len(pids))
+    transform = shown_along_axes(plant.machine)
     feedback = _fed_forward(plant, pids, estimator)
     own = {k: _seen(plant, estimator, k, pid.sees) for k, pid in enumerate(pids) if pid.sees}
     for k, (by_reading, _) in own.items():
@@ -179,7 +178,7 @@ def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | Non
     T = plant.machine.sampling_time
     return Controllers(
         [gains_of(pid, T, *ends) for pid, ends in zip(pids, limits, strict=True)],
-        _names(plant), one, one, np.array([pid.unseen(1.0) for pid in pids]), transform, feedback,
+        names, one, one, np.array([pid.unseen(1.0) for pid in pids]), transform, feedback,
         schedule=GainSchedule.of(pids),
     )  # fmt: skip
 
@@ -270,10 +269,6 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
     )  # fmt: skip
 
 
-def _names(plant: Plant) -> tuple[str, ...]:
-    return tuple(axis.name for axis in plant.axes)
-
-
 def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controllers:
     """The states are fed back; the PIDs only pass the references on."""
     if by_speed and plant.machine.speed:
@@ -286,7 +281,8 @@ def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controller
     nothing = np.zeros((p, len(estimator.states)))
     return Controllers(
         # What a PID is ahead is all of the reference.
-        passed, _names(plant), np.eye(p), ahead, -np.ones(p), shown_along_axes(plant.machine),
+        passed, tuple(axis.name for axis in plant.axes), np.eye(p), ahead, -np.ones(p),
+        shown_along_axes(plant.machine),
         feedback | {"position": nothing, "velocity": nothing},
     )  # fmt: skip
 
@@ -315,15 +311,9 @@ def _currents(plant: Plant) -> Array:
 
 def _against_gyroscopics(plant: Plant, estimator: Estimator) -> Array:
     """Return the currents (p, n) that take the gyroscopic torques back, for each rad/s."""
-    torques = _gyroscopic(plant)
+    machine = plant.machine
+    q, n = len(machine.rigid_positions), len(machine.positions)
+    torques = -machine.masses[:q, None] * plant.model.spin[n : n + q, n : n + q]  # on the rotor
     gain = np.zeros((len(plant.isolated), len(estimator.states)))
     gain[:, _places(estimator, "velocity")] = _currents(plant) @ torques
     return gain
-
-
-def _gyroscopic(plant: Plant) -> Array:
-    """Return the torques (q, q) by which gyroscopics brake the rigid rotor, for each rad/s."""
-    machine = plant.machine
-    q, n = len(machine.rigid_positions), len(machine.positions)
-    spin = plant.model.spin[n : n + q, n : n + q]
-    return np.asarray(-machine.masses[:q, None] * spin)

@@ -11,14 +11,7 @@ from typing import TYPE_CHECKING
 
 from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control
-from ambkit.control.control_candidates import (
-    ERRORS,
-    PIDS,
-    Candidate,
-    Candidates,
-    Feedback,
-    name_of,
-)
+from ambkit.control.control_candidates import ERRORS, PIDS, Candidate, Candidates, Feedback, name_of
 from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import ENOUGH
 
@@ -49,7 +42,7 @@ class DefaultControl:
     @property
     def summary(self) -> str:
         """What was chosen and its peak, or that nothing was found and what was tried."""
-        span = f"from 0 to {_rpm(self.fastest)}"
+        span = f"from 0 to {abs(self.fastest) * 30 / math.pi:,.0f} rpm"
         if not self.candidates:
             return f"default controller: {name_of(self.chosen.control)}"
         if self.held:
@@ -125,15 +118,6 @@ def _chosen(machine: Machine, feedback: Feedback, max_speed: float) -> DefaultCo
         nothing = Candidate(PIDS[0], feedback, math.nan, 0.0)
         return DefaultControl(machine.name, max_speed, nothing)
     results = tuple(loops.in_turn(feedback))
-    return DefaultControl(machine.name, max_speed, _simplest(results), results)
-
-
-def _simplest(candidates: Iterable[Candidate]) -> Candidate:
-    """Return the first that is as good as the best; of those that hold nothing the first."""
-    results = list(candidates)
-    lowest = min(item.peak for item in results)
-    return next(item for item in results if item.peak <= max(ENOUGH, AS_GOOD * lowest))
-
-
-def _rpm(speed: float) -> str:
-    return f"{abs(speed) * 30 / math.pi:,.0f} rpm"
+    enough = max(ENOUGH, AS_GOOD * min(item.peak for item in results))
+    simplest = next(item for item in results if item.peak <= enough)
+    return DefaultControl(machine.name, max_speed, simplest, results)

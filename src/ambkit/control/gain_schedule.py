@@ -12,8 +12,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.config import Part
 from ambkit.base.config.quantities import Quantity
 
-SCHEDULED = ("kp", "ki", "kd", "derivative_filter")
-"""What of a PID follows the speed."""
+SCHEDULED = ("kp", "ki", "kd", "derivative_filter")  #: What of a PID follows the speed.
 
 
 class ScheduledGains(Part):

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity
 
-MOST_COUNTED = 65535
-"""Samples that an unsigned int of 16 bits counts."""
+MOST_COUNTED = 65535  #: Samples that an unsigned int of 16 bits counts.
 
 
 class Mode(IntEnum):

@@ -174,5 +174,4 @@ class PID(Part):
         return current / gain_at_rest(self.sections(T)) + self.unseen(r)
 
 
-GAINS = frozenset(Gains._fields)
-"""What is to be known of a PID."""
+GAINS = frozenset(Gains._fields)  #: What is to be known of a PID.

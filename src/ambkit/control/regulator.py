@@ -41,8 +41,42 @@ def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
     # The currents are ``iu = -K x + F r`` [A]. Least is the mean of the squared deflections in
     # tenths of the travel and of the currents in a share of their limits (Bryson and Ho 1975). The
     # estimated loads are cancelled at rest, and references held.
-    along = estimator.view.along_axes(estimator.states)[0]
-    return regulator_of(plant.isolated, estimator, along)
+    from scipy.linalg import solve_discrete_are
+
+    isolated, along = plant.isolated, estimator.view.along_axes(estimator.states)[0]
+    model, own, A, B = _regulated(isolated, estimator)
+    roles = [state.role for state in estimator.states]
+    loads = [at for at, role in enumerate(roles) if role == "disturbance force"]
+    n, p = len(own), len(isolated)
+    C = along[:, own]
+    travel = np.array([item.rotor.clearance for item in isolated])
+    limit = np.array([min(abs(item.current_min), item.current_max) for item in isolated])
+    weight = np.diag(1 / (SHARE * limit) ** 2)
+    seen = C / (0.1 * travel)[:, None]
+    # States are counted in what the currents make of them, or digits are lost.
+    pulsed = [B * limit]
+    for _ in range(n):
+        pulsed.append(A @ pulsed[-1])
+    size = np.abs(pulsed).max(axis=(0, 2))
+    scaled, moved = A * size / size[:, None], B / size[:, None]
+    try:
+        P = solve_discrete_are(scaled, moved, (seen * size).T @ (seen * size), weight)
+    except np.linalg.LinAlgError:
+        raise AmbkitError(
+            f"{estimator.bearing.name}: there is no regulator of this machine"
+        ) from None
+    K_own = np.linalg.solve(weight + moved.T @ P @ moved, moved.T @ P @ scaled)
+    # At rest: x = A x + B u + E f with C x = r; with the least currents, where there are more axes
+    # than coordinates.
+    E = model.A[np.ix_(own, loads)] / size[:, None]
+    rest = np.block([[np.eye(n) - scaled, -moved], [C * size, np.zeros((p, p))]])
+    targets = np.block([[E, np.zeros((n, p))], [np.zeros((p, len(loads))), np.eye(p)]])
+    result = np.linalg.lstsq(rest, targets, rcond=1e-12)[0]
+    ahead = K_own @ result[:n] + result[n:]
+    K = np.zeros((p, len(roles)))
+    K[:, own] = K_own / size
+    K[:, loads] = -ahead[:, : len(loads)]
+    return K, ahead[:, len(loads) :]
 
 
 def scheduled(plant: Plant, estimator: Estimator) -> tuple[dict[str, Array], Array]:
@@ -90,45 +124,3 @@ def _regulated(
     own = [at for at, state in enumerate(estimator.states) if state.role in REGULATED]
     volts = np.array([item.amplifier.gain for item in isolated])
     return model, own, model.A[np.ix_(own, own)], model.B[own] / volts
-
-
-def regulator_of(
-    isolated: Sequence[Bearing], estimator: Estimator, along: Array
-) -> tuple[Array, Array]:
-    """Return the same of axes."""
-    # along (p, n)
-    from scipy.linalg import solve_discrete_are
-
-    model, own, A, B = _regulated(isolated, estimator)
-    roles = [state.role for state in estimator.states]
-    loads = [at for at, role in enumerate(roles) if role == "disturbance force"]
-    n, p = len(own), len(isolated)
-    C = along[:, own]
-    travel = np.array([item.rotor.clearance for item in isolated])
-    limit = np.array([min(abs(item.current_min), item.current_max) for item in isolated])
-    weight = np.diag(1 / (SHARE * limit) ** 2)
-    seen = C / (0.1 * travel)[:, None]
-    # States are counted in what the currents make of them, or digits are lost.
-    pulsed = [B * limit]
-    for _ in range(n):
-        pulsed.append(A @ pulsed[-1])
-    size = np.abs(pulsed).max(axis=(0, 2))
-    scaled, moved = A * size / size[:, None], B / size[:, None]
-    try:
-        P = solve_discrete_are(scaled, moved, (seen * size).T @ (seen * size), weight)
-    except np.linalg.LinAlgError:
-        raise AmbkitError(
-            f"{estimator.bearing.name}: there is no regulator of this machine"
-        ) from None
-    K_own = np.linalg.solve(weight + moved.T @ P @ moved, moved.T @ P @ scaled)
-    # At rest: x = A x + B u + E f with C x = r; with the least currents, where there are more axes
-    # than coordinates.
-    E = model.A[np.ix_(own, loads)] / size[:, None]
-    rest = np.block([[np.eye(n) - scaled, -moved], [C * size, np.zeros((p, p))]])
-    targets = np.block([[E, np.zeros((n, p))], [np.zeros((p, len(loads))), np.eye(p)]])
-    result = np.linalg.lstsq(rest, targets, rcond=1e-12)[0]
-    ahead = K_own @ result[:n] + result[n:]
-    K = np.zeros((p, len(roles)))
-    K[:, own] = K_own / size
-    K[:, loads] = -ahead[:, : len(loads)]
-    return K, ahead[:, len(loads) :]

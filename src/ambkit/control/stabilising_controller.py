@@ -34,42 +34,32 @@ if TYPE_CHECKING:
     from ambkit.models.linear import LinearSystem
 
 
-PEAK = 1.8
-"""Of abs(S), at most, where the bearing allows it: a tenth below 2."""
+PEAK = 1.8  #: Of abs(S), at most, where the bearing allows it: a tenth below 2.
 
-STIFFEST = 4.0
-"""Proportional gain beyond which nothing is looked for, in k_s/k_i."""
+STIFFEST = 4.0  #: Proportional gain beyond which nothing is looked for, in k_s/k_i.
 
 RATIOS = (STIFFEST, 3.5, 3.0, 2.6, 2.3, 2.0, 1.8, 1.6, 1.4)
 DAMPINGS = np.arange(1.5, 0.49, -0.05)
 
-FREQUENCIES, TIMES = 300, 300
-"""Points at which peaks and a step are looked at."""
+FREQUENCIES, TIMES = 300, 300  #: Points at which peaks and a step are looked at.
 
 SOFTER = (1.0, 0.75, 0.6, 0.5, 0.4, 0.35)
 """Shares of the proportional gain that are tried where the usual one shakes a bending mode; below
 about 0.3 no spring is left against the magnets' own."""
-LESS_DAMPED = (1.5, 1.0, 0.75, 0.5, 0.35, 0.2)
-"""Shares of the derivative gain."""
-SLOWER = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
-"""By how much the derivative is filtered more."""
+LESS_DAMPED = (1.5, 1.0, 0.75, 0.5, 0.35, 0.2)  #: Shares of the derivative gain.
+SLOWER = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  #: By how much the derivative is filtered more.
 BOUNDS = np.log([(0.3, 0.2, 0.5), (1.25, 1.5, 32.0)])
 """Logarithms of the least and the greatest of these shares."""
-ENOUGH = 2.0
-"""Peak of abs(S) from which on others are looked for."""
+ENOUGH = 2.0  #: Peak of abs(S) from which on others are looked for.
 STRIDE, TRIES, UNHELD = 0.2, 250, 1e3
 """Of the search for the lowest peak: its first steps, its evaluations, the cost of what falls."""
 OVERSHOOT_ALONE, OVERSHOOT, WEIGHTS = 0.1, 0.13, (0.85, 0.7, 0.55, 0.4, 0.25, 0.0)
 """Of a step of a reference, at most, of an axis alone where the margins allow it and of a machine;
 and shares of the set-point weight that are tried for the latter."""
-NEARBY, FINER = (0.87, 1.0, 1.15), 2
-"""What is tried next to the best of these, and how often."""
-STIFF = 0.4
-"""Of the magnets' own stiffness, what is to be left against it."""
-WELL_DAMPED = 0.3
-"""Damping ratio of the rigid body that is good enough."""
-LEFT_TO_IT = 0.5
-"""Share of its own damping that a controller may take from a bending mode."""
+NEARBY, FINER = (0.87, 1.0, 1.15), 2  #: What is tried next to the best of these, and how often.
+STIFF = 0.4  #: Of the magnets' own stiffness, what is to be left against it.
+WELL_DAMPED = 0.3  #: Damping ratio of the rigid body that is good enough.
+LEFT_TO_IT = 0.5  #: Share of its own damping that a controller may take from a bending mode.
 
 
 class Gains(NamedTuple):
@@ -101,11 +91,11 @@ def chosen(bearing: Bearing) -> Gains:
     # w/k_i`` the damping D; integral, derivative filter and tracking time go with w. Of all c, from
     # high to low, the first is taken with which some D has no peak of abs(S) above `PEAK` and no
     # overshoot above `OVERSHOOT_ALONE`; where there is none, the c and D of the lowest peak.
-    at = _operating_point(bearing)
+    at = OperatingPoint.nearest(bearing)
     P = plant(bearing, at)
     P = P.select(["y", "x"], P.inputs[0][:1])
     E = _estimator(bearing, at)
-    f = _frequencies(bearing)
+    f = frequencies(bearing, FREQUENCIES)
     responses = P.response(f)[:, 0, 0], None if E is None else E.response(f)
     lowest, best = math.inf, textbook(bearing)
     for ratio in RATIOS:
@@ -163,13 +153,6 @@ def _gains(bearing: Bearing, ratio: float, damping: float) -> Gains:
     return Gains(kp, ki, kd, two_digits(1 / (24 * w)), two_digits(5.2 / w), weight)
 
 
-def _operating_point(bearing: Bearing) -> OperatingPoint:
-    try:
-        return OperatingPoint.equilibrium(bearing)
-    except AmbkitError:  # it is not held at the centre, but perhaps elsewhere
-        return OperatingPoint(0.0, 0.0)
-
-
 def _estimator(bearing: Bearing, at: OperatingPoint) -> LinearSystem | None:
     try:
         return estimator_at(KalmanFilter(bearing), at)
@@ -177,19 +160,15 @@ def _estimator(bearing: Bearing, at: OperatingPoint) -> LinearSystem | None:
         return None
 
 
-def _frequencies(bearing: Bearing) -> NDArray[np.float64]:
-    min_frequency = 1 / (40 * math.pi * own_time(bearing))
-    highest = 0.5 / bearing.sampling_time
-    return np.geomspace(min(min_frequency, highest / 2), highest, FREQUENCIES)
+def frequencies(bearing: Bearing, count: int) -> Array:
+    """Return frequencies [Hz] from below the plant's own up to half the sampling rate."""
+    min_frequency, highest = 1 / (40 * math.pi * own_time(bearing)), 0.5 / bearing.sampling_time
+    return np.geomspace(min(min_frequency, highest / 2), highest, count)
 
 
 def _peaks(
-    bearing: Bearing,
-    candidates: list[Gains],
-    f: NDArray[np.float64],
-    P: Complex,
-    E: Complex | None,
-) -> NDArray[np.float64]:
+    bearing: Bearing, candidates: list[Gains], f: Array, P: Complex, E: Complex | None
+) -> Array:
     """Return the higher peak of abs(S) of both loops for each candidate, stable or not."""
     # The controller's response is written out, as `controller` has it in states: hundreds are
     # asked.

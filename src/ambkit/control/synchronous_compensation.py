@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.parts.synchronous import SLOWEST, unbalance_planes
 
 if TYPE_CHECKING:
+    from ambkit.control.linear.linear_controller import ControlLaw
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Machine
     from ambkit.models.plant import Plant
@@ -40,16 +41,6 @@ FULL, NONE = 0.3, 0.5
 """Shares of the travel, and of the greatest current: where the estimated unbalance takes more than
 the first, less of its motion is left to the rotor, from the second on none. Zones A and C of
 ISO 14839-2 end there. The core holds them too (``AMB_LET_TURN_FULL``)."""
-
-
-class _Control(Protocol):
-    """What is known of plain control, `ambkit.control.controllers.Controllers`."""
-
-    def pids_at(self, speed: float, /) -> list[list[float]]: ...
-    @property
-    def spread(self) -> Array: ...
-    @property
-    def feedback(self) -> dict[str, Array]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +150,7 @@ def check_unbalance(estimator: Estimator) -> None:
 def let_turn(
     plant: Plant,
     estimator: Estimator,
-    control: _Control,
+    control: ControlLaw,
     unbalance: Literal["force-free", "compensation"],
     start: float | None = None,
     max_speed: float | None = None,
@@ -270,7 +261,7 @@ class _Rotor:
         held = -np.linalg.lstsq(self.H @ give, self.H @ moved, rcond=None)[0]
         return np.asarray(moved + give @ held, complex), held / self.k_i
 
-    def plain(self, speed: float, control: _Control) -> Complex:
+    def plain(self, speed: float, control: ControlLaw) -> Complex:
         """Return the positions (q, planes) under plain control."""
         # The estimator has the unbalance among its states, so that its mean turns as the rotor
         # does.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ambkit.base.arrays import Array, Bools
+from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError, shortened
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.data import frames
@@ -264,8 +264,7 @@ class Record(Shown):
         AmbkitError
             xarray is not installed (``pip install 'ambkit[xarray]'``).
         """
-        made: xarray.Dataset = frames.to_xarray(self._series())
-        return made
+        return frames.to_xarray(self._series())  # type: ignore[no-any-return]
 
     @classmethod
     def from_xarray(cls, dataset: xarray.Dataset, units: Mapping[str, str] | None = None) -> Record:
@@ -353,12 +352,8 @@ def _check_signal(name: str, values: Array, t: Array) -> None:
     if values.shape != t.shape:
         raise RecordError(f"signal {name} has shape {values.shape}, t has {t.shape}")
     if np.isinf(values).any():
-        at = _first(np.isinf(values))
+        at = int(np.argmax(np.isinf(values)))
         raise RecordError(f"signal {name} is {values[at]} at sample {at} (t = {t[at]:g} s)")
-
-
-def _first(where: Bools) -> int:
-    return int(np.argmax(where))
 
 
 def _si(name: str, unit: str | None) -> str:

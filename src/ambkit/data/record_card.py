@@ -8,19 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from ambkit.base import escaping
 from ambkit.base.arrays import Array
-from ambkit.base.escaping import label, markdown
-from ambkit.base.escaping import label as label_of
 from ambkit.base.units import engineering, factor
 from ambkit.result.card import SPAN, Card, spread, value
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule, Span
 from ambkit.result.signal_styles import TIME
 
-MAX_PANELS = 8
-"""Channels in a picture; more would not be legible."""
+MAX_PANELS = 8  #: Channels in a picture; more would not be legible.
 
-NARROWEST = 0.004
-"""Least width of a mark, as a part of the picture's."""
+NARROWEST = 0.004  #: Least width of a mark, as a part of the picture's.
 
 _LABELS = {
     "y": "position $y$",
@@ -39,7 +36,7 @@ def axis_of(name: str, unit: str, values: Array) -> Axis:
     there = values[np.isfinite(values)]
     largest = float(np.abs(there).max()) if there.size else 0.0
     display_unit = engineering(largest, unit).partition(" ")[2]
-    label = _LABELS.get(name, label_of(name))
+    label = _LABELS.get(name, escaping.label(name))
     if not display_unit or largest == 0.0:
         return Axis(label, "" if unit == "1" else unit)
     return Axis(
@@ -73,22 +70,18 @@ def steps_panel(name: str, x: Array, steps: Array, axis: Axis, more: Iterable[It
     """Show the time between samples (n,) [s] over `x` (n,), and `more` with it."""
     there = steps[np.isfinite(steps)]
     low, high = (float(there.min()), float(there.max())) if there.size else (0.0, 0.0)
-    display_unit = engineering(max(abs(low), abs(high)), "s").partition(" ")[2]
     usual = float(np.median(np.abs(there))) if there.size else 1.0
     margin = 0.1 * max(high - low, usual)
-    label = Axis(
-        f"step of {label_of(name)}",
-        display_unit,
-        factor("s", display_unit),
+    step_axis = replace(
+        axis_of(name, "s", steps), label=f"step of {escaping.label(name)}",
         limits=(low - margin, high + margin),
-    )
-    return Panel(
-        axis, label, [Line(x, steps, signal="measurement", label="time between samples"), *more]
-    )
+    )  # fmt: skip
+    line = Line(x, steps, signal="measurement", label="time between samples")
+    return Panel(axis, step_axis, [line, *more])
 
 
-TOGETHER = ({"y": "measured", "r": "reference", "x": "truth"},)
-"""Signals that share a panel, with their looks; the first one names it."""
+SHARING = {"y": "measured", "r": "reference", "x": "truth"}
+"""Signals that share a panel, with their styles; the first one names it."""
 
 TOLD_BY = {"iu": "u", "f_mag": "f_d", "x_m": "y"}
 """Signals that are left out where the other one says nearly the same."""
@@ -98,34 +91,31 @@ def record_figure(record: Any) -> Figure:
     """Show a record's signals over time; of many the first eight panels."""
     groups = list(_groups(record))
     names = [name for names in groups[MAX_PANELS:] for name in names]
-    left = f"Not shown: {', '.join(map(markdown, names))}." if names else ""
+    left = f"Not shown: {', '.join(map(escaping.markdown, names))}." if names else ""
     return Figure(
         id="record",
-        title=markdown(record.meta.get("source") or "Record"),
+        title=escaping.markdown(record.meta.get("source") or "Record"),
         caption=left,
         panels=[_panel(record, names) for names in groups[:MAX_PANELS]],
     )
 
 
 def _groups(record: Any) -> Iterator[Sequence[str]]:
-    signal_names = [name for name in record if TOLD_BY.get(name) not in record.signals]
-    for group in TOGETHER:
-        names = [name for name in group if name in signal_names]
-        if names:
-            yield names
-        signal_names = [name for name in signal_names if name not in group]
-    yield from ([name] for name in signal_names)
+    names = [name for name in record if TOLD_BY.get(name) not in record.signals]
+    if shared := [name for name in SHARING if name in names]:
+        yield shared
+    yield from ([name] for name in names if name not in SHARING)
 
 
 def _panel(record: Any, names: Sequence[str]) -> Panel:
     t = record.t
-    styles = {name: style for group in TOGETHER for name, style in group.items()}
     several = len(names) > 1
     items: list[Item] = []
     for name in names:
         known = several and (name != "x" or record.has_truth)
-        look, text = (styles[name], None) if known else ("channel", label(name) if several else "")
-        items.append(Line(t, record[name], signal=look, label=text))
+        text = None if known else escaping.label(name) if several else ""
+        style = SHARING[name] if known else "channel"
+        items.append(Line(t, record[name], signal=style, label=text))
     lost = np.isnan(record[names[0]])
     edges = np.flatnonzero(np.diff(np.r_[False, lost, False])).reshape(-1, 2)
     items += missing_spans([(float(t[a]), float(t[b - 1])) for a, b in edges], t)

@@ -21,20 +21,14 @@ class Continuous(NamedTuple):
     # These are the rotor, the lagged readings, and the currents of amplifiers that lag. Magnet f
     # pulls with its current and its displacement ``h_f X``.
 
-    states: tuple[Descriptor, ...]
-    """The n states."""
-    A: Array
-    """At rest (n, n)."""
-    spin: Array
-    """What A gains by 1 rad/s of rotation (n, n)."""
-    b: Array
-    """By 1 N at each axis (n, p)."""
+    states: tuple[Descriptor, ...]  #: The n states.
+    A: Array  #: At rest (n, n).
+    spin: Array  #: What A gains by 1 rad/s of rotation (n, n).
+    b: Array  #: By 1 N at each axis (n, p).
     push: Array
     """By 1 N that pushes the rotor where each axis's magnet pulls, with nothing between (n, p)."""
-    B_u: Array
-    """By 1 A demanded of each amplifier (n, p)."""
-    h: Array
-    """Displacement at each axis (p, n) [m]."""
+    B_u: Array  #: By 1 A demanded of each amplifier (n, p).
+    h: Array  #: Displacement at each axis (p, n) [m].
     current: tuple[str | None, ...]
     """The state that is each axis's current; None: the demanded current at once."""
 
@@ -58,16 +52,11 @@ class Behind(NamedTuple):
 
     # What acts is ``c e + d F``.
 
-    states: tuple[str, ...]
-    """Their k names."""
-    A: Array
-    """(k, k) [1/s]."""
-    b: Array
-    """(k,)."""
-    c: Array
-    """(k,)."""
-    d: float
-    """What acts at once [1]."""
+    states: tuple[str, ...]  #: Their k names.
+    A: Array  #: (k, k) [1/s].
+    b: Array  #: (k,).
+    c: Array  #: (k,).
+    d: float  #: What acts at once [1].
 
     @property
     def rest(self) -> Array:
@@ -149,10 +138,8 @@ def _plan(machine: Any, speed: float) -> Plan:
 class OpenLoop(NamedTuple):
     """Poles of the uncontrolled rotor at a speed."""
 
-    speed: float
-    """Of rotation [rad/s]."""
-    poles: NDArray[np.complex128]
-    """All of them (2 q,) [1/s]."""
+    speed: float  #: Of rotation [rad/s].
+    poles: NDArray[np.complex128]  #: All of them (2 q,) [1/s].
 
     @property
     def unstable(self) -> NDArray[np.complex128]:

@@ -15,8 +15,7 @@ class _Unit(float):
 UNIT: Final = _Unit(1.0)
 """A coefficient that is one by structure; 1.0 is a number that may be another tomorrow."""
 
-Row = Mapping[str, float]
-"""Coefficients by name; what is named is in the pattern, zero or not."""
+Row = Mapping[str, float]  #: Coefficients by name; what is named is in the pattern, zero or not.
 Place = str | Row
 """Where something sits: at a position of the rotor, or at a combination of several."""
 

@@ -182,8 +182,7 @@ def linearised(
     )  # fmt: skip
 
 
-KNOWN = 1e-8
-"""Singular values below this part of the greatest are rounding."""
+KNOWN = 1e-8  #: Singular values below this part of the greatest are rounding.
 
 
 def realised(

@@ -58,8 +58,7 @@ def machine_model(
     return compose(parts, machine.sampling_time if T is None else T, name="machine")
 
 
-PAPER_STATES = ("x", "v", "f_d", "x_m")
-"""Its states."""
+PAPER_STATES = ("x", "v", "f_d", "x_m")  #: Its states.
 
 PAPER_CONSTANTS: Mapping[tuple[str, int, int], str] = {
     ("L", 0, 1): "T",

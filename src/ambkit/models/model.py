@@ -22,10 +22,8 @@ ZERO, ONE, NUMBER = 0, 1, 2
 class Descriptor:
     """One state, force, control, measurement or noise: what plots, records and exports call it."""
 
-    name: str
-    """Symbol, a C identifier: ``x``, ``f_d``."""
-    unit: str
-    """SI unit; of a noise, that of its standard deviation."""
+    name: str  #: Symbol, a C identifier: ``x``, ``f_d``.
+    unit: str  #: SI unit; of a noise, that of its standard deviation.
     size: float
     """Typical size in that unit; of a noise, its standard deviation where the machine gives it."""
     role: str
@@ -64,39 +62,25 @@ class Model:
     # means over the sample. SI; u are the demanded currents [A] of this sample. Arrays are
     # read-only.
 
-    name: str
-    """Kind of machine, an identifier of C."""
-    T: float
-    """Sampling time [s]."""
-    states: tuple[Descriptor, ...]
-    """The n states, in their order."""
-    forces: tuple[Descriptor, ...]
-    """The p magnets' forces."""
-    controls: tuple[Descriptor, ...]
-    """The demanded currents, one of each amplifier."""
-    measurements: tuple[Descriptor, ...]
-    """The m sensors' readings."""
+    name: str  #: Kind of machine, an identifier of C.
+    T: float  #: Sampling time [s].
+    states: tuple[Descriptor, ...]  #: The n states, in their order.
+    forces: tuple[Descriptor, ...]  #: The p magnets' forces.
+    controls: tuple[Descriptor, ...]  #: The demanded currents, one of each amplifier.
+    measurements: tuple[Descriptor, ...]  #: The m sensors' readings.
     noises: tuple[Descriptor, ...]
     """Independent sources of growth of the covariance, beside the controls' noise."""
-    L: Array
-    """Transition (n, n), without what goes through a force."""
-    b: Array
-    """What a force of 1 N, held, leaves in the state (n, p)."""
+    L: Array  #: Transition (n, n), without what goes through a force.
+    b: Array  #: What a force of 1 N, held, leaves in the state (n, p).
     B_u: Array
     """What a demanded current of 1 A leaves in the state (n, c), without what goes through a force.
     """
-    h: Array
-    """Mean displacement in each magnet, of the rotor's free motion (p, n)."""
-    e: Array
-    """Mean current of each magnet, by the state (p, n)."""
-    d: Array
-    """Mean current of each magnet, by the demanded currents (p, c)."""
-    r: Array
-    """States that push where the magnet does (p, n)."""
-    c: Array
-    """Measurements (m, n)."""
-    N: Array
-    """Covariance that a source of variance 1 leaves in the state over a sample (k, n, n)."""
+    h: Array  #: Mean displacement in each magnet, of the rotor's free motion (p, n).
+    e: Array  #: Mean current of each magnet, by the state (p, n).
+    d: Array  #: Mean current of each magnet, by the demanded currents (p, c).
+    r: Array  #: States that push where the magnet does (p, n).
+    c: Array  #: Measurements (m, n).
+    N: Array  #: Covariance that a source of variance 1 leaves in the state over a sample (k, n, n).
     rest: Array
     """Each state of a machine at rest, from the free ones (n, n); the identity for those."""
     pattern: Mapping[str, Pattern] = field(repr=False)

@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
 SOFT = 0.05
 """How deep the rotor comes into a touch-down bearing that nothing is said of [clearances]."""
-LOSS = 0.5
-"""And what share of its speed it loses there."""
+LOSS = 0.5  #: And what share of its speed it loses there.
 
 
 class Plant:

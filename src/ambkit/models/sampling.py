@@ -15,8 +15,7 @@ from ambkit.models import exponential
 from ambkit.models.declaration import UNIT, Plan, Row
 from ambkit.models.model import NUMBER, ONE, ZERO, Model, Pattern
 
-Kinds = tuple[Array, Pattern]
-"""Numbers, and their pattern."""
+Kinds = tuple[Array, Pattern]  #: Numbers, and their pattern.
 
 
 def pattern_of(driven: Bools) -> Pattern:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from ambkit.base.config.settings import settings_of
+from ambkit.base.config.document import settings_of
 from ambkit.base.escaping import one_line
 from ambkit.base.units import figure, typeset
 from ambkit.result.report.figure import WIDTH, Figure

@@ -26,18 +26,12 @@ GRADES = (0.4e-3, 1e-3, 2.5e-3, 6.3e-3, 16e-3, 40e-3)
 class Grade(NamedTuple):
     """What the unbalance that a grade permits does at a machine's speed, whatever its angles."""
 
-    grade: float
-    """Balance quality grade [m/s]."""
-    unbalance: float
-    """That it permits, of all planes together [kg m]."""
-    force: float
-    """Of it, were it in one plane [N]."""
-    displacement: float
-    """Greatest half axis of an orbit at a bearing [m]."""
-    clearance_share: float
-    """Greatest share of a clearance that the orbits take [1]."""
-    current: float
-    """Greatest amplitude of a demanded current [A]."""
+    grade: float  #: Balance quality grade [m/s].
+    unbalance: float  #: That it permits, of all planes together [kg m].
+    force: float  #: Of it, were it in one plane [N].
+    displacement: float  #: Greatest half axis of an orbit at a bearing [m].
+    clearance_share: float  #: Greatest share of a clearance that the orbits take [1].
+    current: float  #: Greatest amplitude of a demanded current [A].
 
 
 def of_grades(loop: Loop, machine: Machine, point: OperatingPoint) -> list[Grade]:

@@ -32,8 +32,7 @@ class Remark(NamedTuple):
     """What is odd about a machine and may be right."""
 
     text: str
-    path: tuple[str | int, ...] = ()
-    """The key that it is about, if it is one."""
+    path: tuple[str | int, ...] = ()  #: The key that it is about, if it is one.
 
 
 def of_bending(machine: Machine) -> Iterator[Remark]:

@@ -33,11 +33,9 @@ multiple of the greatest speed that is asked."""
 HALF_POWER, BETWEEN = math.sqrt(0.5), 6
 """Of a peak, how far the response falls between it and the next, and speeds looked at there."""
 
-ACROSS = np.linspace(-3, 3, 13)
-"""Speeds about each pole of a peak of several, in widths."""
+ACROSS = np.linspace(-3, 3, 13)  #: Speeds about each pole of a peak of several, in widths.
 
-SAME = 1e-6
-"""Distance of two critical speeds, over the lower one, up to which they are one."""
+SAME = 1e-6  #: Distance of two critical speeds, over the lower one, up to which they are one.
 
 OVERDAMPED = 1e-3
 """Of a pole, the imaginary part below which it does not oscillate but for rounding."""

@@ -16,8 +16,7 @@ from ambkit.rotordynamics.separation_margins import separations
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
 
-COUPLED = 0.01
-"""Inertial coupling from which on axes are not bearings alone."""
+COUPLED = 0.01  #: Inertial coupling from which on axes are not bearings alone.
 
 
 def described(machine: Machine) -> tuple[str, tuple[Remark, ...]]:

@@ -23,11 +23,9 @@ if TYPE_CHECKING:
     from ambkit.result.report import Figure
 
 
-MODES = ("modes",)
-"""Section of its rows."""
+MODES = ("modes",)  #: Section of its rows.
 
-POINTS = 401
-"""Places along the shaft."""
+POINTS = 401  #: Places along the shaft.
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -32,14 +32,11 @@ SHARE, ABOVE = 0.17, 0.10
 """Factor of the margin that a critical speed needs, and how much more one above the operating speed
 needs."""
 
-MOST = 0.16
-"""The greatest margin that a critical speed below the operating speed needs."""
+MOST = 0.16  #: The greatest margin that a critical speed below the operating speed needs.
 
-MOST_SPEED = 0.99
-"""Highest speed of the search, of half a revolution a sample."""
+MOST_SPEED = 0.99  #: Highest speed of the search, of half a revolution a sample.
 
-BASIS = "API 617"
-"""Where the margins are from."""
+BASIS = "API 617"  #: Where the margins are from.
 
 
 @dataclass(frozen=True)

@@ -102,8 +102,7 @@ def waterfall(
 
 TIME = Axis("time", "s")
 FREQUENCY = Axis("frequency", "Hz")
-RANGE = 60.0
-"""Decibels that are told apart below the highest line."""
+RANGE = 60.0  #: Decibels that are told apart below the highest line.
 
 
 def waterfall_figure(result: Any) -> Figure:

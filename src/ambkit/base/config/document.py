@@ -28,16 +28,14 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
-from ambkit.base import escaping, files
+from ambkit.base import escaping, files, units
 from ambkit.base.config import toml_text
 from ambkit.base.config.problems import Problem, dotted, in_words, quantity_of, without_tags
-from ambkit.base.config.settings import settings_of
 from ambkit.base.errors import ConfigError, shortened
 
 Read = Callable[[str], Any]
 
-TOLD = 20
-"""Problems of a description that are told one by one; the rest is counted."""
+TOLD = 20  #: Problems of a description that are told one by one; the rest is counted.
 
 
 if TYPE_CHECKING:  # it has no public name
@@ -150,6 +148,25 @@ class Part(BaseModel, metaclass=_OwnNames):
         if problems:
             raise ValidationError.from_exception_data(cls.__name__, [p.pack() for p in problems])
         return model
+
+
+_NAMES = ("name", "description", "source")
+"""Fields that say what a description is of, and set nothing."""
+
+
+def settings_of(part: Any, text: Callable[..., str] = units.figure) -> Iterator[str]:
+    """Yield the values of a part that are not the defaults."""
+    for name, field in type(part).model_fields.items():
+        value, quantity = getattr(part, name), quantity_of(field)
+        words = name.replace("_", " ")
+        if value is None or (value == field.default and not field.is_required()):
+            continue
+        if quantity and isinstance(value, float):
+            yield f"{words} {text(value, quantity.unit, 4)}"
+        elif isinstance(value, tuple) and value:
+            yield f"{len(value)} {words}{'s' * (len(value) > 1 and words[-1] != 's')}"
+        elif isinstance(value, str) and value and name not in _NAMES:
+            yield value if name == "type" else f"{words} {value}"
 
 
 class Document(Part):

@@ -24,8 +24,7 @@ class Problem(NamedTuple):
     text: str
     value: Any = None
     missing: bool = False
-    meant: Path | None = None
-    """Of an unknown key: the one that was probably meant."""
+    meant: Path | None = None  #: Of an unknown key: the one that was probably meant.
 
     @classmethod
     def unpack(cls, error: ValidationError) -> "list[Problem]":

@@ -43,8 +43,7 @@ FilePath = Annotated[str, BeforeValidator(from_folder), PlainSerializer(to_folde
 """The name of a file."""
 
 
-LONGEST_NAME = 80
-"""Characters of a name: it stands in headings, legends and comments of one line."""
+LONGEST_NAME = 80  #: Characters of a name: it stands in headings, legends and comments of one line.
 LONGEST_LINE = 1000
 LONGEST_DESCRIPTION = 10_000
 
@@ -71,7 +70,6 @@ def _wrong(limit: str, text: str) -> PydanticCustomError:
 
 Line = Annotated[str, Field(max_length=LONGEST_LINE), AfterValidator(_printable)]
 """A text of one line, such as the name of an array in somebody's file."""
-Name = Annotated[str, Field(max_length=LONGEST_NAME), AfterValidator(_printable)]
-"""A name."""
+Name = Annotated[str, Field(max_length=LONGEST_NAME), AfterValidator(_printable)]  #: A name.
 Description = Annotated[str, Field(max_length=LONGEST_DESCRIPTION), AfterValidator(_readable)]
 """A text for people, which may have several lines; who prints it escapes it."""

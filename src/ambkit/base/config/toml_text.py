@@ -49,9 +49,7 @@ class TomlText:
 
 def parse(text: str) -> TomlText:
     """Read TOML, and go on behind each mistake of which it is clear what was meant."""
-    # A value without quotes (``air_gap = 2 mm``) and a key written twice are such mistakes: they
-    # are put down as problems, and the rest of the text is still read, so that one look shows them
-    # all.
+    # Such as a value without quotes (``air_gap = 2 mm``), a key written twice: one look shows all.
     result = TomlText()
     lines = text.split("\n")
     if deep := _DEEP_KEY.search(text):
@@ -64,7 +62,8 @@ def parse(text: str) -> TomlText:
             result.lines.update(_key_lines("\n".join(lines)))
     except RecursionError:
         result.data = None
-        result.problems.append((_deepest_line(lines), "is nested too deeply"))
+        brackets = [line.count("[") + line.count("{") for line in lines]
+        result.problems.append((brackets.index(max(brackets)) + 1, "is nested too deeply"))
     return result
 
 
@@ -78,8 +77,8 @@ def _read(lines: list[str], result: TomlText) -> None:
         try:
             data = _loads("\n".join(lines[done:]))
         except tomllib.TOMLDecodeError as error:
-            at, message = _locate(error, len(lines) - done)
-            at += done
+            place, message = _PLACE.search(str(error)), _PLACE.sub("", str(error))
+            at = done + int(place[1]) if place and place[1] else len(lines)
             mended, advice = _mend(lines[at - 1], message)
             if mended:
                 result.problems.append((at, advice))
@@ -117,12 +116,6 @@ def _digits(line: str) -> int:
     return max((len(run.replace("_", "")) for run in re.findall(r"[\d_]+", line)), default=0)
 
 
-def _deepest_line(lines: list[str]) -> int:
-    """Return the line, from 1, with most brackets."""
-    brackets = [line.count("[") + line.count("{") for line in lines]
-    return brackets.index(max(brackets)) + 1
-
-
 def _drop_twins(lines: list[str]) -> list[tuple[int, str]]:
     """Take out each line whose key stands above already in the same table, and say so."""
     problems: list[tuple[int, str]] = []
@@ -134,12 +127,6 @@ def _drop_twins(lines: list[str]) -> list[tuple[int, str]]:
             lines[at - 1] = ""
         seen.add(path)
     return problems
-
-
-def _locate(error: tomllib.TOMLDecodeError, last: int) -> tuple[int, str]:
-    place = _PLACE.search(str(error))
-    message = _PLACE.sub("", str(error))
-    return (int(place[1]) if place and place[1] else last), message
 
 
 def _mend(line: str, message: str) -> tuple[str | None, str]:

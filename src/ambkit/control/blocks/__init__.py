@@ -21,12 +21,10 @@ AnyBlock = Annotated[
     BeforeValidator(as_block),
 ]
 
-MOST = 8
-"""Sections of second order behind a PID, as many as ``AMB_SECTIONS`` of the core."""
+MOST = 8  #: Sections of second order behind a PID, as many as ``AMB_SECTIONS`` of the core.
 
 
-NOTHING = 1e-9
-"""A gain at rest that is none."""
+NOTHING = 1e-9  #: A gain at rest that is none.
 
 
 def sections_of(blocks: Sequence[Block], T: float) -> list[list[float]]:

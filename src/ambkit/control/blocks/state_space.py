@@ -17,20 +17,18 @@ from ambkit.control.blocks.block import Block
 from ambkit.data.files.mat import content
 
 
-def _vector(value: Any) -> Any:
-    return np.ravel(value).tolist() if isinstance(value, np.ndarray) else value
-
-
-def _rows(value: Any) -> Any:
+def _listed(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-INFINITE = 1e8
-"""A zero that is farther out is none."""
+INFINITE = 1e8  #: A zero that is farther out is none.
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Vector = Annotated[tuple[Number, ...], BeforeValidator(_vector)]
-Rows = Annotated[tuple[tuple[Number, ...], ...], BeforeValidator(_rows)]
+Vector = Annotated[
+    tuple[Number, ...],
+    BeforeValidator(lambda value: _listed(value.ravel() if hasattr(value, "ravel") else value)),
+]
+Rows = Annotated[tuple[tuple[Number, ...], ...], BeforeValidator(_listed)]
 
 
 class StateSpace(Block):
@@ -94,16 +92,19 @@ class StateSpace(Block):
     @classmethod
     def of(cls, system: Any) -> StateSpace:
         """Return a system of python-control, or any with A, B, C, D and dt."""
-        known: Any = system if hasattr(system, "A") else _converted(system)
-        D = np.asarray(known.D, float)
+        if not hasattr(system, "A"):
+            import control
+
+            system = control.ss(system)
+        D = np.asarray(system.D, float)
         if D.size != 1:
             raise AmbkitError(
                 f"controller.block: a system must have one input and one output; has "
                 f"{D.shape[1]} and {D.shape[0]}"
             )
         return cls.model_validate({
-            "A": known.A, "B": known.B, "C": known.C, "D": float(D.item()),
-            "sampling_time": float(known.dt) if known.dt else None,
+            "A": system.A, "B": system.B, "C": system.C, "D": float(D.item()),
+            "sampling_time": float(system.dt) if system.dt else None,
         })  # fmt: skip
 
     def polynomials(self) -> Any:
@@ -137,12 +138,6 @@ class StateSpace(Block):
             row = next(row for row in rows if row[2] == 0)
             row[:3] = 0.0, row[0], row[1]
         return [[*row[:3].tolist(), *row[4:].tolist()] for row in rows]
-
-
-def _converted(system: Any) -> Any:
-    import control
-
-    return control.ss(system)
 
 
 def as_block(given: Any) -> Any:

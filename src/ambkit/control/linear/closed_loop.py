@@ -117,11 +117,6 @@ class Loop:
         # frequency (k,) [Hz]
         return np.asarray(np.linalg.norm(self.along_axes(frequency), 2, axis=(1, 2)))
 
-    def complementary(self, frequency: ArrayLike) -> Complex:
-        """Return T = 1 - S (k, a, a) along the axes [1]."""
-        # frequency (k,) [Hz]
-        return np.asarray(np.eye(self.axes) - self.along_axes(frequency))
-
     def _of(self, outputs: slice, inputs: slice, frequency: ArrayLike) -> Complex:
         closed = self.closed
         part = replace(
@@ -195,5 +190,4 @@ class Loop:
         return np.asarray(C @ X @ C.T + (D * variances) @ D.T)
 
 
-DOUBLINGS = 40
-"""After so many a sum is over 10^12 samples."""
+DOUBLINGS = 40  #: After so many a sum is over 10^12 samples.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,83 +19,44 @@ from ambkit.models.linear import LinearSystem, Signal
 
 if TYPE_CHECKING:
     from ambkit.base.arrays import Array
-    from ambkit.control.synchronous_compensation import LetTurn
     from ambkit.machine.machine import Bearing
 
 
-class _Gains(Protocol):
-    """What is known of a PID: `ambkit.PID`, or what is to become one."""
-
-    @property
-    def kp(self) -> float: ...
-    @property
-    def ki(self) -> float: ...
-    @property
-    def kd(self) -> float: ...
-    @property
-    def derivative_filter(self) -> float: ...
-    @property
-    def setpoint_weight(self) -> float: ...
-    def sections(self, T: float, /) -> list[list[float]]: ...
+ControlLaw = Any  #: `ambkit.control.controllers.Controllers`, which is made of what is here.
 
 
-class _Flown(Protocol):
-    """What is known of controllers as they fly, `ambkit.control.controllers.Controllers`."""
-
-    def pids_at(self, speed: float, /) -> list[list[float]]: ...
-    @property
-    def names(self) -> tuple[str, ...]: ...
-    @property
-    def of_axes(self) -> Array: ...
-    @property
-    def spread(self) -> Array: ...
-    @property
-    def feedback(self) -> dict[str, Array]: ...
-    @property
-    def let_turn(self) -> LetTurn | None: ...
-
-
-class Gains(NamedTuple):
-    """Of one PID, within its limits."""
-
-    kp: float
-    ki: float
-    kd: float
-    derivative_filter: float
-    setpoint_weight: float
-
-
-def controller(pid: _Gains, bearing: Bearing, *, measured: bool) -> LinearSystem:
-    """Return the controller as ``core/src/controller.c`` computes it, within its limits."""
-    gains = Gains(pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.setpoint_weight)
+def controller(pid: Any, bearing: Bearing, *, measured: bool) -> LinearSystem:
+    """Return the controller of a `PID` as ``core/src/controller.c`` computes it, without limits."""
     T = bearing.sampling_time
+    gains = pid.kp, pid.ki, pid.kd, pid.derivative_filter, 0.0, pid.setpoint_weight
     result = _passed(_pid(gains, T, measured), pid.sections(T))
     volts = 1 / bearing.amplifier.gain
     return replace(result, C=volts * result.C, D=volts * result.D, outputs=(Signal("u", "V"),))
 
 
-def _pid(pid: Gains, T: float, measured: bool) -> LinearSystem:
-    """Return a PID with a current [A] as its output."""
-    names = ["integral"] if pid.ki > 0 else []
+def _pid(gains: Sequence[float], T: float, measured: bool) -> LinearSystem:
+    """Return a PID with a current [A] as its output; its gains are those of ``amb_pid``."""
+    kp, ki, kd, T_f, _, weight = gains[:6]
+    names = ["integral"] if ki > 0 else []
     names += ["derivative", "last"] if measured else []
     units = {"integral": "A", "derivative": "m/s", "last": "m"}
     inputs = (POSITION, *(() if measured else (VELOCITY,)), Signal("r", "m"))
     at = {name: k for k, name in enumerate(names)}
     n, m = len(names), len(inputs)
     A, B, C, D = np.zeros((n, n)), np.zeros((n, m)), np.zeros((1, n)), np.zeros((1, m))
-    D[0, 0], D[0, -1] = -pid.kp, pid.kp * pid.setpoint_weight
+    D[0, 0], D[0, -1] = -kp, kp * weight
     if "integral" in at:
         k = at["integral"]
         A[k, k] = C[0, k] = 1.0
-        B[k, 0], B[k, -1] = -T * pid.ki, T * pid.ki
+        B[k, 0], B[k, -1] = -T * ki, T * ki
     if measured:
         # velocity += ((x - last) - T velocity)/(T_f + T), and then last = x
-        d, last, share = at["derivative"], at["last"], 1 / (pid.derivative_filter + T)
+        d, last, share = at["derivative"], at["last"], 1 / (T_f + T)
         A[d, d], A[d, last], B[d, 0], B[last, 0] = 1 - T * share, -share, share, 1.0
-        C -= pid.kd * A[d]
-        D[0, 0] -= pid.kd * share
+        C -= kd * A[d]
+        D[0, 0] -= kd * share
     else:
-        D[0, 1] = -pid.kd
+        D[0, 1] = -kd
     return LinearSystem(
         A, B, C, D, T, tuple(Signal(name, units[name]) for name in names), inputs,
         (Signal("iu", "A"),),
@@ -115,17 +76,14 @@ def _passed(system: LinearSystem, sections: Sequence[Sequence[float]]) -> Linear
     return replace(system, A=A, B=B, C=C, D=D, states=states)
 
 
-def controllers(result: _Flown, of: Machine, *, measured: bool) -> LinearSystem:
+def controllers(result: ControlLaw, of: Machine, *, measured: bool) -> LinearSystem:
     """Return controllers as ``core/src/controllers.c`` computes them, within their limits."""
     from scipy.linalg import block_diag
 
     T, pids = of.sampling_time, result.pids_at(of.speed)
     q = len(pids)
     parts = [
-        _passed(
-            _pid(Gains(pid[0], pid[1], pid[2], pid[3], pid[5]), T, measured),
-            [pid[k : k + 5] for k in range(8, len(pid), 5)],
-        )
+        _passed(_pid(pid, T, measured), [pid[k : k + 5] for k in range(8, len(pid), 5)])
         for pid in pids
     ]
     kinds = parts[0].inputs
@@ -155,7 +113,7 @@ def controllers(result: _Flown, of: Machine, *, measured: bool) -> LinearSystem:
     )  # fmt: skip
 
 
-def fed(result: _Flown, states: int, speed: float) -> Array:
+def fed(result: ControlLaw, states: int, speed: float) -> Array:
     """Return what controllers take of an estimator's states (2 q + p, n), see `controllers`."""
     feedback = result.feedback
     gain = np.zeros((len(result.spread), states))
@@ -177,7 +135,7 @@ def compensator(
     readings: Sequence[Signal] = (Signal("y", "m"),),
 ) -> LinearSystem:
     """Return controllers and estimator together, from the measurements to u."""
-    # shown (q, m) [1]
+    # transform (q, m) [1]
     K = control
     if estimator is None:
         p = transform.shape[-2]

@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
     from ambkit.models.declaration import Part
 
-TURN = 64
-"""Angles over which means are taken along an orbit."""
+TURN = 64  #: Angles over which means are taken along an orbit.
 
 POSITION, VELOCITY = Signal("position", "m"), Signal("velocity", "m/s")
 
@@ -37,12 +36,9 @@ class Orbit(NamedTuple):
 
     # Numbers of one axis; of a machine arrays (p,), one for each axis.
 
-    iu: Any
-    """Of the current that flows [A]."""
-    x: Any
-    """Of the displacement [m]."""
-    demanded: Any
-    """Of the current that is demanded [A]."""
+    iu: Any  #: Of the current that flows [A].
+    x: Any  #: Of the displacement [m].
+    demanded: Any  #: Of the current that is demanded [A].
 
 
 class OperatingPoint(NamedTuple):
@@ -80,6 +76,14 @@ class OperatingPoint(NamedTuple):
                 f"holds the rotor at x = {x:g} m with a load of {load:g} N"
             )
         return cls(iu, x)
+
+    @classmethod
+    def nearest(cls, bearing: Bearing) -> OperatingPoint:
+        """Return the equilibrium at the centre; without a current where none holds it there."""
+        try:
+            return cls.equilibrium(bearing)
+        except AmbkitError:  # it is not held at the centre, but perhaps elsewhere
+            return cls(0.0, 0.0)
 
     @classmethod
     def of_machine(

@@ -140,8 +140,7 @@ def _settled(estimator: Estimator, model: LinearModel) -> tuple[Array, Array]:
     return units[:, None] * K / noisy, state_indices
 
 
-MOST_DOUBLINGS = 50
-"""A filter that has not settled after 2^50 samples does not."""
+MOST_DOUBLINGS = 50  #: A filter that has not settled after 2^50 samples does not.
 
 
 def _doubled(A: Array, H: Array, Q: Array, R: Array) -> Array:

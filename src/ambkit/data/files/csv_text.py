@@ -26,14 +26,7 @@ from ambkit.base.errors import RecordError, shortened
 from ambkit.base.escaping import one_line
 from ambkit.data.files import csv_dialect
 from ambkit.data.files.csv_dialect import MISSING, Dialect, number_of
-from ambkit.data.files.log import (
-    DamagedLog,
-    Log,
-    Request,
-    column_names,
-    counted_from,
-    too_coarse,
-)
+from ambkit.data.files.log import DamagedLog, Log, Request, column_names, counted_from, too_coarse
 
 _KEY = re.compile(r"[^\w.-]")  # what no key of a note has
 _NOTE = re.compile(r"#\s*([\w.-]+):\s(.*)")

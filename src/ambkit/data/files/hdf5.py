@@ -8,13 +8,7 @@ from ambkit.base import memory_limit
 from ambkit.base.arrays import Array
 from ambkit.base.errors import ExtraMissing, RecordError, shortened
 from ambkit.base.escaping import one_line
-from ambkit.data.files.log import (
-    Log,
-    Request,
-    check_readable,
-    library_errors,
-    whole_numbers,
-)
+from ambkit.data.files.log import Log, Request, check_readable, library_errors, whole_numbers
 from ambkit.data.files.timestamps import layouts_of
 
 _LESS = " a channel map that names fewer data sets takes less;"

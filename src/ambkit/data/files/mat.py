@@ -21,13 +21,7 @@ from ambkit.base import memory_limit
 from ambkit.base.errors import ExtraMissing, RecordError
 from ambkit.base.escaping import one_line
 from ambkit.data.files.hdf5 import check_within, memory_of
-from ambkit.data.files.log import (
-    Log,
-    Request,
-    check_readable,
-    library_errors,
-    whole_numbers,
-)
+from ambkit.data.files.log import Log, Request, check_readable, library_errors, whole_numbers
 from ambkit.data.files.timestamps import layouts_of
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"

@@ -109,8 +109,6 @@ DAY = 24 * HOUR
 
 Texts = Sequence[str | None] | NDArray[np.object_]
 """Cells of a column; empty or None where there is none."""
-
-
 _NONE = np.array(None)
 
 
@@ -147,9 +145,13 @@ def read(
         ]
         raise RecordError(shortened(problems))
     results = {item: _carried_on(name, parsed[item], texts, place, item) for item in sound}
-    chosen = min(
-        sound, key=lambda element: (_longest_step(results[element][0]), _unlikely(element))
-    )
+
+    def rank(item: str) -> tuple[float, bool]:
+        """A day and a month that are swapped make long steps; the day is first, but before /."""
+        longest_step = np.abs(np.diff(results[item][0])).max(initial=0)
+        return longest_step, item.startswith(("%d/", "%m.", "%m-"))
+
+    chosen = min(sound, key=rank)
     ticks, remarks = results[chosen]
     same = all(np.array_equal(ticks, result) for result, _ in results.values())
     if not same and not lenient:
@@ -308,14 +310,3 @@ def _summer_time(ticks: Ticks) -> tuple[Ticks, list[int]]:
     for at in turns:
         shift[at:] -= HOUR if steps[at - 1] > 0 else -HOUR
     return shift, turns
-
-
-def _longest_step(ticks: Ticks) -> float:
-    """Return the longest step [ns]: a day and a month that are swapped make long ones."""
-    steps = np.diff(ticks)
-    return float(np.abs(steps).max()) if steps.size else 0.0
-
-
-def _unlikely(layout: str) -> bool:
-    """Whether of two layouts the other is commoner: the day is first, but before a slash."""
-    return layout.startswith("%d/") or layout.startswith(("%m.", "%m-"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,10 +66,18 @@ class _Map:
         )  # fmt: skip
         self.chosen = _chosen(self.channels, self.moves) | _from_others(self.channels, others)
         self.everything = [*self.channels, *(c for group in others for c in group.channels)]
-        self.array = _common_array(self.chosen.values())
+        arrays = {c.where.get("array") if len(c.where) > 1 else None for c in self.chosen.values()}
+        self.array = str(arrays.pop() or "") if len(arrays) == 1 else ""
         self.y, self.u, self.t = (self.chosen.get(role) for role in "yut")
-        self.signs = _Signs.of(self.channels, self.y, self.u, self.moves)
-        self.clock = _clock_name(log, self.chosen)
+        self.of_rotor = (  # whether y and u are the channels that move as a rotor does
+            self.moves is not None
+            and self.y is self.channels[self.moves.position]
+            and self.u is self.channels[self.moves.control]
+        )
+        self.y_inverted, self.u_inverted, self.why_inverted = self._inverted()
+        self.weight = self._weight_scale()
+        own = (c.clock for role, c in self.chosen.items() if role != "t" and c.clock)
+        self.clock = next(own, self.t.label if self.t else None)
         #: Signals of the map by the names of the clocks.
         self.clocks = {self.clock: "t"}
 
@@ -81,37 +89,129 @@ class _Map:
             yield ""
             yield "# No channel rises like a time: fill in how far apart the samples are."
             yield '# sampling_time = "... ms"'
-        yield from _time(self.log, self.clock, self.t, self.array)
-        weight = _weight_scale(self.log, self.chosen, self.signs, self.moves, self.channels)
+        else:
+            yield from self._time(self.clock)
         for role, candidate in self.chosen.items():
             if role != "t":
-                yield from self._signal(role, candidate, weight)
+                yield from self._signal(role, candidate)
         if self.y is None:
             yield "# Nothing looks like a position; a filter needs y."
         if self.u is None:
             yield "# Nothing looks like a control signal; a filter needs u."
         yield from self._rest()
 
-    def _signal(self, role: str, candidate: Candidate, weight: WeightScale | None) -> Iterator[str]:
-        clock = candidate.clock
+    def _time(self, clock: str) -> Iterator[str]:
         yield ""
-        yield from _comment(candidate)
+        if self.t is None or clock in self.log.clocks.values():
+            yield f"# The clock of the channel group: {_rate(self.log.arrays[clock])}."
+            yield from ("[signals.t]", f"column = {toml_string(clock)}", 'unit = "s"')
+            return
+        unit, seconds = self._unit_of_time(self.t)
+        times = (-1 if self.t.turned else 1) * self.t.values * seconds
+        yield f"# {self.t.label}: {', '.join(self.t.why)}; {_rate(times)}."
+        yield "[signals.t]"
+        yield from _where(self.t, self.array)
+        why = "" if self.t.unit else "  # guessed from its size and steps"
+        yield f"unit = {toml_string(unit)}{why}"
+        if self.t.turned:
+            yield "sign = -1  # it falls"
+
+    def _unit_of_time(self, t: Candidate) -> tuple[str, float]:
+        """Return in what a time counts, by its name, or as is likely, and that in seconds."""
+        unit = t.unit or _likely_unit_of_time(self.log, t)
+        return unit, factor(unit, "s") if si_unit(unit) == "s" else 1.0
+
+    def _step(self) -> float:
+        """Return the usual time between two samples [s]; 0 without a time."""
+        if self.t is None:
+            return 0.0
+        return abs(float(np.nanmedian(np.diff(self.t.values)))) * self._unit_of_time(self.t)[1]
+
+    def _inverted(self) -> tuple[bool, bool, str]:
+        """Return whether y and u count the other way, and why: u is to push towards positive y."""
+        y, u = self.y, self.u
+        if y is None or u is None or y.values.shape != u.values.shape:
+            return False, False, ""
+        falls = not u.unit and bool(np.mean(seen(u.values) < 0) > 0.99)  # a coil's is not below 0
+        if self.of_rotor and self.moves is not None:
+            is_inverted, why = self.moves.turned, "a greater u moves it towards smaller values"
+        else:
+            is_inverted = correlation(slow(u.values), slow(y.values)) > 0.3
+            why = "u grows with it; of an unstable plant it must fall (or turn u)"
+        return is_inverted != falls, falls, why
+
+    def _weight_scale(self) -> WeightScale | None:
+        """Say where the magnet is, of a rotor that hangs below one of current never below 0."""
+        y, u = self.y, self.u
+        if self.moves is None or not self.of_rotor or y is None or u is None or self.t is None:
+            return None
+        current = (-1 if self.u_inverted else 1) * seen(u.values)
+        return weight_scale(self.moves, seen(y.values), current, self._step())
+
+    def _signal(self, role: str, candidate: Candidate) -> Iterator[str]:
+        clock, there = candidate.clock, seen(candidate.values)
+        in_unit = f" {candidate.unit}" if candidate.unit else ""
+        yield ""
+        yield (
+            f"# {candidate.label}: {', '.join(candidate.why) or 'by elimination'}; "
+            f"{there.min():.4g} to {there.max():.4g}{in_unit}, "
+            f"noise {noise(candidate.values):.2g}{in_unit}."
+        )
         if role == "y" and self.moves is not None:
-            pole, step = self.moves.fit.pole, _step(self.log, self.t) if self.t else 0.0
+            pole, step = self.moves.fit.pole, self._step()
             per = f"{pole / step:.3g} rad/s" if step > 0 else f"{pole:.3g} per sample"
             yield f"# Unstable, as a rotor in a magnetic bearing is: its pole is near {per}."
         apart = _own_time(candidate, self.t, self.everything)
         if apart is not None:
             clock = apart.label
-            unit = apart.unit or _unit_of_time(self.log, apart)
-            yield from self._own_clock(clock, role, [*_where(apart, self.array)], unit)
+            where, (unit, _) = [*_where(apart, self.array)], self._unit_of_time(apart)
+            yield from self._own_clock(clock, role, where, unit)
         elif clock and clock != self.clock:
             yield from self._own_clock(clock, role, [f"column = {toml_string(clock)}"], "s")
         yield f"[signals.{role}]"
         yield from _where(candidate, self.array)
-        yield from _meaning(role, candidate, self.signs, self.y, weight)
+        yield from self._meaning(role, candidate)
         if clock and clock != self.clock:
             yield f"time = {toml_string(self.clocks[clock])}"
+
+    def _meaning(self, role: str, candidate: Candidate) -> Iterator[str]:
+        """Write unit, scale, sign and, as a hint, the offset of a channel."""
+        unit, comment, y, weight = candidate.unit, "", self.y, self.weight
+        if not unit:
+            unit, comment = _likely_unit(candidate), "  # guessed from its size"
+            if role == "y" and weight is not None:
+                unit, comment = weight.unit, "  # told by gravity"
+        yield f"unit = {toml_string(unit)}{comment}"
+        of_current = role == "u" and si_unit(unit) == "A"
+        if of_current:
+            why = "the current stands for the control signal: amplifier gain 1 A/V"
+            yield f'scale = "1 V/A"  # {why}'
+            yield "# measured = true  # if a sensor showed it: it is then not held between samples"
+        elif role == "u" and si_unit(unit) == "1":
+            yield 'scale = "1 V"  # volts at full duty'
+        is_inverted = self.u_inverted if role in ("u", "current") else self.y_inverted
+        falls = role in _OF_Y and y is not None and _likeness(role, candidate, y) < -0.3
+        if role in ("y", *_OF_Y) and y is not None and is_inverted != falls:
+            why = self.why_inverted if role == "y" else f"as {y.label}, {_OF_Y[role]}"
+            yield f"sign = -1  # {f'it falls where {y.label} grows' if falls else why}"
+        elif falls and y is not None:
+            yield f"# sign = 1, for it falls where {y.label} grows, which is turned"
+        elif role in ("u", "current") and is_inverted:
+            yield "sign = -1  # it is below 0 all the time, as no coil's current is"
+        middle = float(np.median(seen(candidate.values)))
+        if role in ("y", "r", "x_logged") and y is not None:
+            middle = middle if falls else float(np.median(seen(y.values)))
+            away = middle if is_inverted != falls else -middle
+            yield f'# offset = "{away:.4g} {unit}"  # if x = 0 is at its median'
+        elif of_current:
+            away = middle if is_inverted else -middle
+            yield f'# offset = "{away:.4g} V"  # if its median is the bias current'
+        if role == "y" and weight is not None:
+            yield from (
+                f"# {line}" for line in weight.describe(y.label if y else role, candidate.unit)
+            )
+        if role in ("y", "u"):
+            yield '# delay = "0 ms"  # how late the logger wrote it'
 
     def _own_clock(self, clock: str, role: str, where: list[str], unit: str) -> Iterator[str]:
         if clock not in self.clocks:
@@ -204,37 +304,7 @@ def _structure(candidate: Candidate) -> str:
     return struct_name if dot else ""
 
 
-def _clock_name(log: Log, chosen: dict[str, Candidate]) -> str | None:
-    """Return what holds the times: a clock that the file names, or the channel found."""
-    first = next((c for role, c in chosen.items() if role != "t" and c.clock), None)
-    if first is not None:
-        return first.clock
-    return chosen["t"].label if "t" in chosen else None
-
-
-def _time(log: Log, clock: str | None, candidate: Candidate | None, array: str) -> Iterator[str]:
-    if clock is None:
-        return
-    yield ""
-    if candidate is None or clock in log.clocks.values():
-        yield f"# The clock of the channel group: {_rate(log.arrays[clock])}."
-        yield from ("[signals.t]", f"column = {toml_string(clock)}", 'unit = "s"')
-        return
-    unit, why = candidate.unit, ""
-    if not unit:
-        unit = _unit_of_time(log, candidate)
-        why = "  # guessed from its size and steps"
-    seconds = factor(unit, "s") if si_unit(unit) == "s" else 1.0
-    times = (-1 if candidate.turned else 1) * candidate.values * seconds
-    yield f"# {candidate.label}: {', '.join(candidate.why)}; {_rate(times)}."
-    yield "[signals.t]"
-    yield from _where(candidate, array)
-    yield f"unit = {toml_string(unit)}{why}"
-    if candidate.turned:
-        yield "sign = -1  # it falls"
-
-
-def _unit_of_time(log: Log, candidate: Candidate) -> str:
+def _likely_unit_of_time(log: Log, candidate: Candidate) -> str:
     """Guess in what a time counts: since 1970, by its size; otherwise by its steps."""
     times = seen(candidate.values)
     matches = filter(None, (FIRST.match(remark) for remark in log.remarks))
@@ -251,114 +321,11 @@ def _rate(times: Array) -> str:
     return examine("t", there).describe() if there.size > 1 else "one sample"
 
 
-def _comment(candidate: Candidate) -> Iterator[str]:
-    there = seen(candidate.values)
-    unit = f" {candidate.unit}" if candidate.unit else ""
-    about = (
-        f"{there.min():.4g} to {there.max():.4g}{unit}, noise {noise(candidate.values):.2g}{unit}"
-    )
-    yield f"# {candidate.label}: {', '.join(candidate.why) or 'by elimination'}; {about}."
-
-
-def _common_array(chosen: Iterable[Candidate]) -> str:
-    """Return the array that holds all of them, where one does."""
-    held = {c.where.get("array") if len(c.where) > 1 else None for c in chosen}
-    only = held.pop() if len(held) == 1 else None
-    return only if isinstance(only, str) else ""
-
-
 def _where(candidate: Candidate, array: str) -> Iterator[str]:
     for key, value in candidate.where.items():
         if key == "array" and value == array:
             continue
         yield f"{key} = {value if isinstance(value, int) else toml_string(value)}"
-
-
-@dataclass(frozen=True)
-class _Signs:
-    """Which way position and control count in the log, against those of a bearing."""
-
-    y: bool
-    u: bool
-    why: str
-
-    @classmethod
-    def of(
-        cls, results: list[Candidate], y: Candidate | None, u: Candidate | None, moves: Rotor | None
-    ) -> _Signs:
-        """Turn y and u such that the force of u goes towards positive y."""
-        if y is None or u is None or y.values.shape != u.values.shape:
-            return cls(False, False, "")
-        falls = not u.unit and bool(np.mean(seen(u.values) < 0) > 0.99)  # a coil's is not below 0
-        if moves is not None and results[moves.position] is y and results[moves.control] is u:
-            is_inverted, why = moves.turned, "a greater u moves it towards smaller values"
-        else:
-            is_inverted = correlation(slow(u.values), slow(y.values)) > 0.3
-            why = "u grows with it; of an unstable plant it must fall (or turn u)"
-        return cls(is_inverted != falls, falls, why)
-
-
-def _weight_scale(
-    log: Log, chosen: dict[str, Candidate], signs: _Signs, moves: Rotor | None,
-    results: list[Candidate],
-) -> WeightScale | None:  # fmt: skip
-    """Say where the magnet is, of a rotor that weight below one whose current is never below 0."""
-    y, u, t = chosen.get("y"), chosen.get("u"), chosen.get("t")
-    if (
-        moves is None
-        or t is None
-        or y is not results[moves.position]
-        or u is not results[moves.control]
-    ):
-        return None
-    current = (-1 if signs.u else 1) * seen(u.values)
-    return weight_scale(moves, seen(y.values), current, _step(log, t))
-
-
-def _step(log: Log, t: Candidate) -> float:
-    """Return the usual time between two samples [s]."""
-    unit = t.unit or _unit_of_time(log, t)
-    seconds = factor(unit, "s") if si_unit(unit) == "s" else 1.0
-    return abs(float(np.nanmedian(np.diff(t.values)))) * seconds
-
-
-def _meaning(
-    role: str, candidate: Candidate, signs: _Signs, y: Candidate | None, weight: WeightScale | None
-) -> Iterator[str]:
-    """Write unit, scale, sign and, as a hint, the offset of a channel."""
-    unit, comment = candidate.unit, ""
-    if not unit:
-        unit, comment = _likely_unit(candidate), "  # guessed from its size"
-        if role == "y" and weight is not None:
-            unit, comment = weight.unit, "  # told by gravity"
-    yield f"unit = {toml_string(unit)}{comment}"
-    of_current = role == "u" and si_unit(unit) == "A"
-    if of_current:
-        yield 'scale = "1 V/A"  # the current stands for the control signal: amplifier gain 1 A/V'
-        yield "# measured = true  # if a sensor showed it: it is then not held between samples"
-    elif role == "u" and si_unit(unit) == "1":
-        yield 'scale = "1 V"  # volts at full duty'
-    is_inverted = signs.u if role in ("u", "current") else signs.y
-    falls = role in _OF_Y and y is not None and _likeness(role, candidate, y) < -0.3
-    if role in ("y", *_OF_Y) and y is not None and is_inverted != falls:
-        why = signs.why if role == "y" else f"as {y.label}, {_OF_Y[role]}"
-        yield f"sign = -1  # {f'it falls where {y.label} grows' if falls else why}"
-    elif falls and y is not None:
-        yield f"# sign = 1, for it falls where {y.label} grows, which is turned"
-    elif role in ("u", "current") and is_inverted:
-        yield "sign = -1  # it is below 0 all the time, as no coil's current is"
-    middle = float(np.median(seen(candidate.values)))
-    if role in ("y", "r", "x_logged") and y is not None:
-        middle = middle if falls else float(np.median(seen(y.values)))
-        away = middle if is_inverted != falls else -middle
-        yield f'# offset = "{away:.4g} {unit}"  # if x = 0 is at its median'
-    elif of_current:
-        away = middle if is_inverted else -middle
-        yield f'# offset = "{away:.4g} V"  # if its median is the bias current'
-    if role == "y" and weight is not None:
-        yield from (f"# {line}" for line in weight.describe(y.label if y else role, candidate.unit))
-    if role in ("y", "u"):
-        yield '# delay = "0 ms"  # how late the logger wrote it'
 
 
 def _likeness(role: str, candidate: Candidate, y: Candidate) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -182,12 +181,6 @@ def instant(time: float, step: float) -> str:
         return engineering(time, "s")
     digits = max(4, int(np.log10(max(1.0, abs(time) / step))) + 2)
     return engineering(time, "s", digits=digits) if abs(time) < 1e4 else f"{time:.{digits}g} s"
-
-
-def not_finite(times: Array) -> Iterator[tuple[int, float]]:
-    """Yield the samples without a time, and what stands there."""
-    for at in np.flatnonzero(~np.isfinite(times)):
-        yield int(at), float(times[at])
 
 
 HELD = ("u",)

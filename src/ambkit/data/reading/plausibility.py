@@ -156,7 +156,8 @@ def _computed(y: Array, signals: Mapping[str, Array]) -> Iterator[str]:
     rough, changes = noise(there), np.diff(there)
     seldom = rough == 0 and np.count_nonzero(changes) < SELDOM * changes.size
     steps = abs(changes[changes != 0])
-    leaps = seldom and bool(steps.max() > 0.05 * np.ptp(there)) and _few_values(there)
+    leaps = seldom and bool(steps.max() > 0.05 * np.ptp(there))
+    leaps = leaps and np.unique(there).size < 0.01 * there.size
     bends = float(np.quantile(abs(np.diff(there, 2)), OFTEN))
     if leaps or (not seldom and (bends < NO_NOISE * float(there.std()) or is_formula(there))):
         yield (
@@ -184,10 +185,6 @@ def _comes_in_steps(values: Array) -> bool:
 
 def _finite(values: Array) -> Array:
     return values[np.isfinite(values)]
-
-
-def _few_values(values: Array) -> bool:
-    return np.unique(values).size < 0.01 * values.size
 
 
 def longest_run(where: Bools) -> tuple[int, int]:

@@ -299,16 +299,12 @@ def gains(listed: Sequence[Band], of: int) -> Array:
     return np.asarray(sign * size / size[of])
 
 
-def _nearest(listed: Sequence[Band], box: int) -> Band:
-    return min(listed, key=lambda band: abs(np.log(band.box / box)))
-
-
 def _families(listed: Sequence[Band], box: int) -> Bools:
     """Tell which channels move as one, with the same gain at all speeds around a band (m, m)."""
     # A current goes with its position too; but the faster, the more of it. Of two the noise of one
     # does not matter where it is regressed on the other, so one of the two slopes has to be steady.
     near = [band for band in listed if box / 2 <= band.box <= 4 * box]
-    near = near or [_nearest(listed, box)]
+    near = near or [min(listed, key=lambda band: abs(np.log(band.box / box)))]
     slope = np.array(
         [
             np.median(band.ss / np.maximum(np.einsum("bii->bi", band.ss), TINY)[:, None, :], axis=0)

@@ -9,13 +9,12 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
-from ambkit.data.reading.clock import Clock
 from ambkit.data.reading.faults import Fault
 from ambkit.data.record import Record
 from ambkit.data.record_card import MAX_PANELS, axis_of, missing_spans, steps_panel
-from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
+from ambkit.result.report import Figure, Item, Line, Panel, Points, Rule
+from ambkit.result.signal_styles import TIME
 
-_TIME = Axis("time", "s")
 _FIRST = ("y", "u", "r")
 _MARKED = {"missing": "missing", "gap": "missing", "infinite": "missing"}
 _OVERLAID = ("saturated", "frozen")
@@ -29,21 +28,22 @@ def reading_figure(reading: Any) -> Figure:
     panels = [
         _channel(record, name, reading.faults, delays.get(name, 0.0)) for name in names[:MAX_PANELS]
     ]
-    panels += [_steps(clock) for clock in reading.clocks.values() if _is_uneven(clock)]
-    left = (
-        f"Not shown: {', '.join(map(markdown, names[MAX_PANELS:]))}. "
-        if len(names) > MAX_PANELS
-        else ""
-    )
-    fault_texts = [
-        f"{markdown(fault.signal)} {fault.text}"
+    for clock in reading.clocks.values():
+        if clock.gaps.size or clock.jumps.size or clock.uneven.size:
+            usual = Rule(clock.step, signal="bound", text="", label="")
+            steps = np.diff(clock.times)
+            panels.append(steps_panel(clock.name, clock.times[1:], steps, TIME, [usual]))
+    left = names[MAX_PANELS:]
+    sentences = [f"Not shown: {', '.join(map(markdown, left))}."] if left else []
+    sentences += [
+        f"{markdown(fault.signal)} {fault.text}."
         for fault in reading.faults
         if fault.kind in ("constant", "quantised")
     ]
     return Figure(
         id="record",
         title=f"{markdown(record.meta.get('source', reading.source))}, as read",
-        caption=left + " ".join(f"{text}." for text in fault_texts),
+        caption=" ".join(sentences),
         panels=panels,
     )
 
@@ -69,11 +69,9 @@ def _channel(record: Record, name: str, faults: Iterable[Fault], delay: float) -
     items += missing_spans(
         [stretch for stretch in stretches if stretch[0] <= t[-1] and stretch[1] >= t[0]], t
     )
-    constant = next((fault.text for fault in own if fault.kind == "constant"), "")
-    axis = axis_of(name, record.units[name], values)
-    if constant:
+    if any(fault.kind == "constant" and fault.text for fault in own):
         items.append(Rule(float(np.nanmean(values)), signal="frozen", text="constant", label=""))
-    return Panel(_TIME, axis, items)
+    return Panel(TIME, axis_of(name, record.units[name], values), items)
 
 
 def _only(t: Array, values: Array, faults: Iterable[Fault]) -> Array:
@@ -84,13 +82,3 @@ def _only(t: Array, values: Array, faults: Iterable[Fault]) -> Array:
         within = slice(*np.searchsorted(t, [fault.start - half, fault.stop + half]))
         result[within] = values[within]
     return result
-
-
-def _is_uneven(clock: Clock) -> bool:
-    return bool(clock.gaps.size or clock.jumps.size or clock.uneven.size)
-
-
-def _steps(clock: Clock) -> Panel:
-    """Show the time between samples where a clock has gaps or jitter."""
-    usual = Rule(clock.step, signal="bound", text="", label="")
-    return steps_panel(clock.name, clock.times[1:], np.diff(clock.times), _TIME, [usual])

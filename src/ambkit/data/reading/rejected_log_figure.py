@@ -12,14 +12,13 @@ from ambkit.data.reading.clock import examine
 from ambkit.data.reading.rejections import RejectedLog
 from ambkit.data.record_card import axis_of, missing_spans, steps_panel
 from ambkit.result.report import Axis, Figure, Item, Line, Panel
+from ambkit.result.signal_styles import TIME
 
-SHOWN = 6
-"""Channels in the picture; its clocks come first."""
+SHOWN = 6  #: Channels in the picture; its clocks come first.
 
-TOLD = 3
-"""Reasons that are told below it."""
+TOLD = 3  #: Reasons that are told below it.
 
-_TIME, _NUMBER = Axis("time", "s"), Axis("sample")
+_NUMBER = Axis("sample")
 
 
 def refused_figure(refused: RejectedLog) -> Figure | None:
@@ -35,12 +34,14 @@ def refused_figure(refused: RejectedLog) -> Figure | None:
     }
     if not clocks and not signals:
         return None
-    over_time = not refused.damaged and all(map(_goes_on, clocks.values()))
+    over_time = not refused.damaged and all(
+        np.isfinite(times).all() and (np.diff(times) > 0).all() for times in clocks.values()
+    )
     panels: list[Panel] = []
     for name, times in clocks.items():
         x = times if over_time else _numbers(times)
         marks = list(_marks(x, _troubles(name, times, refused.damaged)))
-        axis = _TIME if over_time else _NUMBER
+        axis = TIME if over_time else _NUMBER
         if not over_time:
             line = Line(x, times, signal="measurement", label="clock")
             panels.append(Panel(axis, axis_of(name, "s", times), [line, *marks]))
@@ -52,24 +53,17 @@ def refused_figure(refused: RejectedLog) -> Figure | None:
         trouble = _troubles(own, clocks[own], refused.damaged) if own in clocks else ()
         inside = [at for at in trouble if at < values.size]
         channel = Line(x, np.where(np.isfinite(values), values, np.nan), signal="channel")
-        panels.append(
-            Panel(
-                _TIME if timed else _NUMBER,
-                axis_of(name, mapped.units[name], values),
-                [channel, *_marks(x, inside)],
-            )
-        )
-    left = list(signals)[SHOWN:]
-    problem_text = " ".join(f"`{_code(problem)}`" for problem in refused.problems[:TOLD])
-    more = len(refused.problems) - TOLD
-    if more > 0:
-        problem_text += f" And {more} more."
+        axis = axis_of(name, mapped.units[name], values)
+        panels.append(Panel(TIME if timed else _NUMBER, axis, [channel, *_marks(x, inside)]))
+    sentences = [f"`{_code(problem)}`" for problem in refused.problems[:TOLD]]
+    if (more := len(refused.problems) - TOLD) > 0:
+        sentences.append(f"And {more} more.")
+    if left := list(signals)[SHOWN:]:
+        sentences.append(f"Not shown: {', '.join(map(markdown, left))}.")
     return Figure(
         id="refused",
         title=f"{markdown(refused.name.replace(chr(92), '/').rpartition('/')[2])}: refused",
-        caption=f"{problem_text} Not shown: {', '.join(map(markdown, left))}."
-        if left
-        else problem_text,
+        caption=" ".join(sentences),
         panels=panels,
     )
 
@@ -77,10 +71,6 @@ def refused_figure(refused: RejectedLog) -> Figure | None:
 def _code(text: str) -> str:
     """Take out of a text what would end its code in Markdown, or be a formula in it."""
     return one_line(text).replace("`", "'").replace("$", "")
-
-
-def _goes_on(times: Array) -> bool:
-    return bool(np.isfinite(times).all() and (np.diff(times) > 0).all())
 
 
 def _numbers(values: Array) -> Array:
@@ -93,11 +83,10 @@ def _troubles(name: str, times: Array, damaged: Iterable[int]) -> list[int]:
     finite = np.isfinite(times)
     results += np.flatnonzero(~finite).tolist()
     if np.count_nonzero(finite) > 1:
-        finite_indices = np.flatnonzero(finite)
         clock = examine(name, times[finite])
         gaps = clock.gaps if not clock.whole_gaps else clock.gaps[:0]
         places = np.concatenate([clock.jumps, clock.uneven, gaps])
-        results += finite_indices[places].tolist()
+        results += np.flatnonzero(finite)[places].tolist()
     return sorted(set(results))
 
 

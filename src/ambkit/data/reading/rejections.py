@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ambkit.base.errors import RecordError, shortened
 from ambkit.base.units import engineering
 from ambkit.data.files.log import Log
-from ambkit.data.reading.clock import Clock, instant, not_finite
+from ambkit.data.reading.clock import Clock, instant
 
 if TYPE_CHECKING:
     from ambkit.data.channel_map import MappedSignals
@@ -33,8 +35,8 @@ def check_times(log: Log, mapped: MappedSignals, used: list[str]) -> None:
             problems.append(
                 f"{log.name}: {name} must have at least 2 samples, has {times.size or 'none'}"
             )
-        for at, value in not_finite(times):
-            problems.append(f"{log.place(at)}: {name} is {value} at sample {at}")
+        for at in np.flatnonzero(~np.isfinite(times)).tolist():
+            problems.append(f"{log.place(at)}: {name} is {times[at]} at sample {at}")
     if not used:
         problems.append(f"{log.name}: the map names no signal but the time")
     if problems:

@@ -117,8 +117,8 @@ def role_from_name(candidate: Candidate) -> None:
     label = _own_part(label)
     words = [w for w in re.split(r"[^a-zäöüß]+", re.sub(r"\d+", " ", label.lower())) if w]
     candidate.estimated = any(_ESTIMATED.fullmatch(word) for word in words)
-    named = [role for role, pattern in _WORDS.items() if _any(pattern, words)]
-    role = named[0] if named else ""
+    matches = (role for role, form in _WORDS.items() for w in words if re.fullmatch(form, w))
+    role = next(matches, "")
     try:
         measured = si_unit(candidate.unit) if candidate.unit else ""
     except ValueError:
@@ -134,10 +134,6 @@ def role_from_name(candidate: Candidate) -> None:
     elif of_unit:
         candidate.role = of_unit
         candidate.why.append("by its unit")
-
-
-def _any(pattern: str, words: list[str]) -> bool:
-    return any(re.fullmatch(pattern, word) for word in words)
 
 
 def _own_part(label: str) -> str:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_controller import compensator, controllers, fed
 from ambkit.control.linear.linear_plant import POSITION, VELOCITY, OperatingPoint, plant
 from ambkit.control.linear.steady_state_filter import estimator_at
+from ambkit.control.stabilising_controller import frequencies
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.machine.magnets import ConstantStiffness, own_time
+from ambkit.machine.magnets import ConstantStiffness
 
 if TYPE_CHECKING:
     from ambkit.control.controller_states import Controller
@@ -107,14 +107,10 @@ class _Loops:
     def __init__(self, controller: Controller, exported: dict[str, float]) -> None:
         self.controller, self.exported = controller, exported
         bearing = controller.bearing
-        try:
-            self.point = OperatingPoint.equilibrium(bearing)
-        except AmbkitError:  # it is not held at the centre, but perhaps elsewhere
-            self.point = OperatingPoint(0.0, 0.0)
+        self.point = OperatingPoint.nearest(bearing)
         P = plant(bearing, self.point)
         self.plant = P.select(["y", "x"], P.inputs[0][:1])
-        min_frequency, highest = 1 / (40 * math.pi * own_time(bearing)), 0.5 / bearing.sampling_time
-        self.f = np.geomspace(min(min_frequency, highest / 2), highest, POINTS)
+        self.f = frequencies(bearing, POINTS)
         self.y, self.x = self.plant.response(self.f)[:, :, 0].T
         room = min(bearing.current_max - self.point.iu, self.point.iu - bearing.current_min)
         self.room = np.array([bearing.rotor.clearance, room]) / SIGMAS
@@ -142,8 +138,7 @@ class _Loops:
         for E in filters:
             for gains in itertools.product(*_ends(names, low, high)):
                 law = self._law(dict(zip(names, gains, strict=True)))
-                transform = np.array([[1 / self.controller.bearing.sensor.gain]])
-                K = compensator(law, E, transform)
+                K = compensator(law, E, np.array([[1 / bearing.sensor.gain]]))
                 loop = Loop(self.plant, K)
                 if not loop.is_stable:
                     return math.inf, math.inf

@@ -9,20 +9,17 @@ from typing import NamedTuple
 from ambkit.models.model import MATRICES, NUMBER, ONE, ZERO, Model
 from ambkit.models.roles import ROLES, SHOWN
 
-Factor = str | None
-"""A symbol in C, or None for one."""
+Factor = str | None  #: A symbol in C, or None for one.
 
 
 class Term(NamedTuple):
     """One term of a sum in C."""
 
     text: str
-    symbols: frozenset[str]
-    """What it is made of."""
+    symbols: frozenset[str]  #: What it is made of.
 
 
-Sum = list[Term]
-"""Terms in the order in which they are added up."""
+Sum = list[Term]  #: Terms in the order in which they are added up.
 
 
 def product(*factors: Factor) -> Term:

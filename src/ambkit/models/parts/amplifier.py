@@ -16,16 +16,12 @@ from ambkit.models.parts.typical_sizes import Typical
 class Amplifier:
     """From a demanded current to a magnet's: at once, or as a first-order lag."""
 
-    size: float
-    """Typical current [A]."""
+    size: float  #: Typical current [A].
     bandwidth: float | None = None
     """Corner frequency of the lag [Hz]; None: the current follows at once."""
-    control: str = "u"
-    """Name of the demanded current."""
-    current: str = "i"
-    """Name of the current, a state where there is a lag."""
-    force: str = "f"
-    """The magnet force that it feeds."""
+    control: str = "u"  #: Name of the demanded current.
+    current: str = "i"  #: Name of the current, a state where there is a lag.
+    force: str = "f"  #: The magnet force that it feeds.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Amplifier]:

@@ -16,14 +16,10 @@ from ambkit.models.parts.typical_sizes import Typical
 class ColouredNoise:
     """Noise on a reading, white noise behind a first-order low pass; stationary."""
 
-    variance: float
-    """Variance of the reading's error [m^2]."""
-    bandwidth: float
-    """Corner frequency [Hz]."""
-    name: str = "n_y"
-    """Name of the state."""
-    measurement: str = "y"
-    """The measurement it is on."""
+    variance: float  #: Variance of the reading's error [m^2].
+    bandwidth: float  #: Corner frequency [Hz].
+    name: str = "n_y"  #: Name of the state.
+    measurement: str = "y"  #: The measurement it is on.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[ColouredNoise]:

@@ -19,12 +19,9 @@ class Delay:
     # The currents demanded in samples before, as many as still act, are states ``u_1`` (of one
     # sample before), ``u_2``, ...; a delay of d samples needs ceil(d) of them.
 
-    time: float
-    """Dead time [s]."""
-    size: float
-    """Typical current [A]."""
-    control: str = "u"
-    """The demanded current that is late."""
+    time: float  #: Dead time [s].
+    size: float  #: Typical current [A].
+    control: str = "u"  #: The demanded current that is late.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Delay]:

@@ -15,16 +15,12 @@ from ambkit.models.parts.typical_sizes import Typical
 class Disturbance:
     """A random walk [N]; its variance is that of its growth in one sample [N^2]."""
 
-    size: float
-    """Typical force [N]."""
-    growth: float
-    """Typical growth in a sample [N]."""
-    name: str = "f_d"
-    """Name of the state."""
+    size: float  #: Typical force [N].
+    growth: float  #: Typical growth in a sample [N].
+    name: str = "f_d"  #: Name of the state.
     rides: str | None = "f"
     """The magnet force at whose place it pushes; or None, and `place` says where."""
-    place: Place = "x"
-    """Where it pushes, away from the magnets."""
+    place: Place = "x"  #: Where it pushes, away from the magnets.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Disturbance]:

@@ -16,16 +16,11 @@ from ambkit.models.parts.typical_sizes import Typical
 class EddyCurrents:
     """A first-order lag between the force that a magnet's law gives and the one that acts."""
 
-    key: ClassVar[str] = "eddy_current_lag"
-    """Of the magnet, without which there is none."""
-    lag: float
-    """Time constant [s]."""
-    size: float
-    """Typical force [N]."""
-    force: str = "f"
-    """The magnet force that lags."""
-    state: str = "f_e"
-    """Name of the force that acts, a filter's with the weight that it knows."""
+    key: ClassVar[str] = "eddy_current_lag"  #: Of the magnet, without which there is none.
+    lag: float  #: Time constant [s].
+    size: float  #: Typical force [N].
+    force: str = "f"  #: The magnet force that lags.
+    state: str = "f_e"  #: Name of the force that acts, a filter's with the weight that it knows.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[EddyCurrents]:

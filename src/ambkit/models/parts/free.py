@@ -24,10 +24,8 @@ the weight: so its variance stays what it is at the start."""
 class UnknownForce:
     """A force that pushes nothing: its estimate stays zero, its variance that of the start."""
 
-    size: float
-    """Typical force [N]."""
-    name: str = "f_d"
-    """Name of the state."""
+    size: float  #: Typical force [N].
+    name: str = "f_d"  #: Name of the state.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[UnknownForce]:

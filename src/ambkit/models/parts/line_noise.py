@@ -18,16 +18,11 @@ class Hum:
 
     # Both states have the variance amplitude^2 / 2; the first is seen in the reading.
 
-    frequency: float
-    """Frequency of the line [Hz]."""
-    amplitude: float
-    """Amplitude of the reading's error [m], root of twice its variance."""
-    bandwidth: float
-    """Half the width of the line [Hz]: how fast it wanders."""
-    name: str = "hum"
-    """Name of the states, with _c and _s for cosine and sine."""
-    measurement: str = "y"
-    """The measurement it is on."""
+    frequency: float  #: Frequency of the line [Hz].
+    amplitude: float  #: Amplitude of the reading's error [m], root of twice its variance.
+    bandwidth: float  #: Half the width of the line [Hz]: how fast it wanders.
+    name: str = "hum"  #: Name of the states, with _c and _s for cosine and sine.
+    measurement: str = "y"  #: The measurement it is on.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Hum]:

@@ -15,12 +15,9 @@ from ambkit.models.parts.typical_sizes import Typical
 class MagnetPlace:
     """A magnet's force, and the displacement on which it depends."""
 
-    size: float
-    """Typical force [N]."""
-    force: str = "f"
-    """Name of the force."""
-    place: Place = "x"
-    """Where it pulls."""
+    size: float  #: Typical force [N].
+    force: str = "f"  #: Name of the force.
+    place: Place = "x"  #: Where it pulls.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[MagnetPlace]:

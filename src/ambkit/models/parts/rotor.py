@@ -21,32 +21,23 @@ Entries = Mapping[tuple[int, int], float]
 class Rotor:
     """A rotor of several coordinates; one mass of one axis by default."""
 
-    mass: float | Entries
-    """Mass [kg], or entries of M [kg], of an angle [kg m^2]."""
-    size: float
-    """Typical displacement [m]."""
-    speed_size: float
-    """Typical velocity [m/s]."""
-    positions: tuple[str, ...] = ("x",)
-    """Names of the coordinates q."""
-    velocities: tuple[str, ...] = ("v",)
-    """Names of q'."""
+    mass: float | Entries  #: Mass [kg], or entries of M [kg], of an angle [kg m^2].
+    size: float  #: Typical displacement [m].
+    speed_size: float  #: Typical velocity [m/s].
+    positions: tuple[str, ...] = ("x",)  #: Names of the coordinates q.
+    velocities: tuple[str, ...] = ("v",)  #: Names of q'.
     turns: tuple[bool, ...] = ()
     """Which coordinates are angles [rad]; without it all are displacements [m]."""
     lever: float = 1.0
     """Where an angle of 1 rad moves the rotor by so much [m], for typical sizes."""
     bends: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Of coordinates by which the rotor bends, typical displacement [m] and velocity [m/s]."""
-    damping: Entries = field(default_factory=dict)
-    """Entries of D [N s/m]."""
-    gyroscopic: Entries = field(default_factory=dict)
-    """Entries of G [N s^2/m]."""
-    stiffness: Entries = field(default_factory=dict)
-    """Entries of K [N/m]."""
+    damping: Entries = field(default_factory=dict)  #: Entries of D [N s/m].
+    gyroscopic: Entries = field(default_factory=dict)  #: Entries of G [N s^2/m].
+    stiffness: Entries = field(default_factory=dict)  #: Entries of K [N/m].
     circulatory: Entries = field(default_factory=dict)
     """Entries of N [N s/m]: what damps within the rotor turns with it."""
-    speed: float = 0.0
-    """Speed of rotation [rad/s]."""
+    speed: float = 0.0  #: Speed of rotation [rad/s].
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Rotor]:
@@ -179,8 +170,7 @@ def _circulatory(bending: Bending) -> dict[tuple[str, str], float]:
     return results
 
 
-LEAST_BENT = 1 / 30
-"""Of the travel, that a mode is expected to be out at least."""
+LEAST_BENT = 1 / 30  #: Of the travel, that a mode is expected to be out at least.
 
 
 def _typical_bendings(machine: Any, sizes: Sequence[Typical]) -> dict[str, tuple[float, float]]:

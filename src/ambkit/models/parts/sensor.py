@@ -15,18 +15,12 @@ from ambkit.models.parts.typical_sizes import Typical
 class Sensor:
     """A gain and a first-order lag (paper, eq. 18); without the lag there is no state."""
 
-    gain: float
-    """Gain K_sen [1]."""
-    lag: float | None
-    """Time constant T_sen [s]."""
-    size: float
-    """Typical reading [m]."""
-    measurement: str = "y"
-    """Name of the measurement."""
-    state: str = "x_m"
-    """Name of the lagged position."""
-    place: Place = "x"
-    """Where it looks."""
+    gain: float  #: Gain K_sen [1].
+    lag: float | None  #: Time constant T_sen [s].
+    size: float  #: Typical reading [m].
+    measurement: str = "y"  #: Name of the measurement.
+    state: str = "x_m"  #: Name of the lagged position.
+    place: Place = "x"  #: Where it looks.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Sensor]:

@@ -12,12 +12,9 @@ from ambkit.models.declaration import Place, Plan, place, row
 
 GRADE = 6.3e-3
 """Balance quality grade that an unknown unbalance is expected to have [m/s] (ISO 21940-11)."""
-RUNOUT = 3e-6
-"""Runout that is expected where none is described [m]."""
-SLOWEST = 100.0
-"""Speed from which on that is expected [rad/s]."""
-MEMORY = 1e5
-"""Time in which both may change by as much as they are expected to be [s]."""
+RUNOUT = 3e-6  #: Runout that is expected where none is described [m].
+SLOWEST = 100.0  #: Speed from which on that is expected [rad/s].
+MEMORY = 1e5  #: Time in which both may change by as much as they are expected to be [s].
 
 
 @dataclass(frozen=True)
@@ -29,20 +26,13 @@ class SynchronousForce:
     # turns by the speed, as that of a generalised notch (Herzog et al., Unbalance compensation
     # using generalized notch filters, 1996).
 
-    size: float
-    """Typical unbalance [kg m]."""
-    growth: float
-    """Typical growth in a sample [kg m]."""
-    speed: float
-    """Of rotation [rad/s]."""
-    name: str
-    """Of the states, with _x and _y."""
-    along_x: Place
-    """The place in its plane, moved along x."""
-    along_y: Place
-    """And along y."""
-    speeding: float = 0.0
-    """By how much the speed grows [rad/s^2]."""
+    size: float  #: Typical unbalance [kg m].
+    growth: float  #: Typical growth in a sample [kg m].
+    speed: float  #: Of rotation [rad/s].
+    name: str  #: Of the states, with _x and _y.
+    along_x: Place  #: The place in its plane, moved along x.
+    along_y: Place  #: And along y.
+    speeding: float = 0.0  #: By how much the speed grows [rad/s^2].
 
     @classmethod
     def of(cls, machine: Any, speeding: float) -> list[SynchronousForce]:
@@ -86,16 +76,11 @@ class SynchronousRunout:
     # It enters before the sensors' lag. A sensor farther round by some angle sees the profile by so
     # much later: order n by n times that angle.
 
-    size: float
-    """Typical runout [m]."""
-    growth: float
-    """Typical growth in a sample [m]."""
-    speed: float
-    """Of rotation [rad/s]."""
-    order: int
-    """How often a revolution."""
-    name: str
-    """Of the states, with _c and _s."""
+    size: float  #: Typical runout [m].
+    growth: float  #: Typical growth in a sample [m].
+    speed: float  #: Of rotation [rad/s].
+    order: int  #: How often a revolution.
+    name: str  #: Of the states, with _c and _s.
     sensors: tuple[tuple[str, float, float, float, float], ...]
     """Of each sensor that sees it: state of the lagged reading, gain [1], lag [s], and cosine and
     sine of n times the angle by which it is farther round."""

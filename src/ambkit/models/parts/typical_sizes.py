@@ -9,14 +9,10 @@ from typing import Any, NamedTuple, Self
 class Typical(NamedTuple):
     """What the descriptors of an axis's parts give as typical sizes."""
 
-    displacement: float
-    """Up to where the rotor may go [m]."""
-    velocity: float
-    """To which half of the force brings the rotor over that way [m/s]."""
-    force: float
-    """Of the magnets at twice the bias current [N]."""
-    current: float
-    """Bias current [A]."""
+    displacement: float  #: Up to where the rotor may go [m].
+    velocity: float  #: To which half of the force brings the rotor over that way [m/s].
+    force: float  #: Of the magnets at twice the bias current [N].
+    current: float  #: Bias current [A].
 
     @classmethod
     def of(cls, bearing: Any) -> Self:
